@@ -1,0 +1,16 @@
+"""Interfaces that the rooms above share, and nothing that computes physics.
+
+Importing this package switches JAX to float64 once for the whole laboratory: an energy balance to 1e-10 has no meaning
+in float32, and no other place may set it.
+"""
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+from .derivative import slope  # noqa: E402
+from .element import ForceElement, Hysteresis  # noqa: E402
+from .environment import Environment  # noqa: E402
+from .module import Module, Scalar  # noqa: E402
+
+__all__ = ["Environment", "ForceElement", "Hysteresis", "Module", "Scalar", "slope"]

@@ -1,0 +1,27 @@
+"""The type that everything with declared parameters derives from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..quantities import check_fields
+
+# A number or an array of them: all formulas are elementwise and broadcast.
+Scalar = Float[Array, "..."]
+
+
+class Module(eqx.Module):
+    """An immutable value whose declared parameters are checked when they are concrete."""
+
+    def __check_init__(self) -> None:
+        """Refuse parameters out of their declared bounds."""
+        check_fields(self, where=type(self).__name__)
+
+    def replace(self, **changes: Any) -> Any:
+        """A copy with some fields changed, checked like a new one."""
+        import dataclasses
+
+        return dataclasses.replace(self, **changes)

@@ -1,0 +1,52 @@
+"""Every error raised on purpose.
+
+All of them carry one clear line for a person. `InputError` means that the caller's input is wrong (the command line
+exits with 2); the others name a state that the laboratory could not bring about.
+"""
+
+from __future__ import annotations
+
+
+class MckibbenError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class InputError(MckibbenError, ValueError):
+    """A value given by the user is not allowed.
+
+    The message names where the value comes from, the field, the value and what is allowed.
+    """
+
+    def __init__(self, field: str, value: object, allowed: str, *, where: str | None = None) -> None:
+        self.field, self.value, self.allowed, self.where = field, value, allowed, where
+        place = f"{where}: " if where else ""
+        super().__init__(f"{place}{field} is {_shown(value)}; {allowed}")
+
+    def at(self, where: str) -> InputError:
+        """The same complaint with the place it comes from, the outermost first."""
+        place = f"{where}: {self.where}" if self.where else where
+        return InputError(self.field, self.value, self.allowed, where=place)
+
+
+class UnreachableError(MckibbenError):
+    """No state satisfies the wish, for example a tension that no allowed pressure gives."""
+
+
+class NoVolumeError(MckibbenError):
+    """The law says how the volume changes, but not how large it is."""
+
+
+class ConvergenceError(MckibbenError):
+    """A fit or a solver ended without reaching its tolerance."""
+
+
+class MissingDataError(MckibbenError):
+    """Measured data that do not ship with the package were asked for and are not there."""
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, str):
+        return repr(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return str(value)

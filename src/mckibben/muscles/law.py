@@ -1,0 +1,193 @@
+"""What a tension law is: two formulas, from which tension, volume, stiffness and free length follow for all laws alike.
+
+A law gives the tension of the empty braid, ``elastic_tension(L)``, and the gas energy ``gas_energy(L, P')``. Then
+
+    F = elastic_tension - d gas_energy/dL          V = d gas_energy/dP'
+
+so that dF/dP' = -dV/dL everywhere and no closed cycle yields work. A braid cannot push: seen from its anchors, the muscle
+pulls with max(F, 0), and where F would be negative it hangs slack at its free length.
+"""
+
+from __future__ import annotations
+
+import abc
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..components import Module, Scalar, slope
+from ..errors import InputError, NoVolumeError, UnreachableError
+from ..quantities import with_unit
+
+
+class LawState(NamedTuple):
+    """Everything a law says at one span and pressure; arrays broadcast alike."""
+
+    tension: Scalar  # [N], >= 0
+    passive: Scalar  # [N], signed, without gas
+    active: Scalar  # [N], signed, due to the gas
+    volume: Scalar  # [m^3], NaN where the law has none
+    stiffness: Scalar  # [N/m], zero when slack
+    braid_length: Scalar  # [m], the span when taut, the free length when slack
+    slack: Scalar  # bool
+    overstretched: Scalar  # bool
+
+
+class TensionLaw(Module):
+    """A static tension law F(L, P') of one muscle; elementwise in length [m] and gauge pressure [Pa]."""
+
+    title: ClassVar[str]
+    cites: ClassVar[tuple[str, ...]]
+    # What an identification frees unless told otherwise; all other fields must be known.
+    fitted: ClassVar[tuple[str, ...]]
+
+    @abc.abstractmethod
+    def elastic_tension(self, length: Any) -> Scalar:
+        """Tension of the braid without gas [N]; negative where it resists shortening."""
+
+    @abc.abstractmethod
+    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+        """Integral of the gas volume over the gauge pressure [J]."""
+
+    @abc.abstractmethod
+    def length_range(self) -> tuple[Scalar, Scalar]:
+        """Shortest and longest braid length in which equilibrium is sought; beyond the longest it is overstretched."""
+
+    def has_volume(self) -> bool:
+        """Whether the law knows the volume itself and not only its change."""
+        return True
+
+    # ---- the braid: signed forces at its own length
+
+    def active_tension(self, length: Any, pressure: Any) -> Scalar:
+        """The part of the braid's force that the gas causes [N]."""
+        length, pressure = _together(length, pressure)
+        return -slope(lambda x: self.gas_energy(x, pressure), length)
+
+    def braid_tension(self, length: Any, pressure: Any) -> Scalar:
+        """Signed force of the braid [N]; what a fit and an equation of motion use."""
+        length, pressure = _together(length, pressure)
+        return self.elastic_tension(length) + self.active_tension(length, pressure)
+
+    def braid_volume(self, length: Any, pressure: Any) -> Scalar:
+        """Gas volume at a braid length [m^3]; up to a constant where `has_volume` is false."""
+        length, pressure = _together(length, pressure)
+        return slope(lambda p: self.gas_energy(length, p), pressure)
+
+    def braid_stiffness(self, length: Any, pressure: Any) -> Scalar:
+        """d braid_tension / dL at constant pressure [N/m]."""
+        length, pressure = _together(length, pressure)
+        return slope(lambda x: self.braid_tension(x, pressure), length)
+
+    # ---- the muscle between its anchors: unilateral
+
+    def tension(self, span: Any, pressure: Any) -> Scalar:
+        """Tension on the anchors [N], never negative."""
+        force = self.braid_tension(span, pressure)
+        return jnp.where(force > 0.0, force, 0.0)
+
+    def volume(self, span: Any, pressure: Any) -> Scalar:
+        """Gas volume [m^3], with the braid at its free length when slack.
+
+        Raises:
+            NoVolumeError: if the law knows only how the volume changes.
+        """
+        if not self.has_volume():
+            raise NoVolumeError(f"the law '{law_name(self)}' knows how the volume changes but not how large it is")
+        span, pressure = _together(span, pressure)
+        return self.braid_volume(self._braid_length(span, pressure), pressure)
+
+    def volume_change(self, span: Any, pressure: Any) -> Scalar:
+        """dV/dL at constant pressure [m^2]; known for every law, zero when slack."""
+        span, pressure = _together(span, pressure)
+        taut = self.braid_tension(span, pressure) > 0.0
+        return jnp.where(taut, slope(lambda x: self.braid_volume(x, pressure), span), 0.0)
+
+    def stiffness(self, span: Any, pressure: Any) -> Scalar:
+        """dF/dL at constant pressure [N/m], zero when slack."""
+        taut = self.braid_tension(span, pressure) > 0.0
+        return jnp.where(taut, self.braid_stiffness(span, pressure), 0.0)
+
+    def state(self, span: Any, pressure: Any) -> LawState:
+        """All of the above at once."""
+        span, pressure = _together(span, pressure)
+        passive, active = self.elastic_tension(span), self.active_tension(span, pressure)
+        taut = passive + active > 0.0
+        braid_length = self._braid_length(span, pressure)
+        volume = self.braid_volume(braid_length, pressure) if self.has_volume() else jnp.full_like(passive, jnp.nan)
+        return LawState(
+            tension=jnp.where(taut, passive + active, 0.0),
+            passive=passive,
+            active=active,
+            volume=volume,
+            stiffness=self.stiffness(span, pressure),
+            braid_length=braid_length,
+            slack=~taut,
+            overstretched=self.overstretched(span),
+        )
+
+    def overstretched(self, span: Any) -> Scalar:
+        """Whether the span lies beyond the longest braid length that the law is made for."""
+        return jnp.asarray(span, float) > self.length_range()[1]
+
+    def free_length(self, pressure: Any) -> Scalar:
+        """Length at which the unloaded muscle settles [m], within `length_range`."""
+        pressure = jnp.asarray(pressure, float)
+        low, high = (jnp.broadcast_to(end, jnp.broadcast_shapes(pressure.shape, end.shape)) for end in self.length_range())
+        pressure = jnp.broadcast_to(pressure, low.shape)
+
+        def halve(_: int, ends: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
+            middle = 0.5 * (ends[0] + ends[1])
+            pulls = self.braid_tension(middle, pressure) > 0.0
+            return jnp.where(pulls, ends[0], middle), jnp.where(pulls, middle, ends[1])
+
+        # 60 halvings reach the last bit; the Newton step after them carries the derivative by the implicit function.
+        start = jax.lax.stop_gradient(sum(jax.lax.fori_loop(0, 60, halve, (low, high))) * 0.5)
+        force = self.braid_tension(start, pressure)
+        stiffness = jax.lax.stop_gradient(self.braid_stiffness(start, pressure))
+        inside = (self.braid_tension(low, pressure) < 0.0) & (self.braid_tension(high, pressure) > 0.0) & (stiffness > 0.0)
+        return start - jnp.where(inside, force / jnp.where(inside, stiffness, 1.0), 0.0)
+
+    def pressure_for(self, tension: float, span: float, *, highest: float = 10e5) -> float:
+        """The lowest gauge pressure [Pa] from zero up to `highest` at which the muscle pulls with a tension.
+
+        Args:
+            tension: wanted tension [N], not negative.
+            span: distance between the anchors [m].
+            highest: where the search ends [Pa].
+
+        Raises:
+            UnreachableError: if no pressure in that range gives the tension; the sentence says what the range gives.
+        """
+        from scipy.optimize import brentq
+
+        if not (np.isfinite(tension) and tension >= 0.0):
+            raise InputError("tension", f"{tension:.6g} N", "allowed is 0 N or more")
+        grid = np.linspace(0.0, highest, 1001)
+        given = np.asarray(self.tension(float(span), grid)) - tension
+        if abs(given[0]) <= 1e-9 * max(tension, 1.0):
+            return 0.0
+        crossings = np.flatnonzero((given[:-1] < 0.0) & (given[1:] >= 0.0) | (given[:-1] > 0.0) & (given[1:] <= 0.0))
+        if crossings.size == 0:
+            low, high = given.min() + tension, given.max() + tension
+            raise UnreachableError(
+                f"{tension:.4g} N at {with_unit(float(span), 'm')} is not reached between 0 and "
+                f"{with_unit(highest, 'Pa')}: the muscle pulls with {low:.4g} to {high:.4g} N there"
+            )
+        i = int(crossings[0])
+        solve = jax.jit(self.tension)
+        return float(brentq(lambda p: float(solve(float(span), p)) - tension, grid[i], grid[i + 1], xtol=1e-6, rtol=1e-14))
+
+    def _braid_length(self, span: Scalar, pressure: Scalar) -> Scalar:
+        return jnp.where(self.braid_tension(span, pressure) > 0.0, span, self.free_length(pressure))
+
+
+def law_name(law: TensionLaw | type[TensionLaw]) -> str:
+    """The name under which a law is addressed: its module's."""
+    return (law if isinstance(law, type) else type(law)).__module__.rsplit(".", 1)[1]
+
+
+def _together(length: Any, pressure: Any) -> tuple[Scalar, Scalar]:
+    return tuple(jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(pressure, float)))  # type: ignore[return-value]

@@ -1,0 +1,87 @@
+"""The gas spring: a muscle whose stiffness is proportional to its pressure.
+
+    F = Kg P' (L - Lmin)                                                                                        (eq. 11)
+
+The straight-line form of the virtual-work law: within 10-14 cm the stiffness per pressure of the nylon muscle varies by
+14 % around Kg. Range: taut lengths up to ``upper_length``; no threshold, no passive stiffness.
+Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...components import Scalar
+from ...quantities import quantity
+from .. import bladder
+from ..law import TensionLaw
+
+
+def spring_volume(length: Any, *, rest_length: Any, rest_volume: Any, shortest_length: Any, per_pressure: Any) -> Scalar:
+    """Volume whose derivative is that of a gas spring [m^3] (eq. 38b); lengths [m], Kg [m].
+
+    It turns negative at long lengths (beyond 16.3 cm for the nylon muscle), by design: see `bladder`.
+    """
+    return rest_volume - 0.5 * per_pressure * ((length - shortest_length) ** 2 - (rest_length - shortest_length) ** 2)
+
+
+def volume_when_unknown(*, rest_length: Any, upper_length: Any, shortest_length: Any, per_pressure: Any) -> Scalar:
+    """A rest volume that leaves the gas room up to the upper working length, where none was measured [m^3].
+
+    It only keeps the formulas in their domain; a law that uses it says that it has no volume. The factor is that of the
+    nylon muscle.
+    """
+    drop = 0.5 * per_pressure * ((upper_length - shortest_length) ** 2 - (rest_length - shortest_length) ** 2)
+    return 1.8 * jnp.maximum(drop, 1e-3 * per_pressure * rest_length**2)
+
+
+class GasSpring(TensionLaw):
+    """Gas spring (eq. 11)."""
+
+    stiffness_per_pressure: Scalar = quantity(
+        "m", (1e-6, 10.0), "stiffness per gauge pressure", symbol="Kg", typical=(5e-4, 5e-2)
+    )
+    shortest_length: Scalar = quantity(
+        "m", (1e-3, 100.0), "theoretical shortest length", symbol="Lmin", typical=(0.05, 0.5)
+    )
+    rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
+    upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
+    rest_volume: Scalar = quantity(
+        "m^3", (0.0, 1.0), "gas volume at rest length; needed only for the volume itself", symbol="V0", default=0.0
+    )
+    threshold_width: Scalar = quantity(
+        "Pa", (1e2, 1e6), "range of pressure around zero in which the bladder fills to the braid", symbol="w", default=1e4
+    )
+    volume_known: bool = eqx.field(static=True, kw_only=True, default=True)
+
+    title = "Gas spring"
+    cites = ("chou1996",)
+    fitted = ("stiffness_per_pressure", "shortest_length")
+
+    def elastic_tension(self, length: Any) -> Scalar:
+        """Zero: eq. 11 has no passive part [N]."""
+        return jnp.zeros_like(length)
+
+    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+        """Gas energy with the volume of eq. 38b [J]."""
+        line = {"shortest_length": self.shortest_length, "per_pressure": self.stiffness_per_pressure}
+        line["rest_length"] = self.rest_length
+        rest = self.rest_volume if self.volume_known else volume_when_unknown(upper_length=self.upper_length, **line)
+        return bladder.gas_energy(
+            pressure,
+            spring_volume(length, rest_volume=rest, **line),
+            upper_volume=spring_volume(self.upper_length, rest_volume=rest, **line),
+            threshold_pressure=0.0,
+            threshold_width=self.threshold_width,
+        )
+
+    def length_range(self) -> tuple[Scalar, Scalar]:
+        """From a tenth of the rest length to the upper working length [m]."""
+        return 0.1 * self.rest_length, self.upper_length
+
+    def has_volume(self) -> bool:
+        """Whether the rest volume was given."""
+        return self.volume_known

@@ -1,0 +1,56 @@
+"""The ideal virtual-work law: a cylindrical braid of inextensible threads around a bladder without stiffness.
+
+    F = P' b^2 (3 cos^2 theta - 1) / (4 pi n^2) = (pi D0^2 P'/4)(3 cos^2 theta - 1),   cos theta = L/b     (eqs. 8a, 8b)
+
+Range: gauge pressures above half the threshold width; braid lengths up to the thread length, where the volume vanishes.
+It errs by 10-20 % of the largest force on real muscles, most at the ends of the stroke, since it knows neither wall nor
+bladder. First stated by R. H. Gaylord (US patent 2,844,126, 1958) and H. F. Schulte (1961); this form: C.-P. Chou and
+B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from ...components import Scalar
+from ...quantities import quantity
+from .. import bladder, braid
+from ..law import TensionLaw
+
+# Just short of the thread length: there the braid still holds a thousandth of its largest volume.
+LONGEST = 0.9995
+
+
+class Ideal(TensionLaw):
+    """Ideal virtual-work law (eq. 8)."""
+
+    thread_length: Scalar = quantity("m", (1e-3, 100.0), "length of one thread", symbol="b", typical=(0.05, 1.0))
+    turns: Scalar = quantity("1", (0.05, 1e3), "turns of one thread around the braid", symbol="n", typical=(0.8, 8.0))
+    threshold_width: Scalar = quantity(
+        "Pa", (1e2, 1e6), "range of pressure around zero in which the bladder fills to the braid", symbol="w", default=1e4
+    )
+
+    title = "Ideal virtual work"
+    cites = ("gaylord1958", "schulte1961", "chou1996")
+    fitted = ("thread_length", "turns")
+
+    def elastic_tension(self, length: Any) -> Scalar:
+        """Zero: the ideal bladder has no stiffness [N]."""
+        return jnp.zeros_like(length)
+
+    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+        """Gas energy with the volume of eq. 7 [J]."""
+        shape = {"thread_length": self.thread_length, "turns": self.turns}
+        return bladder.gas_energy(
+            pressure,
+            braid.volume(length, **shape),
+            upper_volume=braid.volume(LONGEST * self.thread_length, **shape),
+            threshold_pressure=0.0,
+            threshold_width=self.threshold_width,
+        )
+
+    def length_range(self) -> tuple[Scalar, Scalar]:
+        """From a hundredth of the thread length to the thread length [m]."""
+        return 0.01 * self.thread_length, self.thread_length

@@ -1,0 +1,62 @@
+"""The virtual-work law with a wall: bladder and braid of constant thickness tk take room from the gas.
+
+    F = (pi D0^2 P'/4)(3 cos^2 theta - 1) + pi P' [D0 tk (2 sin theta - 1/sin theta) - tk^2]               (eqs. 9, 10)
+
+Range: gauge pressures above half the threshold width; braid lengths up to ``upper_length``, which must stay below the
+length where this law loses its stiffness (15.48 cm for the nylon muscle). With tk -> 0 it becomes the ideal law.
+Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from ...components import Scalar
+from ...quantities import quantity
+from .. import bladder, braid
+from ..law import TensionLaw
+from ..stop import stop_tension
+
+
+class ThickWall(TensionLaw):
+    """Virtual-work law with wall thickness (eqs. 9 and 10)."""
+
+    thread_length: Scalar = quantity("m", (1e-3, 100.0), "length of one thread", symbol="b", typical=(0.05, 1.0))
+    turns: Scalar = quantity("1", (0.05, 1e3), "turns of one thread around the braid", symbol="n", typical=(0.8, 8.0))
+    wall_thickness: Scalar = quantity(
+        "m", (0.0, 0.05), "thickness of bladder and braid together", symbol="tk", typical=(1e-4, 3e-3)
+    )
+    upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length, where the stop begins", symbol="Lu")
+    threshold_width: Scalar = quantity(
+        "Pa", (1e2, 1e6), "range of pressure around zero in which the bladder fills to the braid", symbol="w", default=1e4
+    )
+    stop_stiffness: Scalar = quantity(
+        "N/m^2", (0.0, 1e12), "coefficient of the end non-linearity nl(L)", symbol="knl", default=0.0
+    )
+
+    title = "Virtual work with wall thickness"
+    cites = ("chou1996",)
+    fitted = ("thread_length", "turns", "wall_thickness")
+
+    def elastic_tension(self, length: Any) -> Scalar:
+        """Zero up to the upper working length, then the stop [N]."""
+        return stop_tension(length, begins_at=self.upper_length, stiffness=self.stop_stiffness)
+
+    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+        """Gas energy with the volume of eq. 9 [J]."""
+        shape = {"thread_length": self.thread_length, "turns": self.turns, "wall_thickness": self.wall_thickness}
+        # A guard for wild trial values of a fit: the upper volume may not vanish.
+        least = 1e-6 * self.thread_length**3 / self.turns**2
+        return bladder.gas_energy(
+            pressure,
+            braid.inner_volume(length, **shape),
+            upper_volume=jnp.maximum(braid.inner_volume(self.upper_length, **shape), least),
+            threshold_pressure=0.0,
+            threshold_width=self.threshold_width,
+        )
+
+    def length_range(self) -> tuple[Scalar, Scalar]:
+        """From a hundredth of the thread length to the upper working length [m]."""
+        return 0.01 * self.thread_length, self.upper_length

@@ -1,0 +1,18 @@
+"""The end non-linearity nl(L) of eq. 12: the stiff end of the stroke, where the braid is no cylinder any more.
+
+Chou and Hannaford name it and leave it out of their regular range. Here it is a one-sided parabola: zero with zero slope
+inside the working range, so that no printed value changes, and stiffening beyond.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from ..components import Scalar
+
+
+def stop_tension(length: Any, *, begins_at: Any, stiffness: Any) -> Scalar:
+    """nl(L) = knl max(L - Lnl, 0)^2 [N]; lengths [m], stiffness knl [N/m^2]."""
+    return stiffness * jnp.maximum(length - begins_at, 0.0) ** 2

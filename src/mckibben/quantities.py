@@ -1,0 +1,214 @@
+"""One declaration per physical parameter, and the only place where units are words.
+
+A parameter is declared once, as a field of the type that owns it::
+
+    thread_length: Scalar = quantity("m", (1e-3, 10), "length of one thread", symbol="b")
+
+Validation, bounds of an identification, help texts, forms and documentation are all read from that declaration. Inside
+the package every number is an SI float; ``parse`` turns words such as ``"12 cm"`` into one at the edges.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .errors import InputError
+
+# What a person reads; the SI unit on the left is what the package computes with.
+_SHOWN = {"m": "cm", "Pa": "bar", "m^3": "cm^3", "N/m": "N/cm", "rad": "deg", "m^2": "cm^2", "N/m^2": "N/cm^2"}
+
+
+class Quantity(NamedTuple):
+    """The declaration of one parameter: SI unit, bounds (inclusive), meaning, symbol, and a range usual in practice."""
+
+    unit: str
+    bounds: tuple[float, float]
+    doc: str
+    symbol: str
+    typical: tuple[float, float]
+
+    def check(self, name: str, value: Any, *, where: str | None = None) -> None:
+        """Raise `InputError` when a concrete value is not finite or out of bounds."""
+        number = np.asarray(value, float)
+        low, high = self.bounds
+        bad = ~np.isfinite(number) | (number < low) | (number > high)
+        if np.any(bad):
+            first = float(number[bad].flat[0])
+            raise InputError(name, with_unit(first, self.unit), f"allowed is {self.allowed()}", where=where)
+
+    def allowed(self) -> str:
+        """The bounds in words."""
+        low, high = (with_unit(b, self.unit) for b in self.bounds)
+        if math.isinf(self.bounds[1]):
+            return f"{low} or more"
+        return f"{low} to {high}"
+
+
+def quantity(
+    unit: str,
+    bounds: tuple[float, float],
+    doc: str,
+    *,
+    symbol: str = "",
+    typical: tuple[float, float] | None = None,
+    default: Any = dataclasses.MISSING,
+) -> Any:
+    """Declare a physical parameter as a field of an Equinox module.
+
+    Args:
+        unit: SI unit in words, ``"1"`` for a pure number.
+        bounds: smallest and largest allowed value, inclusive [unit].
+        doc: what it means, one phrase.
+        symbol: as the field writes it.
+        typical: range from which a fit draws its starting points [unit]; the bounds where it is left out.
+        default: value where none is given [unit].
+    """
+    import equinox as eqx
+
+    declared = Quantity(unit, bounds, doc, symbol, typical or bounds)
+    options: dict[str, Any] = {} if default is dataclasses.MISSING else {"default": default}
+    return eqx.field(converter=_as_array, metadata={"quantity": declared}, kw_only=True, **options)
+
+
+def _as_array(value: Any) -> Any:
+    import jax.numpy as jnp
+
+    return jnp.asarray(value, float)
+
+
+def declared(owner: Any) -> dict[str, Quantity]:
+    """Every declared parameter of a type or an instance, by field name, in order."""
+    return {f.name: f.metadata["quantity"] for f in dataclasses.fields(owner) if "quantity" in f.metadata}
+
+
+def values(owner: Any) -> dict[str, float]:
+    """The declared parameters of an instance as plain floats [their SI units]."""
+    return {name: float(getattr(owner, name)) for name in declared(owner)}
+
+
+def check_fields(owner: Any, *, where: str | None = None) -> None:
+    """Check all concrete parameters of an instance against their declarations; traced ones are passed over."""
+    import jax
+
+    for name, q in declared(owner).items():
+        value = getattr(owner, name)
+        if value is None or not hasattr(value, "shape") or isinstance(value, jax.core.Tracer):
+            continue
+        q.check(name, value, where=where)
+
+
+@functools.cache
+def _registry() -> Any:
+    import pint
+
+    registry = pint.UnitRegistry(cache_folder=None)
+    registry.define("turn_ = 1")
+    return registry
+
+
+def _unit(text: str) -> Any:
+    """A pint unit from the way people write it: ``N/cm``, ``cm^2``, ``l/min``, ``%``."""
+    text = text.strip().replace("^", "**")
+    return _registry().Unit("percent" if text == "%" else "" if text in ("1", "-") else text)
+
+
+def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | None = None) -> float:
+    """Convert a number with a unit in words to the SI unit, or raise `InputError` that says what is allowed."""
+    import pint
+
+    registry = _registry()
+    try:
+        # A gauge pressure or a force has no offset; a temperature in degC does, and pint handles both this way.
+        return float(registry.Quantity(value, _unit(unit)).to(_unit(si_unit)).magnitude)
+    except pint.UndefinedUnitError:
+        raise InputError(field, f"{value:g} {unit}", f"the unit is unknown; allowed is {_kind(si_unit)}", where=where) from None
+    except pint.DimensionalityError:
+        raise InputError(field, f"{value:g} {unit}", f"allowed is {_kind(si_unit)}", where=where) from None
+    except (AttributeError, TypeError, ValueError, pint.PintError) as error:
+        raise InputError(field, f"{value:g} {unit}", f"not a unit ({error}); allowed is {_kind(si_unit)}", where=where) from None
+
+
+def from_si(value: float, si_unit: str, unit: str) -> float:
+    """Convert an SI number to another unit given in words."""
+    return float(_registry().Quantity(value, _unit(si_unit)).to(_unit(unit)).magnitude)
+
+
+def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare: bool = False) -> float:
+    """A number with its unit in words, as an SI float.
+
+    Args:
+        text: such as ``"12 cm"`` or ``"5 bar"``; for a pure number ``"3.1"`` or ``"12 %"``.
+        si_unit: the SI unit of the result.
+        field: name used in the complaint.
+        where: place used in the complaint.
+        bare: take a number without a unit as SI. Off where a forgotten unit would be a trap.
+
+    Returns:
+        The value [si_unit].
+    """
+    words = text.strip().split(None, 1)
+    try:
+        number = float(words[0]) if words else math.nan
+    except ValueError:
+        head = _leading_number(text)
+        if head is None:
+            raise InputError(field, text, f"allowed is {_kind(si_unit)}", where=where) from None
+        number, words = float(head), [head, text.strip()[len(head) :]]
+    if not math.isfinite(number):
+        raise InputError(field, text, f"allowed is a finite number, {_kind(si_unit)}", where=where)
+    if len(words) == 1:
+        if si_unit == "1" or bare:
+            return number
+        raise InputError(field, text, f"the unit is missing; allowed is {_kind(si_unit)}", where=where)
+    return to_si(number, words[1], si_unit, field=field, where=where)
+
+
+def _leading_number(text: str) -> str | None:
+    import re
+
+    match = re.match(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)", text)
+    return match.group(1) if match else None
+
+
+def _kind(si_unit: str) -> str:
+    examples = {
+        "m": "a length such as '12 cm'",
+        "Pa": "a pressure such as '5 bar'",
+        "N": "a force such as '110 N'",
+        "m^3": "a volume such as '5.6 cm^3'",
+        "N/m": "a stiffness such as '3.92 N/cm'",
+        "s": "a time such as '20 ms'",
+        "K": "a temperature such as '300 K'",
+        "rad": "an angle such as '28.6 deg'",
+        "1": "a pure number",
+    }
+    return examples.get(si_unit, f"a value in {si_unit} or a unit of the same dimension")
+
+
+def shown_unit(si_unit: str) -> str:
+    """The unit in which a person reads a quantity of this SI unit."""
+    return _SHOWN.get(si_unit, si_unit)
+
+
+def with_unit(value: float, si_unit: str, digits: int = 4) -> str:
+    """A value and its unit as a person reads them: ``with_unit(0.12, "m")`` is ``"12 cm"``."""
+    if si_unit == "1":
+        return f"{value:.{digits}g}"
+    unit = shown_unit(si_unit)
+    return f"{from_si(value, si_unit, unit):.{digits}g} {unit}"
+
+
+def iter_paths(owner: Any, prefix: str = "") -> Iterator[tuple[str, Any, str]]:
+    """Every declared parameter below an object as (dotted path, its owner, field name)."""
+    for f in dataclasses.fields(owner):
+        value = getattr(owner, f.name)
+        if "quantity" in f.metadata:
+            yield prefix + f.name, owner, f.name
+        elif dataclasses.is_dataclass(value):
+            yield from iter_paths(value, f"{prefix}{f.name}.")
