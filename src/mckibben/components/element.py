@@ -1,19 +1,25 @@
 """What a force element with memory and one without must offer.
 
-An element with memory is advanced by the displacement of one half-step and then limited once by the yield at the
-half-step's end: the order of the whole integration rests on that sequence (see the decision on friction).
+All of them pull like the muscle does: a force is positive when it opposes lengthening. An element without memory
+knows its length and velocity; one with memory is advanced along a straight piece of path, half a step of the
+integrator at a time, and is told the pressure at both ends of it: friction moves first and is limited once, by the
+yield at the end, while a gradual relaxation takes the mean of both. The order of the whole integration rests on that
+sequence.
 """
 
 from __future__ import annotations
 
 import abc
-from typing import Any
+from typing import Any, NamedTuple
 
 from .module import Module, Scalar
 
 
 class ForceElement(Module):
-    """A force that depends on the present stretch and velocity only."""
+    """A force that depends on the present length and velocity only.
+
+    Passive: ``force(L, 0)`` is the slope of `stored_energy`, and what the velocity adds never drives the motion.
+    """
 
     @abc.abstractmethod
     def force(self, length: Any, velocity: Any = 0.0) -> Scalar:
@@ -22,28 +28,71 @@ class ForceElement(Module):
         Args:
             length: length of the element [m].
             velocity: its rate, positive while lengthening [m/s].
+
         """
 
+    @abc.abstractmethod
+    def stored_energy(self, length: Any) -> Scalar:
+        """Elastic energy at a length [J]."""
 
-class Hysteresis(Module):
-    """Friction with memory: a force that depends on the path of the length.
 
-    The state is an array of at least one number per element; `initial` gives the relaxed one. Every implementation is
-    passive: over any path the work taken from the outside is the stored energy gained plus a dissipation >= 0.
+class Advanced(NamedTuple):
+    """An element with memory at the end of a piece of path, and the ledger of that piece.
+
+    The work taken from the outside is the stored energy gained plus the energy dissipated, to rounding.
+    """
+
+    state: Scalar  # like the state before
+    work: Scalar  # [J], taken from the outside
+    dissipated: Scalar  # [J], >= 0
+
+
+class MemoryElement(Module):
+    """A force that depends on the path of the length.
+
+    The state is an array whose last axis counts the parts of the element; displacements, pressures and forces have the
+    axes before it. So one state serves a single muscle, and a state with leading axes a batch.
     """
 
     @abc.abstractmethod
     def initial(self) -> Scalar:
-        """The relaxed state."""
+        """The relaxed state, shape (parts,)."""
 
     @abc.abstractmethod
-    def advance(self, state: Scalar, displacement: Any, pressure: Any) -> Scalar:
-        """The state after a displacement [m], with the yield at the pressure of its end [Pa]."""
+    def advance(
+        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any
+    ) -> Advanced:
+        """Move along a straight piece of path.
+
+        Args:
+            state: where the element stands, shape (..., parts).
+            displacement: change of length, positive while lengthening [m].
+            start_pressure: gauge pressure before [Pa].
+            end_pressure: gauge pressure after [Pa].
+            duration: time taken [s]; of no consequence to friction that does not depend on velocity.
+
+        """
 
     @abc.abstractmethod
-    def force(self, state: Scalar, pressure: Any) -> Scalar:
-        """Friction force [N], positive while lengthening."""
+    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
+        """Force [N], positive when it opposes lengthening; velocity [m/s] and pressure [Pa] matter to few."""
 
     @abc.abstractmethod
-    def stored_energy(self, state: Scalar, pressure: Any) -> Scalar:
-        """Elastic energy held by the contacts [J]."""
+    def stored_energy(self, state: Scalar) -> Scalar:
+        """Elastic energy held [J]."""
+
+
+class Hysteresis(MemoryElement):
+    """Friction: an element with memory whose force is bounded by a limit that may grow with the pressure.
+
+    Passive over any path, and a change of pressure alone takes no work from anywhere: a shrinking limit releases stored
+    energy as heat, a growing one stores nothing.
+    """
+
+    @abc.abstractmethod
+    def largest_force(self, pressure: Any) -> Scalar:
+        """The friction that a long motion reaches at a gauge pressure [Pa], >= 0 [N]."""
+
+    @abc.abstractmethod
+    def lubricated(self, factor: float = 0.9) -> Hysteresis:
+        """The same friction with its limit scaled by a factor; 0.9 is what three lubricants did to the nylon muscle."""

@@ -20,6 +20,9 @@ class Module(eqx.Module):
         """Refuse parameters out of their declared bounds."""
         check_fields(self, where=type(self).__name__)
 
+    # Parameters are arrays, which have no hash; by identity, `jax.jit(law.tension)` works as a newcomer writes it.
+    __hash__ = object.__hash__
+
     def replace(self, **changes: Any) -> Any:
         """A copy with some fields changed, checked like a new one."""
         import dataclasses

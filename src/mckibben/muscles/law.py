@@ -144,10 +144,10 @@ class TensionLaw(Module):
             return jnp.where(pulls, ends[0], middle), jnp.where(pulls, middle, ends[1])
 
         # 60 halvings reach the last bit; the Newton step after them carries the derivative by the implicit function.
-        start = jax.lax.stop_gradient(sum(jax.lax.fori_loop(0, 60, halve, (low, high))) * 0.5)
-        force = self.braid_tension(start, pressure)
-        stiffness = jax.lax.stop_gradient(self.braid_stiffness(start, pressure))
-        inside = (self.braid_tension(low, pressure) < 0.0) & (self.braid_tension(high, pressure) > 0.0) & (stiffness > 0.0)
+        start = jax.lax.stop_gradient(sum(jax.lax.fori_loop(0, 60, halve, jax.lax.stop_gradient((low, high)))) * 0.5)
+        force, stiffness = jax.jvp(lambda x: self.braid_tension(x, pressure), (start,), (jnp.ones_like(start),))
+        stiffness = jax.lax.stop_gradient(stiffness)
+        inside = (start > low) & (start < high) & (stiffness > 0.0) & (jnp.abs(force) < 1e-6 * stiffness * start)
         return start - jnp.where(inside, force / jnp.where(inside, stiffness, 1.0), 0.0)
 
     def pressure_for(self, tension: float, span: float, *, highest: float = 10e5) -> float:
@@ -177,8 +177,8 @@ class TensionLaw(Module):
                 f"{with_unit(highest, 'Pa')}: the muscle pulls with {low:.4g} to {high:.4g} N there"
             )
         i = int(crossings[0])
-        solve = jax.jit(self.tension)
-        return float(brentq(lambda p: float(solve(float(span), p)) - tension, grid[i], grid[i + 1], xtol=1e-6, rtol=1e-14))
+        excess = jax.jit(lambda p: self.tension(float(span), p) - tension)
+        return float(brentq(lambda p: float(excess(p)), grid[i], grid[i + 1], xtol=1e-6, rtol=1e-14))
 
     def _braid_length(self, span: Scalar, pressure: Scalar) -> Scalar:
         return jnp.where(self.braid_tension(span, pressure) > 0.0, span, self.free_length(pressure))

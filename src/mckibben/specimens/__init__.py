@@ -1,0 +1,11 @@
+"""Published muscles as data: every number with its unit, its source, and whether it was inferred.
+
+This room parses and builds nothing: `mckibben.muscles.from_specimen` makes laws and muscles of what is read here. Users
+add their own files beside the shipped ones: name a ``.toml`` file, or put it in a folder listed in the environment
+variable ``MCKIBBEN_SPECIMENS``.
+"""
+
+from .load import KNOWN_PROPERTIES, map_file, specimen, specimen_ids, specimens
+from .model import Parameter, Specimen
+
+__all__ = ["KNOWN_PROPERTIES", "Parameter", "Specimen", "map_file", "specimen", "specimen_ids", "specimens"]

@@ -1,0 +1,233 @@
+"""Fitting tension laws to a force map, and ranking them by how well they predict what they were not shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..muscles.build import build_law
+from ..muscles.law import TensionLaw
+from ..muscles.laws import LAWS, law_type
+from ..recordings import ForceMap
+from .problem import Problem
+from .solve import Solution, solve
+from .uncertainty import Uncertainty, uncertainty
+from .validation import CrossValidation, cross_validate, predict_rest
+
+SCHEMES = ("pressure", "length", "block", "rest_length")
+
+
+class Estimate(NamedTuple):
+    """A fitted parameter with its 95 % interval [unit]."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What is known of one law after a fit; errors in newton, over the taut points."""
+
+    law: str
+    parameters: dict[str, Estimate]
+    known: dict[str, Any]
+    points: ForceMap
+    error: np.ndarray
+    converged: bool
+    message: str
+    warnings: tuple[str, ...]
+    cross: dict[str, CrossValidation] = field(default_factory=dict)
+    correlation: np.ndarray | None = None
+    holdout: Holdout | None = None
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square error [N]."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def max_error(self) -> float:
+        """Largest error [N]."""
+        return float(np.abs(self.error).max())
+
+    @property
+    def cv_rmse(self) -> float | None:
+        """Root mean square error of points predicted with their pressure left out [N]."""
+        return self.cross["pressure"].rmse if "pressure" in self.cross else None
+
+    @property
+    def cv_max_error(self) -> float | None:
+        """Largest of those errors [N]."""
+        return self.cross["pressure"].max_error if "pressure" in self.cross else None
+
+    @property
+    def aicc(self) -> float:
+        """Akaike's criterion with the correction for small samples; the noise level counts as a parameter."""
+        n, k = len(self.points), len(self.parameters) + 1
+        if n <= k + 1:
+            return float("inf")
+        variance = max(float(np.mean(self.error**2)), 1e-30)
+        return n * float(np.log(variance)) + 2.0 * k * n / (n - k - 1.0)
+
+    def build(self, **changes: Any) -> TensionLaw:
+        """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind."""
+        known = {k: (float(np.max(v)) if np.ndim(v) else v) for k, v in self.known.items()}
+        return build_law(self.law, known | {n: e.value for n, e in self.parameters.items()} | changes)
+
+
+@dataclass(frozen=True)
+class Holdout:
+    """Errors on points that a separate fit was not shown [N]."""
+
+    what: str
+    trained_on: int
+    error: np.ndarray
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square error [N]."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def max_error(self) -> float:
+        """Largest error [N]."""
+        return float(np.abs(self.error).max())
+
+
+def fit(
+    law: str,
+    points: ForceMap,
+    *,
+    known: Mapping[str, Any] | None = None,
+    free: tuple[str, ...] | None = None,
+    schemes: Iterable[str] = SCHEMES,
+    train_below: float | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Fit:
+    """Fit one law.
+
+    Args:
+        law: its name.
+        points: the measured table; slack points are left out.
+        known: parameters that are not fitted [SI], by name; those the law does not have are passed over.
+        free: which parameters to fit; the law's own choice where left out.
+        schemes: cross-validations to run, of ``pressure``, ``length``, ``block``, ``rest_length``.
+        train_below: also fit to gauge pressures up to this one [Pa] and predict those above.
+        progress: called with a few words after each piece of work.
+
+    Raises:
+        InputError: if the table is too small or a needed parameter unknown.
+    """
+    tell = progress or (lambda _: None)
+    problem = Problem.of(law, points, known=known, free=free)
+    solution = solve(problem)
+    tell(f"{law}: fitted")
+    error = solution.tension - problem.points.tension
+    spread = uncertainty(solution.jacobian, error, problem.free)
+    crossed = {}
+    for scheme in schemes:
+        result = cross_validate(problem, solution, scheme) if solution.converged else None
+        if result is not None:
+            crossed[scheme] = result
+        tell(f"{law}: {scheme} left out")
+    return Fit(
+        law=law,
+        parameters=_estimates(problem, solution, spread),
+        known=dict(problem.known),
+        points=problem.points,
+        error=error,
+        converged=solution.converged,
+        message=solution.message,
+        warnings=_warnings(problem, solution, spread),
+        cross=crossed,
+        correlation=spread.correlation,
+        holdout=_hold_out(problem, train_below),
+    )
+
+
+def fit_all(
+    points: ForceMap,
+    *,
+    laws: Iterable[str] | None = None,
+    known: Mapping[str, Any] | None = None,
+    skipped: dict[str, str] | None = None,
+    **options: Any,
+) -> list[Fit]:
+    """Fit several laws and rank them, best first.
+
+    Args:
+        points: the measured table.
+        laws: their names; all of them where left out, and then a law that the table cannot feed is passed over with its
+            reason in `skipped`.
+        known: as for `fit`.
+        skipped: filled with reasons by name.
+        **options: as for `fit`.
+    """
+    every = laws is None
+    found = []
+    for name in LAWS if laws is None else laws:
+        try:
+            found.append(fit(name, points, known=known, **options))
+        except InputError as error:
+            if not every:
+                raise
+            if skipped is not None:
+                skipped[name] = str(error)
+    if not found:
+        raise InputError("points", f"{int(points.taut.sum())} with tension", "no law can be fitted to so few points", where=points.name)
+    return rank(found)
+
+
+def rank(fits: Iterable[Fit]) -> list[Fit]:
+    """Best first: by the error of points predicted with their pressure left out; a fit that did not converge comes last."""
+    return sorted(fits, key=lambda f: (not f.converged, f.cv_rmse if f.cv_rmse is not None else f.rmse))
+
+
+def evaluate(law: TensionLaw, points: ForceMap) -> np.ndarray:
+    """Error of a law with given parameters at the taut points [N]."""
+    taut = points.select(points.taut)
+    return np.asarray(law.braid_tension(taut.length, taut.pressure)) - taut.tension
+
+
+def _estimates(problem: Problem, solution: Solution, spread: Uncertainty) -> dict[str, Estimate]:
+    half = spread.quantile * spread.standard_error * problem.scale
+    values = solution.scaled * problem.scale
+    return {
+        name: Estimate(float(v), float(v - h), float(v + h), q.unit)
+        for (name, q), v, h in zip(problem.quantities.items(), values, half, strict=True)
+    }
+
+
+def _warnings(problem: Problem, solution: Solution, spread: Uncertainty) -> tuple[str, ...]:
+    low, high = problem.bounds
+    at_bound = [
+        f"{name} lies on its bound"
+        for name, v, a, b in zip(problem.free, solution.scaled, low, high, strict=True)
+        if min(v - a, b - v) < 1e-6 * max(abs(v), 1e-3)
+    ]
+    lost = [] if solution.converged else [f"did not converge: {solution.message}"]
+    return (*lost, *spread.warnings, *at_bound)
+
+
+def _hold_out(problem: Problem, train_below: float | None) -> Holdout | None:
+    if train_below is None:
+        return None
+    train = problem.points.pressure <= train_below
+    if train.all() or not train.any():
+        raise InputError("train_below", f"{train_below:.6g} Pa", "allowed is a pressure with points on both sides", where=problem.points.name)
+    found = predict_rest(problem, train)
+    error = np.full(int((~train).sum()), np.inf)
+    if found is not None:
+        error = found.tension[~train] - problem.points.tension[~train]
+    return Holdout(what=f"trained up to {train_below / 1e5:g} bar", trained_on=int(train.sum()), error=error)
+
+
+def fitted_by_default(law: str) -> tuple[str, ...]:
+    """The parameters of a law that a fit frees."""
+    return law_type(law).fitted

@@ -1,0 +1,139 @@
+"""One identification problem: a law, what is known of it, what is free, and the points to meet."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..errors import InputError
+from ..muscles.build import construct, required_fields
+from ..muscles.laws import law_type
+from ..quantities import Quantity, declared
+from ..recordings import ForceMap
+
+# Tables are padded to a multiple of this, so that one compiled function serves tables of similar size.
+PADDING = 64
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Least squares of a law's braid tension against the taut points of a force map.
+
+    Residuals are unweighted: sensor noise and the rounding of lengths do not shrink with the tension, and errors are
+    judged against the largest tension. `known` holds fixed parameters [SI], scalars or one value per point.
+    """
+
+    law: str
+    free: tuple[str, ...]
+    known: Mapping[str, Any]
+    points: ForceMap
+
+    @classmethod
+    def of(
+        cls, law: str, points: ForceMap, *, known: Mapping[str, Any] | None = None, free: tuple[str, ...] | None = None
+    ) -> Problem:
+        """Set up a problem, with the rest length and the upper working length taken from the table where it has them.
+
+        Raises:
+            InputError: if a parameter that the law needs is neither free nor known.
+        """
+        kind = law_type(law)
+        fields = declared(kind)
+        free = free or kind.fitted
+        given = {k: v for k, v in dict(known or {}).items() if k in fields}
+        if "rest_length" in fields and "rest_length" not in given and "rest_length" not in free:
+            if points.rest_length is None:
+                raise InputError("rest_length", "not given", f"the law {law} needs --rest-length or a column rest_length", where=points.name)
+            given["rest_length"] = points.rest_length
+        if "upper_length" in fields:
+            # Every measured point has to lie in the working range, each muscle in its own.
+            longest = _longest(points)
+            given["upper_length"] = np.maximum(np.asarray(given.get("upper_length", 0.0), float), longest)
+        for name in required_fields(kind):
+            if name not in given and name not in free:
+                raise InputError(name, "not known", f"the law {law} needs it ({fields[name].doc}); give --set {name}=VALUE", where=points.name)
+        taut = points.select(points.taut)
+        if len(taut) < len(free) + 2:
+            raise InputError(
+                "points", f"{len(taut)} with tension", f"the law {law} has {len(free)} free parameters and needs at least {len(free) + 2}",
+                where=points.name,
+            )
+        keep = points.taut
+        fixed = {k: (np.asarray(v)[keep] if np.ndim(v) else float(v)) for k, v in given.items() if k not in free}
+        return cls(law=law, free=tuple(free), known=fixed, points=taut)
+
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """Declarations of the free parameters."""
+        fields = declared(law_type(self.law))
+        return {name: fields[name] for name in self.free}
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Size of each free parameter, to make all of them about one."""
+        return np.array([max(abs(b) for b in q.typical) for q in self.quantities.values()])
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Declared bounds over `scale`."""
+        low, high = np.array([q.bounds for q in self.quantities.values()]).T
+        return low / self.scale, high / self.scale
+
+    def starts(self, count: int, seed: int) -> np.ndarray:
+        """Starting points from the usual ranges by a Latin hypercube, over `scale`, shape (count, free)."""
+        from scipy.stats import qmc
+
+        unit = qmc.LatinHypercube(len(self.free), seed=seed).random(count)
+        columns = []
+        for u, q in zip(unit.T, self.quantities.values(), strict=True):
+            low, high = q.typical
+            logarithmic = low > 0.0 and high / low > 20.0
+            columns.append(low * (high / low) ** u if logarithmic else low + (high - low) * u)
+        return np.stack(columns, axis=1) / self.scale
+
+    def functions(self) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
+        """Predicted tension [N] and its derivative to the scaled parameters at all points: (n,) and (n, free)."""
+        n = len(self.points)
+        total = -(-n // PADDING) * PADDING
+        predict, jacobian = _compiled(self.law, self.free, tuple(sorted(self.known)))
+        known = tuple(_padded(self.known[name], n, total) for name in sorted(self.known))
+        length, pressure = _padded(self.points.length, n, total), _padded(self.points.pressure, n, total)
+
+        def tension(scaled: np.ndarray) -> np.ndarray:
+            return np.asarray(predict(jnp.asarray(scaled * self.scale), known, length, pressure))[:n]
+
+        def slopes(scaled: np.ndarray) -> np.ndarray:
+            return np.asarray(jacobian(jnp.asarray(scaled * self.scale), known, length, pressure))[:n] * self.scale
+
+        return tension, slopes
+
+
+def _longest(points: ForceMap) -> Any:
+    if points.rest_length is None:
+        return float(points.length.max())
+    return np.array([points.length[points.rest_length == r].max() for r in points.rest_length])
+
+
+def _padded(value: Any, n: int, total: int) -> jax.Array:
+    full = np.broadcast_to(np.asarray(value, float), (n,))
+    return jnp.asarray(np.concatenate([full, np.repeat(full[-1:], total - n)]))
+
+
+@functools.lru_cache(maxsize=64)
+def _compiled(law: str, free: tuple[str, ...], known: tuple[str, ...]) -> tuple[Any, Any]:
+    kind = law_type(law)
+
+    def predict(values: Any, fixed: Any, length: Any, pressure: Any) -> Any:
+        parameters = dict(zip(free, values, strict=True)) | dict(zip(known, fixed, strict=True))
+        return construct(kind, parameters).braid_tension(length, pressure)
+
+    def jacobian(values: Any, fixed: Any, length: Any, pressure: Any) -> Any:
+        return jax.jacfwd(lambda v: predict(v, fixed, length, pressure))(values)
+
+    return jax.jit(predict), jax.jit(jacobian)

@@ -1,0 +1,67 @@
+"""How far the data fix each parameter: intervals, correlations, and what they cannot tell apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Columns of the derivative that agree to 1 in 10^3 in direction (correlation beyond 0.999) are reported as one.
+INSEPARABLE = 0.999
+# A direction in parameter space this much weaker than the strongest is not determined by float64 data at all.
+UNDETERMINED = 1e-7
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard errors [scaled], correlation matrix, and warnings in words."""
+
+    standard_error: np.ndarray
+    correlation: np.ndarray
+    quantile: float
+    warnings: tuple[str, ...]
+
+
+def uncertainty(jacobian: np.ndarray, residual: np.ndarray, names: tuple[str, ...], confidence: float = 0.95) -> Uncertainty:
+    """Linearised intervals of a least-squares solution.
+
+    Args:
+        jacobian: derivative of the prediction to each parameter, (n, p); any scaling.
+        residual: prediction less measurement, (n,).
+        names: of the parameters, for the warnings.
+        confidence: of the two-sided interval.
+
+    Returns:
+        Student's t quantile for n - p degrees of freedom; standard errors are infinite for parameters in an undetermined
+        direction. Residuals are taken as independent, so that systematic misfit makes the intervals too narrow.
+    """
+    from scipy.stats import t
+
+    n, p = jacobian.shape
+    degrees = max(n - p, 1)
+    size = np.linalg.norm(jacobian, axis=0)
+    dead = size == 0.0
+    columns = jacobian / np.where(dead, 1.0, size)
+    _, strength, directions = np.linalg.svd(columns, full_matrices=False)
+    weak = strength < UNDETERMINED * max(strength[0], 1e-300)
+    variance = float(residual @ residual) / degrees
+    inverse = (directions.T * np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, strength) ** 2)) @ directions
+    error = np.sqrt(variance * np.diag(inverse)) / np.where(dead, 1.0, size)
+    spread = np.sqrt(np.diag(inverse))
+    correlation = inverse / np.where(spread > 0, spread, 1.0)[:, None] / np.where(spread > 0, spread, 1.0)[None]
+    warnings = [f"the data do not contain {name}" for name, d in zip(names, dead, strict=True) if d]
+    error[dead] = np.inf
+    for direction in directions[weak]:
+        group = [i for i in np.flatnonzero(np.abs(direction) > 0.05) if not dead[i]]
+        if len(group) > 1:
+            warnings.append(f"the data cannot tell {_listed([names[i] for i in group])} apart")
+            error[group] = np.inf
+    for i in range(p):
+        for j in range(i):
+            if abs(correlation[i, j]) > INSEPARABLE and np.isfinite(error[[i, j]]).all():
+                warnings.append(f"the data can hardly tell {names[j]} and {names[i]} apart (correlation {correlation[i, j]:+.4f})")
+    return Uncertainty(error, correlation, float(t.ppf(0.5 + confidence / 2.0, degrees)), tuple(warnings))
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:-1]) + " and " + names[-1]

@@ -1,0 +1,74 @@
+"""Dahl's friction: one contact whose force approaches its limit exponentially with the distance moved.
+
+    dz = dx - |dx| z/d(P'),   F = k z,   d(P') = Fc(P')/k
+
+The relaxation is stepped by the implicit mean, with the mean yield travel of the piece's two ends, then limited once
+with the travel at its end: z' = clip((z (1 - a/2) + dx)/(1 + a/2), -d, d), a = |dx|/d. Range: pieces of path shorter
+than d follow the exponential to second order; longer ones stay bounded and passive. Rate-independent. It closes no
+minor loop: after a small reversal it does not come back to where it left, so a rising path is kept only as far as the
+motion before it saturated the friction, to 2 exp(-range/d) of the limit.
+Sources: P. R. Dahl, A solid friction model, The Aerospace Corporation TOR-0158(3107-18)-1, 1968; P. R. Dahl, AIAA
+Journal 14(12), 1976, doi:10.2514/3.61511.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from ...components import Scalar
+from ...components.element import Advanced, Hysteresis
+from ...quantities import quantity
+from .limit import FrictionLimit
+from .slip import advanced, contact_energy, contact_force, per_contact, slip
+
+# A yield travel below this [m] is none: it keeps a friction of zero, and its derivative, finite.
+LEAST_TRAVEL = 1e-12
+
+
+class Dahl(Hysteresis):
+    """Dahl's friction with exponent one; the state is the deflection of its one contact [m]."""
+
+    limit: FrictionLimit
+    stiffness: Scalar = quantity(
+        "N/m", (1e-3, 1e9), "stiffness of the contact before it slips", symbol="k", typical=(1e2, 1e5)
+    )
+
+    title = "Dahl"
+    cites = ("dahl1976",)
+
+    def initial(self) -> Scalar:
+        """No deflection, shape (1,) [m]."""
+        return jnp.zeros(1)
+
+    def advance(
+        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
+    ) -> Advanced:
+        """Move along a straight piece of path."""
+        dx = per_contact(displacement)
+        end = self.travel(end_pressure)
+        travel = jnp.maximum(0.5 * (self.travel(start_pressure) + end), LEAST_TRAVEL)
+        half = 0.5 * jnp.abs(dx)
+        relaxed = (state * (travel - half) + dx * travel) / (travel + half)
+        return advanced(self.stiffness, state, dx, slip(relaxed, 0.0, end))
+
+    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
+        """Force of the contact [N]."""
+        return contact_force(self.stiffness, state)
+
+    def stored_energy(self, state: Scalar) -> Scalar:
+        """Elastic energy of the contact [J]."""
+        return contact_energy(self.stiffness, state)
+
+    def travel(self, pressure: Any) -> Scalar:
+        """Yield travel d(P') [m], with a last axis of one."""
+        return per_contact(self.limit.force(pressure) / self.stiffness)
+
+    def largest_force(self, pressure: Any) -> Scalar:
+        """Fc(P') [N]."""
+        return self.limit.force(pressure)
+
+    def lubricated(self, factor: float = 0.9) -> Dahl:
+        """The same with its limit scaled."""
+        return self.replace(limit=self.limit.scaled(factor))

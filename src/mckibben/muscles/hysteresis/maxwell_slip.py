@@ -1,0 +1,95 @@
+"""Maxwell-slip friction: elements in parallel, each a spring that slips at its own force.
+
+    z_i' = clip(z_i + dx, -d_i(P'), d_i(P')),   F = sum k_i z_i,   d_i(P') = Fc_i(P')/k_i
+
+Any number of elements, one is an ideal elastic-plastic contact. Range: rate-independent friction, any piece of path. It
+remembers every turning point that a larger one has not wiped out and closes minor loops, so with its lower end held a
+halved range keeps the rising path exactly and narrows the loop, as Chou and Hannaford's Fig. 3b shows.
+Sources: F. Al-Bender, V. Lampaert and J. Swevers, IEEE Trans. Automatic Control 50(11), 2005,
+doi:10.1109/TAC.2005.858676 (here without its velocity dependence); used for a pneumatic muscle by T. Vo-Minh, T.
+Tjahjowidodo, H. Ramon and H. Van Brussel, IEEE/ASME Trans. Mechatronics 16(1), 2011.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ...components import Scalar
+from ...components.element import Advanced, Hysteresis
+from ...errors import InputError
+from ...quantities import quantity
+from .limit import FrictionLimit
+from .slip import advanced, contact_energy, contact_force, per_contact, slip
+
+
+class MaxwellSlip(Hysteresis):
+    """Elements in parallel; the state is the deflection of each [m], shape (..., elements)."""
+
+    limit: FrictionLimit
+    stiffness: Scalar = quantity(
+        "N/m", (1e-3, 1e9), "stiffness of each element, shape (elements,)", symbol="k_i", typical=(1e1, 1e5)
+    )
+
+    title = "Maxwell-slip"
+    cites = ("albender2005", "vominh2011")
+
+    @classmethod
+    def geometric(
+        cls,
+        limit: FrictionLimit,
+        *,
+        elements: int = 8,
+        shortest: Any = 0.2e-3,
+        longest: Any = 8e-3,
+        at_pressure: Any = 5e5,
+    ) -> MaxwellSlip:
+        """Elements of equal force whose yield travels are spread geometrically.
+
+        Args:
+            limit: friction of all elements together.
+            elements: how many; a single one yields at the geometric mean.
+            shortest: smallest yield travel [m].
+            longest: largest yield travel [m].
+            at_pressure: gauge pressure at which the travels are meant [Pa].
+
+        """
+        if elements < 1:
+            raise InputError("elements", elements, "allowed is 1 or more", where=cls.__name__)
+        place = np.linspace(0.0, 1.0, elements) if elements > 1 else np.array([0.5])
+        travel = jnp.asarray(shortest, float) * jnp.exp(place * jnp.log(jnp.asarray(longest, float) / shortest))
+        share = limit.scaled(np.full(elements, 1.0 / elements))
+        return cls(limit=share, stiffness=share.force(at_pressure) / travel)
+
+    def initial(self) -> Scalar:
+        """No deflections, shape (elements,) [m]."""
+        return jnp.zeros(jnp.broadcast_shapes(self.limit.constant.shape, self.stiffness.shape, (1,)))
+
+    def advance(
+        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
+    ) -> Advanced:
+        """Move along a straight piece of path, then limit once with the yield at its end."""
+        dx = per_contact(displacement)
+        return advanced(self.stiffness, state, dx, slip(state, dx, self.travel(end_pressure)))
+
+    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
+        """Sum of the elements' forces [N]."""
+        return contact_force(self.stiffness, state)
+
+    def stored_energy(self, state: Scalar) -> Scalar:
+        """Elastic energy of the elements [J]."""
+        return contact_energy(self.stiffness, state)
+
+    def travel(self, pressure: Any) -> Scalar:
+        """Yield travel d_i(P') of each element [m]."""
+        return self.limit.force(per_contact(pressure)) / self.stiffness
+
+    def largest_force(self, pressure: Any) -> Scalar:
+        """Sum of the elements' limits [N]."""
+        return contact_force(self.stiffness, self.travel(pressure))
+
+    def lubricated(self, factor: float = 0.9) -> MaxwellSlip:
+        """The same with every limit scaled."""
+        return self.replace(limit=self.limit.scaled(factor))

@@ -1,0 +1,56 @@
+"""The contact that all friction models with memory share: a spring that deflects, and lets go what it cannot hold.
+
+A contact of constant stiffness k carries the force k z at the deflection z. It is moved by the displacement, and what
+the deflection does not take up has slipped. Only the yield travel d(P') = Fc(P')/k depends on pressure, never the
+stiffness: a force Fc(P') z/d would give energy back when the pressure rises.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from ...components import Scalar
+from ...components.element import Advanced
+
+
+def slip(deflection: Any, displacement: Any, travel: Any) -> Scalar:
+    """The stop operator: deflection after a displacement, held within the yield travel of the end (all one unit)."""
+    return jnp.minimum(jnp.maximum(deflection + displacement, -travel), travel)
+
+
+def contact_force(stiffness: Any, deflection: Any) -> Scalar:
+    """Sum of the contacts' forces over the last axis [N]."""
+    return jnp.sum(stiffness * deflection, axis=-1)
+
+
+def contact_energy(stiffness: Any, deflection: Any) -> Scalar:
+    """Elastic energy of the contacts, summed over the last axis [J]."""
+    return jnp.sum(0.5 * stiffness * deflection * deflection, axis=-1)
+
+
+def advanced(stiffness: Any, before: Any, displacement: Any, after: Any) -> Advanced:
+    """The state after a straight piece of path, with its ledger.
+
+        W = k (z + z')/2 dx,   D = k (z + z')/2 (z + dx - z') >= 0,   so that W = U' - U + D with U = k z^2/2
+
+    The mean of the end forces makes both of second order in the length of the piece. Where it would yield D < 0, D is
+    zero and W = U' - U. That takes a piece longer than twice the yield travel, run while that travel shrinks: there the
+    mean force of the ends says nothing. At rest W is zero, and a shrinking yield dissipates what it releases.
+
+    Args:
+        stiffness: of each contact [N/m].
+        before: deflections before, last axis the contacts [m].
+        displacement: of all contacts, with a last axis of one [m].
+        after: deflections after [m].
+
+    """
+    mean = 0.5 * stiffness * (before + after)
+    dissipated = jnp.sum(jnp.maximum(mean * (before + displacement - after), 0.0), axis=-1)
+    return Advanced(after, jnp.sum(mean * (after - before), axis=-1) + dissipated, dissipated)
+
+
+def per_contact(value: Any) -> Scalar:
+    """A number per muscle as one per contact: with a last axis of one."""
+    return jnp.asarray(value, float)[..., None]

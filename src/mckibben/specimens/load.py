@@ -1,0 +1,141 @@
+"""Finding and reading specimen files."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import os
+import tomllib
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from .model import Specimen
+
+FOLDER_VARIABLE = "MCKIBBEN_SPECIMENS"
+
+# Properties that a specimen may state beside its laws, with their SI units.
+KNOWN_PROPERTIES = {
+    "rest_length": "m",
+    "upper_length": "m",
+    "diameter_shortened": "m",
+    "rest_inner_diameter": "m",
+    "wall_thickness": "m",
+    "rest_angle": "rad",
+    "section_area": "m^2",
+    "burst_pressure": "Pa",
+    "rated_pressure": "Pa",
+    "coulomb_friction": "N",
+    "valve_flow": "m^3/s",
+    "mass": "kg",
+}
+
+
+def specimen(name: str | os.PathLike[str]) -> Specimen:
+    """One specimen by its id (any case) or by the path of a ``.toml`` file.
+
+    Raises:
+        InputError: if it is unknown, or the file is not a valid specimen; names the file, the field and the value.
+    """
+    text = os.fspath(name)
+    if text.lower().endswith(".toml") or os.sep in text:
+        path = Path(text)
+        if not path.is_file():
+            raise InputError("specimen", text, "no such file")
+        return _read(path.read_text(encoding="utf-8"), where=str(path))
+    found = _by_id()
+    if text.lower() not in found:
+        near = difflib.get_close_matches(text.lower(), found, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise InputError("specimen", text, f"{hint}known are {', '.join(specimen_ids())}, or a .toml file")
+    return found[text.lower()]
+
+
+def specimens() -> list[Specimen]:
+    """All shipped specimens and those of the user's folders."""
+    return list(_by_id().values())
+
+
+def specimen_ids() -> list[str]:
+    """Their ids."""
+    return [s.id for s in specimens()]
+
+
+def map_file(spec: Specimen) -> Path:
+    """The measured force map that ships with a specimen."""
+    if spec.map is None:
+        with_map = [s.id for s in specimens() if s.map]
+        raise InputError("specimen", spec.id, f"it ships without a force map; with one: {', '.join(with_map)}")
+    return Path(str(resources.files(__package__) / "maps" / spec.map))
+
+
+def _by_id() -> dict[str, Specimen]:
+    return _all(os.environ.get(FOLDER_VARIABLE, ""))
+
+
+@functools.lru_cache(maxsize=4)
+def _all(folders: str) -> dict[str, Specimen]:
+    found: dict[str, Specimen] = {}
+    for where, text in _files(folders):
+        one = _read(text, where=where)
+        if one.id.lower() in found:
+            raise InputError("id", one.id, "another specimen has that id", where=where)
+        found[one.id.lower()] = one
+    return found
+
+
+def _files(folders: str) -> Iterator[tuple[str, str]]:
+    shipped = resources.files(__package__) / "data"
+    for entry in sorted(shipped.iterdir(), key=lambda e: e.name):
+        if entry.name.endswith(".toml"):
+            yield entry.name, entry.read_text(encoding="utf-8")
+    for folder in filter(None, folders.split(os.pathsep)):
+        if not Path(folder).is_dir():
+            raise InputError(FOLDER_VARIABLE, folder, "no such folder")
+        for path in sorted(Path(folder).glob("*.toml")):
+            yield str(path), path.read_text(encoding="utf-8")
+
+
+def _read(text: str, *, where: str) -> Specimen:
+    from pydantic import ValidationError
+
+    from .model import SCHEMA, Specimen
+
+    try:
+        data: dict[str, Any] = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError("file", "not TOML", str(error), where=where) from None
+    if data.get("schema") != SCHEMA:
+        raise InputError("schema", data.get("schema", "missing"), f"this version reads schema {SCHEMA}", where=where)
+    try:
+        one = Specimen.model_validate(data | {"where": where})
+    except ValidationError as error:
+        raise _first_complaint(error, where) from None
+    if one.law not in one.laws:
+        raise InputError("law", one.law, f"the file states {', '.join(one.laws) or 'none'}", where=where)
+    for name in one.properties:
+        if name not in KNOWN_PROPERTIES:
+            raise InputError(f"properties.{name}", "unknown", f"known are {', '.join(KNOWN_PROPERTIES)}", where=where)
+        _positive(one.properties[name].si(KNOWN_PROPERTIES[name], field=f"properties.{name}", where=where), name, where)
+    return one
+
+
+def _positive(value: float | list[float], name: str, where: str) -> None:
+    if isinstance(value, float) and value < 0.0:
+        raise InputError(f"properties.{name}", value, "allowed is a number that is not negative", where=where)
+
+
+def _first_complaint(error: Any, where: str) -> InputError:
+    first = error.errors()[0]
+    path = [str(part) for part in first["loc"] if part not in ("float", "list[float]")]
+    field = ".".join(path).replace("schema_version", "schema") or "file"
+    if first["type"] == "extra_forbidden":
+        return InputError(field, "unknown", "no such key in a specimen file", where=where)
+    if first["type"] == "missing":
+        return InputError(field, "missing", "it is required", where=where)
+    value = first.get("input")
+    return InputError(field, value if isinstance(value, str | int | float) else type(value).__name__, first["msg"], where=where)
