@@ -87,9 +87,9 @@ def declared(owner: Any) -> dict[str, Quantity]:
     return {f.name: f.metadata["quantity"] for f in dataclasses.fields(owner) if "quantity" in f.metadata}
 
 
-def values(owner: Any) -> dict[str, float]:
-    """The declared parameters of an instance as plain floats [their SI units]."""
-    return {name: float(getattr(owner, name)) for name in declared(owner)}
+def values(owner: Any) -> dict[str, Any]:
+    """The declared parameters of an instance as plain floats, or lists of them [their SI units]."""
+    return {name: np.asarray(getattr(owner, name)).tolist() for name in declared(owner)}
 
 
 def check_fields(owner: Any, *, where: str | None = None) -> None:
@@ -107,9 +107,7 @@ def check_fields(owner: Any, *, where: str | None = None) -> None:
 def _registry() -> Any:
     import pint
 
-    registry = pint.UnitRegistry(cache_folder=None)
-    registry.define("turn_ = 1")
-    return registry
+    return pint.UnitRegistry(cache_folder=None)
 
 
 def _unit(text: str) -> Any:
@@ -127,11 +125,15 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
         # A gauge pressure or a force has no offset; a temperature in degC does, and pint handles both this way.
         return float(registry.Quantity(value, _unit(unit)).to(_unit(si_unit)).magnitude)
     except pint.UndefinedUnitError:
-        raise InputError(field, f"{value:g} {unit}", f"the unit is unknown; allowed is {_kind(si_unit)}", where=where) from None
+        raise InputError(
+            field, f"{value:g} {unit}", f"the unit is unknown; allowed is {_kind(si_unit)}", where=where
+        ) from None
     except pint.DimensionalityError:
         raise InputError(field, f"{value:g} {unit}", f"allowed is {_kind(si_unit)}", where=where) from None
     except (AttributeError, TypeError, ValueError, pint.PintError) as error:
-        raise InputError(field, f"{value:g} {unit}", f"not a unit ({error}); allowed is {_kind(si_unit)}", where=where) from None
+        raise InputError(
+            field, f"{value:g} {unit}", f"not a unit ({error}); allowed is {_kind(si_unit)}", where=where
+        ) from None
 
 
 def from_si(value: float, si_unit: str, unit: str) -> float:

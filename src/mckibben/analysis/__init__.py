@@ -1,0 +1,1 @@
+"""Numbers from laws and recordings: characteristics, loops, energy, biology. Nothing here simulates."""

@@ -10,7 +10,7 @@ sequence.
 from __future__ import annotations
 
 import abc
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from .module import Module, Scalar
 
@@ -53,6 +53,9 @@ class MemoryElement(Module):
     The state is an array whose last axis counts the parts of the element; displacements, pressures and forces have the
     axes before it. So one state serves a single muscle, and a state with leading axes a batch.
     """
+
+    title: ClassVar[str]
+    cites: ClassVar[tuple[str, ...]]
 
     @abc.abstractmethod
     def initial(self) -> Scalar:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -10,7 +10,10 @@ from jaxtyping import Array, Float
 from ..quantities import check_fields
 
 # A number or an array of them: all formulas are elementwise and broadcast.
-Scalar = Float[Array, "..."]
+if TYPE_CHECKING:
+    Scalar = Any  # fields take plain floats and hold arrays, for which type checkers have no word
+else:
+    Scalar = Float[Array, "..."]
 
 
 class Module(eqx.Module):

@@ -32,7 +32,7 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True)
 class Fit:
-    """What is known of one law after a fit; errors in newton, over the taut points."""
+    """What is known of one law after a fit; errors in newton, of the tension that a sensor would see."""
 
     law: str
     parameters: dict[str, Estimate]
@@ -106,6 +106,7 @@ def fit(
     *,
     known: Mapping[str, Any] | None = None,
     free: tuple[str, ...] | None = None,
+    slack: bool = False,
     schemes: Iterable[str] = SCHEMES,
     train_below: float | None = None,
     progress: Callable[[str], None] | None = None,
@@ -114,9 +115,10 @@ def fit(
 
     Args:
         law: its name.
-        points: the measured table; slack points are left out.
+        points: the measured table.
         known: parameters that are not fitted [SI], by name; those the law does not have are passed over.
         free: which parameters to fit; the law's own choice where left out.
+        slack: also ask for zero tension at the slack points, which are left out otherwise.
         schemes: cross-validations to run, of ``pressure``, ``length``, ``block``, ``rest_length``.
         train_below: also fit to gauge pressures up to this one [Pa] and predict those above.
         progress: called with a few words after each piece of work.
@@ -125,7 +127,7 @@ def fit(
         InputError: if the table is too small or a needed parameter unknown.
     """
     tell = progress or (lambda _: None)
-    problem = Problem.of(law, points, known=known, free=free)
+    problem = Problem.of(law, points, known=known, free=free, slack=slack)
     solution = solve(problem)
     tell(f"{law}: fitted")
     error = solution.tension - problem.points.tension
@@ -180,7 +182,12 @@ def fit_all(
             if skipped is not None:
                 skipped[name] = str(error)
     if not found:
-        raise InputError("points", f"{int(points.taut.sum())} with tension", "no law can be fitted to so few points", where=points.name)
+        raise InputError(
+            "points",
+            f"{int(points.taut.sum())} with tension",
+            "no law can be fitted to so few points",
+            where=points.name,
+        )
     return rank(found)
 
 
@@ -192,7 +199,7 @@ def rank(fits: Iterable[Fit]) -> list[Fit]:
 def evaluate(law: TensionLaw, points: ForceMap) -> np.ndarray:
     """Error of a law with given parameters at the taut points [N]."""
     taut = points.select(points.taut)
-    return np.asarray(law.braid_tension(taut.length, taut.pressure)) - taut.tension
+    return np.asarray(law.tension(taut.length, taut.pressure)) - taut.tension
 
 
 def _estimates(problem: Problem, solution: Solution, spread: Uncertainty) -> dict[str, Estimate]:
@@ -220,7 +227,12 @@ def _hold_out(problem: Problem, train_below: float | None) -> Holdout | None:
         return None
     train = problem.points.pressure <= train_below
     if train.all() or not train.any():
-        raise InputError("train_below", f"{train_below:.6g} Pa", "allowed is a pressure with points on both sides", where=problem.points.name)
+        raise InputError(
+            "train_below",
+            f"{train_below:.6g} Pa",
+            "allowed is a pressure with points on both sides",
+            where=problem.points.name,
+        )
     found = predict_rest(problem, train)
     error = np.full(int((~train).sum()), np.inf)
     if found is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -23,10 +23,11 @@ PADDING = 64
 
 @dataclass(frozen=True)
 class Problem:
-    """Least squares of a law's braid tension against the taut points of a force map.
+    """Least squares of a law's tension against a force map.
 
     Residuals are unweighted: sensor noise and the rounding of lengths do not shrink with the tension, and errors are
-    judged against the largest tension. `known` holds fixed parameters [SI], scalars or one value per point.
+    judged against the largest tension. `points` are those that count: the taut ones, and the slack ones as well if asked
+    for, at zero tension. `known` holds fixed parameters [SI], scalars or one value per point.
     """
 
     law: str
@@ -36,7 +37,13 @@ class Problem:
 
     @classmethod
     def of(
-        cls, law: str, points: ForceMap, *, known: Mapping[str, Any] | None = None, free: tuple[str, ...] | None = None
+        cls,
+        law: str,
+        points: ForceMap,
+        *,
+        known: Mapping[str, Any] | None = None,
+        free: tuple[str, ...] | None = None,
+        slack: bool = False,
     ) -> Problem:
         """Set up a problem, with the rest length and the upper working length taken from the table where it has them.
 
@@ -49,7 +56,12 @@ class Problem:
         given = {k: v for k, v in dict(known or {}).items() if k in fields}
         if "rest_length" in fields and "rest_length" not in given and "rest_length" not in free:
             if points.rest_length is None:
-                raise InputError("rest_length", "not given", f"the law {law} needs --rest-length or a column rest_length", where=points.name)
+                raise InputError(
+                    "rest_length",
+                    "not given",
+                    f"the law {law} needs --rest-length or a column rest_length",
+                    where=points.name,
+                )
             given["rest_length"] = points.rest_length
         if "upper_length" in fields:
             # Every measured point has to lie in the working range, each muscle in its own.
@@ -57,16 +69,24 @@ class Problem:
             given["upper_length"] = np.maximum(np.asarray(given.get("upper_length", 0.0), float), longest)
         for name in required_fields(kind):
             if name not in given and name not in free:
-                raise InputError(name, "not known", f"the law {law} needs it ({fields[name].doc}); give --set {name}=VALUE", where=points.name)
-        taut = points.select(points.taut)
-        if len(taut) < len(free) + 2:
+                raise InputError(
+                    name,
+                    "not known",
+                    f"the law {law} needs it ({fields[name].doc}); give --set {name}=VALUE",
+                    where=points.name,
+                )
+        taut = int(points.taut.sum())
+        if taut < len(free) + 2:
             raise InputError(
-                "points", f"{len(taut)} with tension", f"the law {law} has {len(free)} free parameters and needs at least {len(free) + 2}",
+                "points",
+                f"{taut} with tension",
+                f"the law {law} has {len(free)} free parameters and needs at least {len(free) + 2}",
                 where=points.name,
             )
-        keep = points.taut
+        keep = points.taut | slack
         fixed = {k: (np.asarray(v)[keep] if np.ndim(v) else float(v)) for k, v in given.items() if k not in free}
-        return cls(law=law, free=tuple(free), known=fixed, points=taut)
+        counted = replace(points.select(keep), tension=np.maximum(points.tension[keep], 0.0))
+        return cls(law=law, free=tuple(free), known=fixed, points=counted)
 
     @property
     def quantities(self) -> dict[str, Quantity]:
@@ -98,20 +118,20 @@ class Problem:
         return np.stack(columns, axis=1) / self.scale
 
     def functions(self) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
-        """Predicted tension [N] and its derivative to the scaled parameters at all points: (n,) and (n, free)."""
+        """Signed braid tension [N] and its derivative to the scaled parameters at all points: (n,) and (n, free)."""
         n = len(self.points)
         total = -(-n // PADDING) * PADDING
         predict, jacobian = _compiled(self.law, self.free, tuple(sorted(self.known)))
         known = tuple(_padded(self.known[name], n, total) for name in sorted(self.known))
         length, pressure = _padded(self.points.length, n, total), _padded(self.points.pressure, n, total)
 
-        def tension(scaled: np.ndarray) -> np.ndarray:
+        def force(scaled: np.ndarray) -> np.ndarray:
             return np.asarray(predict(jnp.asarray(scaled * self.scale), known, length, pressure))[:n]
 
         def slopes(scaled: np.ndarray) -> np.ndarray:
             return np.asarray(jacobian(jnp.asarray(scaled * self.scale), known, length, pressure))[:n] * self.scale
 
-        return tension, slopes
+        return force, slopes
 
 
 def _longest(points: ForceMap) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,12 @@ class Solution:
 
 
 def solve(
-    problem: Problem, *, train: np.ndarray | None = None, near: Sequence[np.ndarray] = (), search: bool = True, seed: int = SEED
+    problem: Problem,
+    *,
+    train: np.ndarray | None = None,
+    near: Sequence[np.ndarray] = (),
+    search: bool = True,
+    seed: int = SEED,
 ) -> Solution:
     """Fit a problem.
 
@@ -47,42 +53,83 @@ def solve(
     Returns:
         The solution with the smallest sum of squares. It is marked converged only if a solver reached its tolerance.
     """
-    from scipy.optimize import least_squares
-
-    tension, slopes = problem.functions()
+    force, slopes = problem.functions()
     weight = np.ones(len(problem.points)) if train is None else np.asarray(train, float)
-    size = max(problem.points.largest, 1e-9)
     low, high = problem.bounds
     inside = 1e-9 * np.maximum(1.0, np.abs(low)), 1e-9 * np.maximum(1.0, np.abs(high))
-
-    def residual(scaled: np.ndarray) -> np.ndarray:
-        misfit = weight * (tension(scaled) - problem.points.tension) / size
-        return np.nan_to_num(misfit, nan=1e6, posinf=1e6, neginf=-1e6)
-
-    def derivative(scaled: np.ndarray) -> np.ndarray:
-        return np.nan_to_num(weight[:, None] * slopes(scaled) / size, nan=0.0, posinf=0.0, neginf=0.0)
-
     queue = [np.clip(start, low + inside[0], high - inside[1]) for start in near]
+    descend = _Descent(problem, force, slopes, weight)
     if search:
         draws = np.clip(problem.starts(CANDIDATES, seed), low + inside[0], high - inside[1])
-        cost = [float(np.sum(residual(d) ** 2)) for d in draws]
+        cost = [float(np.sum(descend.misfit(d, unilateral=False) ** 2)) for d in draws]
         queue += list(draws[np.argsort(cost)[:POLISHED]])
-    best, costs = None, []
+    found = []
     for start in queue:
-        found = least_squares(residual, start, jac=derivative, bounds=(low, high), x_scale="jac", max_nfev=400, ftol=1e-12, xtol=1e-12, gtol=1e-12)
-        costs.append(found.cost if found.status > 0 else np.inf)
-        if best is None or (found.status > 0, -found.cost) > (best.status > 0, -best.cost):
-            best = found
-        if sum(c <= min(costs) * (1.0 + SAME) + 1e-30 for c in costs) >= AGREE:
+        found.append(descend(start))
+        if _agreeing(found) >= AGREE:
             break
-    assert best is not None
-    finite = np.isfinite(best.x).all() and best.cost < 1e6
+    best = min(found, key=lambda f: (f.status <= 0, f.cost))
+    pull = np.maximum(force(best.x), 0.0)
     return Solution(
         scaled=best.x,
-        tension=tension(best.x),
-        jacobian=slopes(best.x),
-        converged=bool(best.status > 0 and finite),
+        tension=pull,
+        jacobian=np.where(pull > 0.0, 1.0, 0.0)[:, None] * slopes(best.x),
+        converged=bool(best.status > 0 and np.isfinite(best.x).all() and best.cost < 1e6),
         message=str(best.message).strip("` ."),
-        starts=len(costs),
-        agreeing=int(sum(c <= min(costs) * (1.0 + SAME) + 1e-30 for c in costs)),
+        starts=len(found),
+        agreeing=_agreeing(found),
     )
+
+
+def _agreeing(found: Sequence[Any]) -> int:
+    costs = [f.cost if f.status > 0 else np.inf for f in found]
+    return sum(c <= min(costs) * (1.0 + SAME) + 1e-30 for c in costs)
+
+
+class _Descent:
+    """Two descents from one start: with the signed force of the braid, whose derivative never vanishes, then as measured.
+
+    The second sees what the sensor sees, max(F, 0), so that a law is not blamed for how slack it would be.
+    """
+
+    def __init__(self, problem: Problem, force: Any, slopes: Any, weight: np.ndarray) -> None:
+        self.problem, self.force, self.slopes, self.weight = problem, force, slopes, weight
+        self.size = max(problem.points.largest, 1e-9)
+
+    def misfit(self, scaled: np.ndarray, *, unilateral: bool) -> np.ndarray:
+        force = self.force(scaled)
+        taut = self.problem.points.taut
+        # A slack point tells nothing about a signed force but that it is not positive.
+        pull = np.maximum(force, 0.0) if unilateral else np.where(taut, force, np.maximum(force, 0.0))
+        return np.nan_to_num(
+            self.weight * (pull - self.problem.points.tension) / self.size, nan=1e6, posinf=1e6, neginf=-1e6
+        )
+
+    def derivative(self, scaled: np.ndarray, *, unilateral: bool) -> np.ndarray:
+        seen = self.force(scaled) > 0.0
+        if not unilateral:
+            seen = seen | self.problem.points.taut
+        return np.nan_to_num(
+            (self.weight * seen)[:, None] * self.slopes(scaled) / self.size, nan=0.0, posinf=0.0, neginf=0.0
+        )
+
+    def __call__(self, start: np.ndarray) -> Any:
+        from scipy import optimize
+
+        for unilateral in (False, True):
+            found = optimize.least_squares(
+                self.misfit,
+                start,
+                jac=self.derivative,
+                bounds=self.problem.bounds,
+                x_scale="jac",
+                max_nfev=400,
+                ftol=1e-12,
+                xtol=1e-12,
+                gtol=1e-12,
+                kwargs={"unilateral": unilateral},
+            )
+            start = found.x
+            if np.all(self.force(start)[self.weight > 0] > 0.0):
+                break  # nothing is slack, and the second descent would be the first again
+        return found

@@ -22,7 +22,9 @@ class Uncertainty:
     warnings: tuple[str, ...]
 
 
-def uncertainty(jacobian: np.ndarray, residual: np.ndarray, names: tuple[str, ...], confidence: float = 0.95) -> Uncertainty:
+def uncertainty(
+    jacobian: np.ndarray, residual: np.ndarray, names: tuple[str, ...], confidence: float = 0.95
+) -> Uncertainty:
     """Linearised intervals of a least-squares solution.
 
     Args:
@@ -35,7 +37,7 @@ def uncertainty(jacobian: np.ndarray, residual: np.ndarray, names: tuple[str, ..
         Student's t quantile for n - p degrees of freedom; standard errors are infinite for parameters in an undetermined
         direction. Residuals are taken as independent, so that systematic misfit makes the intervals too narrow.
     """
-    from scipy.stats import t
+    from scipy import stats
 
     n, p = jacobian.shape
     degrees = max(n - p, 1)
@@ -59,8 +61,10 @@ def uncertainty(jacobian: np.ndarray, residual: np.ndarray, names: tuple[str, ..
     for i in range(p):
         for j in range(i):
             if abs(correlation[i, j]) > INSEPARABLE and np.isfinite(error[[i, j]]).all():
-                warnings.append(f"the data can hardly tell {names[j]} and {names[i]} apart (correlation {correlation[i, j]:+.4f})")
-    return Uncertainty(error, correlation, float(t.ppf(0.5 + confidence / 2.0, degrees)), tuple(warnings))
+                warnings.append(
+                    f"the data can hardly tell {names[j]} and {names[i]} apart (correlation {correlation[i, j]:+.4f})"
+                )
+    return Uncertainty(error, correlation, float(stats.t.ppf(0.5 + confidence / 2.0, degrees)), tuple(warnings))
 
 
 def _listed(names: list[str]) -> str:

@@ -5,14 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ..components import Hysteresis
 from ..errors import InputError
 from ..quantities import declared
 from ..specimens import Specimen
+from .biological import BiologicalMuscle
+from .hysteresis import HYSTERESES, FrictionLimit, MaxwellSlip
 from .law import TensionLaw
 from .laws import LAWS, law_type
+from .muscle import Muscle
 
 
-def law_from_specimen(spec: Specimen, law: str | None = None, *, changes: Mapping[str, Any] | None = None) -> TensionLaw:
+def law_from_specimen(
+    spec: Specimen, law: str | None = None, *, changes: Mapping[str, Any] | None = None
+) -> TensionLaw:
     """The tension law of a specimen.
 
     Args:
@@ -26,9 +32,14 @@ def law_from_specimen(spec: Specimen, law: str | None = None, *, changes: Mappin
     name = law or spec.law
     if name not in spec.laws:
         known = law_type(name)  # an unknown name is a better complaint than a missing one
-        raise InputError("law", name, f"{spec.id} states {', '.join(spec.laws)}; fit {known.title} to it first", where=spec.where)
+        raise InputError(
+            "law", name, f"{spec.id} states {', '.join(spec.laws)}; fit {known.title} to it first", where=spec.where
+        )
     group = spec.laws[name]
-    given = {key: p.si(_unit_of(name, key, spec.where), field=f"laws.{name}.{key}", where=spec.where) for key, p in group.items()}
+    given = {
+        key: p.si(_unit_of(name, key, spec.where), field=f"laws.{name}.{key}", where=spec.where)
+        for key, p in group.items()
+    }
     return build_law(name, given | dict(changes or {}), where=spec.where or spec.id)
 
 
@@ -85,3 +96,69 @@ def _has_default(field: Any) -> bool:
     import dataclasses
 
     return field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
+
+
+def from_specimen(
+    spec: Specimen, law: str | None = None, friction: str | None = None, *, changes: Mapping[str, Any] | None = None
+) -> Any:
+    """A `Muscle` of a McKibben specimen, or the `BiologicalMuscle` of a biological one.
+
+    Args:
+        spec: what was read from a specimen file.
+        law: one of the laws it states; its default law where left out.
+        friction: one of the frictions it states; the first where left out, none where it states none.
+        changes: parameters of the law to replace, by field name [SI].
+    """
+    if spec.kind == "biological":
+        return _biological(spec, law or spec.law, dict(changes or {}))
+    stated = list(spec.friction)
+    if friction is not None and friction not in stated:
+        raise InputError("friction", friction, f"{spec.id} states {', '.join(stated) or 'none'}", where=spec.where)
+    chosen = friction or (stated[0] if stated else None)
+    return Muscle(
+        law=law_from_specimen(spec, law, changes=changes),
+        friction=None if chosen is None else _friction(spec, chosen),
+    )
+
+
+# Parameters of a friction in a specimen file, with their SI units; the first two belong to its limit.
+_FRICTION_UNITS = {
+    "constant": "N", "per_pressure": "m^2", "stiffness": "N/m", "share": "1", "exponent": "1", "smoothing_velocity": "m/s",
+    "elements": "1", "shortest": "m", "longest": "m", "at_pressure": "Pa",
+}  # fmt: skip
+
+
+def _friction(spec: Specimen, name: str) -> Hysteresis:
+    if name not in HYSTERESES:
+        raise InputError(f"friction.{name}", "unknown", f"known are {', '.join(HYSTERESES)}", where=spec.where)
+    given: dict[str, Any] = {}
+    for key, p in spec.friction[name].items():
+        if key not in _FRICTION_UNITS:
+            raise InputError(
+                f"friction.{name}.{key}", "unknown", f"known are {', '.join(_FRICTION_UNITS)}", where=spec.where
+            )
+        given[key] = p.si(_FRICTION_UNITS[key], field=f"friction.{name}.{key}", where=spec.where)
+    limit = FrictionLimit(constant=given.pop("constant", 0.0), per_pressure=given.pop("per_pressure", 0.0))
+    for key in ("elements", "exponent"):
+        if key in given:
+            given[key] = int(given[key])
+    # Elements of equal force with spread travels are how a source states Maxwell-slip; single stiffnesses are measured.
+    make: Any = MaxwellSlip.geometric if name == "maxwell_slip" and "stiffness" not in given else HYSTERESES[name]
+    try:
+        built: Hysteresis = make(limit, **given) if make is not HYSTERESES[name] else make(limit=limit, **given)
+    except TypeError as error:
+        raise InputError(f"friction.{name}", ", ".join(given), str(error).split(") ")[-1], where=spec.where) from None
+    return built
+
+
+def _biological(spec: Specimen, name: str, changes: dict[str, Any]) -> BiologicalMuscle:
+    if name not in spec.laws:
+        raise InputError("law", name, f"{spec.id} states {', '.join(spec.laws)}", where=spec.where)
+    known = declared(BiologicalMuscle)
+    given: dict[str, Any] = {}
+    for key, p in spec.laws[name].items():
+        if key not in known:
+            raise InputError(f"laws.{name}.{key}", "unknown", f"known are {', '.join(known)}", where=spec.where)
+        given[key] = p.si(known[key].unit, field=f"laws.{name}.{key}", where=spec.where)
+        known[key].check(f"{name}.{key}", given[key], where=spec.where)
+    return BiologicalMuscle(**(given | changes))

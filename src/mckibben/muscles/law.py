@@ -31,8 +31,8 @@ class LawState(NamedTuple):
     volume: Scalar  # [m^3], NaN where the law has none
     stiffness: Scalar  # [N/m], zero when slack
     braid_length: Scalar  # [m], the span when taut, the free length when slack
-    slack: Scalar  # bool
-    overstretched: Scalar  # bool
+    slack: Scalar  # bool, never together with overstretched
+    overstretched: Scalar  # bool; the law says nothing about such a length, and its tension may be zero
 
 
 class TensionLaw(Module):
@@ -77,7 +77,7 @@ class TensionLaw(Module):
         return slope(lambda p: self.gas_energy(length, p), pressure)
 
     def braid_stiffness(self, length: Any, pressure: Any) -> Scalar:
-        """d braid_tension / dL at constant pressure [N/m]."""
+        """D braid_tension / dL at constant pressure [N/m]."""
         length, pressure = _together(length, pressure)
         return slope(lambda x: self.braid_tension(x, pressure), length)
 
@@ -114,7 +114,7 @@ class TensionLaw(Module):
         """All of the above at once."""
         span, pressure = _together(span, pressure)
         passive, active = self.elastic_tension(span), self.active_tension(span, pressure)
-        taut = passive + active > 0.0
+        taut, overstretched = passive + active > 0.0, self.overstretched(span)
         braid_length = self._braid_length(span, pressure)
         volume = self.braid_volume(braid_length, pressure) if self.has_volume() else jnp.full_like(passive, jnp.nan)
         return LawState(
@@ -123,9 +123,9 @@ class TensionLaw(Module):
             active=active,
             volume=volume,
             stiffness=self.stiffness(span, pressure),
-            braid_length=braid_length,
-            slack=~taut,
-            overstretched=self.overstretched(span),
+            braid_length=jnp.where(overstretched, span, braid_length),
+            slack=~taut & ~overstretched,
+            overstretched=overstretched,
         )
 
     def overstretched(self, span: Any) -> Scalar:
@@ -135,7 +135,9 @@ class TensionLaw(Module):
     def free_length(self, pressure: Any) -> Scalar:
         """Length at which the unloaded muscle settles [m], within `length_range`."""
         pressure = jnp.asarray(pressure, float)
-        low, high = (jnp.broadcast_to(end, jnp.broadcast_shapes(pressure.shape, end.shape)) for end in self.length_range())
+        low, high = (
+            jnp.broadcast_to(end, jnp.broadcast_shapes(pressure.shape, end.shape)) for end in self.length_range()
+        )
         pressure = jnp.broadcast_to(pressure, low.shape)
 
         def halve(_: int, ends: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:

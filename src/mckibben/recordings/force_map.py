@@ -46,7 +46,9 @@ PLAUSIBLE = {
 # A largest pressure or tension below this is no muscle either: bar read as pascal, kN as N, swapped columns.
 LEAST_LARGEST = {"pressure": 2e3, "tension": 0.05}
 _UNIT_WORDS = {
-    **{u: u for u in ("m", "mm", "cm", "Pa", "kPa", "MPa", "bar", "mbar", "psi", "N", "kN", "mN", "lbf", "kgf", "inch")},
+    **{
+        u: u for u in ("m", "mm", "cm", "Pa", "kPa", "MPa", "bar", "mbar", "psi", "N", "kN", "mN", "lbf", "kgf", "inch")
+    },
     **{"in": "inch", "percent": "percent", "%": "percent", "fraction": "1", "1": "1", "ratio": "1"},
 }
 
@@ -106,6 +108,7 @@ def read_force_map(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     branch: str | None = None,
+    pressure_zero: float = 0.0,
     ambient: float = 101325.0,
 ) -> ForceMap:
     """Read a force map from a CSV file (``.csv`` or ``.csv.gz``).
@@ -116,6 +119,7 @@ def read_force_map(
         columns: column names for ``length``, ``pressure``, ... where the header uses others.
         units: units for columns whose header has none.
         branch: keep only the rows whose branch column has this value.
+        pressure_zero: what the pressure channel reads at zero gauge pressure [Pa].
         ambient: environment pressure, for a column of absolute pressures [Pa].
 
     Raises:
@@ -134,18 +138,22 @@ def read_force_map(
         unit, absolute = _unit(column, (units or {}).get(what), what, where)
         scale = to_si(1.0, unit, UNITS[what], field=column, where=where)
         data[what] = numbers * scale - (ambient if absolute else 0.0)
+    if "pressure" in data:
+        data["pressure"] = data["pressure"] - pressure_zero
     if rest_length is not None:
         data["rest_length"] = np.full(len(rows), float(rest_length))
     if "length" not in data:
         if "rest_length" not in data:
-            raise InputError("rest_length", "not given", "a contraction needs --rest-length or a column rest_length", where=where)
+            raise InputError(
+                "rest_length", "not given", "a contraction needs --rest-length or a column rest_length", where=where
+            )
         _check_plausible("contraction", data["contraction"], chosen["contraction"], where)
         data["length"] = data["rest_length"] * (1.0 - data["contraction"])
     data.pop("contraction", None)
     for what in ("length", "rest_length", "pressure", "tension"):
         if what in data:
             _check_plausible(what, data[what], chosen.get(what, what), where)
-    found = ForceMap(name=Path(path).name.removesuffix(".gz").removesuffix(".csv"), **data)  # type: ignore[arg-type]
+    found = ForceMap(name=Path(path).name.removesuffix(".gz").removesuffix(".csv"), **data)
     found = _keep_branch(found, branch, where)
     _check_direction(found, where)
     return found
@@ -161,10 +169,14 @@ def _rows(path: Path, where: str) -> tuple[list[str], list[tuple[int, list[str]]
     except (UnicodeDecodeError, OSError, csv.Error) as error:
         raise InputError("file", "unreadable", f"allowed is a CSV text file ({error})", where=where) from None
     if len(lines) < 2:
-        raise InputError("file", f"{max(len(lines) - 1, 0)} rows", "allowed is a header and at least one row", where=where)
+        raise InputError(
+            "file", f"{max(len(lines) - 1, 0)} rows", "allowed is a header and at least one row", where=where
+        )
     header = [cell.strip() for cell in lines[0][1]]
     if all(_is_number(cell) for cell in header):
-        raise InputError("header", ",".join(header), "the first row must name the columns, such as length_mm", where=where)
+        raise InputError(
+            "header", ",".join(header), "the first row must name the columns, such as length_mm", where=where
+        )
     for number, row in lines[1:]:
         if len(row) != len(header):
             raise InputError(f"row {number}", f"{len(row)} cells", f"the header has {len(header)} columns", where=where)
@@ -187,9 +199,13 @@ def _choose(header: list[str], columns: dict[str, str], where: str) -> dict[str,
                 columns.setdefault(what, match[0])
     for what in ("pressure", "tension"):
         if what not in columns:
-            raise InputError(what, "no column", f"the file has {', '.join(header)}; name it with --column {what}=NAME", where=where)
+            raise InputError(
+                what, "no column", f"the file has {', '.join(header)}; name it with --column {what}=NAME", where=where
+            )
     if "length" not in columns and "contraction" not in columns:
-        raise InputError("length", "no column", f"the file has {', '.join(header)}; name it with --column length=NAME", where=where)
+        raise InputError(
+            "length", "no column", f"the file has {', '.join(header)}; name it with --column length=NAME", where=where
+        )
     if "length" in columns:
         columns.pop("contraction", None)
     return columns
@@ -199,7 +215,9 @@ def _split(column: str) -> tuple[str, list[str]]:
     """A column name as its stem in lower case and the words after it: ``pressure_kPa_gauge`` -> pressure, [kPa, gauge]."""
     words = [w for w in re.split(r"[\s_\[\]()/,;:]+", column) if w]
     tail: list[str] = []
-    while len(words) > 1 and (words[-1] in _UNIT_WORDS or words[-1].lower() in ("gauge", "abs", "absolute", "rel", "g")):
+    while len(words) > 1 and (
+        words[-1] in _UNIT_WORDS or words[-1].lower() in ("gauge", "abs", "absolute", "rel", "g")
+    ):
         tail.insert(0, words.pop())
     return "_".join(words).lower(), tail
 
@@ -211,8 +229,11 @@ def _unit(column: str, given: str | None, what: str, where: str) -> tuple[str, b
     unit = given or (_UNIT_WORDS[found[-1]] if found else "1" if what == "contraction" else None)
     if unit is None:
         raise InputError(
-            column, "no unit", f"write it into the header, such as {what}_{'bar' if what == 'pressure' else UNITS[what]}, "
-            f"or give --unit {what}=UNIT", where=where,
+            column,
+            "no unit",
+            f"write it into the header, such as {what}_{'bar' if what == 'pressure' else UNITS[what]}, "
+            f"or give --unit {what}=UNIT",
+            where=where,
         )
     return unit, absolute
 
@@ -235,11 +256,21 @@ def _check_plausible(what: str, values: np.ndarray, column: str, where: str) -> 
     bad = (values < low) | (values > high)
     if bad.any():
         worst = float(values[bad][0])
-        hint = "is it in percent? name the column contraction_percent" if what == "contraction" else "wrong unit, or columns swapped?"
-        raise InputError(column, with_unit(worst, unit), f"allowed is {with_unit(low, unit)} to {with_unit(high, unit)}; {hint}", where=where)
+        hint = (
+            "is it in percent? name the column contraction_percent"
+            if what == "contraction"
+            else "wrong unit, or columns swapped?"
+        )
+        raise InputError(
+            column,
+            with_unit(worst, unit),
+            f"allowed is {with_unit(low, unit)} to {with_unit(high, unit)}; {hint}",
+            where=where,
+        )
     if what in LEAST_LARGEST and values.max() < LEAST_LARGEST[what]:
         raise InputError(
-            column, f"at most {with_unit(float(values.max()), unit)}",
+            column,
+            f"at most {with_unit(float(values.max()), unit)}",
             f"allowed is a largest value of {with_unit(LEAST_LARGEST[what], unit)} or more; wrong unit, or columns swapped?",
             where=where,
         )
@@ -273,7 +304,8 @@ def _check_direction(found: ForceMap, where: str) -> None:
             if len(tension) > 1 and fall.max() > room:
                 i = int(fall.argmax())
                 raise InputError(
-                    "tension", f"{tension[i]:.4g} N at {with_unit(float(at[i]), over)}",
+                    "tension",
+                    f"{tension[i]:.4g} N at {with_unit(float(at[i]), over)}",
                     f"it falls by {fall[i]:.4g} N while the {moving} rises at "
                     f"{with_unit(float(key[0]), 'm' if fixed == 'length' else 'Pa')}; columns swapped, or a sign wrong?",
                     where=where,

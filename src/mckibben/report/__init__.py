@@ -1,0 +1,1 @@
+"""Figures and reports: what people would rather see than read. Only `report.figures` draws."""

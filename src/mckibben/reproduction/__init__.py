@@ -1,0 +1,29 @@
+"""The papers, number by number: what is printed, what we compute, and what that says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .rows import Outcome, Row, reproduce_row, select
+
+__all__ = ["Outcome", "Row", "reproduce"]
+
+
+def reproduce(
+    part: str | None = None, rows: list[str] | None = None, *, progress: Callable[[Row], None] | None = None
+) -> list[Outcome]:
+    """Compute rows of the papers and judge each.
+
+    Args:
+        part: ``I`` to ``IV`` or ``discussion``; all where left out.
+        rows: beginnings of identifiers, such as ``table1.nylon``.
+        progress: called with each row before it is computed.
+    """
+    from . import discussion, part1  # noqa: F401  (they register their rows)
+
+    outcomes = []
+    for row in select(part, rows):
+        if progress:
+            progress(row)
+        outcomes.append(reproduce_row(row))
+    return outcomes

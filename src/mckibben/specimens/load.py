@@ -138,4 +138,6 @@ def _first_complaint(error: Any, where: str) -> InputError:
     if first["type"] == "missing":
         return InputError(field, "missing", "it is required", where=where)
     value = first.get("input")
-    return InputError(field, value if isinstance(value, str | int | float) else type(value).__name__, first["msg"], where=where)
+    return InputError(
+        field, value if isinstance(value, str | int | float) else type(value).__name__, first["msg"], where=where
+    )

@@ -66,7 +66,9 @@ class BoucWen(Hysteresis):
             )
         travel = (1.0 / (beta + gamma)) ** (1.0 / exponent)
         limit = FrictionLimit(constant=stiffness * travel)
-        return cls(limit=limit, stiffness=stiffness, share=beta / (beta + gamma), exponent=exponent)
+        return cls(
+            limit=limit, stiffness=jnp.asarray(stiffness), share=jnp.asarray(beta / (beta + gamma)), exponent=exponent
+        )
 
     def initial(self) -> Scalar:
         """No deflection, shape (1,) [m]."""

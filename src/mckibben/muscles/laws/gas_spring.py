@@ -20,7 +20,9 @@ from .. import bladder
 from ..law import TensionLaw
 
 
-def spring_volume(length: Any, *, rest_length: Any, rest_volume: Any, shortest_length: Any, per_pressure: Any) -> Scalar:
+def spring_volume(
+    length: Any, *, rest_length: Any, rest_volume: Any, shortest_length: Any, per_pressure: Any
+) -> Scalar:
     """Volume whose derivative is that of a gas spring [m^3] (eq. 38b); lengths [m], Kg [m].
 
     It turns negative at long lengths (beyond 16.3 cm for the nylon muscle), by design: see `bladder`.
@@ -53,7 +55,11 @@ class GasSpring(TensionLaw):
         "m^3", (0.0, 1.0), "gas volume at rest length; needed only for the volume itself", symbol="V0", default=0.0
     )
     threshold_width: Scalar = quantity(
-        "Pa", (1e2, 1e6), "range of pressure around zero in which the bladder fills to the braid", symbol="w", default=1e4
+        "Pa",
+        (1e2, 1e6),
+        "range of pressure around zero in which the bladder fills to the braid",
+        symbol="w",
+        default=1e4,
     )
     volume_known: bool = eqx.field(static=True, kw_only=True, default=True)
 

@@ -63,7 +63,11 @@ class HyperelasticBraid(TensionLaw):
     )
     upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
     threshold_width: Scalar = quantity(
-        "Pa", (1e2, 1e6), "range of pressure around zero in which the bladder fills to the braid", symbol="w", default=1e4
+        "Pa",
+        (1e2, 1e6),
+        "range of pressure around zero in which the bladder fills to the braid",
+        symbol="w",
+        default=1e4,
     )
     ogden_exponent: int = eqx.field(static=True, kw_only=True, default=-4)
 

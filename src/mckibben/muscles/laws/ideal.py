@@ -29,7 +29,11 @@ class Ideal(TensionLaw):
     thread_length: Scalar = quantity("m", (1e-3, 100.0), "length of one thread", symbol="b", typical=(0.05, 1.0))
     turns: Scalar = quantity("1", (0.05, 1e3), "turns of one thread around the braid", symbol="n", typical=(0.8, 8.0))
     threshold_width: Scalar = quantity(
-        "Pa", (1e2, 1e6), "range of pressure around zero in which the bladder fills to the braid", symbol="w", default=1e4
+        "Pa",
+        (1e2, 1e6),
+        "range of pressure around zero in which the bladder fills to the braid",
+        symbol="w",
+        default=1e4,
     )
 
     title = "Ideal virtual work"

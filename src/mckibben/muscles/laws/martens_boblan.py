@@ -39,7 +39,11 @@ class MartensBoblan(TensionLaw):
     modulus_2: Scalar = quantity("Pa/m^2", (-1e14, 1e14), "modulus, quadratic term", symbol="c2", typical=(-3e9, 3e9))
     modulus_3: Scalar = quantity("Pa/m^3", (-1e15, 1e15), "modulus, cubic term", symbol="c3", typical=(-3e9, 3e9))
     threshold_width: Scalar = quantity(
-        "Pa", (1e2, 1e6), "range of pressure around zero in which the bladder fills to the braid", symbol="w", default=1e4
+        "Pa",
+        (1e2, 1e6),
+        "range of pressure around zero in which the bladder fills to the braid",
+        symbol="w",
+        default=1e4,
     )
 
     title = "Martens & Boblan"
@@ -74,5 +78,5 @@ class MartensBoblan(TensionLaw):
         return {"thread_length": self.rest_length / jnp.cos(angle), "turns": turns}
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """From half the rest length to just short of the thread length [m]."""
-        return 0.5 * self.rest_length, LONGEST * self._shape()["thread_length"]
+        """From half the rest length to the rest length [m]."""
+        return 0.5 * self.rest_length, self.rest_length

@@ -47,7 +47,11 @@ class SeatedBraid(TensionLaw):
     )
     upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
     threshold_width: Scalar = quantity(
-        "Pa", (1e2, 1e6), "range of pressure around zero in which the bladder fills to the braid", symbol="w", default=1e4
+        "Pa",
+        (1e2, 1e6),
+        "range of pressure around zero in which the bladder fills to the braid",
+        symbol="w",
+        default=1e4,
     )
 
     title = "Seated braid"
@@ -83,14 +87,18 @@ class SeatedBraid(TensionLaw):
 
     def _take_up(self, braid: HyperelasticBraid, length: Any, pressure: Any) -> Scalar:
         """The take-up u of the seats [m]; all but the last step see held values, so only that one is differentiated."""
-        held_braid, held_q, held_length, held_pressure = jax.lax.stop_gradient((braid, self.seat_compliance, length, pressure))
+        held_braid, held_q, held_length, held_pressure = jax.lax.stop_gradient(
+            (braid, self.seat_compliance, length, pressure)
+        )
 
         def step(u: Scalar, force: Scalar, stiffness: Scalar, q: Scalar) -> Scalar:
             # Where the braid has no positive stiffness the step is short instead of wrong.
             soft = jnp.maximum(stiffness, 1.0) * q * q
             reach = jnp.maximum(force + jnp.maximum(stiffness, 1.0) * u, 0.0) * q * q
             loaded = reach > 1e-24  # below that the square root has no derivative, and the ends carry nothing
-            return jnp.where(loaded, 2.0 * reach / (soft + jnp.sqrt(soft * soft + 4.0 * jnp.where(loaded, reach, 1.0))), 0.0)
+            return jnp.where(
+                loaded, 2.0 * reach / (soft + jnp.sqrt(soft * soft + 4.0 * jnp.where(loaded, reach, 1.0))), 0.0
+            )
 
         def forces(u: Scalar) -> tuple[Scalar, Scalar]:
             at = held_length - u

@@ -30,7 +30,11 @@ class ThickWall(TensionLaw):
     )
     upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length, where the stop begins", symbol="Lu")
     threshold_width: Scalar = quantity(
-        "Pa", (1e2, 1e6), "range of pressure around zero in which the bladder fills to the braid", symbol="w", default=1e4
+        "Pa",
+        (1e2, 1e6),
+        "range of pressure around zero in which the bladder fills to the braid",
+        symbol="w",
+        default=1e4,
     )
     stop_stiffness: Scalar = quantity(
         "N/m^2", (0.0, 1e12), "coefficient of the end non-linearity nl(L)", symbol="knl", default=0.0

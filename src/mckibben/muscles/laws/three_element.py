@@ -26,11 +26,15 @@ class ThreeElement(TensionLaw):
 
     rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
     upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
-    force_constant: Scalar = quantity("N", (-1e5, 1e5), "contractile force at zero pressure", symbol="f0", typical=(-2e2, 2e2))
+    force_constant: Scalar = quantity(
+        "N", (-1e5, 1e5), "contractile force at zero pressure", symbol="f0", typical=(-2e2, 2e2)
+    )
     force_per_pressure: Scalar = quantity(
         "m^2", (0.0, 1.0), "contractile force per pressure", symbol="f1", typical=(1e-4, 5e-3)
     )
-    stiffness_constant: Scalar = quantity("N/m", (-1e7, 1e7), "stiffness at zero pressure", symbol="k0", typical=(-1e3, 1e4))
+    stiffness_constant: Scalar = quantity(
+        "N/m", (-1e7, 1e7), "stiffness at zero pressure", symbol="k0", typical=(-1e3, 1e4)
+    )
     stiffness_per_pressure: Scalar = quantity(
         "m", (-10.0, 10.0), "stiffness per pressure", symbol="k1", typical=(1e-3, 5e-2)
     )

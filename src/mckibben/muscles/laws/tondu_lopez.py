@@ -28,7 +28,9 @@ class TonduLopez(TensionLaw):
     rest_angle: Scalar = quantity(
         "rad", (0.05, 1.5), "braid angle at rest, from the long axis", symbol="theta0", typical=(0.3, 0.8)
     )
-    end_factor: Scalar = quantity("1", (0.1, 10.0), "k at high pressure", symbol="k_inf", typical=(0.8, 1.6), default=1.0)
+    end_factor: Scalar = quantity(
+        "1", (0.1, 10.0), "k at high pressure", symbol="k_inf", typical=(0.8, 1.6), default=1.0
+    )
     end_factor_gain: Scalar = quantity(
         "1", (-5.0, 20.0), "growth of k towards zero pressure", symbol="k_1", typical=(-0.5, 2.0), default=0.0
     )
@@ -37,7 +39,11 @@ class TonduLopez(TensionLaw):
     )
     upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
     threshold_width: Scalar = quantity(
-        "Pa", (1e2, 1e6), "range of pressure around zero in which the bladder fills to the braid", symbol="w", default=1e4
+        "Pa",
+        (1e2, 1e6),
+        "range of pressure around zero in which the bladder fills to the braid",
+        symbol="w",
+        default=1e4,
     )
 
     title = "Tondu & Lopez"
@@ -60,7 +66,7 @@ class TonduLopez(TensionLaw):
         )
 
     def end_factor_at(self, pressure: Any) -> Scalar:
-        """k at a gauge pressure [1]; in vacuum its value at zero."""
+        """K at a gauge pressure [1]; in vacuum its value at zero."""
         return self.end_factor + self.end_factor_gain * jnp.exp(-jnp.maximum(pressure, 0.0) / self.end_factor_pressure)
 
     def _volume(self, length: Any, k: Any) -> Scalar:

@@ -1,0 +1,65 @@
+# Everything runs in a virtual environment of its own, from pinned versions. Only Python >= 3.11 and make are needed.
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+OUT    ?= out
+ifeq ($(OS),Windows_NT)
+BIN    := $(VENV)/Scripts
+endif
+RUN    := $(BIN)/python -m
+WORKERS ?= 2
+
+.PHONY: demo test slow validation lint docs bench lock clean help
+
+help: ## Say what can be made
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 20
+
+demo: $(VENV)/.run ## Fit every law to the two published force maps and write a report with figures
+	@mkdir -p $(OUT)
+	$(RUN) mckibben fit DMSP-10-250 DMSP-20-300 --train-below "4 bar" --report $(OUT)/force-maps.html
+	$(RUN) mckibben reproduce --part I
+
+test: lint ## Run the whole suite
+	$(RUN) pytest -n $(WORKERS) -m "not slow and not validation"
+
+slow: $(VENV)/.test ## Run the tests that take minutes
+	$(RUN) pytest -n $(WORKERS) -m slow
+
+validation: $(VENV)/.test ## Run the tests on measured data; MCKIBBEN_DATA must name their folder
+	@test -d "$$MCKIBBEN_DATA" || { echo "MCKIBBEN_DATA does not name a folder with the measured data"; exit 2; }
+	$(RUN) pytest -m validation -rA
+
+lint: $(VENV)/.test ## Style, types and the import order of the house
+	$(RUN) ruff check .
+	$(RUN) ruff format --check .
+	$(RUN) mypy
+	$(BIN)/lint-imports --no-logo
+
+docs: $(VENV)/.docs ## Build the documentation; its examples are executed
+	$(RUN) mckibben_docs 2>/dev/null || $(BIN)/python docs/build.py
+
+lock: $(VENV)/.test ## Pin the versions anew
+	$(RUN) pip install --quiet uv
+	for set in run test docs; do $(RUN) uv pip compile --quiet --universal --no-emit-index-url --no-header \
+	  --python-version 3.11 requirements/$$set.in -o requirements/$$set.txt || exit 1; done
+
+clean: ## Remove what was made
+	rm -rf $(VENV) $(OUT) site dist build
+
+$(VENV)/bin/python $(VENV)/Scripts/python.exe:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mckibben needs Python 3.11 or newer; say which with make PYTHON=...")'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.run: requirements/run.txt pyproject.toml
+	@$(MAKE) --no-print-directory $(VENV)/bin/python
+	$(RUN) pip install --quiet --disable-pip-version-check -r requirements/run.txt
+	$(RUN) pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/.test: requirements/test.txt $(VENV)/.run
+	$(RUN) pip install --quiet --disable-pip-version-check -r requirements/test.txt
+	@touch $@
+
+$(VENV)/.docs: requirements/docs.txt $(VENV)/.run
+	$(RUN) pip install --quiet --disable-pip-version-check -r requirements/docs.txt
+	@touch $@

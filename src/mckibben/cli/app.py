@@ -1,0 +1,82 @@
+"""The commands' table, and the one place where an error becomes a line and an exit code."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated, Any
+
+import typer
+
+from .. import __version__
+from ..errors import ConvergenceError, MckibbenError
+from . import fit, muscles, reproduce
+
+app = typer.Typer(
+    name="mckibben",
+    help="A laboratory for McKibben pneumatic artificial muscles.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"mckibben {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """A laboratory for McKibben pneumatic artificial muscles."""
+
+
+muscles.add_to(app)
+fit.add_to(app)
+reproduce.add_to(app)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; never shows a traceback for a wrong input.
+
+    Args:
+        arguments: words after the program's name; those of the process where left out.
+    """
+    command = typer.main.get_command(app)
+    try:
+        code = command.main(args=arguments, prog_name="mckibben", standalone_mode=False)
+    except (typer.Abort, KeyboardInterrupt):
+        code = _complain("interrupted; nothing was written", 130)
+    except ConvergenceError as error:
+        code = _complain(str(error), 1)
+    except MckibbenError as error:
+        code = _complain(str(error), 2)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    except OSError as error:
+        code = _complain(f"{error.filename or 'file'}: {error.strerror}", 2)
+    except Exception as error:
+        # The parser's own complaints; which module defines their class depends on typer's version.
+        if not hasattr(error, "format_message"):
+            raise
+        code = _usage(error)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _usage(error: Any) -> int:
+    if type(error).__name__ == "NoArgsIsHelpError":
+        typer.echo(error.format_message())
+        return 0
+    return _complain(" ".join(error.format_message().split()), 2)
+
+
+def _complain(sentence: str, code: int) -> int:
+    typer.echo(f"mckibben: {sentence}", err=True)
+    return code

@@ -1,0 +1,294 @@
+"""``fit``: from a measured table to laws, ranked, with intervals and predictions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import InputError
+from .words import Json, Set, assignments, print_json, progress, table
+
+if TYPE_CHECKING:
+    from ..identification import Fit
+    from ..recordings import ForceMap
+    from ..specimens import Specimen
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add this command to the table."""
+    app.command("fit")(fit)
+
+
+def fit(
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE..", help="CSV tables, or specimens that ship with a map.")
+    ],
+    law: Annotated[
+        list[str] | None, typer.Option("--law", help="Law to fit; repeat for several. All where left out.")
+    ] = None,
+    rest_length: Annotated[str | None, typer.Option(help="Rest length of the muscle, such as '300 mm'.")] = None,
+    like: Annotated[
+        str | None, typer.Option(metavar="SPECIMEN", help="Take known dimensions from this specimen.")
+    ] = None,
+    change: Set = None,
+    column: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="Which column is length, pressure, ...")
+    ] = None,
+    unit: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none.")
+    ] = None,
+    branch: Annotated[str | None, typer.Option(help="Keep only rows with this value in the branch column.")] = None,
+    pressure_zero: Annotated[
+        str | None, typer.Option(help="Reading of the pressure channel at zero, such as '9.2 kPa'.")
+    ] = None,
+    slack: Annotated[bool, typer.Option("--slack", help="Also fit zero tension at the slack points.")] = False,
+    train_below: Annotated[
+        str | None, typer.Option(help="Also train up to this gauge pressure and predict above it.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report with figures.")] = None,
+    save: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Save the fitted laws as a specimen.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Fit tension laws to a measured table of length, pressure and tension, and rank them."""
+    from ..quantities import parse
+
+    _writable(report, ".html")
+    _writable(save, ".toml")
+    rest = None if rest_length is None else parse(rest_length, "m", field="--rest-length")
+    below = None if train_below is None else parse(train_below, "Pa", field="--train-below")
+    if save is not None and len(files) > 1:
+        raise InputError("--save", str(save), "allowed with one table")
+    reading = {
+        "columns": _pairs(column, "--column"),
+        "units": _pairs(unit, "--unit"),
+        "branch": branch,
+        "pressure_zero": 0.0 if pressure_zero is None else parse(pressure_zero, "Pa", field="--pressure-zero"),
+    }
+    loaded = [_load(f, rest, like, reading) for f in files]
+    studies = [_study(points, spec, law, change, below, slack) for points, spec in loaded]
+    if report is not None:
+        from ..report.fit_report import write_fit_report
+
+        write_fit_report(studies, report)
+    if save is not None:
+        from ..report.specimen_file import write_specimen
+
+        write_specimen(studies[0].fits, studies[0].specimen, save)
+    if as_json:
+        results = [_as_json(s) for s in studies]
+        print_json(results[0] if len(results) == 1 else {"maps": results})
+        return
+    for study in studies:
+        _print(study)
+    for path in (report, save):
+        if path is not None:
+            typer.echo(f"Written: {path}")
+
+
+def _load(file: str, rest: float | None, like: str | None, reading: dict[str, Any]) -> tuple[ForceMap, Specimen | None]:
+    from ..recordings import read_force_map
+    from ..specimens import map_file, specimen, specimen_ids
+
+    path: Any = file
+    spec = None if like is None else specimen(like)
+    if not Path(file).suffix and file.lower() in [i.lower() for i in specimen_ids()]:
+        spec = specimen(file)
+        path = map_file(spec)
+        rest = rest or spec.property_si("rest_length", "m")
+    points = read_force_map(path, rest_length=rest, **reading)
+    return points, spec
+
+
+def _study(
+    points: ForceMap,
+    spec: Specimen | None,
+    laws: list[str] | None,
+    change: list[str] | None,
+    below: float | None,
+    slack: bool,
+) -> Any:
+    from ..identification import evaluate, fit_all
+    from ..identification.fit import SCHEMES
+    from ..muscles.build import law_from_specimen
+    from ..muscles.laws import LAWS, law_type
+    from ..report.study import Study
+
+    for name in laws or []:
+        law_type(name)
+    chosen = None if laws is None or "all" in laws else laws
+    known = _known(spec, change, laws)
+    skipped: dict[str, str] = {}
+    with progress("fitting", len(chosen or LAWS) * (1 + len(SCHEMES))) as advance:
+        fits = fit_all(
+            points, laws=chosen, known=known, skipped=skipped, train_below=below, slack=slack, progress=advance
+        )
+    published = []
+    if spec is not None:
+        for name in spec.laws if spec.map else ():
+            if not any(p.note.startswith("fitted") for p in spec.laws[name].values()):
+                built = law_from_specimen(spec, name)
+                published.append((f"{built.title}, as published", evaluate(built, points)))
+    return Study(
+        title=spec.title if spec else points.name,
+        specimen=spec,
+        points=points,
+        fits=fits,
+        published=published,
+        skipped=skipped,
+    )
+
+
+def _known(spec: Specimen | None, change: list[str] | None, laws: list[str] | None) -> dict[str, Any]:
+    """Dimensions that are not fitted: from the specimen, then from ``--set``."""
+    from ..muscles.laws import LAWS, law_type
+    from ..quantities import declared, parse
+
+    found: dict[str, Any] = {}
+    if spec is not None:
+        places = {"rest_inner_diameter": ("rest_diameter", "m"), "wall_thickness": ("wall_thickness", "m")}
+        for name, (parameter, unit) in places.items():
+            if name in spec.properties:
+                found[parameter] = spec.property_si(name, unit)
+    fields = {k: q for name in (laws or LAWS) if name in LAWS for k, q in declared(law_type(name)).items()}
+    for name, text in assignments(change).items():
+        if name not in fields:
+            raise InputError(f"--set {name}", text, f"known are {', '.join(sorted(fields))}")
+        found[name] = parse(text, fields[name].unit, field=f"--set {name}", bare=True)
+        fields[name].check(f"--set {name}", found[name])
+    return found
+
+
+def _as_json(study: Any) -> dict[str, Any]:
+    return {
+        "map": study.points.name,
+        "fits": [_fit_json(f) for f in study.fits],
+        "published": [
+            {"law": title, "rmse": float((error**2).mean() ** 0.5), "max_error": float(abs(error).max())}
+            for title, error in study.published
+        ],
+        "skipped": study.skipped,
+        "largest_tension": study.points.largest,
+    }
+
+
+def _fit_json(f: Fit) -> dict[str, Any]:
+    import numpy as np
+
+    known = {
+        k: (float(np.max(v)) if np.ndim(v) == 0 or len(set(np.ravel(v))) == 1 else None) for k, v in f.known.items()
+    }
+    return {
+        "law": f.law,
+        "parameters": {k: e._asdict() for k, e in f.parameters.items()},
+        "known": known,
+        "rmse": f.rmse,
+        "max_error": f.max_error,
+        "cv_rmse": f.cv_rmse,
+        "cv_max_error": f.cv_max_error,
+        "aicc": f.aicc,
+        "n": len(f.points),
+        "converged": f.converged,
+        "warnings": list(f.warnings),
+        "cross_validation": {
+            k: {"groups": c.groups, "rmse": c.rmse, "max_error": c.max_error} for k, c in f.cross.items()
+        },
+        "holdout": None
+        if f.holdout is None
+        else {"trained_on": f.holdout.trained_on, "rmse": f.holdout.rmse, "max_error": f.holdout.max_error},
+    }
+
+
+def _print(study: Any) -> None:
+    largest = study.points.largest
+    n = int(study.points.taut.sum())
+    share = lambda newton: "-" if newton is None else "fails" if not newton < 1e6 else f"{100 * newton / largest:.2f} %"  # noqa: E731
+    rows = []
+    for f in study.fits:
+        held = f.holdout.max_error if f.holdout else None
+        rows.append(
+            [
+                f.law,
+                str(len(f.parameters)),
+                f"{f.rmse:.2f} N",
+                share(f.max_error),
+                share(f.cv_max_error),
+                *(share(f.cross[s].max_error if s in f.cross else None) for s in ("length", "block", "rest_length")),
+                share(held),
+                f"{f.aicc:.1f}",
+                "" if f.converged else "did not converge",
+            ]
+        )
+    for title, error in study.published:
+        rows.append(
+            [
+                title,
+                "0",
+                f"{(error**2).mean() ** 0.5:.2f} N",
+                share(float(abs(error).max())),
+                "-",
+                "-",
+                "-",
+                "-",
+                "-",
+                "-",
+                "",
+            ]
+        )
+    columns = [
+        "law",
+        "free",
+        "rmse",
+        "largest",
+        "pressure out",
+        "length out",
+        "block out",
+        "muscle out",
+        "above",
+        "AICc",
+        "",
+    ]
+    keep = [i for i in range(len(columns)) if i < 5 or any(r[i] not in ("-", "") for r in rows)]
+    table(
+        f"{study.title}: {n} points with tension, largest {largest:.1f} N; errors are the largest, of that",
+        [columns[i] for i in keep],
+        [[r[i] for i in keep] for r in rows],
+        right=[j for j, i in enumerate(keep) if 0 < i < 10],
+    )
+    best = study.fits[0]
+    from ..quantities import with_unit
+
+    typer.echo(f"\n{best.law}:")
+    for name, e in best.parameters.items():
+        typer.echo(
+            f"  {name} = {with_unit(e.value, e.unit)}  (95 %: {with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)})"
+        )
+    for f in study.fits:
+        for warning in f.warnings:
+            typer.echo(f"note: {f.law}: {warning}")
+    for name, why in study.skipped.items():
+        typer.echo(f"left out: {name}: {why}")
+    if study.specimen is not None and "martens2017" in study.specimen.sources:
+        typer.echo("data: M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0")
+    typer.echo("")
+
+
+def _pairs(words: list[str] | None, option: str) -> dict[str, str]:
+    found = {}
+    for word in words or []:
+        name, equals, value = word.partition("=")
+        if not equals or not value:
+            raise InputError(option, word, "allowed is NAME=VALUE, such as pressure=p_kPa")
+        found[name.strip()] = value.strip()
+    return found
+
+
+def _writable(path: Path | None, suffix: str) -> None:
+    """Refuse a place that cannot be written before any work is done."""
+    if path is None:
+        return
+    if path.suffix != suffix:
+        raise InputError("file", str(path), f"allowed is a name that ends with {suffix}")
+    if not path.absolute().parent.is_dir():
+        raise InputError("file", str(path), "its folder does not exist")

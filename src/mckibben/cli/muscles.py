@@ -1,0 +1,205 @@
+"""``muscles``, ``show`` and ``tension``: what is known of a muscle, and what it pulls."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import InputError
+from .words import Json, Set, parameters, print_json, table
+
+if TYPE_CHECKING:
+    from ..specimens import Parameter, Specimen
+
+Name = Annotated[str, typer.Argument(metavar="SPECIMEN_OR_LAW", help="Specimen id, .toml file, or the name of a law.")]
+Law = Annotated[str | None, typer.Option("--law", help="Law to use, where the specimen states several.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add these commands to the table."""
+    app.command("muscles")(list_muscles)
+    app.command("show")(show)
+    app.command("tension")(tension)
+
+
+def list_muscles(as_json: Json = False) -> None:
+    """List the muscles that are known, with their sources."""
+    from ..specimens import specimens
+
+    known = specimens()
+    if as_json:
+        print_json(
+            {"specimens": [{"id": s.id, "source": s.source(), "law": s.law, "inferred": s.inferred()} for s in known]}
+        )
+        return
+    rows = [[s.id, s.title, s.law, s.source(), str(len(s.inferred()))] for s in known]
+    table("Muscles", ["id", "what it is", "law", "source", "inferred numbers"], rows, right=[4])
+
+
+def show(
+    name: Annotated[str, typer.Argument(metavar="SPECIMEN", help="Specimen id or .toml file.")],
+    law: Law = None,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="Also draw its curves into this SVG or PNG file.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show a muscle: its parameters, their units and sources, and its law."""
+    from ..citations import reference
+    from ..specimens import specimen
+
+    spec = specimen(name)
+    chosen = law or spec.law
+    built = _law(spec, chosen, {})
+    groups = {"properties": spec.properties, f"laws.{chosen}": spec.laws[chosen]}
+    groups |= {f"friction.{k}": g for k, g in spec.friction.items()}
+    if figure is not None:
+        _draw(built, spec, figure)
+    if as_json:
+        found = {f"{path}.{key}": _entry(p) for path, group in groups.items() for key, p in group.items()}
+        print_json(
+            {
+                "id": spec.id,
+                "title": spec.title,
+                "law": chosen,
+                "laws": list(spec.laws),
+                "parameters": found,
+                "sources": spec.sources,
+            }
+        )
+        return
+    rows = []
+    for path, group in groups.items():
+        for key, p in group.items():
+            rows.append([f"{path}.{key}", _value(p), p.source, "inferred" if p.inferred else "", p.note])
+    table(f"{spec.title} ({spec.id})", ["parameter", "value", "source", "", "note"], rows, right=[1])
+    typer.echo(
+        f"\nLaw: {getattr(built, 'title', chosen)}. Other laws stated: {', '.join(k for k in spec.laws if k != chosen) or 'none'}."
+    )
+    for key in dict.fromkeys(spec.sources):
+        typer.echo(f"[{key}] {reference(key)}")
+
+
+def tension(
+    name: Name,
+    length: Annotated[str, typer.Option(help="Distance between the anchors, such as '12 cm'.")],
+    pressure: Annotated[str | None, typer.Option(help="Gauge pressure, such as '5 bar'.")] = None,
+    activation: Annotated[float | None, typer.Option(help="Activation of a biological muscle, 0 to 1.")] = None,
+    wanted: Annotated[
+        str | None, typer.Option("--for", help="Find the lowest pressure for this tension instead.")
+    ] = None,
+    law: Law = None,
+    change: Set = None,
+    as_json: Json = False,
+) -> None:
+    """Tension, volume and state of a muscle at one length and pressure."""
+    import jax
+
+    from ..quantities import parse, with_unit
+
+    spec, chosen, built = _resolve(name, law, change)
+    at = parse(length, "m", field="--length")
+    _positive(at, "--length", length)
+    if spec.kind == "biological":
+        drive = _activation(activation, pressure, spec)
+    elif wanted is not None:
+        if pressure is not None:
+            raise InputError("--for", wanted, "allowed without --pressure, which it finds")
+        drive = built.pressure_for(parse(wanted, "N", field="--for"), at)
+    else:
+        if pressure is None:
+            raise InputError(
+                "--pressure", "not given", "give a gauge pressure such as '5 bar', or a tension with --for"
+            )
+        drive = parse(pressure, "Pa", field="--pressure")
+        if drive < -1.1e5 or drive > 1e8:
+            raise InputError("--pressure", pressure, "allowed is -1.1 bar (vacuum) to 1000 bar gauge")
+    state, free = jax.jit(lambda x, p: (built.state(x, p), built.free_length(p)))(at, drive)
+    found: dict[str, Any] = {
+        "tension": float(state.tension),
+        "passive": float(state.passive),
+        "active": float(state.active),
+        "volume": float(state.volume),
+        "slack": bool(state.slack),
+        "overstretched": bool(state.overstretched),
+        "law": chosen,
+        "stiffness": float(state.stiffness),
+        "braid_length": float(state.braid_length),
+        "free_length": float(free),
+        "specimen": spec.id,
+        "length": at,
+        ("activation" if spec.kind == "biological" else "pressure"): drive,
+    }
+    if as_json:
+        print_json(found)
+        return
+    shown = {"tension": "N", "passive": "N", "active": "N", "volume": "m^3", "stiffness": "N/m", "free_length": "m"}
+    rows = [
+        [k.replace("_", " "), "not known to this law" if found[k] != found[k] else with_unit(found[k], u)]
+        for k, u in shown.items()
+    ]
+    words = ["slack" if found["slack"] else "taut"] + (["overstretched"] if found["overstretched"] else [])
+    force = f"activation {drive:g}" if spec.kind == "biological" else with_unit(drive, "Pa")
+    table(f"{spec.title}, {chosen}, at {with_unit(at, 'm')} and {force}: {', '.join(words)}", ["", ""], rows, right=[1])
+
+
+def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Specimen, str, Any]:
+    from ..muscles.laws import LAWS
+    from ..specimens import specimen, specimens
+
+    if name in LAWS:
+        spec = next((s for s in (specimen("nylon"), *specimens()) if name in s.laws), None)
+        if spec is None:
+            raise InputError(
+                "law",
+                name,
+                "no specimen states it; give a specimen file, for example one saved by `mckibben fit --save`",
+            )
+        law = name
+    else:
+        spec = specimen(name)
+    chosen = law or spec.law
+    if spec.kind == "biological":
+        return spec, chosen, _law(spec, chosen, {})
+    return spec, chosen, _law(spec, chosen, parameters(change, chosen))
+
+
+def _law(spec: Specimen, law: str, changes: dict[str, float]) -> Any:
+    from ..muscles.build import from_specimen
+
+    built = from_specimen(spec, law, changes=changes)
+    return getattr(built, "law", built)
+
+
+def _activation(activation: float | None, pressure: str | None, spec: Specimen) -> float:
+    if pressure is not None:
+        raise InputError("--pressure", pressure, f"{spec.id} is a biological muscle; give --activation from 0 to 1")
+    if activation is None:
+        raise InputError("--activation", "not given", f"{spec.id} is a biological muscle; allowed is 0 to 1")
+    if not 0.0 <= activation <= 1.0:
+        raise InputError("--activation", activation, "allowed is 0 to 1")
+    return activation
+
+
+def _positive(value: float, field: str, text: str) -> None:
+    if value <= 0.0 or value > 100.0:
+        raise InputError(field, text, "allowed is a length above 0 and up to 100 m")
+
+
+def _value(p: Parameter) -> str:
+    value = ", ".join(f"{v:g}" for v in p.value) if isinstance(p.value, list) else f"{p.value:g}"
+    return value if p.unit == "1" else f"{value} {p.unit}"
+
+
+def _entry(p: Parameter) -> dict[str, Any]:
+    return {"value": p.value, "unit": p.unit, "source": p.source, "inferred": p.inferred, "note": p.note}
+
+
+def _draw(law: Any, spec: Specimen, path: Path) -> None:
+    from ..report.figures import muscle_figures, style
+
+    if spec.kind == "biological":
+        raise InputError("--figure", spec.id, "curves are drawn for McKibben muscles only")
+    style.save(muscle_figures.law_curves(law, title=spec.title), path)

@@ -1,0 +1,107 @@
+"""Words at the edge: options shared by commands, values with units, JSON and tables."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import InputError
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units, and nothing else.")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="PATH=VALUE", help="Replace a parameter, such as law.turns=3.2 or thread_length='16 cm'."
+    ),
+]
+
+
+def print_json(value: dict[str, Any]) -> None:
+    """One JSON object on standard output; a number that is not finite becomes null."""
+    typer.echo(json.dumps(_clean(value), ensure_ascii=False))
+
+
+def _clean(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _clean(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_clean(v) for v in value]
+    if hasattr(value, "tolist"):
+        return _clean(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def assignments(words: Iterable[str] | None) -> dict[str, str]:
+    """``PATH=VALUE`` words as a table; the path may begin with ``muscle.`` or ``law.``."""
+    found = {}
+    for word in words or []:
+        path, equals, value = word.partition("=")
+        if not equals or not path.strip() or not value.strip():
+            raise InputError("--set", word, "allowed is PATH=VALUE, such as thread_length='16 cm'")
+        name = path.strip().removeprefix("muscle.").removeprefix("law.")
+        found[name] = value.strip()
+    return found
+
+
+def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
+    """``--set`` words as parameters of a law [SI]; a bare number is taken as SI."""
+    from ..muscles.laws import law_type
+    from ..quantities import declared, parse
+
+    known = declared(law_type(law))
+    found = {}
+    for name, text in assignments(words).items():
+        if name not in known:
+            raise InputError(f"--set {name}", text, f"{law} has {', '.join(known)}")
+        found[name] = parse(text, known[name].unit, field=f"--set {name}", bare=True)
+    return found
+
+
+def table(title: str, columns: list[str], rows: Iterable[list[str]], *, right: Iterable[int] = ()) -> None:
+    """A table that a person likes to read; `right` are the columns of numbers."""
+    from rich.console import Console
+    from rich.table import Table
+
+    # Redirected output has no width of its own: a table must not be cut there.
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 160)
+    if title:
+        console.print(title, style="bold", soft_wrap=True)
+    out = Table(box=None, pad_edge=False, header_style="dim", show_header=any(columns))
+    aligned = set(right)
+    for i, column in enumerate(columns):
+        out.add_column(column, justify="right" if i in aligned else "left", no_wrap=i in aligned)
+    for row in rows:
+        out.add_row(*row)
+    console.print(out)
+
+
+@contextmanager
+def progress(what: str, total: int) -> Iterator[Any]:
+    """A progress bar on standard error with time left, shown only to a person; yields ``advance(words)``."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+    with bar:
+        task = bar.add_task(what, total=total)
+
+        def advance(words: str) -> None:
+            bar.update(task, advance=1, description=words)
+
+        yield advance

@@ -1,0 +1,157 @@
+"""Parameters from printed numbers instead of a table: "323 N per rest length at 5 bar, free at 0.75 L0".
+
+A paper rarely prints enough of them. What the constraints leave open is said in words and in infinite intervals, and the
+solution then follows from the starting values, which is a choice and no finding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..errors import ConvergenceError, InputError
+from ..muscles.build import construct, required_fields
+from ..muscles.law import TensionLaw
+from ..muscles.laws import law_type
+from ..quantities import Quantity, declared
+from .fit import Estimate
+
+KINDS = {"tension": "N", "stiffness": "N/m", "free_length": "m", "volume": "m^3"}
+
+
+class Constraint(NamedTuple):
+    """One printed number.
+
+    Attributes:
+        what: ``tension``, ``stiffness``, ``free_length`` or ``volume``.
+        value: what is printed [N, N/m, m or m^3].
+        pressure: gauge pressure it holds at [Pa].
+        length: length it holds at [m]; a free length needs none.
+    """
+
+    what: str
+    value: float
+    pressure: float
+    length: float | None = None
+
+    def of(self, law: TensionLaw) -> Any:
+        """The same number according to a law [SI]."""
+        if self.what == "free_length":
+            return law.free_length(self.pressure)
+        formula = {"tension": law.braid_tension, "stiffness": law.braid_stiffness, "volume": law.braid_volume}[
+            self.what
+        ]
+        return formula(self.length, self.pressure)
+
+
+class ConstrainedFit(NamedTuple):
+    """Parameters that meet the constraints; an interval is infinite where the constraints leave the parameter open."""
+
+    law: str
+    parameters: dict[str, Estimate]
+    known: dict[str, float]
+    warnings: tuple[str, ...]
+
+    def build(self) -> TensionLaw:
+        """The law."""
+        return construct(law_type(self.law), self.known | {k: e.value for k, e in self.parameters.items()})
+
+
+def fit_constraints(
+    law: str,
+    constraints: Sequence[Constraint],
+    *,
+    known: Mapping[str, float],
+    start: Mapping[str, float] | None = None,
+    free: tuple[str, ...] | None = None,
+) -> ConstrainedFit:
+    """Solve printed constraints for the parameters of a law.
+
+    Args:
+        law: its name.
+        constraints: what is printed.
+        known: parameters taken as given [SI].
+        start: starting values of free parameters [SI]; the middle of their usual range where left out.
+        free: which to solve for; those that a fit of this law frees and that are not known, where left out.
+
+    Raises:
+        InputError: if a constraint is incomplete or a parameter neither known nor free.
+        ConvergenceError: if the constraints contradict each other or the law.
+    """
+    from scipy import optimize
+
+    kind = law_type(law)
+    fields = declared(kind)
+    free = free or tuple(name for name in kind.fitted if name not in known)
+    _check(law, constraints, free, known)
+    begin = {n: (start or {}).get(n, _middle(fields[n], known.get("rest_length"))) for n in free}
+    scale = np.array([max(abs(begin[n]), 1e-3 * max(map(abs, fields[n].typical))) for n in free])
+    printed = np.array([c.value for c in constraints])
+    size = np.maximum(np.abs(printed), 1e-12)
+
+    def misfit(values: Any) -> Any:
+        built = construct(kind, dict(known) | dict(zip(free, values * scale, strict=True)))
+        return (jnp.stack([jnp.asarray(c.of(built)) for c in constraints]) - printed) / size
+
+    value, slopes = jax.jit(misfit), jax.jit(jax.jacfwd(misfit))
+    low, high = (np.array([fields[n].bounds[i] for n in free]) / scale for i in (0, 1))
+    at = np.clip(np.array([begin[n] for n in free]) / scale, low, high)
+    at = optimize.least_squares(
+        lambda x: np.asarray(value(x)),
+        at,
+        jac=lambda x: np.asarray(slopes(x)),
+        bounds=(low, high),
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    ).x
+    left = float(np.abs(np.asarray(value(at))).max())
+    if not left < 1e-6:
+        raise ConvergenceError(
+            f"{law}: no parameters meet the constraints; the nearest ones miss by {100 * left:.3g} %"
+        )
+    open_, warnings = _undetermined(np.asarray(slopes(at)), free, len(constraints))
+    values = at * scale
+    estimates = {
+        n: Estimate(float(v), *((-np.inf, np.inf) if n in open_ else (float(v), float(v))), fields[n].unit)
+        for n, v in zip(free, values, strict=True)
+    }
+    return ConstrainedFit(law, estimates, dict(known), warnings)
+
+
+def _check(law: str, constraints: Sequence[Constraint], free: tuple[str, ...], known: Mapping[str, float]) -> None:
+    for c in constraints:
+        if c.what not in KINDS:
+            raise InputError("constraint", c.what, f"known are {', '.join(KINDS)}")
+        if c.what != "free_length" and c.length is None:
+            raise InputError(f"constraint {c.what}", "no length", "it needs the length it holds at")
+    if not constraints:
+        raise InputError("constraints", "none", "allowed is one or more")
+    for name in required_fields(law_type(law)):
+        if name not in free and name not in known:
+            raise InputError(name, "not known", f"the law {law} needs it")
+
+
+def _middle(q: Quantity, rest_length: float | None) -> float:
+    """A starting value: the middle of the usual range, or a share of the rest length for a length of the braid."""
+    low, high = q.typical
+    if q.unit == "m" and rest_length is not None and low <= rest_length <= high:
+        return 0.7 * rest_length
+    return float(np.sqrt(low * high)) if low > 0 else 0.5 * (low + high)
+
+
+def _undetermined(jacobian: np.ndarray, free: tuple[str, ...], count: int) -> tuple[set[str], tuple[str, ...]]:
+    """Parameters that move along a direction which no constraint sees, and that in words."""
+    _, strength, directions = np.linalg.svd(jacobian, full_matrices=True)
+    rank = int(np.sum(strength > 1e-9 * strength[0]))
+    loose = directions[rank:]
+    if not len(loose):
+        return set(), ()
+    names = {n for i, n in enumerate(free) if np.abs(loose[:, i]).max() > 1e-6}
+    listed = ", ".join(sorted(names))
+    words = f"{rank} independent constraints of {count} leave {len(loose)} of {len(free)} parameters open: they cannot tell {listed} apart"
+    return names, (words, "the values given follow from the starting values; they are a choice and no finding")

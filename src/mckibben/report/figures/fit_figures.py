@@ -1,0 +1,566 @@
+"""Figures of an identification: curves over points, residuals, ranking, correlation, and prediction beyond the training.
+
+Points are measured, lines are the law. Tension and its errors are in the colour of tension, pressures written at the
+line ends in theirs.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...identification import Fit
+from ...muscles.law import TensionLaw
+from ...muscles.laws import law_type
+from ...quantities import declared, from_si
+from ...recordings import ForceMap
+from ...specimens import Specimen
+from . import style
+from .style import CAUTION, COLOURS, INK, INK_2, INK_3, PANEL, RULE, SUNKEN, number
+
+MOST_LINES, MOST_LABELS, MOST_PANELS = 24, 8, 3
+FINE = 61
+KEY = "▲ measured   ○ measured, slack   — law"
+
+
+class Study(NamedTuple):
+    """What was done with one force map: the fits, best first, and errors of laws that were not fitted [N]."""
+
+    title: str
+    specimen: Specimen | None
+    points: ForceMap
+    fits: list[Fit]
+    published: Sequence[tuple[str, np.ndarray]] = ()
+    skipped: dict[str, str] = {}
+
+
+def law_title(fit: Fit) -> str:
+    """The name of a fit's law as people write it."""
+    return str(law_type(fit.law).title)
+
+
+# ---- 1 tension over length
+
+
+@style.styled()
+def tension_curves(fit: Fit, points: ForceMap) -> Figure:
+    """Measured tension over length and the fitted law through it, one line per pressure, one panel per rest length.
+
+    Args:
+        fit: the fitted law.
+        points: the whole table, slack points too.
+    """
+    muscles = _muscles(fit, points)
+    several = len(muscles) > 1
+    fig = style.figure(style.MIDDLE, 5.0 if several else 4.7)
+    grid = fig.add_gridspec(1, len(muscles), left=0.075, right=0.895, bottom=0.105, top=0.81 if several else 0.855, wspace=0.68)
+    for i, (rest, law, some) in enumerate(muscles):
+        ax = fig.add_subplot(grid[i])
+        _draw_curves(ax, law, some, top=points.largest)
+        if i == 0:
+            style.heading(ax, law_title(fit), KEY, above=44.0 if several else 24.0)
+        if several and rest:
+            style.heading(ax, f"{number(from_si(rest, 'm', 'cm'), 1)}\N{NO-BREAK SPACE}cm at rest", above=24.0)
+    return fig
+
+
+def _muscles(fit: Fit, points: ForceMap) -> list[tuple[float | None, TensionLaw, ForceMap]]:
+    """The muscles of a table, each with its law and its points; the shortest, the longest and one between of many."""
+    if points.rest_length is None:
+        return [(None, fit.build(), points)]
+    rests = np.unique(points.rest_length[points.taut])
+    chosen = rests[np.unique(np.linspace(0, len(rests) - 1, min(MOST_PANELS, len(rests))).round().astype(int))]
+    found: list[tuple[float | None, TensionLaw, ForceMap]] = []
+    for rest in chosen:
+        same = fit.points.rest_length == rest if fit.points.rest_length is not None else np.ones(len(fit.points), bool)
+        own = {k: float(np.asarray(v)[same].max()) for k, v in fit.known.items() if np.ndim(v)}
+        found.append((float(rest), fit.build(**own), points.select(points.rest_length == rest)))
+    return found
+
+
+@functools.cache
+def _tension_function() -> Callable[[TensionLaw, Any, Any], Any]:
+    import equinox as eqx
+
+    function: Callable[[TensionLaw, Any, Any], Any] = eqx.filter_jit(lambda law, length, pressure: law.braid_tension(length, pressure))
+    return function
+
+
+def tension_grid(law: TensionLaw, lengths: np.ndarray, pressures: Iterable[float]) -> np.ndarray:
+    """Signed force of the braid [N], negative where the muscle hangs slack, on a grid of lengths [m] and gauge pressures [Pa], shape (pressures, lengths)."""
+    function = _tension_function()
+    # One pressure at a time and as an array, so that a law is compiled once for all figures.
+    return np.stack([np.asarray(function(law, lengths, np.asarray(p, float))) for p in pressures])
+
+
+def _draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, room: float = 10.5) -> None:
+    """Points and lines into axes; labels right of them, which need about 45 pt."""
+    taut = points.select(points.taut)
+    levels, near = _levels(points)
+    low, high = float(points.length.min()), float(points.length.max())
+    reach = max(high, float(points.rest_length.max())) if points.rest_length is not None else high
+    margin = 0.025 * (reach - low)
+    lengths = np.linspace(low - margin, reach, FINE)
+    tension = tension_grid(law, lengths, levels)
+    cm = from_si(1.0, "m", "cm")
+    ax.set_xlim((lengths[0] - margin) * cm, (reach + margin) * cm)
+    ax.set_ylim(-0.015 * top, 1.06 * max(top, float(np.nanmax(np.minimum(tension, 1.5 * top)))))
+    style.quantity_axes(ax, x=("Length, cm", "length"), y=("Tension, N", "tension"))
+    labelled = _apart(ax, tension[:, -1], room)
+    for i, opacity in enumerate(style.graded(len(levels), 0.55)):
+        strong = i in labelled
+        taut_lengths, line = pulling(lengths, tension[i])
+        ax.plot(
+            taut_lengths * cm, line, color=COLOURS["tension"], lw=style.LINE if strong else 0.6, alpha=opacity if strong else 0.45,
+            zorder=2, solid_capstyle="round",
+        )  # fmt: skip
+    slack = ~points.taut & near
+    hanging = np.unique(np.round(points.length[slack], 6))
+    ax.plot(hanging * cm, np.zeros(len(hanging)), "o", mfc=PANEL, mec=INK_3, mew=0.7, ms=3.2, clip_on=False, zorder=3)
+    shown = taut.select(near[points.taut])
+    ax.plot(
+        shown.length * cm, shown.tension, style.MARKERS["tension"], mfc=COLOURS["tension"], mec=PANEL, mew=0.4, ms=5.0, zorder=4
+    )
+    bar = [from_si(float(p), "Pa", "bar") for p in levels]
+    ends = [(reach * cm, float(tension[i, -1]), style.pressure_text(bar[i], unit=i == max(labelled))) for i in labelled]
+    style.end_labels(ax, ends, quantity="pressure", gap=room)
+
+
+def pulling(lengths: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The part of a curve on which the braid pulls, from its free length on; lengths [m], signed forces [N].
+
+    Only the stretch that ends at the longest length is drawn: a law may pull again far below its range.
+    """
+    signs = np.flatnonzero(~(force > 0.0))
+    first = int(signs[-1]) + 1 if signs.size else 0
+    if first == 0 or first == len(force):
+        return lengths[first:], force[first:]
+    a, b = force[first - 1], force[first]
+    share = a / (a - b) if np.isfinite(a) else 1.0
+    start = lengths[first - 1] + share * (lengths[first] - lengths[first - 1])
+    return np.concatenate([[start], lengths[first:]]), np.concatenate([[0.0], force[first:]])
+
+
+def _levels(points: ForceMap) -> tuple[np.ndarray, np.ndarray]:
+    """Pressures to draw lines for [Pa], and which points lie on them; a few of a table without common pressures."""
+    taut = points.pressure[points.taut]
+    distinct = np.unique(np.round(taut, 3))
+    if len(distinct) <= MOST_LINES:
+        return distinct, np.ones(len(points), bool)
+    step = 1e5 if taut.max() > 4e5 else 0.5e5 if taut.max() > 2e5 else taut.max() / 5.0
+    levels = np.arange(1, int(taut.max() / step + 0.05) + 1) * step
+    return levels, np.abs(points.pressure[:, None] - levels).min(axis=1) < 0.01 * taut.max()
+
+
+def _apart(ax: Axes, ends: np.ndarray, room: float) -> list[int]:
+    """Lines to label: from the highest down, each at least 1.6 labels below the one before."""
+    height = ax.get_window_extent().height * 72.0 / ax.figure.dpi
+    low, high = ax.get_ylim()
+    points = (ends - low) / (high - low) * height
+    chosen: list[int] = []
+    for i in reversed(range(len(ends))):
+        if points[i] <= height and (not chosen or points[chosen[-1]] - points[i] >= max(1.6 * room, height / (MOST_LABELS + 1))):
+            chosen.append(i)
+    return chosen[::-1] or [int(np.argmin(ends))]
+
+
+# ---- 2 residuals
+
+
+@style.styled()
+def residuals(fit: Fit) -> Figure:
+    """Errors over pressure: of the fit, and of points predicted with their pressure and their length left out.
+
+    The band is 1 % of the largest tension either way. What lies outside the frame is drawn on its edge and counted.
+    """
+    panels = [("Fitted", "all points seen", fit.error, "pressure")]
+    if "pressure" in fit.cross:
+        panels.append(("Predicted", "its pressure left out", fit.cross["pressure"].error, "pressure"))
+    scheme = "rest_length" if "rest_length" in fit.cross else "length"
+    if scheme in fit.cross:
+        what = "its rest length left out" if scheme == "rest_length" else "its length left out"
+        panels.append(("Predicted", what, fit.cross[scheme].error, "length"))
+    fig = style.figure(style.WIDE, 3.3)
+    grid = fig.add_gridspec(1, len(panels), left=0.05, right=0.955, bottom=0.155, top=0.80, wspace=0.13)
+    seen = np.concatenate([np.abs(e[np.isfinite(e)]) for _, _, e, _ in panels[:2]])
+    limit = max(1.15 * float(seen.max()), 0.017 * fit.points.largest)
+    limit = min(limit, 8.0 * max(float(np.sqrt(np.mean(seen**2))), 0.005 * fit.points.largest))
+    for i, (head, remark, error, over) in enumerate(panels):
+        ax = fig.add_subplot(grid[i])
+        values, title = _over(fit.points, over)
+        _draw_errors(ax, values, error, limit, filled=i == 0)
+        style.quantity_axes(ax, x=(title, over), y=("Law less measured, N", "tension"))
+        ax.set_xlim(*_padded(values, zero=over == "pressure"))
+        style.heading(ax, head, remark, above=24.0)
+        _band(ax, 0.01 * fit.points.largest, label=i == len(panels) - 1)
+    return fig
+
+
+def _over(points: ForceMap, what: str) -> tuple[np.ndarray, str]:
+    if what == "pressure":
+        return np.array([from_si(float(p), "Pa", "bar") for p in points.pressure]), "Pressure, bar"
+    return points.length * from_si(1.0, "m", "cm"), "Length, cm"
+
+
+def _padded(values: np.ndarray, *, zero: bool = False) -> tuple[float, float]:
+    low, high = float(values.min()), float(values.max())
+    margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+    return (0.0 if zero and low >= 0.0 else low - margin), high + margin
+
+
+def _draw_errors(ax: Axes, values: np.ndarray, error: np.ndarray, limit: float, *, filled: bool) -> None:
+    there = np.isfinite(error)
+    size = 4.6 if len(error) < 200 else 2.6
+    inside = there & (np.abs(error) <= 0.96 * limit)
+    ax.set_ylim(-limit, limit)
+    ax.axhline(0.0, color=INK_2, lw=0.8, zorder=1)
+    look: dict[str, Any] = {"mfc": COLOURS["tension"] if filled else PANEL, "mec": COLOURS["tension"], "mew": 0.8, "ms": size}
+    ax.plot(values[inside], error[inside], style.MARKERS["tension"], alpha=0.9 if len(error) < 200 else 0.5, zorder=3, **look)
+    beyond = there & ~inside
+    for sign in (1, -1):
+        some = beyond & (np.sign(error) == sign)
+        if some.any():
+            at = np.unique(np.round(values[some], 6))
+            edge = np.full(len(at), sign * limit)
+            ax.plot(at, edge, "^" if sign > 0 else "v", color=INK, ms=5, mew=0, zorder=4, clip_on=False)
+    remarks = []
+    if beyond.any():
+        worst = error[beyond][np.argmax(np.abs(error[beyond]))]
+        remarks.append(f"{int(beyond.sum())} outside, up to {number(worst, 0, sign=True)}\N{NO-BREAK SPACE}N")
+    if (~there).any():
+        remarks.append(f"{int((~there).sum())} not predicted")
+    if remarks:
+        style.note(ax, "; ".join(remarks), x=1.0, dx=-4, dy=6, ha="right", va="bottom", color=INK)
+
+
+def _band(ax: Axes, half: float, *, label: bool, percent: str = "1") -> None:
+    ax.axhspan(-half, half, color=SUNKEN, lw=0, zorder=0)
+    for edge, sign in ((half, "+"), (-half, "\N{MINUS SIGN}")):
+        ax.axhline(edge, color=INK_3, lw=0.6, ls=(0, (5, 3)), zorder=1)
+        if label:
+            ax.annotate(
+                f"{sign}{percent}\N{NO-BREAK SPACE}%", xy=(1.0, edge), xycoords=("axes fraction", "data"), xytext=(4, 0),
+                textcoords="offset points", fontsize=style.SMALL, color=INK_2, va="center", annotation_clip=False,
+            )  # fmt: skip
+
+
+# ---- 3 ranking
+
+
+class _Row(NamedTuple):
+    name: str
+    remark: str
+    converged: bool
+    predicted: tuple[float, float] | None  # root mean square and largest, share of the largest tension
+    beyond: tuple[float, float] | None
+    fitted: tuple[float, float]
+
+
+@style.styled()
+def ranking(study: Study) -> Figure:
+    """Laws from best to worst: root mean square and largest error of points whose pressure was left out, and beyond the
+    training pressures, in per cent of the largest tension on a logarithmic axis.
+    """
+    rows = _rows(study)
+    fig = style.figure(style.WIDE, 1.25 + 0.315 * len(rows))
+    height = fig.get_figheight()
+    ax = fig.add_axes((0.285, 0.47 / height, 0.405, 1.0 - 1.25 / height))
+    _draw_ranking(ax, rows, study, names=0.285 * 72.0 * style.WIDE - 14.0)
+    return fig
+
+
+def _rows(study: Study) -> list[_Row]:
+    found = []
+    for fit in study.fits:
+        size = fit.points.largest
+        cross = fit.cross.get("pressure")
+        found.append(
+            _Row(
+                name=law_title(fit),
+                remark=f"{len(fit.parameters)}" if fit.converged else "not converged",
+                converged=fit.converged,
+                predicted=(cross.rmse / size, cross.max_error / size) if cross else None,
+                beyond=(fit.holdout.rmse / size, fit.holdout.max_error / size) if fit.holdout else None,
+                fitted=(fit.rmse / size, fit.max_error / size),
+            )
+        )
+    size = study.points.largest
+    for title, error in study.published:
+        both = (float(np.sqrt(np.mean(error**2))) / size, float(np.abs(error).max()) / size)
+        found.append(_Row(name=_shorter(title), remark="published", converged=True, predicted=None, beyond=None, fitted=both))
+    return found
+
+
+def _shorter(title: str) -> str:
+    return title.split(",")[0] if len(title) > 24 else title
+
+
+def _draw_ranking(ax: Axes, rows: list[_Row], study: Study, *, names: float, brief: bool = False) -> None:
+    """One line per law with two lanes: predicted above, beyond the training below; numbers at the right.
+
+    Args:
+        ax: the axes.
+        rows: laws, best first.
+        study: which they belong to.
+        names: how far left of the axes the names begin [pt].
+        brief: fewer columns.
+    """
+    lanes = (0.17, -0.17)
+    values = [100.0 * v for r in rows for pair in (r.predicted, r.beyond, None if r.predicted else r.fitted) if pair for v in pair]
+    finite = [v for v in values if math.isfinite(v) and v > 0.0]
+    low, high = _decades(finite)
+    ax.set_xscale("log")
+    ax.set_xlim(low, high)
+    ax.set_ylim(len(rows) - 0.45, -0.6)
+    ax.grid(visible=False, axis="y")
+    ax.spines["left"].set_visible(False)
+    steps = (1, 3) if brief and high > 100.0 * low else (1, 2, 5)
+    ticks = [t for d in range(-3, 5) for t in (step * 10.0**d for step in steps) if low <= t <= high]
+    ax.set_xticks(ticks, [number(t) for t in ticks])
+    ax.minorticks_off()
+    ax.set_yticks([])
+    ax.set_xlabel("Error, % of the largest tension", color=COLOURS["tension"], fontweight="bold", fontsize=style.SMALL + 0.5, labelpad=3)
+    for i, row in enumerate(rows):
+        if i:
+            ax.axhline(i - 0.5, color=RULE, lw=style.HAIR, zorder=0)
+        pairs = (row.predicted or row.fitted, row.beyond)
+        looks = ("fitted" if row.predicted is None else "predicted", "beyond")
+        for lane, pair, look in zip(lanes if row.beyond else (0.0, 0.0), pairs, looks, strict=True):
+            if pair:
+                _draw_pair(ax, i - lane, [100.0 * v for v in pair], look, high, converged=row.converged)
+        quiet = INK if row.converged else INK_3
+        weight = "bold" if i == 0 else "normal"
+        style.note(ax, row.name, y=_share(ax, i), dx=-names, color=quiet, fontweight=weight, fontsize=style.SMALL if brief else style.NORMAL)
+        if not brief or not row.remark.isdigit():
+            style.note(ax, row.remark, y=_share(ax, i), dx=-8, ha="right", color=INK_2 if row.converged else CAUTION)
+    style.note(ax, "law", dx=-names, dy=9, va="bottom")
+    if brief:
+        style.note(ax, "▲ ▷ rms   ┃ largest", dx=0, dy=9, va="bottom", color=COLOURS["tension"])
+    else:
+        style.note(ax, "parameters", dx=-8, dy=9, ha="right", va="bottom")
+    _columns(ax, rows, _trained(study), brief)
+
+
+def _share(ax: Axes, row: float) -> float:
+    bottom, top = ax.get_ylim()
+    return (row - bottom) / (top - bottom)
+
+
+def _decades(values: list[float]) -> tuple[float, float]:
+    if not values:
+        return 0.1, 100.0
+    return min(values) / 1.5, max(min(max(values), 1e3 * min(values)) * 1.4, 2.0 * min(values))
+
+
+def _draw_pair(ax: Axes, y: float, pair: Sequence[float], look: str, high: float, *, converged: bool) -> None:
+    rms, largest = pair
+    shade = COLOURS["tension"] if converged else INK_3
+    marker, face = {"predicted": ("^", shade), "beyond": (">", PANEL), "fitted": ("s", shade)}[look]
+    dash: Any = (0, (2.5, 1.6)) if look == "beyond" else "-"
+    ends = [min(v, high) if not math.isnan(v) else high for v in (rms, largest)]
+    ax.plot(ends, [y, y], color=shade, lw=1.0, ls=dash, zorder=2)
+    if math.isfinite(largest) and largest <= high:
+        ax.plot([largest], [y], "|", color=shade, ms=7, mew=1.6, zorder=3)
+    else:
+        ax.plot([high], [y], "4", color=INK, ms=8, mew=1.1, zorder=3, clip_on=False)
+    if math.isfinite(rms) and rms <= high:
+        ax.plot([rms], [y], marker, mfc=face, mec=shade, mew=1.0, ms=5.4, zorder=4)
+
+
+def _trained(study: Study) -> str:
+    return next((f.holdout.what for f in study.fits if f.holdout), "")
+
+
+def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool) -> None:
+    """Numbers at the right of the ranking; their heads are the key to the markers."""
+    predicted: list[Callable[[_Row], float | None]] = [
+        lambda r: r.predicted[0] if r.predicted else None,
+        lambda r: r.predicted[1] if r.predicted else None,
+        lambda r: r.beyond[0] if r.beyond else None,
+        lambda r: r.beyond[1] if r.beyond else None,
+    ]
+    columns = [("▲ rms", 52.0), ("┃ largest", 104.0), ("▷ rms", 168.0), ("┃ largest", 220.0)]
+    heads = [("each pressure left out", 12.0, 104.0), (trained, 128.0, 220.0)]
+    if brief:
+        columns = [("", 0.0), ("┃ largest", 56.0), ("", 0.0), ("┃ largest", 120.0)]
+        heads = [("▲ left out", 8.0, 56.0), (trained.replace("trained", "▷"), 66.0, 120.0)]
+    for head, start, end in heads[: 2 if trained else 1]:
+        style.rule(ax, start, end, 22.0)
+        style.note(ax, head, x=1.0, dx=end, dy=25, ha="right", va="bottom", color=INK_2)
+    for (word, dx), value in list(zip(columns, predicted, strict=True))[: 4 if trained else 2]:
+        if not word:
+            continue
+        style.note(ax, word, x=1.0, dx=dx, dy=9, ha="right", va="bottom", color=COLOURS["tension"])
+        best = min((v for r in rows if r.converged and (v := value(r)) is not None), default=math.nan)
+        for i, row in enumerate(rows):
+            share = value(row)
+            weight = "bold" if share == best else "normal"
+            style.note(
+                ax, "" if share is None else _percent(share), x=1.0, y=_share(ax, i), dx=dx, ha="right", color=INK, fontweight=weight
+            )
+    for i, row in enumerate(rows):
+        if row.remark == "published":
+            words = ("■ rms ", " ┃ ") if brief else ("■ fitted by its authors: rms ", ", ┃ largest ")
+            text = f"{words[0]}{_percent(row.fitted[0])}{words[1]}{_percent(row.fitted[1])}"
+            style.note(ax, text, x=1.0, y=_share(ax, i), dx=8 if brief else 12, color=INK_2)
+
+
+def _percent(share: float) -> str:
+    value = 100.0 * share
+    if not math.isfinite(value) or value > 999.0:
+        return "diverges"
+    return number(value, 2 if value < 9.995 else 1) + "\N{NO-BREAK SPACE}%"
+
+
+# ---- 4 correlation
+
+
+@style.styled()
+def correlation(fit: Fit) -> Figure | None:
+    """Correlation of the estimates, written into cells whose grey is its size; near one, the data cannot tell two apart.
+
+    Returns:
+        None for a single parameter.
+    """
+    names = list(fit.parameters)
+    n = len(names)
+    fields = declared(law_type(fit.law))
+    symbols = [style.symbol_text(fields[name].symbol, name) for name in names]
+    if n < 2:
+        return None
+    side = min(0.5, 2.7 / (n - 1))
+    height = 1.0 + side * (n - 1)
+    fig = style.figure(style.NARROW, height)
+    ax = fig.add_axes((0.6 / style.NARROW, 0.4 / height, side * (n - 1) / style.NARROW, side * (n - 1) / height))
+    ax.set_xlim(0, n - 1)
+    ax.set_ylim(n - 1, 0)
+    ax.set_axis_off()
+    matrix = fit.correlation if fit.correlation is not None else np.full((n, n), np.nan)
+    for i in range(n - 1):
+        middle = (i + 0.5) / (n - 1)
+        style.note(ax, symbols[i + 1], y=1.0 - middle, dx=-6, ha="right", color=INK, fontsize=style.NORMAL)
+        style.note(ax, symbols[i], x=middle, y=0.0, dy=-9, ha="center", color=INK, fontsize=style.NORMAL)
+        for j in range(i + 1):
+            _cell(ax, i, j, float(matrix[i + 1, j]), side)
+    style.heading(ax, "Correlation", "of the estimates, \N{MINUS SIGN}1 to +1", above=14.0)
+    return fig
+
+
+def _cell(ax: Axes, i: int, j: int, value: float, side: float) -> None:
+    from matplotlib.patches import Rectangle
+
+    there = math.isfinite(value)
+    strength = min(abs(value), 1.0) if there else 0.0
+    # Cubed, so that what is harmless stays light and only what is near one turns dark.
+    ax.add_patch(Rectangle((j, i), 1, 1, fc=INK, ec="none", lw=0, alpha=0.05 + 0.85 * strength**3))
+    ax.add_patch(Rectangle((j, i), 1, 1, fc="none", ec=PANEL, lw=1.5))
+    text = number(value, 4 if strength > 0.9985 else 3 if strength > 0.985 else 2, sign=True)
+    size = min(style.SMALL, 0.88 * 72.0 * side / (0.62 * len(text)))
+    ax.text(j + 0.5, i + 0.5, text, ha="center", va="center_baseline", fontsize=size, color=PANEL if strength > 0.75 else INK)
+
+
+# ---- 5 beyond the training
+
+
+@style.styled()
+def hold_out(fit: Fit) -> Figure | None:
+    """Tension over pressure per length: measured, and predicted above the pressures that a separate fit was shown.
+
+    Returns:
+        None where the fit has no hold-out.
+    """
+    if fit.holdout is None:
+        return None
+    points, out = fit.points, _held_out(fit)
+    error = np.full(len(points), np.nan)
+    error[out] = fit.holdout.error
+    fig = style.figure(style.WIDE, 3.7)
+    grid = fig.add_gridspec(1, 2, left=0.05, right=0.955, bottom=0.14, top=0.81, wspace=0.27, width_ratios=[1.25, 1.0])
+    left, right = fig.add_subplot(grid[0]), fig.add_subplot(grid[1])
+    pressure, title = _over(points, "pressure")
+    border = 0.5 * (pressure[~out].max() + pressure[out].min())
+    _draw_predictions(left, points, pressure, error, out)
+    limit = 1.15 * max(float(np.abs(error[np.isfinite(error)]).max(initial=0.0)), 0.033 * points.largest)
+    _draw_errors(right, pressure[out], error[out], min(limit, 0.25 * points.largest), filled=False)
+    style.quantity_axes(right, x=(title, "pressure"), y=("Predicted less measured, N", "tension"))
+    right.set_xlim(border - 0.3 * (pressure.max() - border), pressure.max() * 1.03)
+    for ax in (left, right):
+        ax.axvspan(0.0, border, color=COLOURS["pressure"], alpha=0.09, lw=0, zorder=0)
+        ax.axvline(border, color=COLOURS["pressure"], lw=0.9, ls=(0, (4, 2.3)), zorder=1)
+    note = f"{fit.holdout.what}: {fit.holdout.trained_on} of {len(points)} points"
+    style.heading(left, law_title(fit), "▲ measured   △ predicted", above=24.0)
+    style.heading(right, "Errors of the prediction", note, above=24.0)
+    _band(right, 0.03 * points.largest, label=True, percent="3")
+    style.note(left, "shown to the fit", x=0.04, y=0.95, color=COLOURS["pressure"])
+    return fig
+
+
+def _held_out(fit: Fit) -> np.ndarray:
+    """Which points the separate fit was not shown: those above the pressures of as many as it was trained on."""
+    assert fit.holdout is not None
+    highest = np.sort(fit.points.pressure)[fit.holdout.trained_on - 1]
+    return fit.points.pressure > highest
+
+
+def _draw_predictions(ax: Axes, points: ForceMap, pressure: np.ndarray, error: np.ndarray, out: np.ndarray) -> None:
+    top = 1.08 * points.largest
+    ax.set_xlim(0.0, pressure.max() * 1.03)
+    ax.set_ylim(0.0, top)
+    style.quantity_axes(ax, x=("Pressure, bar", "pressure"), y=("Tension, N", "tension"))
+    ends = []
+    series = _series(points)
+    shade = COLOURS["tension"]
+    for opacity, (length, member) in zip(style.graded(len(series), 0.6), series, strict=True):
+        order = member[np.argsort(pressure[member], kind="stable")]
+        ax.plot(pressure[order], points.tension[order], "-", color=shade, lw=0.6, alpha=0.45, zorder=2)
+        dense = len(order) > 30
+        ax.plot(pressure[order], points.tension[order], "^", mfc=shade, mec=PANEL, mew=0.4, ms=3.2 if dense else 4.6, alpha=opacity, zorder=3)
+        later = order[out[order]]
+        if dense and len(later):
+            later = later[np.unique(np.linspace(0, len(later) - 1, 9).round().astype(int))]
+        predicted = points.tension[later] + error[later]
+        shown = np.isfinite(predicted) & (predicted <= top) & (predicted >= 0.0)
+        ax.plot(pressure[later][shown], predicted[shown], "^", mfc="none", mec=INK, mew=0.9, ms=7.5, zorder=4)
+        if len(order):
+            ends.append((float(pressure[order[-1]]), float(points.tension[order[-1]]), f"{from_si(length, 'm', 'cm'):.1f}"))
+    if ends:
+        ends[-1] = (*ends[-1][:2], ends[-1][2] + "\N{NO-BREAK SPACE}cm")
+    style.end_labels(ax, ends, quantity="length")
+
+
+def _series(points: ForceMap) -> list[tuple[float, np.ndarray]]:
+    """Points of common length [m], at most `MOST_LABELS` lengths, in order of length."""
+    rest = np.zeros(len(points)) if points.rest_length is None else points.rest_length
+    keys = np.unique(np.round(np.stack([points.length, rest], axis=1), 6), axis=0)
+    most = MOST_LABELS if len(points) < 30 * MOST_LABELS else 4
+    chosen = keys[np.unique(np.linspace(0, len(keys) - 1, min(most, len(keys))).round().astype(int))]
+    return [
+        (float(length), np.flatnonzero(np.isclose(points.length, length, atol=1e-6) & np.isclose(rest, r, atol=1e-6)))
+        for length, r in chosen
+    ]
+
+
+# ---- all at a glance
+
+
+@style.styled()
+def overview(studies: Iterable[Study | tuple[Any, ...]]) -> Figure:
+    """One picture of up to two studies, 16 by 9 inch: the curves of the best law, and the ranking of all below them."""
+    found = [Study(*s) for s in studies][:2]
+    fig = style.figure(14.4, 8.1)
+    for i, study in enumerate(found):
+        left = 0.045 + 0.5 * i
+        best = study.fits[0]
+        _, law, points = _muscles(best, study.points)[-1]
+        ax = fig.add_axes((left, 0.505, 0.405, 0.395))
+        _draw_curves(ax, law, points, top=points.largest)
+        style.heading(ax, study.title, f"▲ measured   ○ slack   — {law_title(best)}", above=24.0)
+        ranks = fig.add_axes((left + 0.155, 0.07, 0.17, 0.295))
+        _draw_ranking(ranks, _rows(study), study, names=0.155 * 72.0 * 14.4, brief=True)
+    return fig

@@ -1,0 +1,264 @@
+"""Figures of one muscle and its law: tension and volume over length, free length over pressure, and the braid to scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...errors import InputError
+from ...muscles import braid
+from ...muscles.law import TensionLaw
+from ...quantities import from_si
+from . import style
+from .fit_figures import pulling, tension_grid
+from .style import COLOURS, INK, INK_2, INK_3, PANEL, SUNKEN, number
+
+FINE = 81
+SCALES = (5.0, 2.0, 1.0, 0.5, 0.4, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01)
+
+
+# ---- curves of a law
+
+
+@style.styled()
+def law_figure(
+    law: TensionLaw, *, title: str, lengths: tuple[float, float] | None = None, pressures: Sequence[float] | None = None
+) -> Figure:
+    """What a law says: tension over length, free length over pressure, and volume over length where the law knows it.
+
+    Args:
+        law: the law.
+        title: of the muscle.
+        lengths: shortest and longest span to draw [m]; the law's own range where left out.
+        pressures: gauge pressures of the lines [Pa]; 1 to 5 bar where left out.
+    """
+    bars = np.array(sorted(pressures or [1e5, 2e5, 3e5, 4e5, 5e5]), float)
+    span = lengths or working_lengths(law, float(bars[-1]))
+    with_volume = law.has_volume()
+    fig = style.figure(style.WIDE, 3.9)
+    ratios = [1.55, 1.0, 1.0] if with_volume else [1.55, 1.0]
+    grid = fig.add_gridspec(1, len(ratios), left=0.05, right=0.945, bottom=0.13, top=0.745, wspace=0.36, width_ratios=ratios)
+    panels = [fig.add_subplot(g) for g in grid]
+    draw_tension(panels[0], law, span, bars)
+    style.heading(panels[0], title, law.title, above=46.0)
+    style.heading(panels[0], "Under load", "○ free length at the line's pressure; grey: slack at all of them", above=24.0)
+    draw_free_length(panels[1], law, float(bars[-1]))
+    style.heading(panels[1], "Unloaded", above=24.0)
+    if with_volume:
+        draw_volume(panels[2], law, span, bars)
+        style.heading(panels[2], "Gas inside", above=24.0)
+    return fig
+
+
+def working_lengths(law: TensionLaw, highest: float) -> tuple[float, float]:
+    """From a little below the free length at the highest pressure [Pa] to the upper working or the rest length [m]."""
+    free = float(np.asarray(law.free_length(highest)))
+    low, high = (float(np.asarray(end)) for end in law.length_range())
+    stated = [float(v) for name in ("upper_length", "rest_length") if (v := getattr(law, name, None)) is not None]
+    longest = min(max(stated), high) if stated else low + 0.9 * (high - low)
+    return max(low, free - 0.06 * max(longest - free, 0.1 * longest)), longest
+
+
+def draw_tension(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures: np.ndarray) -> None:
+    """Tension over length, one line per gauge pressure [Pa]; the muscle hangs slack left of each free length."""
+    cm = from_si(1.0, "m", "cm")
+    lengths = np.linspace(*span, FINE)
+    force = tension_grid(law, lengths, pressures)
+    margin = 0.025 * (span[1] - span[0])
+    ax.set_xlim((span[0] - margin) * cm, (span[1] + margin) * cm)
+    top = float(np.nanmax(force[:, -1])) * 1.07
+    ax.set_ylim(-0.03 * top, top)
+    style.quantity_axes(ax, x=("Length, cm", "length"), y=("Tension, N", "tension"))
+    # Never taut here: shorter than the free length at the highest pressure drawn.
+    free, line = pulling(lengths, force[-1])
+    if len(free) < len(lengths) or line[0] == 0.0:
+        ax.axvspan(ax.get_xlim()[0], float(free[0]) * cm if len(free) else ax.get_xlim()[1], color=SUNKEN, lw=0, zorder=0)
+    ends = []
+    for pressure, row, opacity in zip(pressures, force, style.graded(len(pressures), 0.5), strict=True):
+        x, y = pulling(lengths, row)
+        if not len(x):
+            continue
+        ax.plot(x * cm, y, color=COLOURS["tension"], lw=style.LINE + 0.3, alpha=opacity, zorder=2)
+        if y[0] == 0.0:
+            ax.plot([x[0] * cm], [0.0], "o", mfc=PANEL, mec=INK_3, mew=0.8, ms=4.0, zorder=3, clip_on=False)
+        bar = from_si(float(pressure), "Pa", "bar")
+        ends.append((float(x[-1]) * cm, float(y[-1]), number(bar)))
+    if ends:
+        ends[-1] = (*ends[-1][:2], ends[-1][2] + "\N{NO-BREAK SPACE}bar")
+    style.end_labels(ax, ends, quantity="pressure")
+
+
+def draw_free_length(ax: Axes, law: TensionLaw, highest: float) -> None:
+    """Length of the unloaded muscle over gauge pressure, up to `highest` [Pa]."""
+    pressures = np.linspace(0.0, highest, FINE)
+    free = np.asarray(law.free_length(pressures))
+    ax.plot(pressures * from_si(1.0, "Pa", "bar"), free * from_si(1.0, "m", "cm"), color=COLOURS["length"], lw=style.HEAVY)
+    ax.set_xlim(0.0, from_si(highest, "Pa", "bar") * 1.02)
+    low, high = ax.get_ylim()
+    room = max(0.04 * high - (high - low), 0.0) / 2.0  # a free length that hardly moves looks as if it hardly moves
+    ax.set_ylim(low - room, high + room)
+    style.quantity_axes(ax, x=("Pressure, bar", "pressure"), y=("Free length, cm", "length"))
+
+
+def draw_volume(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures: np.ndarray) -> None:
+    """Gas volume over length at the lowest and the highest gauge pressure [Pa]; ink, for it is derived."""
+    cm, ml = from_si(1.0, "m", "cm"), from_si(1.0, "m^3", "cm^3")
+    lengths = np.linspace(*span, FINE)
+    shown = [float(pressures[-1])] if len(pressures) == 1 else [float(pressures[0]), float(pressures[-1])]
+    curves = [np.asarray(law.volume(lengths, p)) * ml for p in shown]
+    if len(curves) > 1 and np.abs(curves[0] - curves[1]).max() < 0.01 * curves[1].max():
+        shown, curves = shown[-1:], curves[-1:]
+    for curve, opacity in zip(curves, style.graded(len(curves), 0.55), strict=True):
+        ax.plot(lengths * cm, curve, color=INK, lw=style.LINE + 0.3, alpha=opacity)
+    margin = 0.025 * (span[1] - span[0])
+    ax.set_xlim((span[0] - margin) * cm, (span[1] + margin) * cm)
+    ax.set_ylim(0.0, max(float(c.max()) for c in curves) * 1.08)
+    style.quantity_axes(ax, x=("Length, cm", "length"), y=("Volume, cm³", None))
+    labels = [number(from_si(p, "Pa", "bar")) for p in shown]
+    labels[-1] = labels[-1] + "\N{NO-BREAK SPACE}bar" if len(curves) > 1 else ""
+    style.end_labels(ax, [(lengths[-1] * cm, float(c[-1]), t) for c, t in zip(curves, labels, strict=True) if t], quantity="pressure")
+
+
+# ---- the muscle to scale
+
+
+class BraidShape(NamedTuple):
+    """What a braid needs to be drawn: length of one thread [m] and its turns [1]."""
+
+    thread_length: float
+    turns: float
+
+
+def braid_of(law: TensionLaw) -> BraidShape | None:
+    """The braid of a law from its own parameters; None where the law has no braid."""
+    given = {n: float(v) for n in _SHAPE if (v := getattr(law, n, None)) is not None}
+    if {"thread_length", "turns"} <= given.keys():
+        return BraidShape(given["thread_length"], given["turns"])
+    if {"rest_length", "rest_angle"} <= given.keys() and ("rest_diameter" in given or "rest_radius" in given):
+        angle = given["rest_angle"] + given.get("angle_correction", 0.0)
+        bore = given.get("rest_diameter", 2.0 * given.get("rest_radius", 0.0))
+        return BraidShape(given["rest_length"] / math.cos(angle), given["rest_length"] * math.tan(angle) / (math.pi * bore))
+    return None
+
+
+_SHAPE = ("thread_length", "turns", "rest_length", "rest_angle", "angle_correction", "rest_diameter", "rest_radius")
+
+
+@style.styled()
+def muscle_drawing(
+    shape: BraidShape, lengths: Sequence[float], *, title: str, remarks: Sequence[str] = (), threads: int = 10
+) -> Figure:
+    """A muscle at a few lengths, drawn to scale: its diameter and braid angle move with the length, cos(theta) = L/b.
+
+    Args:
+        shape: the braid.
+        lengths: braid lengths, longest first [m]; below the thread length.
+        title: of the muscle.
+        remarks: a word for each length, such as "at rest".
+        threads: drawn in each direction; a real braid has more.
+
+    Raises:
+        InputError: if a length is not between zero and the thread length.
+    """
+    for value in lengths:
+        if not 0.0 < value < shape.thread_length:
+            raise InputError("length", f"{value:.4g} m", f"allowed is more than 0 m and less than the thread length, {shape.thread_length:.4g} m")
+    fitting = 0.045 * max(lengths)
+    widths = [_diameter(shape, v) for v in lengths]
+    inch = 72.0 * from_si(1.0, "m", "inch")  # points in a metre
+    room = 72.0 * style.MIDDLE - 70.0
+    scale = next((s for s in SCALES if (max(lengths) + 2.0 * fitting) * inch * s <= room), SCALES[-1])
+    gaps, head, foot = 46.0, 44.0, 34.0  # [pt]
+    tall = head + foot + sum(w * inch * scale + gaps for w in widths)
+    fig = style.figure(style.MIDDLE, tall / 72.0)
+    ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_axis_off()
+    per_point = 1.0 / (inch * scale)  # metres on paper
+    ax.set_xlim(0.0, 72.0 * style.MIDDLE * per_point)
+    ax.set_ylim(tall * per_point, 0.0)
+    left, y = 14.0 * per_point + fitting, head * per_point
+    for value, width, remark in zip(lengths, widths, list(remarks) + [""] * len(lengths), strict=False):
+        _draw_muscle(ax, shape, value, (left, y + 0.5 * width), fitting, min(widths), threads, per_point)
+        _dimensions(ax, shape, value, (left, y + 0.5 * width), fitting, per_point, remark)
+        y += width + gaps * per_point
+    head_text = ax.text(14.0 * per_point, 16.0 * per_point, title, fontsize=style.NORMAL, fontweight="bold", va="center")
+    words = f"braid to scale, {_ratio(scale)} on paper; {threads} threads each way drawn"
+    ax.annotate(words, xy=(1, 0), xycoords=head_text, xytext=(7, 0), textcoords="offset points", fontsize=style.SMALL, color=INK_3, va="bottom")
+    _scale_bar(ax, 14.0 * per_point, (tall - 16.0) * per_point, per_point, max(lengths))
+    return fig
+
+
+def _diameter(shape: BraidShape, length: float) -> float:
+    return float(braid.diameter(length, thread_length=shape.thread_length, turns=shape.turns))
+
+
+def _ratio(scale: float) -> str:
+    return f"{scale:g} : 1" if scale >= 1.0 else f"1 : {1.0 / scale:g}"
+
+
+def _draw_muscle(
+    ax: Axes, shape: BraidShape, length: float, at: tuple[float, float], fitting: float, clamp: float, threads: int, point: float
+) -> None:
+    from matplotlib.collections import LineCollection
+    from matplotlib.patches import Rectangle
+
+    x0, middle = at
+    radius = 0.5 * _diameter(shape, length)
+    ax.add_patch(Rectangle((x0, middle - radius), length, 2.0 * radius, fc=SUNKEN, ec="none", lw=0, zorder=1))
+    count = max(int(24 * shape.turns) + 1, 49)
+    x = np.linspace(0.0, length, count)
+    front, back = [], []
+    for hand in (1.0, -1.0):
+        for k in range(threads):
+            phase = hand * 2.0 * np.pi * shape.turns * x / length + 2.0 * np.pi * k / threads
+            line = np.stack([x0 + x, middle + radius * np.sin(phase)], axis=1)
+            near = np.cos(phase) >= 0.0
+            front += _runs(line, near)
+            back += _runs(line, ~near)
+    ax.add_collection(LineCollection(back, colors=INK_3, linewidths=0.35, alpha=0.35, zorder=2))
+    ax.add_collection(LineCollection(front, colors=INK_2, linewidths=0.75, zorder=3))
+    ax.plot([x0, x0 + length], [middle - radius] * 2, color=INK, lw=0.9, zorder=4)
+    ax.plot([x0, x0 + length], [middle + radius] * 2, color=INK, lw=0.9, zorder=4)
+    half = 0.5 * clamp + 1.5 * point
+    for end in (x0 - fitting, x0 + length):
+        ax.add_patch(Rectangle((end, middle - half), fitting, 2.0 * half, fc=INK_3, ec=INK, lw=0.9, zorder=5))
+
+
+def _runs(line: np.ndarray, keep: np.ndarray) -> list[np.ndarray]:
+    """Pieces of a line on which `keep` holds, with one point more at their end so that they meet."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]]).astype(int)))
+    return [line[a : b + 1] for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 0]
+
+
+def _dimensions(
+    ax: Axes, shape: BraidShape, length: float, at: tuple[float, float], fitting: float, point: float, remark: str
+) -> None:
+    x0, middle = at
+    width = _diameter(shape, length)
+    low = middle + 0.5 * width + 11.0 * point
+    green = COLOURS["length"]
+    ax.plot([x0, x0 + length], [low, low], color=green, lw=0.8)
+    for end in (x0, x0 + length):
+        ax.plot([end, end], [low - 4 * point, low + 4 * point], color=green, lw=0.8)
+    angle = math.degrees(math.acos(length / shape.thread_length))
+    text = f"{number(from_si(length, 'm', 'cm'), 2)}\N{NO-BREAK SPACE}cm"
+    label = ax.text(x0, low + 6.0 * point, text, color=green, fontweight="bold", fontsize=style.SMALL, va="top")
+    rest = f"braid angle {number(angle, 1)}°   diameter {number(1e3 * width, 1)}\N{NO-BREAK SPACE}mm"
+    if remark:
+        rest = f"{remark}   {rest}"
+    ax.annotate(rest, xy=(1, 1), xycoords=label, xytext=(9, 0), textcoords="offset points", va="top", fontsize=style.SMALL, color=INK_2)
+    side = x0 + length + fitting + 9.0 * point
+    ax.plot([side, side], [middle - 0.5 * width, middle + 0.5 * width], color=INK_3, lw=0.8)
+    for end in (-0.5, 0.5):
+        ax.plot([side - 3 * point, side + 3 * point], [middle + end * width] * 2, color=INK_3, lw=0.8)
+
+
+def _scale_bar(ax: Axes, x: float, y: float, point: float, longest: float) -> None:
+    bar = next(v for v in (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0) if v <= 0.35 * longest)
+    ax.plot([x, x + bar], [y, y], color=INK, lw=1.6, solid_capstyle="butt")
+    ax.text(x + bar + 6.0 * point, y, f"{number(from_si(bar, 'm', 'cm'))}\N{NO-BREAK SPACE}cm", va="center", fontsize=style.SMALL, color=INK_2)

@@ -1,0 +1,331 @@
+"""How every figure looks: colours, type, markers, dashes, axes, labels at line ends, and how it becomes a file.
+
+Colour is data: five colours mean five quantities, the same as on the laboratory's screen, and each has its own marker
+and dash, so that a figure reads in greyscale too. Whatever is derived (laws, specimens, angles, ratios) is ink.
+
+Figures are plain ``matplotlib.figure.Figure`` objects; pyplot is never imported, for it takes a second to load and
+keeps state. Text stays text in SVG files. It is laid out with DejaVu Sans, the widest of the usual sans fonts, so that
+nothing collides where another one is drawn.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import html
+import io
+import math
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+INK, INK_2, INK_3 = "#14181b", "#454d51", "#5c6468"
+PANEL, GRID, RULE, SUNKEN = "#fcfcfa", "#e6e8e4", "#d9dcd7", "#e9ebe7"
+CAUTION = "#8a5a00"
+COLOURS = {"pressure": "#1f5ce0", "tension": "#a34700", "length": "#00735c", "flow": "#6a1b84", "valve": "#353e47"}
+MARKERS = {"pressure": "o", "tension": "^", "length": "s", "flow": "D", "valve": "v"}
+# Dashes in multiples of the line width, for quantities that share axes.
+DASHES: dict[str, Any] = {
+    "pressure": "-",
+    "tension": (0, (8, 2)),
+    "length": (0, (4, 2.3)),
+    "flow": (0, (1.2, 1.8)),
+    "valve": (0, (5, 1.7, 1.2, 1.7)),
+}
+# Dashes for several recordings of one quantity: A, B, C.
+RECORDING_DASHES: tuple[Any, ...] = ("-", (0, (3.5, 1.8)), (0, (1.2, 1.8)))
+# Custom properties by which a page re-colours a figure in the dark.
+PROPERTIES = {
+    **{colour: f"--q-{quantity}" for quantity, colour in COLOURS.items()},
+    **{INK: "--ink", INK_2: "--ink-2", INK_3: "--ink-3", PANEL: "--panel", GRID: "--grid", RULE: "--rule"},
+    **{SUNKEN: "--sunken", CAUTION: "--caution"},
+}
+UNITS = {"pressure": "bar", "tension": "N", "length": "cm", "flow": "L/min", "valve": "%"}
+
+SMALL, NORMAL, TITLE = 8.0, 9.0, 10.5
+LINE, HEAVY, HAIR = 1.3, 1.9, 0.7
+WIDE, MIDDLE, NARROW = 10.8, 7.2, 3.6  # widths [inch]: a page, two thirds and one third of it
+FONTS = "'DejaVu Sans', Inter, 'Segoe UI', 'Helvetica Neue', Arial, sans-serif"
+SALT = "mckibben"
+
+_RC: dict[str, Any] = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": NORMAL,
+    "text.color": INK,
+    "figure.facecolor": PANEL,
+    "savefig.facecolor": PANEL,
+    "axes.facecolor": "none",
+    "axes.edgecolor": RULE,
+    "axes.linewidth": HAIR,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": NORMAL,
+    "axes.titlelocation": "left",
+    "axes.labelsize": NORMAL,
+    "axes.unicode_minus": True,
+    "grid.color": GRID,
+    "grid.linewidth": HAIR,
+    "xtick.color": RULE,
+    "ytick.color": RULE,
+    "xtick.labelcolor": INK_2,
+    "ytick.labelcolor": INK_2,
+    "xtick.labelsize": SMALL,
+    "ytick.labelsize": SMALL,
+    "xtick.major.size": 3.0,
+    "ytick.major.size": 0.0,
+    "lines.linewidth": LINE,
+    "lines.markersize": 4.5,
+    "svg.fonttype": "none",
+    "svg.hashsalt": SALT,
+    "svg.image_inline": True,
+    "path.simplify_threshold": 0.05,
+}
+
+
+def styled() -> contextlib.AbstractContextManager[None] | Any:
+    """The settings of all figures, as a context or a decorator; a user's own matplotlib settings are left out."""
+    return matplotlib.rc_context(_settings())
+
+
+@functools.cache
+def _settings() -> dict[str, Any]:
+    left_out = ("backend", "backend_fallback", "toolbar", "interactive", "webagg", "tk.", "savefig.directory", "date.")
+    plain = {k: v for k, v in matplotlib.rcParamsDefault.items() if not k.startswith(left_out)}
+    return plain | _RC
+
+
+def figure(width: float, height: float) -> Figure:
+    """An empty figure of a width and height [inch]."""
+    fig = Figure(figsize=(width, height))
+    FigureCanvasAgg(fig)
+    return fig
+
+
+def quantity_axes(ax: Axes, *, x: tuple[str, str | None], y: tuple[str, str | None]) -> None:
+    """Title both axes in the colour of what they show.
+
+    Args:
+        ax: the axes.
+        x: title with its unit, such as ``"Length, cm"``, and the quantity, or None for something derived.
+        y: the same; it stands above the axis, so that it is read without turning the head.
+    """
+    ax.set_xlabel(x[0], color=colour(x[1]), fontweight="bold", fontsize=SMALL + 0.5, labelpad=3)
+    ax.set_ylabel(y[0], color=colour(y[1]), fontweight="bold", fontsize=SMALL + 0.5, rotation=0, ha="left", va="bottom")
+    ax.yaxis.set_label_coords(0.0, 1.0, transform=ax.transAxes + shift(ax, 0, 5))
+    for axis in (ax.xaxis, ax.yaxis):
+        if axis.get_scale() == "linear":
+            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+
+
+def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None:
+    """A heading in ink over a pair of axes, `above` their top [pt], with a quieter note after it."""
+    anchor = ax.transAxes + shift(ax, 0, above)
+    head = ax.text(0.0, 1.0, text, transform=anchor, fontsize=NORMAL, fontweight="bold", va="bottom", color=INK)
+    if note:
+        ax.annotate(
+            note, xy=(1.0, 0.0), xycoords=head, xytext=(7, 0), textcoords="offset points", annotation_clip=False,
+            fontsize=SMALL, color=INK_3, va="bottom",
+        )  # fmt: skip
+
+
+def colour(quantity: str | None) -> str:
+    """The colour of a quantity; ink for what is derived."""
+    return COLOURS[quantity] if quantity else INK
+
+
+def number(value: float, digits: int | None = None, *, sign: bool = False) -> str:
+    """A number as text: grouped by thin spaces, with a true minus, a dash where there is none.
+
+    Args:
+        value: the number.
+        digits: places after the point; as many as needed, six significant digits at most, where left out.
+        sign: write a plus too.
+    """
+    if value is None or not math.isfinite(value):
+        return "\N{EN DASH}"
+    text = f"{value:{'+' if sign else ''},.{digits}f}" if digits is not None else _short(value, sign)
+    if digits is not None and float(text.replace(",", "")) == 0.0:
+        text = text.lstrip("+-")
+    return text.replace(",", "\N{THIN SPACE}").replace("-", "\N{MINUS SIGN}")
+
+
+def _short(value: float, sign: bool) -> str:
+    text = f"{value:{'+' if sign else ''},.6f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "+0", "") else text
+
+
+def pressure_text(pressure_bar: float, *, unit: bool = False) -> str:
+    """A pressure as it stands at a line [bar]."""
+    return f"{pressure_bar:.2f}" + ("\N{NO-BREAK SPACE}bar" if unit else "")
+
+
+_GREEK = {"theta": "θ", "alpha": "α", "beta": "β", "mu": "μ", "eps": "ε", "kappa": "κ", "sigma": "σ", "tau": "τ"}
+_LOW = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+def symbol_text(symbol: str, name: str = "") -> str:
+    """A declared symbol in type: ``theta0`` becomes θ₀; the name where a parameter has no symbol."""
+    match = re.fullmatch(r"([A-Za-z]+?)_?(\d*)", symbol)
+    if not match:
+        return symbol or name
+    return _GREEK.get(match[1], match[1]) + match[2].translate(_LOW)
+
+
+def spread(places: Sequence[float], gap: float, low: float = -math.inf, high: float = math.inf) -> list[float]:
+    """Move places along a line as little as possible until neighbours are `gap` apart, between `low` and `high`."""
+    order = np.argsort(places, kind="stable")
+    blocks: list[list[float]] = []  # [centre, count]
+    for at in (float(places[i]) for i in order):
+        blocks.append([at, 1])
+        while len(blocks) > 1 and blocks[-1][0] - blocks[-2][0] < gap * (blocks[-1][1] + blocks[-2][1]) / 2.0:
+            (a, n), (b, m) = blocks[-2:]
+            blocks[-2:] = [[(a * n + b * m) / (n + m), n + m]]
+        last = blocks[-1]
+        half = gap * (last[1] - 1) / 2.0
+        last[0] = max(min(last[0], high - half), low + half)
+    out = [0.0] * len(places)
+    spots = [c + gap * (i - (n - 1) / 2.0) for c, n in blocks for i in range(int(n))]
+    for i, at in zip(order, spots, strict=True):
+        out[int(i)] = at
+    return out
+
+
+def end_labels(
+    ax: Axes, ends: Iterable[tuple[float, float, str]], *, quantity: str | None, gap: float = 10.5, bold: bool = True
+) -> None:
+    """Write labels beside line ends, right of the axes, moved apart where they would touch.
+
+    Args:
+        ax: axes whose limits and place are final.
+        ends: x and y of each line's end in data, and its label.
+        quantity: whose colour the labels take.
+        gap: least distance between labels [pt].
+        bold: weight.
+    """
+    found = list(ends)
+    if not found:
+        return
+    scale = 72.0 / ax.figure.dpi
+    right = ax.get_window_extent().x1 * scale
+    points = [ax.transData.transform((x, y)) * scale for x, y, _ in found]
+    places = spread([p[1] for p in points], gap)
+    for (x, y, text), at, place in zip(found, points, places, strict=True):
+        moved = abs(place - at[1]) > 2.0
+        offset = (right - at[0] + (13 if moved else 5), place - at[1])
+        ax.annotate(
+            text, xy=(x, y), xytext=offset, textcoords="offset points", va="center_baseline", ha="left",
+            fontsize=SMALL, fontweight="bold" if bold else "normal", color=colour(quantity), annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": INK_3, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1} if moved else None,
+        )  # fmt: skip
+
+
+def graded(count: int, least: float = 0.4) -> list[float]:
+    """Opacities for a family of lines, from the lowest to the highest."""
+    return [1.0] if count == 1 else [least + (1.0 - least) * i / (count - 1) for i in range(count)]
+
+
+def note(ax: Axes, text: str, *, x: float = 0.0, y: float = 1.0, dx: float = 0.0, dy: float = 0.0, **options: Any) -> Text:
+    """A quiet remark at a place of the axes [share of their size], shifted by points."""
+    style = {"fontsize": SMALL, "color": INK_3, "va": "center", "ha": "left"} | options
+    return ax.text(x, y, text, transform=ax.transAxes + shift(ax, dx, dy), **style)
+
+
+def rule(ax: Axes, start: float, end: float, above: float) -> None:
+    """A thin line over columns of text right of the axes, from and to points right of them, `above` their top [pt]."""
+    from matplotlib.lines import Line2D
+
+    box = ax.get_window_extent()
+    scale = ax.figure.dpi / 72.0
+    x = [1.0 + start * scale / box.width, 1.0 + end * scale / box.width]
+    y = 1.0 + above * scale / box.height
+    ax.add_artist(Line2D(x, [y, y], transform=ax.transAxes, color=RULE, lw=HAIR, clip_on=False))
+
+
+def shift(ax: Axes, x: float, y: float) -> Any:
+    """A transform that moves by points, to add to another."""
+    from matplotlib.transforms import ScaledTranslation
+
+    return ScaledTranslation(x / 72.0, y / 72.0, ax.figure.dpi_scale_trans)
+
+
+# ---- to a file
+
+
+def to_svg(fig: Figure) -> str:
+    """The figure as an SVG document: the same text for the same figure, without a date."""
+    stream = io.StringIO()
+    with styled():
+        fig.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = stream.getvalue().replace("'DejaVu Sans'", FONTS)
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.S)
+    text = re.sub(r"(?:<use [^>]*/>\s*)+", _gathered, text)
+    # A hundredth of a point is below what is seen, and keeps files small and equal on all machines.
+    return re.sub(r"<[^>]+>", lambda tag: re.sub(r"-?\d+\.\d{3,}", _hundredth, tag[0]), text)
+
+
+def _gathered(match: re.Match[str]) -> str:
+    """Markers that share a style, in a group that states it once."""
+    uses = re.findall(r"<use ([^>]*?)\s*/>", match[0])
+    styles = {found[1] if (found := re.search(r' style="([^"]*)"', use)) else "" for use in uses}
+    if len(styles) > 1 or len(uses) < 3:
+        return match[0]
+    bare = "\n".join("<use " + re.sub(r' style="[^"]*"', "", use) + "/>" for use in uses)
+    return f'<g style="{styles.pop()}">\n{bare}\n</g>\n'
+
+
+def _hundredth(match: re.Match[str]) -> str:
+    short = f"{float(match[0]):.2f}".rstrip("0").rstrip(".")
+    return "0" if short == "-0" else short
+
+
+def inline_svg(fig: Figure, name: str, label: str) -> str:
+    """The figure as an element of a page, in the page's colours, with ids of its own.
+
+    Args:
+        fig: the figure.
+        name: a word that no other figure of the page has.
+        label: what a reader who cannot see it is told.
+    """
+    text = to_svg(fig)
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<defs>\s*<style.*?</style>\s*</defs>", "", text, flags=re.S)  # it would reach the whole page
+    used = set(re.findall(r'(?:href="|url\()#([^")]+)', text))
+    text = re.sub(r'\s+id="([^"]+)"', lambda m: f' id="{name}-{m[1]}"' if m[1] in used else "", text)
+    text = re.sub(r'((?:href="|url\()#)', rf"\g<1>{name}-", text)
+    text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.S).replace("xlink:href", "href")
+    text = re.sub(r"#[0-9a-f]{6}\b", lambda m: f"var({PROPERTIES[m[0]]})" if m[0] in PROPERTIES else m[0], text)
+    width, height = (f"{float(v):.0f}" for v in re.findall(r'(?:width|height)="([\d.]+)pt"', text)[:2])
+    box = re.search(r'viewBox="([^"]+)"', text)
+    assert box is not None
+    opening = (
+        f'<svg viewBox="{box[1]}" role="img" aria-label="{html.escape(label, quote=True)}" '
+        f'style="width:{width}pt;aspect-ratio:{width}/{height};stroke-linejoin:round;stroke-linecap:butt">'
+    )
+    return re.sub(r"\n\s*", "\n", re.sub(r"^<svg[^>]*>", lambda _: opening, text)).strip()
+
+
+def save(fig: Figure, path: str | Path, *, dpi: float = 100.0) -> None:
+    """Write the figure to an ``.svg`` or ``.png`` file, without a date.
+
+    Args:
+        fig: the figure.
+        path: the file; its ending says which.
+        dpi: pixels per inch of a PNG file.
+    """
+    if Path(path).suffix == ".svg":
+        Path(path).write_text(to_svg(fig), encoding="utf-8", newline="\n")
+        return
+    with styled():
+        fig.savefig(path, dpi=dpi, metadata={"Software": None})

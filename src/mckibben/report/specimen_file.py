@@ -1,0 +1,69 @@
+"""A fit saved as a specimen file, which every command then takes by its path."""
+
+from __future__ import annotations
+
+import os
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from .. import __version__
+from ..errors import ConvergenceError
+from ..identification import Fit
+from ..muscles.laws import law_type
+from ..quantities import declared
+from ..specimens import Specimen
+
+
+def write_specimen(fits: list[Fit], like: Specimen | None, path: Path) -> None:
+    """Write all converged fits as one specimen; the first is its default law.
+
+    Args:
+        fits: ranked, of one table.
+        like: specimen whose properties are known for this muscle, if any.
+        path: of the TOML file; written whole or not at all.
+
+    Raises:
+        ConvergenceError: if no fit converged.
+    """
+    good = [f for f in fits if f.converged]
+    if not good:
+        raise ConvergenceError(f"{path}: not written, because no fit converged")
+    out = tomlkit.document()
+    out.add(tomlkit.comment(f"fitted by mckibben {__version__} to {good[0].points.name}, {datetime.now(UTC):%Y-%m-%d}"))
+    out["schema"] = 1
+    out["id"] = re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-.") or "fitted"
+    out["kind"] = "mckibben"
+    out["title"] = f"fitted to {good[0].points.name}"
+    out["sources"] = list(dict.fromkeys(k for f in good for k in law_type(f.law).cites))
+    out["law"] = good[0].law
+    laws = tomlkit.table(is_super_table=True)
+    for f in good:
+        laws[f.law] = _law_table(f)
+    if like is not None and like.properties:
+        out["properties"] = {k: _plain(p.model_dump(exclude_defaults=True)) for k, p in like.properties.items()}
+    out["laws"] = laws
+    whole = path.with_suffix(".toml.part")
+    whole.write_text(tomlkit.dumps(out), encoding="utf-8")
+    os.replace(whole, path)
+
+
+def _law_table(f: Fit) -> Any:
+    group = tomlkit.table()
+    units = declared(law_type(f.law))
+    for name, e in f.parameters.items():
+        entry: dict[str, Any] = {"value": e.value, "unit": e.unit, "note": f"fitted, rmse {f.rmse:.3g} N"}
+        if np.isfinite([e.low, e.high]).all():
+            entry["range"] = [e.low, e.high]
+        group[name] = entry
+    for name, value in f.known.items():
+        group[name] = {"value": float(np.max(value)), "unit": units[name].unit, "note": "known"}
+    return group
+
+
+def _plain(entry: dict[str, Any]) -> dict[str, Any]:
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in entry.items()}

@@ -1,0 +1,135 @@
+"""Part I of the paper: the static numbers and Table 1, each from a law and never from the printed value."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from ..analysis.characteristics import (
+    StaticCharacteristics,
+    circle_area,
+    static_characteristics,
+    stiffness_per_pressure,
+    work_of_shortening,
+)
+from ..muscles import braid
+from ..muscles.build import law_from_specimen
+from ..muscles.laws.ideal import Ideal
+from ..muscles.laws.linear_threshold import LinearThreshold
+from ..specimens import specimen
+from .rows import reproduces
+
+PRESSURE = 5e5  # the paper's characteristic gauge pressure [Pa]
+LENGTHS = (0.10, 0.11, 0.12, 0.13, 0.14)  # where the paper calls Kg approximately constant [m]
+# Eq. 13 as fitted to ten sampled points: what the paper derives its other numbers from [m, Pa, m, N].
+KG, PA, LMIN, FA = 0.466e-2, 0.062e5, 9.91e-2, -16.0
+
+
+@functools.cache
+def _nylon() -> LinearThreshold:
+    law = law_from_specimen(specimen("nylon"))
+    assert isinstance(law, LinearThreshold)
+    return law
+
+
+@functools.cache
+def table1(name: str) -> StaticCharacteristics:
+    """The column of Table 1 for one of the three muscles, from its law and its measured diameter."""
+    spec = specimen(name)
+    return static_characteristics(
+        law_from_specimen(spec),
+        pressure=PRESSURE,
+        rest_length=spec.property_si("rest_length", "m"),
+        upper_length=spec.property_si("upper_length", "m"),
+        section_area=circle_area(spec.property_si("diameter_shortened", "m")),
+    )
+
+
+@reproduces("static.zero_force_angle", "rad")
+def zero_force_angle() -> float:
+    """Braid angle at which the ideal muscle is free."""
+    law = law_from_specimen(specimen("nylon"), "ideal")
+    assert isinstance(law, Ideal)
+    return float(braid.angle(law.free_length(PRESSURE), thread_length=law.thread_length))
+
+
+@reproduces("static.stiffness_per_pressure", "m")
+def kg() -> float:
+    """Kg of the law with wall thickness."""
+    return stiffness_per_pressure(
+        law_from_specimen(specimen("nylon"), "thick_wall"), lengths=LENGTHS, pressure=PRESSURE
+    )
+
+
+@reproduces("static.threshold_pressure", "Pa", "from eq. 13 and L0, as the paper does")
+def threshold_pressure() -> float:
+    """Pth = Pa + Kp/Kg."""
+    return PA + passive_stiffness() / KG
+
+
+@reproduces("static.passive_stiffness", "N/m", "from eq. 13 and L0, as the paper does")
+def passive_stiffness() -> float:
+    """Kp = Fa/(Lmin - L0)."""
+    return FA / (LMIN - float(_nylon().rest_length))
+
+
+@reproduces("static.stiffness_5bar", "N/m")
+def stiffness() -> float:
+    """Stiffness of the nylon muscle in the middle of its range."""
+    return float(_nylon().stiffness(0.13, PRESSURE))
+
+
+@reproduces("static.stiffness_5bar_per_length", "N")
+def stiffness_per_rest_length() -> float:
+    """The same per resting length."""
+    return stiffness() * float(_nylon().rest_length)
+
+
+@reproduces("static.max_tension", "N")
+def max_tension() -> float:
+    """Tension at 1.1 L0."""
+    return float(_nylon().tension(1.1 * _nylon().rest_length, PRESSURE))
+
+
+@reproduces("static.zero_tension_length", "1")
+def zero_tension_length() -> float:
+    """Free length over resting length."""
+    return float(_nylon().free_length(PRESSURE) / _nylon().rest_length)
+
+
+@reproduces("static.work_per_cycle", "N")
+def work_per_cycle() -> float:
+    """Work from 1.1 to 0.75 L0 over L0; below the free length the muscle hangs slack and does none."""
+    rest = float(_nylon().rest_length)
+    return work_of_shortening(_nylon(), pressure=PRESSURE, longest=1.1 * rest, shortest=_shorter_end(rest)) / rest
+
+
+def _shorter_end(rest: float) -> float:
+    return float(np.maximum(0.75 * rest, _nylon().free_length(PRESSURE)))
+
+
+_TABLE1 = {
+    "section_area": ("section_area", "m^2"),
+    "dynamic_range": ("dynamic_range", "1"),
+    "max_tension": ("maximum_tension", "N"),
+    "stiffness": ("stiffness", "N"),
+    "work": ("work", "N"),
+    "tension_intensity": ("tension_intensity", "N/m^2"),
+    "stiffness_intensity": ("stiffness_intensity", "N/m^2"),
+    "work_density": ("work_density", "J/m^3"),
+}
+
+
+def _register_table1() -> None:
+    for name in ("nylon", "fiberglass", "bridgestone"):
+        for row, (field, unit) in _TABLE1.items():
+            reproduces(f"table1.{name}.{row}", unit)(functools.partial(_table1_entry, name, field))
+
+
+def _table1_entry(name: str, field: str) -> float:
+    value: float = getattr(table1(name), field)
+    return value
+
+
+_register_table1()

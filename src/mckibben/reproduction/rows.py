@@ -1,0 +1,137 @@
+"""The printed numbers, and what it means to reproduce one of them."""
+
+from __future__ import annotations
+
+import functools
+import tomllib
+from collections.abc import Callable
+from decimal import ROUND_HALF_UP, Decimal
+from importlib import resources
+from typing import Any, NamedTuple
+
+from ..errors import InputError
+from ..quantities import from_si
+
+Value = float | tuple[float, float]
+
+
+class Row(NamedTuple):
+    """One printed number: what it is, its value and unit in print, and what agreement with it means."""
+
+    id: str
+    part: str
+    what: str
+    paper: Value
+    unit: str
+    expect: str
+    tolerance: float = 0.0
+    calibrated: bool = False
+    note: str = ""
+
+
+class Outcome(NamedTuple):
+    """A row with ours beside it, in the row's unit; ``ok`` is None while no verdict is possible."""
+
+    row: Row
+    ours: float | None
+    ok: bool | None
+    note: str
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in one word or two."""
+        if self.ours is None:
+            return "to come"
+        if self.row.expect in ("open", "synthetic"):
+            return self.row.expect
+        if not self.ok:
+            return "falls short"
+        if self.row.expect == "erratum":
+            return "misprint"
+        return "holds, calibrated" if self.row.calibrated else "holds"
+
+
+Compute = Callable[[], float]
+_COMPUTE: dict[str, tuple[Compute, str, str]] = {}
+
+
+def reproduces(identifier: str, si_unit: str, note: str = "") -> Callable[[Compute], Compute]:
+    """Register the function that computes a row; it returns an SI value whose unit is given here."""
+
+    def register(compute: Compute) -> Compute:
+        if identifier in _COMPUTE:
+            raise ValueError(f"two functions reproduce {identifier}")
+        _COMPUTE[identifier] = (compute, si_unit, note)
+        return compute
+
+    return register
+
+
+@functools.cache
+def all_rows() -> tuple[Row, ...]:
+    """Every printed number, in the order of the papers."""
+    text = (resources.files(__package__) / "rows.toml").read_text(encoding="utf-8")
+    return tuple(_row(entry) for entry in tomllib.loads(text)["row"])
+
+
+def select(part: str | None = None, identifiers: list[str] | None = None) -> list[Row]:
+    """Rows of one part (``I`` to ``IV``, ``discussion``) or whose identifier begins with one of the given words."""
+    rows = list(all_rows())
+    parts = list(dict.fromkeys(r.part for r in rows))
+    if part is not None:
+        if part not in parts:
+            raise InputError("part", part, f"known are {', '.join(parts)}")
+        rows = [r for r in rows if r.part == part]
+    for word in identifiers or []:
+        if not any(r.id.startswith(word) for r in rows):
+            raise InputError("row", word, "no row begins with that; `mckibben reproduce --json` lists them")
+    if identifiers:
+        rows = [r for r in rows if any(r.id.startswith(word) for word in identifiers)]
+    return rows
+
+
+def reproduce_row(row: Row) -> Outcome:
+    """Compute one row and judge it."""
+    if row.id not in _COMPUTE:
+        return Outcome(row, None, None, row.note)
+    compute, si_unit, remark = _COMPUTE[row.id]
+    ours = from_si(compute(), si_unit, _plain_unit(row.unit))
+    note = "; ".join(filter(None, (row.note, remark)))
+    return Outcome(row, ours, judge(row, ours), note)
+
+
+def judge(row: Row, ours: float) -> bool | None:
+    """Whether our value, in the row's unit, is what the row expects; None where nothing is expected."""
+    if row.expect in ("open", "synthetic"):
+        return None
+    if row.expect == "range":
+        low, high = row.paper if isinstance(row.paper, tuple) else (row.paper, row.paper)
+        return low <= ours <= high
+    assert isinstance(row.paper, float)
+    if row.expect == "printed":
+        return rounds_to(ours, row.paper)
+    if row.expect == "near":
+        return abs(ours - row.paper) <= row.tolerance * abs(row.paper)
+    return abs(ours - row.paper) > 0.0  # erratum: the printed value is wrong, and ours must differ
+
+
+def rounds_to(ours: float, printed: float) -> bool:
+    """Whether a value rounds to a printed one, at the decimals in print."""
+    shown = Decimal(repr(printed))
+    exponent = shown.as_tuple().exponent
+    assert isinstance(exponent, int)
+    if exponent == -1 and shown == shown.to_integral_value():
+        exponent = 0  # a TOML integer has become a float
+    return Decimal(repr(ours)).quantize(Decimal(1).scaleb(exponent), ROUND_HALF_UP) == shown
+
+
+def _row(entry: dict[str, Any]) -> Row:
+    paper = entry["paper"]
+    value = tuple(float(v) for v in paper) if isinstance(paper, list) else float(paper)
+    return Row(**(entry | {"paper": value}))
+
+
+def _plain_unit(unit: str) -> str:
+    """The unit of a row without the muscle's own length unit L0, which the computing function has divided out."""
+    plain = unit.replace("(L0 cm2)", "cm2").replace("/L0", "").replace(" L0", "").replace("L0", "1")
+    return plain.replace("cm2", "cm^2").replace("cm3", "cm^3").replace("s2", "s^2").replace(" ", "*")
