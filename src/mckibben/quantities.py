@@ -130,10 +130,9 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
         ) from None
     except pint.DimensionalityError:
         raise InputError(field, f"{value:g} {unit}", f"allowed is {_kind(si_unit)}", where=where) from None
-    except (AttributeError, TypeError, ValueError, pint.PintError) as error:
-        raise InputError(
-            field, f"{value:g} {unit}", f"not a unit ({error}); allowed is {_kind(si_unit)}", where=where
-        ) from None
+    except (ArithmeticError, AssertionError, AttributeError, TypeError, ValueError, pint.PintError):
+        # pint's parser meets nonsense such as "12 **" with an assertion
+        raise InputError(field, f"{value:g} {unit}", f"no unit; allowed is {_kind(si_unit)}", where=where) from None
 
 
 def from_si(value: float, si_unit: str, unit: str) -> float:

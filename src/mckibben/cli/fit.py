@@ -23,7 +23,8 @@ def add_to(app: typer.Typer) -> None:
 
 def fit(
     files: Annotated[
-        list[str], typer.Argument(metavar="FILE..", help="CSV tables, or specimens that ship with a map.")
+        list[str],
+        typer.Argument(metavar="FILE..", help="CSV tables, specimens that ship with a map, or a .toml of constraints."),
     ],
     law: Annotated[
         list[str] | None, typer.Option("--law", help="Law to fit; repeat for several. All where left out.")
@@ -54,6 +55,9 @@ def fit(
     """Fit tension laws to a measured table of length, pressure and tension, and rank them."""
     from ..quantities import parse
 
+    if any(f.endswith(".toml") for f in files):
+        _constraints(files, as_json)
+        return
     _writable(report, ".html")
     _writable(save, ".toml")
     rest = None if rest_length is None else parse(rest_length, "m", field="--rest-length")
@@ -85,6 +89,14 @@ def fit(
     for path in (report, save):
         if path is not None:
             typer.echo(f"Written: {path}")
+
+
+def _constraints(files: list[str], as_json: bool) -> None:
+    from .constraints import fit_constraints_file
+
+    if len(files) > 1:
+        raise InputError("file", ", ".join(files), "allowed is one file of constraints, alone")
+    fit_constraints_file(Path(files[0]), as_json=as_json)
 
 
 def _load(file: str, rest: float | None, like: str | None, reading: dict[str, Any]) -> tuple[ForceMap, Specimen | None]:

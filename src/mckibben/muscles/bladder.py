@@ -28,9 +28,11 @@ ROUNDING_SHARE = 0.8
 
 def ramp(x: Any, width: Any) -> Scalar:
     """max(x, 0), rounded between -width/2 and width/2 (same unit as x, width > 0)."""
-    y = jnp.clip(x / width + 0.5, 0.0, 1.0)
+    # Both pieces meet at the same computed number: with two comparisons, rounding could count the slope at y = 1 twice.
+    above = x / width + 0.5
+    y = jnp.clip(above, 0.0, 1.0)
     y2 = y * y
-    return width * y2 * y2 * y * (7.0 + y * (-14.0 + y * (10.0 - 2.5 * y))) + jnp.maximum(x - 0.5 * width, 0.0)
+    return width * (y2 * y2 * y * (7.0 + y * (-14.0 + y * (10.0 - 2.5 * y))) + jnp.maximum(above - 1.0, 0.0))
 
 
 def gas_energy(

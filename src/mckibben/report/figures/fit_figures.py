@@ -20,24 +20,13 @@ from ...muscles.law import TensionLaw
 from ...muscles.laws import law_type
 from ...quantities import declared, from_si
 from ...recordings import ForceMap
-from ...specimens import Specimen
+from ..study import Study
 from . import style
 from .style import CAUTION, COLOURS, INK, INK_2, INK_3, PANEL, RULE, SUNKEN, number
 
 MOST_LINES, MOST_LABELS, MOST_PANELS = 24, 8, 3
 FINE = 61
-KEY = "▲ measured   ○ measured, slack   — law"
-
-
-class Study(NamedTuple):
-    """What was done with one force map: the fits, best first, and errors of laws that were not fitted [N]."""
-
-    title: str
-    specimen: Specimen | None
-    points: ForceMap
-    fits: list[Fit]
-    published: Sequence[tuple[str, np.ndarray]] = ()
-    skipped: dict[str, str] = {}
+KEY = "▲ measured\N{EM SPACE}○ measured, slack\N{EM SPACE}— law"
 
 
 def law_title(fit: Fit) -> str:
@@ -59,7 +48,9 @@ def tension_curves(fit: Fit, points: ForceMap) -> Figure:
     muscles = _muscles(fit, points)
     several = len(muscles) > 1
     fig = style.figure(style.MIDDLE, 5.0 if several else 4.7)
-    grid = fig.add_gridspec(1, len(muscles), left=0.075, right=0.895, bottom=0.105, top=0.81 if several else 0.855, wspace=0.68)
+    grid = fig.add_gridspec(
+        1, len(muscles), left=0.075, right=0.895, bottom=0.105, top=0.81 if several else 0.855, wspace=0.68
+    )
     for i, (rest, law, some) in enumerate(muscles):
         ax = fig.add_subplot(grid[i])
         _draw_curves(ax, law, some, top=points.largest)
@@ -88,12 +79,23 @@ def _muscles(fit: Fit, points: ForceMap) -> list[tuple[float | None, TensionLaw,
 def _tension_function() -> Callable[[TensionLaw, Any, Any], Any]:
     import equinox as eqx
 
-    function: Callable[[TensionLaw, Any, Any], Any] = eqx.filter_jit(lambda law, length, pressure: law.braid_tension(length, pressure))
-    return function
+    def force(law: TensionLaw, length: Any, pressure: Any) -> Any:
+        return law.braid_tension(length, pressure)
+
+    return eqx.filter_jit(force)
 
 
 def tension_grid(law: TensionLaw, lengths: np.ndarray, pressures: Iterable[float]) -> np.ndarray:
-    """Signed force of the braid [N], negative where the muscle hangs slack, on a grid of lengths [m] and gauge pressures [Pa], shape (pressures, lengths)."""
+    """Signed force of the braid [N], negative where the muscle hangs slack.
+
+    Args:
+        law: the law.
+        lengths: of the braid [m], shape (n,).
+        pressures: gauge [Pa].
+
+    Returns:
+        Shape (pressures, n).
+    """
     function = _tension_function()
     # One pressure at a time and as an array, so that a law is compiled once for all figures.
     return np.stack([np.asarray(function(law, lengths, np.asarray(p, float))) for p in pressures])
@@ -117,15 +119,27 @@ def _draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, roo
         strong = i in labelled
         taut_lengths, line = pulling(lengths, tension[i])
         ax.plot(
-            taut_lengths * cm, line, color=COLOURS["tension"], lw=style.LINE if strong else 0.6, alpha=opacity if strong else 0.45,
-            zorder=2, solid_capstyle="round",
-        )  # fmt: skip
+            taut_lengths * cm,
+            line,
+            color=COLOURS["tension"],
+            lw=style.LINE if strong else 0.6,
+            alpha=opacity if strong else 0.45,
+            zorder=2,
+            solid_capstyle="round",
+        )
     slack = ~points.taut & near
     hanging = np.unique(np.round(points.length[slack], 6))
     ax.plot(hanging * cm, np.zeros(len(hanging)), "o", mfc=PANEL, mec=INK_3, mew=0.7, ms=3.2, clip_on=False, zorder=3)
     shown = taut.select(near[points.taut])
     ax.plot(
-        shown.length * cm, shown.tension, style.MARKERS["tension"], mfc=COLOURS["tension"], mec=PANEL, mew=0.4, ms=5.0, zorder=4
+        shown.length * cm,
+        shown.tension,
+        style.MARKERS["tension"],
+        mfc=COLOURS["tension"],
+        mec=PANEL,
+        mew=0.4,
+        ms=5.0,
+        zorder=4,
     )
     bar = [from_si(float(p), "Pa", "bar") for p in levels]
     ends = [(reach * cm, float(tension[i, -1]), style.pressure_text(bar[i], unit=i == max(labelled))) for i in labelled]
@@ -165,7 +179,9 @@ def _apart(ax: Axes, ends: np.ndarray, room: float) -> list[int]:
     points = (ends - low) / (high - low) * height
     chosen: list[int] = []
     for i in reversed(range(len(ends))):
-        if points[i] <= height and (not chosen or points[chosen[-1]] - points[i] >= max(1.6 * room, height / (MOST_LABELS + 1))):
+        if points[i] <= height and (
+            not chosen or points[chosen[-1]] - points[i] >= max(1.6 * room, height / (MOST_LABELS + 1))
+        ):
             chosen.append(i)
     return chosen[::-1] or [int(np.argmin(ends))]
 
@@ -220,8 +236,20 @@ def _draw_errors(ax: Axes, values: np.ndarray, error: np.ndarray, limit: float, 
     inside = there & (np.abs(error) <= 0.96 * limit)
     ax.set_ylim(-limit, limit)
     ax.axhline(0.0, color=INK_2, lw=0.8, zorder=1)
-    look: dict[str, Any] = {"mfc": COLOURS["tension"] if filled else PANEL, "mec": COLOURS["tension"], "mew": 0.8, "ms": size}
-    ax.plot(values[inside], error[inside], style.MARKERS["tension"], alpha=0.9 if len(error) < 200 else 0.5, zorder=3, **look)
+    look: dict[str, Any] = {
+        "mfc": COLOURS["tension"] if filled else PANEL,
+        "mec": COLOURS["tension"],
+        "mew": 0.8,
+        "ms": size,
+    }
+    ax.plot(
+        values[inside],
+        error[inside],
+        style.MARKERS["tension"],
+        alpha=0.9 if len(error) < 200 else 0.5,
+        zorder=3,
+        **look,
+    )
     beyond = there & ~inside
     for sign in (1, -1):
         some = beyond & (np.sign(error) == sign)
@@ -245,9 +273,16 @@ def _band(ax: Axes, half: float, *, label: bool, percent: str = "1") -> None:
         ax.axhline(edge, color=INK_3, lw=0.6, ls=(0, (5, 3)), zorder=1)
         if label:
             ax.annotate(
-                f"{sign}{percent}\N{NO-BREAK SPACE}%", xy=(1.0, edge), xycoords=("axes fraction", "data"), xytext=(4, 0),
-                textcoords="offset points", fontsize=style.SMALL, color=INK_2, va="center", annotation_clip=False,
-            )  # fmt: skip
+                f"{sign}{percent}\N{NO-BREAK SPACE}%",
+                xy=(1.0, edge),
+                xycoords=("axes fraction", "data"),
+                xytext=(4, 0),
+                textcoords="offset points",
+                fontsize=style.SMALL,
+                color=INK_2,
+                va="center",
+                annotation_clip=False,
+            )
 
 
 # ---- 3 ranking
@@ -264,13 +299,14 @@ class _Row(NamedTuple):
 
 @style.styled()
 def ranking(study: Study) -> Figure:
-    """Laws from best to worst: root mean square and largest error of points whose pressure was left out, and beyond the
-    training pressures, in per cent of the largest tension on a logarithmic axis.
+    """Laws from best to worst by their errors of prediction, in % of the largest tension on a logarithmic axis.
+
+    Root mean square and largest error of points whose pressure was left out; dashed, those above the training pressures.
     """
     rows = _rows(study)
-    fig = style.figure(style.WIDE, 1.25 + 0.315 * len(rows))
+    fig = style.figure(style.WIDE, 1.13 + 0.315 * len(rows))
     height = fig.get_figheight()
-    ax = fig.add_axes((0.285, 0.47 / height, 0.405, 1.0 - 1.25 / height))
+    ax = fig.add_axes((0.285, 0.47 / height, 0.405, 1.0 - 1.13 / height))
     _draw_ranking(ax, rows, study, names=0.285 * 72.0 * style.WIDE - 14.0)
     return fig
 
@@ -293,7 +329,9 @@ def _rows(study: Study) -> list[_Row]:
     size = study.points.largest
     for title, error in study.published:
         both = (float(np.sqrt(np.mean(error**2))) / size, float(np.abs(error).max()) / size)
-        found.append(_Row(name=_shorter(title), remark="published", converged=True, predicted=None, beyond=None, fitted=both))
+        found.append(
+            _Row(name=_shorter(title), remark="published", converged=True, predicted=None, beyond=None, fitted=both)
+        )
     return found
 
 
@@ -312,7 +350,13 @@ def _draw_ranking(ax: Axes, rows: list[_Row], study: Study, *, names: float, bri
         brief: fewer columns.
     """
     lanes = (0.17, -0.17)
-    values = [100.0 * v for r in rows for pair in (r.predicted, r.beyond, None if r.predicted else r.fitted) if pair for v in pair]
+    values = [
+        100.0 * v
+        for r in rows
+        for pair in (r.predicted, r.beyond, None if r.predicted else r.fitted)
+        if pair
+        for v in pair
+    ]
     finite = [v for v in values if math.isfinite(v) and v > 0.0]
     low, high = _decades(finite)
     ax.set_xscale("log")
@@ -325,7 +369,13 @@ def _draw_ranking(ax: Axes, rows: list[_Row], study: Study, *, names: float, bri
     ax.set_xticks(ticks, [number(t) for t in ticks])
     ax.minorticks_off()
     ax.set_yticks([])
-    ax.set_xlabel("Error, % of the largest tension", color=COLOURS["tension"], fontweight="bold", fontsize=style.SMALL + 0.5, labelpad=3)
+    ax.set_xlabel(
+        "Error, % of the largest tension",
+        color=COLOURS["tension"],
+        fontweight="bold",
+        fontsize=style.SMALL + 0.5,
+        labelpad=3,
+    )
     for i, row in enumerate(rows):
         if i:
             ax.axhline(i - 0.5, color=RULE, lw=style.HAIR, zorder=0)
@@ -336,12 +386,20 @@ def _draw_ranking(ax: Axes, rows: list[_Row], study: Study, *, names: float, bri
                 _draw_pair(ax, i - lane, [100.0 * v for v in pair], look, high, converged=row.converged)
         quiet = INK if row.converged else INK_3
         weight = "bold" if i == 0 else "normal"
-        style.note(ax, row.name, y=_share(ax, i), dx=-names, color=quiet, fontweight=weight, fontsize=style.SMALL if brief else style.NORMAL)
+        style.note(
+            ax,
+            row.name,
+            y=_share(ax, i),
+            dx=-names,
+            color=quiet,
+            fontweight=weight,
+            fontsize=style.SMALL if brief else style.NORMAL,
+        )
         if not brief or not row.remark.isdigit():
             style.note(ax, row.remark, y=_share(ax, i), dx=-8, ha="right", color=INK_2 if row.converged else CAUTION)
     style.note(ax, "law", dx=-names, dy=9, va="bottom")
     if brief:
-        style.note(ax, "▲ ▷ rms   ┃ largest", dx=0, dy=9, va="bottom", color=COLOURS["tension"])
+        style.note(ax, "▲ ▷ rms\N{EM SPACE}┃ largest", dx=0, dy=9, va="bottom", color=COLOURS["tension"])
     else:
         style.note(ax, "parameters", dx=-8, dy=9, ha="right", va="bottom")
     _columns(ax, rows, _trained(study), brief)
@@ -368,7 +426,7 @@ def _draw_pair(ax: Axes, y: float, pair: Sequence[float], look: str, high: float
     if math.isfinite(largest) and largest <= high:
         ax.plot([largest], [y], "|", color=shade, ms=7, mew=1.6, zorder=3)
     else:
-        ax.plot([high], [y], "4", color=INK, ms=8, mew=1.1, zorder=3, clip_on=False)
+        ax.plot([high], [y], ">", color=INK, ms=5, mew=0, zorder=3, clip_on=False)
     if math.isfinite(rms) and rms <= high:
         ax.plot([rms], [y], marker, mfc=face, mec=shade, mew=1.0, ms=5.4, zorder=4)
 
@@ -402,7 +460,14 @@ def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool) -> None:
             share = value(row)
             weight = "bold" if share == best else "normal"
             style.note(
-                ax, "" if share is None else _percent(share), x=1.0, y=_share(ax, i), dx=dx, ha="right", color=INK, fontweight=weight
+                ax,
+                "" if share is None else _percent(share),
+                x=1.0,
+                y=_share(ax, i),
+                dx=dx,
+                ha="right",
+                color=INK,
+                fontweight=weight,
             )
     for i, row in enumerate(rows):
         if row.remark == "published":
@@ -413,7 +478,9 @@ def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool) -> None:
 
 def _percent(share: float) -> str:
     value = 100.0 * share
-    if not math.isfinite(value) or value > 999.0:
+    if not math.isfinite(value):
+        return "no fit"
+    if value > 999.0:
         return "diverges"
     return number(value, 2 if value < 9.995 else 1) + "\N{NO-BREAK SPACE}%"
 
@@ -462,7 +529,15 @@ def _cell(ax: Axes, i: int, j: int, value: float, side: float) -> None:
     ax.add_patch(Rectangle((j, i), 1, 1, fc="none", ec=PANEL, lw=1.5))
     text = number(value, 4 if strength > 0.9985 else 3 if strength > 0.985 else 2, sign=True)
     size = min(style.SMALL, 0.88 * 72.0 * side / (0.62 * len(text)))
-    ax.text(j + 0.5, i + 0.5, text, ha="center", va="center_baseline", fontsize=size, color=PANEL if strength > 0.75 else INK)
+    ax.text(
+        j + 0.5,
+        i + 0.5,
+        text,
+        ha="center",
+        va="center_baseline",
+        fontsize=size,
+        color=PANEL if strength > 0.75 else INK,
+    )
 
 
 # ---- 5 beyond the training
@@ -494,7 +569,7 @@ def hold_out(fit: Fit) -> Figure | None:
         ax.axvspan(0.0, border, color=COLOURS["pressure"], alpha=0.09, lw=0, zorder=0)
         ax.axvline(border, color=COLOURS["pressure"], lw=0.9, ls=(0, (4, 2.3)), zorder=1)
     note = f"{fit.holdout.what}: {fit.holdout.trained_on} of {len(points)} points"
-    style.heading(left, law_title(fit), "▲ measured   △ predicted", above=24.0)
+    style.heading(left, law_title(fit), "▲ measured\N{EM SPACE}△ predicted", above=24.0)
     style.heading(right, "Errors of the prediction", note, above=24.0)
     _band(right, 0.03 * points.largest, label=True, percent="3")
     style.note(left, "shown to the fit", x=0.04, y=0.95, color=COLOURS["pressure"])
@@ -520,7 +595,17 @@ def _draw_predictions(ax: Axes, points: ForceMap, pressure: np.ndarray, error: n
         order = member[np.argsort(pressure[member], kind="stable")]
         ax.plot(pressure[order], points.tension[order], "-", color=shade, lw=0.6, alpha=0.45, zorder=2)
         dense = len(order) > 30
-        ax.plot(pressure[order], points.tension[order], "^", mfc=shade, mec=PANEL, mew=0.4, ms=3.2 if dense else 4.6, alpha=opacity, zorder=3)
+        ax.plot(
+            pressure[order],
+            points.tension[order],
+            "^",
+            mfc=shade,
+            mec=PANEL,
+            mew=0.4,
+            ms=3.2 if dense else 4.6,
+            alpha=opacity,
+            zorder=3,
+        )
         later = order[out[order]]
         if dense and len(later):
             later = later[np.unique(np.linspace(0, len(later) - 1, 9).round().astype(int))]
@@ -528,7 +613,9 @@ def _draw_predictions(ax: Axes, points: ForceMap, pressure: np.ndarray, error: n
         shown = np.isfinite(predicted) & (predicted <= top) & (predicted >= 0.0)
         ax.plot(pressure[later][shown], predicted[shown], "^", mfc="none", mec=INK, mew=0.9, ms=7.5, zorder=4)
         if len(order):
-            ends.append((float(pressure[order[-1]]), float(points.tension[order[-1]]), f"{from_si(length, 'm', 'cm'):.1f}"))
+            ends.append(
+                (float(pressure[order[-1]]), float(points.tension[order[-1]]), f"{from_si(length, 'm', 'cm'):.1f}")
+            )
     if ends:
         ends[-1] = (*ends[-1][:2], ends[-1][2] + "\N{NO-BREAK SPACE}cm")
     style.end_labels(ax, ends, quantity="length")
@@ -550,9 +637,9 @@ def _series(points: ForceMap) -> list[tuple[float, np.ndarray]]:
 
 
 @style.styled()
-def overview(studies: Iterable[Study | tuple[Any, ...]]) -> Figure:
+def overview(studies: Iterable[Study]) -> Figure:
     """One picture of up to two studies, 16 by 9 inch: the curves of the best law, and the ranking of all below them."""
-    found = [Study(*s) for s in studies][:2]
+    found = list(studies)[:2]
     fig = style.figure(14.4, 8.1)
     for i, study in enumerate(found):
         left = 0.045 + 0.5 * i
@@ -560,7 +647,7 @@ def overview(studies: Iterable[Study | tuple[Any, ...]]) -> Figure:
         _, law, points = _muscles(best, study.points)[-1]
         ax = fig.add_axes((left, 0.505, 0.405, 0.395))
         _draw_curves(ax, law, points, top=points.largest)
-        style.heading(ax, study.title, f"▲ measured   ○ slack   — {law_title(best)}", above=24.0)
+        style.heading(ax, study.title, f"▲ measured\N{EM SPACE}○ slack\N{EM SPACE}— {law_title(best)}", above=24.0)
         ranks = fig.add_axes((left + 0.155, 0.07, 0.17, 0.295))
         _draw_ranking(ranks, _rows(study), study, names=0.155 * 72.0 * 14.4, brief=True)
     return fig

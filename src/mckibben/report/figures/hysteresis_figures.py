@@ -50,21 +50,35 @@ def loop_figure(first: Loop, second: Loop | None = None, *, title: str, note: st
         if path.label:
             i = int(np.argmax(x + 1e-9 * y))
             ax.annotate(
-                path.label, xy=(x[i], y[i]), xytext=(8, -3), textcoords="offset points", va="center", annotation_clip=False,
-                fontsize=style.SMALL, fontweight="bold",
-            )  # fmt: skip
+                path.label,
+                xy=(x[i], y[i]),
+                xytext=(8, -3),
+                textcoords="offset points",
+                va="center",
+                annotation_clip=False,
+                fontsize=style.SMALL,
+                fontweight="bold",
+            )
     style.quantity_axes(ax, x=("Displacement, mm", "length"), y=("Tension, N", "tension"))
     style.heading(ax, title, note, above=24.0)
     return fig
 
 
-def _arrows(ax: Axes, x: np.ndarray, y: np.ndarray, count: int = 4) -> None:
+def _arrows(ax: Axes, x: np.ndarray, y: np.ndarray, count: int = 3) -> None:
     """Heads along a path, at equal shares of its drawn length after the first quarter."""
     points = ax.transData.transform(np.stack([x, y], axis=1))
     walked = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     if walked[-1] == 0.0:
         return
-    options: dict[str, Any] = {"arrowstyle": "-|>,head_width=0.32,head_length=0.7", "fc": COLOURS["tension"], "ec": PANEL, "linewidth": 0.4, "mutation_scale": 13}
+    options: dict[str, Any] = {
+        "arrowstyle": "-|>,head_width=0.32,head_length=0.7",
+        "fc": COLOURS["tension"],
+        "ec": PANEL,
+        "linewidth": 0.4,
+        "mutation_scale": 13,
+        "shrinkA": 0,
+        "shrinkB": 0,
+    }
     for share in (np.arange(count) + 0.6) / count:
         i = int(np.searchsorted(walked, share * walked[-1]))
         i = min(max(i, 1), len(x) - 1)

@@ -42,11 +42,13 @@ def law_figure(
     with_volume = law.has_volume()
     fig = style.figure(style.WIDE, 3.9)
     ratios = [1.55, 1.0, 1.0] if with_volume else [1.55, 1.0]
-    grid = fig.add_gridspec(1, len(ratios), left=0.05, right=0.945, bottom=0.13, top=0.745, wspace=0.36, width_ratios=ratios)
-    panels = [fig.add_subplot(g) for g in grid]
+    grid = fig.add_gridspec(
+        1, len(ratios), left=0.05, right=0.945, bottom=0.13, top=0.745, wspace=0.36, width_ratios=ratios
+    )
+    panels = [fig.add_subplot(g) for g in (grid[i] for i in range(len(ratios)))]
     draw_tension(panels[0], law, span, bars)
     style.heading(panels[0], title, law.title, above=46.0)
-    style.heading(panels[0], "Under load", "○ free length at the line's pressure; grey: slack at all of them", above=24.0)
+    style.heading(panels[0], "Under load", "○ free length; grey: always slack", above=24.0)
     draw_free_length(panels[1], law, float(bars[-1]))
     style.heading(panels[1], "Unloaded", above=24.0)
     if with_volume:
@@ -77,7 +79,9 @@ def draw_tension(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures
     # Never taut here: shorter than the free length at the highest pressure drawn.
     free, line = pulling(lengths, force[-1])
     if len(free) < len(lengths) or line[0] == 0.0:
-        ax.axvspan(ax.get_xlim()[0], float(free[0]) * cm if len(free) else ax.get_xlim()[1], color=SUNKEN, lw=0, zorder=0)
+        ax.axvspan(
+            ax.get_xlim()[0], float(free[0]) * cm if len(free) else ax.get_xlim()[1], color=SUNKEN, lw=0, zorder=0
+        )
     ends = []
     for pressure, row, opacity in zip(pressures, force, style.graded(len(pressures), 0.5), strict=True):
         x, y = pulling(lengths, row)
@@ -97,7 +101,9 @@ def draw_free_length(ax: Axes, law: TensionLaw, highest: float) -> None:
     """Length of the unloaded muscle over gauge pressure, up to `highest` [Pa]."""
     pressures = np.linspace(0.0, highest, FINE)
     free = np.asarray(law.free_length(pressures))
-    ax.plot(pressures * from_si(1.0, "Pa", "bar"), free * from_si(1.0, "m", "cm"), color=COLOURS["length"], lw=style.HEAVY)
+    ax.plot(
+        pressures * from_si(1.0, "Pa", "bar"), free * from_si(1.0, "m", "cm"), color=COLOURS["length"], lw=style.HEAVY
+    )
     ax.set_xlim(0.0, from_si(highest, "Pa", "bar") * 1.02)
     low, high = ax.get_ylim()
     room = max(0.04 * high - (high - low), 0.0) / 2.0  # a free length that hardly moves looks as if it hardly moves
@@ -121,7 +127,8 @@ def draw_volume(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures:
     style.quantity_axes(ax, x=("Length, cm", "length"), y=("Volume, cm³", None))
     labels = [number(from_si(p, "Pa", "bar")) for p in shown]
     labels[-1] = labels[-1] + "\N{NO-BREAK SPACE}bar" if len(curves) > 1 else ""
-    style.end_labels(ax, [(lengths[-1] * cm, float(c[-1]), t) for c, t in zip(curves, labels, strict=True) if t], quantity="pressure")
+    ends = [(lengths[-1] * cm, float(c[-1]), t) for c, t in zip(curves, labels, strict=True) if t]
+    style.end_labels(ax, ends, quantity="pressure")
 
 
 # ---- the muscle to scale
@@ -142,7 +149,9 @@ def braid_of(law: TensionLaw) -> BraidShape | None:
     if {"rest_length", "rest_angle"} <= given.keys() and ("rest_diameter" in given or "rest_radius" in given):
         angle = given["rest_angle"] + given.get("angle_correction", 0.0)
         bore = given.get("rest_diameter", 2.0 * given.get("rest_radius", 0.0))
-        return BraidShape(given["rest_length"] / math.cos(angle), given["rest_length"] * math.tan(angle) / (math.pi * bore))
+        return BraidShape(
+            given["rest_length"] / math.cos(angle), given["rest_length"] * math.tan(angle) / (math.pi * bore)
+        )
     return None
 
 
@@ -167,7 +176,9 @@ def muscle_drawing(
     """
     for value in lengths:
         if not 0.0 < value < shape.thread_length:
-            raise InputError("length", f"{value:.4g} m", f"allowed is more than 0 m and less than the thread length, {shape.thread_length:.4g} m")
+            raise InputError(
+                "length", f"{value:.4g} m", f"allowed is 0 m to {shape.thread_length:.4g} m, the thread length"
+            )
     fitting = 0.045 * max(lengths)
     widths = [_diameter(shape, v) for v in lengths]
     inch = 72.0 * from_si(1.0, "m", "inch")  # points in a metre
@@ -186,9 +197,20 @@ def muscle_drawing(
         _draw_muscle(ax, shape, value, (left, y + 0.5 * width), fitting, min(widths), threads, per_point)
         _dimensions(ax, shape, value, (left, y + 0.5 * width), fitting, per_point, remark)
         y += width + gaps * per_point
-    head_text = ax.text(14.0 * per_point, 16.0 * per_point, title, fontsize=style.NORMAL, fontweight="bold", va="center")
+    head_text = ax.text(
+        14.0 * per_point, 16.0 * per_point, title, fontsize=style.NORMAL, fontweight="bold", va="center"
+    )
     words = f"braid to scale, {_ratio(scale)} on paper; {threads} threads each way drawn"
-    ax.annotate(words, xy=(1, 0), xycoords=head_text, xytext=(7, 0), textcoords="offset points", fontsize=style.SMALL, color=INK_3, va="bottom")
+    ax.annotate(
+        words,
+        xy=(1, 0),
+        xycoords=head_text,
+        xytext=(7, 0),
+        textcoords="offset points",
+        fontsize=style.SMALL,
+        color=INK_3,
+        va="bottom",
+    )
     _scale_bar(ax, 14.0 * per_point, (tall - 16.0) * per_point, per_point, max(lengths))
     return fig
 
@@ -202,7 +224,14 @@ def _ratio(scale: float) -> str:
 
 
 def _draw_muscle(
-    ax: Axes, shape: BraidShape, length: float, at: tuple[float, float], fitting: float, clamp: float, threads: int, point: float
+    ax: Axes,
+    shape: BraidShape,
+    length: float,
+    at: tuple[float, float],
+    fitting: float,
+    clamp: float,
+    threads: int,
+    point: float,
 ) -> None:
     from matplotlib.collections import LineCollection
     from matplotlib.patches import Rectangle
@@ -248,10 +277,19 @@ def _dimensions(
     angle = math.degrees(math.acos(length / shape.thread_length))
     text = f"{number(from_si(length, 'm', 'cm'), 2)}\N{NO-BREAK SPACE}cm"
     label = ax.text(x0, low + 6.0 * point, text, color=green, fontweight="bold", fontsize=style.SMALL, va="top")
-    rest = f"braid angle {number(angle, 1)}°   diameter {number(1e3 * width, 1)}\N{NO-BREAK SPACE}mm"
+    rest = f"braid angle {number(angle, 1)}°\N{EM SPACE}diameter {number(1e3 * width, 1)}\N{NO-BREAK SPACE}mm"
     if remark:
-        rest = f"{remark}   {rest}"
-    ax.annotate(rest, xy=(1, 1), xycoords=label, xytext=(9, 0), textcoords="offset points", va="top", fontsize=style.SMALL, color=INK_2)
+        rest = f"{remark}\N{EM SPACE}{rest}"
+    ax.annotate(
+        rest,
+        xy=(1, 1),
+        xycoords=label,
+        xytext=(9, 0),
+        textcoords="offset points",
+        va="top",
+        fontsize=style.SMALL,
+        color=INK_2,
+    )
     side = x0 + length + fitting + 9.0 * point
     ax.plot([side, side], [middle - 0.5 * width, middle + 0.5 * width], color=INK_3, lw=0.8)
     for end in (-0.5, 0.5):
@@ -261,4 +299,11 @@ def _dimensions(
 def _scale_bar(ax: Axes, x: float, y: float, point: float, longest: float) -> None:
     bar = next(v for v in (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0) if v <= 0.35 * longest)
     ax.plot([x, x + bar], [y, y], color=INK, lw=1.6, solid_capstyle="butt")
-    ax.text(x + bar + 6.0 * point, y, f"{number(from_si(bar, 'm', 'cm'))}\N{NO-BREAK SPACE}cm", va="center", fontsize=style.SMALL, color=INK_2)
+    ax.text(
+        x + bar + 6.0 * point,
+        y,
+        f"{number(from_si(bar, 'm', 'cm'))}\N{NO-BREAK SPACE}cm",
+        va="center",
+        fontsize=style.SMALL,
+        color=INK_2,
+    )

@@ -16,7 +16,7 @@ import html
 import io
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -93,9 +93,11 @@ _RC: dict[str, Any] = {
 }
 
 
-def styled() -> contextlib.AbstractContextManager[None] | Any:
+@contextlib.contextmanager
+def styled() -> Iterator[None]:
     """The settings of all figures, as a context or a decorator; a user's own matplotlib settings are left out."""
-    return matplotlib.rc_context(_settings())
+    with matplotlib.rc_context(_settings()):
+        yield
 
 
 @functools.cache
@@ -135,9 +137,16 @@ def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None
     head = ax.text(0.0, 1.0, text, transform=anchor, fontsize=NORMAL, fontweight="bold", va="bottom", color=INK)
     if note:
         ax.annotate(
-            note, xy=(1.0, 0.0), xycoords=head, xytext=(7, 0), textcoords="offset points", annotation_clip=False,
-            fontsize=SMALL, color=INK_3, va="bottom",
-        )  # fmt: skip
+            note,
+            xy=(1.0, 0.0),
+            xycoords=head,
+            xytext=(7, 0),
+            textcoords="offset points",
+            annotation_clip=False,
+            fontsize=SMALL,
+            color=INK_3,
+            va="bottom",
+        )
 
 
 def colour(quantity: str | None) -> str:
@@ -225,10 +234,20 @@ def end_labels(
         moved = abs(place - at[1]) > 2.0
         offset = (right - at[0] + (13 if moved else 5), place - at[1])
         ax.annotate(
-            text, xy=(x, y), xytext=offset, textcoords="offset points", va="center_baseline", ha="left",
-            fontsize=SMALL, fontweight="bold" if bold else "normal", color=colour(quantity), annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": INK_3, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1} if moved else None,
-        )  # fmt: skip
+            text,
+            xy=(x, y),
+            xytext=offset,
+            textcoords="offset points",
+            va="center_baseline",
+            ha="left",
+            fontsize=SMALL,
+            fontweight="bold" if bold else "normal",
+            color=colour(quantity),
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": INK_3, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1}
+            if moved
+            else None,
+        )
 
 
 def graded(count: int, least: float = 0.4) -> list[float]:
@@ -236,7 +255,9 @@ def graded(count: int, least: float = 0.4) -> list[float]:
     return [1.0] if count == 1 else [least + (1.0 - least) * i / (count - 1) for i in range(count)]
 
 
-def note(ax: Axes, text: str, *, x: float = 0.0, y: float = 1.0, dx: float = 0.0, dy: float = 0.0, **options: Any) -> Text:
+def note(
+    ax: Axes, text: str, *, x: float = 0.0, y: float = 1.0, dx: float = 0.0, dy: float = 0.0, **options: Any
+) -> Text:
     """A quiet remark at a place of the axes [share of their size], shifted by points."""
     style = {"fontsize": SMALL, "color": INK_3, "va": "center", "ha": "left"} | options
     return ax.text(x, y, text, transform=ax.transAxes + shift(ax, dx, dy), **style)

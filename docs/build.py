@@ -1,0 +1,115 @@
+"""Build the documentation into site/: run every example, generate the reference, and let zensical make the site.
+
+    python docs/build.py                 everything, as `make docs` does
+    python docs/build.py PAGE ..         only the examples of these pages, printed: for a writer
+    python docs/build.py --no-site       stage the pages in build/docs and stop
+
+The build fails when an example raises or warns, when a command ends with another code than its block says, when an image
+is missing, when zensical warns, and when a built page would load something from the network.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
+STAGE, SITE = ROOT / "build" / "docs", ROOT / "site"
+sys.path.insert(0, str(DOCS))
+
+import examples  # noqa: E402
+import generated  # noqa: E402
+
+
+def sources() -> list[Path]:
+    """The written pages, in order."""
+    return sorted(DOCS.rglob("*.md"))
+
+
+def stage(pages: list[Path]) -> None:
+    """Write all pages with the output of their examples into the stage."""
+    shutil.rmtree(STAGE, ignore_errors=True)
+    for path in DOCS.rglob("*"):
+        if path.is_file() and path.suffix in (".css", ".png", ".svg"):
+            _write(path.relative_to(DOCS), path.read_bytes())
+    for path in pages:
+        begun = time.perf_counter()
+        name = path.relative_to(DOCS)
+        text = examples.run_page(path.read_text(encoding="utf-8"), str(name), STAGE / "assets" / "generated" / path.stem)
+        _write(name, text.encode())
+        _say(name, begun)
+    for name, make in generated.PAGES.items():
+        begun = time.perf_counter()
+        _write(Path(name), make(STAGE).encode())
+        _say(name, begun)
+    _images_exist()
+
+
+def site() -> None:
+    """Let zensical build the site; any warning is a failure."""
+    shutil.rmtree(SITE, ignore_errors=True)
+    command = [sys.executable, "-m", "zensical", "build", "--strict", "--clean", "-f", str(ROOT / "mkdocs.yml")]
+    done = subprocess.run(command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    print(done.stdout, end="")
+    if done.returncode or re.search(r"\b(warning|error)\b", done.stdout, re.I):
+        raise SystemExit("docs: zensical was not content")
+    _loads_nothing()
+
+
+def _loads_nothing() -> None:
+    """No page may load a script, style, font or picture from elsewhere; links that a reader follows are no loads."""
+    loads = re.compile(r"""<(?:script|img|iframe|source|video|audio)\b[^>]*\bsrc=["']?(?:https?:)?//[^"'>\s]+|<link\b[^>]*\bhref=["']?(?:https?:)?//[^>]*>""")
+    imports = re.compile(r"""(?:@import|url\()\s*["']?(?:https?:)?//[^)"']+""")
+    for path in SITE.rglob("*"):
+        if path.suffix in (".html", ".css"):
+            text = path.read_text(encoding="utf-8")
+            found = [m for m in (loads if path.suffix == ".html" else imports).findall(text) if 'rel="canonical"' not in m]
+            if found:
+                raise SystemExit(f"docs: {path.relative_to(ROOT)} loads from the network: {found[0]}")
+
+
+def _images_exist() -> None:
+    for path in STAGE.rglob("*.md"):
+        for target in re.findall(r"!\[[^\]]*\]\(([^)\s]+)", path.read_text(encoding="utf-8")):
+            if not (path.parent / target).is_file():
+                raise SystemExit(f"docs: {path.relative_to(STAGE)} shows {target}, which is not there")
+
+
+def _write(name: Path, data: bytes) -> None:
+    path = STAGE / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+
+
+def _say(name: object, begun: float) -> None:
+    spent = time.perf_counter() - begun
+    print(f"  {name}" + (f"  {spent:.1f} s" if spent > 0.5 else ""), flush=True)
+
+
+def main(words: list[str]) -> None:
+    """See the module's docstring."""
+    warnings.simplefilter("error")
+    pages = [w for w in words if not w.startswith("-")]
+    if pages:
+        for page in pages:
+            path = Path(page).resolve()
+            print(examples.run_page(path.read_text(encoding="utf-8"), page, ROOT / "build" / "examples" / path.stem))
+        return
+    begun = time.perf_counter()
+    try:
+        stage(sources())
+    except examples.ExampleError as error:
+        raise SystemExit(f"docs: {error}") from None
+    if "--no-site" not in words:
+        site()
+        print(f"site/index.html, in {time.perf_counter() - begun:.0f} s")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

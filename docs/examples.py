@@ -1,0 +1,119 @@
+"""Run the examples of a page and put what they print below them.
+
+A ```python block runs in the namespace of its page; what it prints follows as a block of text. In a ```console block every
+line that begins with ``$ mckibben`` runs, and its output follows. Words after ``console`` say what is expected:
+
+    ```console exit=2          the command must end with this code; its line on standard error is shown
+    ```console lines=12        show so many lines of the output, then an ellipsis
+    ```python quiet            run, and show neither the code nor its output
+
+Each page has an empty folder as its working directory; figures that it saves there become assets of the site.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import shutil
+import tempfile
+import traceback
+from pathlib import Path
+
+FENCE = re.compile(r"^```(python|console)\b([^\n]*)\n(.*?)^```[ \t]*$", re.M | re.S)
+FIGURES = (".svg", ".png")
+
+
+class ExampleError(Exception):
+    """An example did something else than the page says."""
+
+
+def run_page(text: str, name: str, figures: Path) -> str:
+    """The page with the output of its examples; figures go to a folder.
+
+    Args:
+        text: the page.
+        name: what to call it in a complaint.
+        figures: folder for the figures that the examples save.
+    """
+    if not FENCE.search(text):
+        return text
+    before = Path.cwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        try:
+            space: dict[str, object] = {"__name__": "__main__"}
+            shown = FENCE.sub(lambda m: _block(m[1], m[2].split(), m[3], space, f"{name}, line {text[: m.start()].count(chr(10)) + 1}"), text)
+        finally:
+            os.chdir(before)
+        for path in sorted(Path(folder).iterdir()):
+            if path.suffix in FIGURES:
+                figures.mkdir(parents=True, exist_ok=True)
+                shutil.copy(path, figures / path.name)
+    return shown
+
+
+def _block(kind: str, words: list[str], body: str, space: dict[str, object], where: str) -> str:
+    options = dict(w.split("=") for w in words if "=" in w)
+    most = int(options.get("lines", "0"))
+    if kind == "console":
+        return f"```console\n{_commands(body, int(options.get('exit', '0')), most, where)}```"
+    printed = _python(body, space, where)
+    if "quiet" in words:
+        return ""
+    out = f"\n\n```text\n{_shortened(printed, most)}```" if printed.strip() else ""
+    return f"```python\n{body}```{out}"
+
+
+def _python(body: str, space: dict[str, object], where: str) -> str:
+    stream = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(stream):
+            exec(compile(body, f"<{where}>", "exec"), space)
+    except Exception:
+        raise ExampleError(f"{where}:\n{body}\n{traceback.format_exc()}") from None
+    return _plain(stream.getvalue())
+
+
+def _commands(body: str, code: int, most: int, where: str) -> str:
+    """The block with the output of each command after it; other lines of the source are dropped, being old output."""
+    lines = body.replace("\\\n", "\\\0").splitlines()
+    shown = []
+    for line in (x.replace("\\\0", "\\\n") for x in lines if x.startswith("$ ")):
+        shown.append(line)
+        words = shlex.split(line[2:].replace("\\\n", " "))
+        if words[0] != "mckibben":
+            raise ExampleError(f"{where}: only `mckibben` is run, not {words[0]}; use a block of another kind")
+        output, ended = run_command(words[1:])
+        if ended != code:
+            raise ExampleError(f"{where}: `{line[2:]}` ended with {ended} instead of {code}:\n{output}")
+        shown.append(_shortened(output, most).rstrip("\n"))
+    return "\n".join(x for x in shown if x) + "\n"
+
+
+def run_command(words: list[str]) -> tuple[str, int]:
+    """Output and exit code of a command line, run in this process; standard error is added when it fails."""
+    from mckibben.cli import main
+
+    out, err = io.StringIO(), io.StringIO()
+    code = 0
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main(words)
+        except SystemExit as end:
+            code = int(end.code or 0)
+    return _plain(out.getvalue() + (err.getvalue() if code else "")), code
+
+
+def _plain(text: str) -> str:
+    """Without the codes that colour a terminal, and without spaces at the ends of lines."""
+    return re.sub(r"[ \t]+$", "", re.sub(r"\x1b\[[0-9;]*m", "", text), flags=re.M).strip("\n") + "\n"
+
+
+def _shortened(text: str, most: int) -> str:
+    lines = text.splitlines()
+    if most and len(lines) > most:
+        lines = [*lines[:most], "..."]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,272 @@
+"""Force maps from CSV files with a header.
+
+A column says what it holds and in which unit: ``length_mm``, ``pressure_bar_gauge``, ``force [N]``,
+``contraction_percent``, ``rest_length_mm``. Everything is converted to SI here, once.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..quantities import to_si, with_unit
+from .force_map import ForceMap
+
+# Names under which the columns are known; the first that a header holds is taken.
+COLUMNS = {
+    "length": ("length", "braid_length", "test_length", "muscle_length", "l"),
+    "contraction": ("contraction", "contraction_ratio", "strain", "eps", "kappa", "epsilon"),
+    "pressure": ("pressure", "p", "gauge_pressure"),
+    "tension": ("tension", "force", "f", "pull"),
+    "rest_length": ("rest_length", "resting_length", "l0", "initial_length"),
+    "branch": ("branch", "direction"),
+}
+UNITS = {
+    "length": "m",
+    "contraction": "1",
+    "pressure": "Pa",
+    "tension": "N",
+    "rest_length": "m",
+}
+# What a table of a McKibben muscle can hold [SI]; outside, a unit is wrong or two columns are swapped.
+PLAUSIBLE = {
+    "length": (2e-3, 10.0),
+    "contraction": (-0.6, 0.9),
+    "pressure": (-1.013e5, 1e7),
+    "tension": (-1e4, 1e6),
+    "rest_length": (2e-3, 10.0),
+}
+# A largest pressure or tension below this is no muscle either: bar read as pascal, kN as N, swapped columns.
+LEAST_LARGEST = {"pressure": 2e3, "tension": 0.05}
+_UNIT_WORDS = {
+    **{
+        u: u for u in ("m", "mm", "cm", "Pa", "kPa", "MPa", "bar", "mbar", "psi", "N", "kN", "mN", "lbf", "kgf", "inch")
+    },
+    **{"in": "inch", "percent": "percent", "%": "percent", "fraction": "1", "1": "1", "ratio": "1"},
+}
+
+
+def read_force_map(
+    path: str | Path,
+    *,
+    rest_length: float | None = None,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    branch: str | None = None,
+    pressure_zero: float = 0.0,
+    ambient: float = 101325.0,
+) -> ForceMap:
+    """Read a force map from a CSV file (``.csv`` or ``.csv.gz``).
+
+    Args:
+        path: the file; lines that begin with # are skipped.
+        rest_length: one rest length for all points [m], over a column of the file.
+        columns: column names for ``length``, ``pressure``, ... where the header uses others.
+        units: units for columns whose header has none.
+        branch: keep only the rows whose branch column has this value.
+        pressure_zero: what the pressure channel reads at zero gauge pressure [Pa].
+        ambient: environment pressure, for a column of absolute pressures [Pa].
+
+    Raises:
+        InputError: names file, column, value and what is allowed.
+    """
+    where = str(path)
+    header, rows = _rows(Path(path), where)
+    chosen = _choose(header, dict(columns or {}), where)
+    data: dict[str, np.ndarray] = {}
+    for what, column in chosen.items():
+        cells = [row[header.index(column)] for _, row in rows]
+        if what == "branch":
+            data[what] = np.array([c.strip() for c in cells])
+            continue
+        numbers = _numbers(cells, [n for n, _ in rows], column, where)
+        unit, absolute = _unit(column, (units or {}).get(what), what, where)
+        scale = to_si(1.0, unit, UNITS[what], field=column, where=where)
+        data[what] = numbers * scale - (ambient if absolute else 0.0)
+    if "pressure" in data:
+        data["pressure"] = data["pressure"] - pressure_zero
+    if rest_length is not None:
+        data["rest_length"] = np.full(len(rows), float(rest_length))
+    if "length" not in data:
+        if "rest_length" not in data:
+            raise InputError(
+                "rest_length", "not given", "a contraction needs --rest-length or a column rest_length", where=where
+            )
+        _check_plausible("contraction", data["contraction"], chosen["contraction"], where)
+        data["length"] = data["rest_length"] * (1.0 - data["contraction"])
+    data.pop("contraction", None)
+    for what in ("length", "rest_length", "pressure", "tension"):
+        if what in data:
+            _check_plausible(what, data[what], chosen.get(what, what), where)
+    found = ForceMap(name=Path(path).name, **data)
+    found = _keep_branch(found, branch, where)
+    _check_direction(found, where)
+    return found
+
+
+def _rows(path: Path, where: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    if not path.is_file():
+        raise InputError("file", where, "no such file")
+    opener: Any = gzip.open if path.suffix == ".gz" else open
+    try:
+        with opener(path, "rt", encoding="utf-8-sig", newline="") as stream:
+            lines = [(n, row) for n, row in enumerate(csv.reader(stream), 1) if row and not row[0].startswith("#")]
+    except (UnicodeDecodeError, OSError, csv.Error) as error:
+        raise InputError("file", "unreadable", f"allowed is a CSV text file ({error})", where=where) from None
+    if len(lines) < 2:
+        raise InputError(
+            "file", f"{max(len(lines) - 1, 0)} rows", "allowed is a header and at least one row", where=where
+        )
+    header = [cell.strip() for cell in lines[0][1]]
+    if all(_is_number(cell) for cell in header):
+        raise InputError(
+            "header", ",".join(header), "the first row must name the columns, such as length_mm", where=where
+        )
+    for number, row in lines[1:]:
+        if len(row) != len(header):
+            raise InputError(f"row {number}", f"{len(row)} cells", f"the header has {len(header)} columns", where=where)
+    return header, lines[1:]
+
+
+def _choose(header: list[str], columns: dict[str, str], where: str) -> dict[str, str]:
+    for what, column in columns.items():
+        if what not in COLUMNS:
+            raise InputError("column", what, f"known are {', '.join(COLUMNS)}", where=where)
+        if column not in header:
+            raise InputError("column", column, f"the file has {', '.join(header)}", where=where)
+    stems = {column: _split(column)[0] for column in header}
+    for what, names in COLUMNS.items():
+        for name in names:
+            match = [c for c in header if stems[c] == name]
+            if len(match) > 1 and what not in columns:
+                raise InputError(what, ", ".join(match), f"name one with --column {what}=NAME", where=where)
+            if match:
+                columns.setdefault(what, match[0])
+    for what in ("pressure", "tension"):
+        if what not in columns:
+            raise InputError(
+                what, "no column", f"the file has {', '.join(header)}; name it with --column {what}=NAME", where=where
+            )
+    if "length" not in columns and "contraction" not in columns:
+        raise InputError(
+            "length", "no column", f"the file has {', '.join(header)}; name it with --column length=NAME", where=where
+        )
+    if "length" in columns:
+        columns.pop("contraction", None)
+    return columns
+
+
+def _split(column: str) -> tuple[str, list[str]]:
+    """A column name as its stem in lower case and the words after it: ``pressure_kPa_gauge`` -> pressure, [kPa, gauge]."""
+    words = [w for w in re.split(r"[\s_\[\]()/,;:]+", column) if w]
+    tail: list[str] = []
+    while len(words) > 1 and (
+        words[-1] in _UNIT_WORDS or words[-1].lower() in ("gauge", "abs", "absolute", "rel", "g")
+    ):
+        tail.insert(0, words.pop())
+    return "_".join(words).lower(), tail
+
+
+def _unit(column: str, given: str | None, what: str, where: str) -> tuple[str, bool]:
+    _, tail = _split(column)
+    absolute = any(w.lower() in ("abs", "absolute") for w in tail)
+    found = [w for w in tail if w in _UNIT_WORDS]
+    unit = given or (_UNIT_WORDS[found[-1]] if found else "1" if what == "contraction" else None)
+    if unit is None:
+        raise InputError(
+            column,
+            "no unit",
+            f"write it into the header, such as {what}_{'bar' if what == 'pressure' else UNITS[what]}, "
+            f"or give --unit {what}=UNIT",
+            where=where,
+        )
+    return unit, absolute
+
+
+def _numbers(cells: list[str], lines: list[int], column: str, where: str) -> np.ndarray:
+    out = np.empty(len(cells))
+    for i, (cell, line) in enumerate(zip(cells, lines, strict=True)):
+        try:
+            out[i] = float(cell)
+        except ValueError:
+            raise InputError(f"{column}, row {line}", cell, "allowed is a number", where=where) from None
+        if not np.isfinite(out[i]):
+            raise InputError(f"{column}, row {line}", cell, "allowed is a finite number", where=where)
+    return out
+
+
+def _check_plausible(what: str, values: np.ndarray, column: str, where: str) -> None:
+    unit = UNITS[what]
+    low, high = PLAUSIBLE[what]
+    bad = (values < low) | (values > high)
+    if bad.any():
+        worst = float(values[bad][0])
+        hint = (
+            "is it in percent? name the column contraction_percent"
+            if what == "contraction"
+            else "wrong unit, or columns swapped?"
+        )
+        raise InputError(
+            column,
+            with_unit(worst, unit),
+            f"allowed is {with_unit(low, unit)} to {with_unit(high, unit)}; {hint}",
+            where=where,
+        )
+    if what in LEAST_LARGEST and values.max() < LEAST_LARGEST[what]:
+        raise InputError(
+            column,
+            f"at most {with_unit(float(values.max()), unit)}",
+            f"allowed is a largest value of {with_unit(LEAST_LARGEST[what], unit)} or more; wrong unit, or columns swapped?",
+            where=where,
+        )
+
+
+def _keep_branch(found: ForceMap, branch: str | None, where: str) -> ForceMap:
+    if branch is None:
+        return found
+    names = [] if found.branch is None else sorted(set(found.branch))
+    if branch not in names:
+        raise InputError("branch", branch, f"the file has {', '.join(names) or 'no branch column'}", where=where)
+    assert found.branch is not None
+    return found.select(found.branch == branch)
+
+
+def _check_direction(found: ForceMap, where: str) -> None:
+    """Refuse a table in which tension clearly falls with pressure, or with length: columns swapped, or a sign wrong.
+
+    A tenth of the largest tension is left for hysteresis and noise: measured loops stay within 6 %.
+    """
+    room = 0.1 * found.largest
+    rest = np.zeros(len(found)) if found.rest_length is None else found.rest_length
+    names = np.zeros(len(found), dtype=int) if found.branch is None else np.unique(found.branch, return_inverse=True)[1]
+    for fixed, moving, over in (("length", "pressure", "Pa"), ("pressure", "length", "m")):
+        groups = np.stack([getattr(found, fixed), rest, names], axis=1)
+        for key in np.unique(groups, axis=0):
+            member = np.all(groups == key, axis=1)
+            order = np.argsort(getattr(found, moving)[member], kind="stable")
+            tension, at = found.tension[member][order], getattr(found, moving)[member][order]
+            fall = np.maximum.accumulate(tension) - tension
+            if len(tension) > 1 and fall.max() > room:
+                i = int(fall.argmax())
+                raise InputError(
+                    "tension",
+                    f"{tension[i]:.4g} N at {with_unit(float(at[i]), over)}",
+                    f"it falls by {fall[i]:.4g} N while the {moving} rises at "
+                    f"{with_unit(float(key[0]), 'm' if fixed == 'length' else 'Pa')}; columns swapped, or a sign wrong?",
+                    where=where,
+                )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

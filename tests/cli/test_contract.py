@@ -1,0 +1,163 @@
+"""The machine-readable face: one JSON object on standard output, SI values, and the exit codes 0, 1 and 2."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from mckibben.cli import main
+
+
+@pytest.fixture
+def run(capsys):
+    def call(*words: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as stop:
+            main(list(words))
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return call
+
+
+def table(path: Path, rows: list[str], header: str = "length_mm,pressure_bar,force_N") -> Path:
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+# A noise-free gas spring, Kg = 0.466 cm and Lmin = 9.91 cm.
+SPRING = [
+    f"{mm},{bar},{0.466e-2 * bar * 1e5 * (mm - 99.1) * 1e-3:.9f}"
+    for mm in (110, 120, 130, 140)
+    for bar in (1, 2, 3, 4, 5)
+]
+
+
+def test_muscles_lists_every_specimen_with_its_source(run):
+    code, out, err = run("muscles", "--json")
+    found = json.loads(out)["specimens"]
+    assert code == 0 and err == ""
+    assert {"nylon", "fiberglass", "bridgestone", "DMSP-10-250", "DMSP-20-300"} <= {s["id"] for s in found}
+    assert all({"id", "source", "law", "inferred"} <= set(s) for s in found)
+    bridgestone = next(s for s in found if s["id"] == "bridgestone")
+    assert "laws.linear_threshold.shortest_length" in bridgestone["inferred"]
+
+
+def test_tension_prints_the_printed_tension(run):
+    code, out, _ = run("tension", "nylon", "--length", "15.4 cm", "--pressure", "5 bar", "--json")
+    found = json.loads(out)
+    assert code == 0
+    assert set(found) >= {"tension", "passive", "active", "volume", "slack", "overstretched", "law"}
+    assert round(found["tension"]) == 110  # printed: 110 N at 1.1 L0 and 5 bar
+    assert not found["slack"] and not found["overstretched"]
+
+
+def test_tension_takes_a_law_by_name_and_a_parameter_by_path(run):
+    words = ["tension", "ideal", "--length", "120 mm", "--pressure", "500 kPa", "--json", "--set"]
+    expected = 5e5 * (3 * 0.12**2 - 0.17**2) / (4 * 3.141592653589793 * 3.0**2)  # eq. 8 with cos theta = L/b
+    for path in ("law.thread_length=17 cm", "muscle.law.thread_length=0.17", "thread_length=170mm"):
+        code, out, _ = run(*words, path, "--set", "turns=3")
+        assert code == 0
+        assert json.loads(out)["tension"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_law_without_a_volume_says_so(run):
+    _, out, _ = run("tension", "sarosi", "--length", "24 cm", "--pressure", "5 bar", "--json")
+    assert json.loads(out)["volume"] is None
+
+
+def test_pressure_for_a_tension_inverts_it(run):
+    _, out, _ = run("tension", "nylon", "--length", "12 cm", "--for", "50 N", "--json")
+    found = json.loads(out)
+    assert found["tension"] == pytest.approx(50.0, abs=1e-6)  # the search stops at 1e-6 Pa, 4e-10 N
+    code, _, err = run("tension", "nylon", "--length", "12 cm", "--for", "5000 N")
+    assert code == 2 and "not reached" in err and err.count("\n") == 1
+
+
+def test_fit_recovers_a_gas_spring_from_its_table(run, tmp_path):
+    path = table(tmp_path / "spring.csv", SPRING)
+    code, out, _ = run("fit", str(path), "--law", "gas_spring", "--law", "ideal", "--rest-length", "14 cm", "--json")
+    found = json.loads(out)
+    assert code == 0
+    best = found["fits"][0]
+    assert set(best) >= {"law", "parameters", "rmse", "max_error", "cv_rmse", "cv_max_error", "aicc", "n"}
+    assert best["law"] == "gas_spring" and best["n"] == len(SPRING)
+    # noise-free data, written with nine decimals
+    assert best["parameters"]["stiffness_per_pressure"]["value"] == pytest.approx(0.466e-2, rel=1e-7)
+    assert best["parameters"]["shortest_length"]["value"] == pytest.approx(9.91e-2, rel=1e-7)
+    assert set(best["parameters"]["shortest_length"]) == {"value", "low", "high", "unit"}
+
+
+def test_fit_saves_a_specimen_that_tension_takes(run, tmp_path):
+    path, saved = table(tmp_path / "spring.csv", SPRING), tmp_path / "mine.toml"
+    run("fit", str(path), "--law", "gas_spring", "--rest-length", "14 cm", "--save", str(saved))
+    code, out, _ = run("tension", str(saved), "--length", "13 cm", "--pressure", "4 bar", "--json")
+    assert code == 0
+    assert json.loads(out)["tension"] == pytest.approx(0.466e-2 * 4e5 * 30.9e-3, rel=1e-6)
+
+
+def test_fit_of_printed_constraints_says_what_they_leave_open(run, tmp_path):
+    path = tmp_path / "bridgestone.toml"
+    text = 'law = "linear_threshold"\n[known]\nrest_length = "14.7 cm"\nupper_length = "15 cm"\n'
+    text += '[[constraint]]\nwhat = "stiffness"\nvalue = "74.15 N/cm"\npressure = "5 bar"\nlength = "13 cm"\n'
+    text += '[[constraint]]\nwhat = "free_length"\nvalue = "11.466 cm"\npressure = "5 bar"\n'
+    path.write_text(text)
+    code, out, _ = run("fit", str(path), "--json")
+    found = json.loads(out)["fits"][0]
+    assert code == 0
+    assert "cannot tell" in found["warnings"][0]
+    assert all(e["low"] is None and e["high"] is None for e in found["parameters"].values())
+
+
+@pytest.mark.parametrize(
+    ("rows", "header", "says"),
+    [
+        (["250,1,10", "240,1,5"], "length_mm,pressure_bar,force_N", "points"),
+        (["25,1,10"], "contraction,pressure_bar,force_N", "percent"),
+        (["250,1"], "length_mm,pressure_bar", "tension"),
+        (["250,1,x"], "length_mm,pressure_bar,force_N", "row 2"),
+        (["250,1,nan"], "length_mm,pressure_bar,force_N", "finite"),
+        (["250,1,10"], "length_mm,pressure,force_N", "unit"),
+        (["250,6,10", "240,5,9"], "length_mm,pressure_Pa,force_N", "wrong unit"),
+    ],
+)
+def test_bad_tables_give_one_line_and_write_nothing(run, tmp_path, rows, header, says):
+    path, report = table(tmp_path / "bad.csv", rows, header), tmp_path / "report.html"
+    code, out, err = run(
+        "fit", str(path), "--law", "sarosi", "--rest-length", "300 mm", "--report", str(report), "--json"
+    )
+    assert code == 2 and out == ""
+    assert err.count("\n") == 1 and "bad.csv" in err and says in err
+    assert not report.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("tension", "nylon", "--length", "12", "--pressure", "5 bar"), "unit is missing"),
+        (("tension", "nylon", "--length", "12 kg", "--pressure", "5 bar"), "allowed is a length"),
+        (("tension", "nylon", "--length", "-12 cm", "--pressure", "5 bar"), "above 0"),
+        (("tension", "nylon", "--length", "12 cm", "--pressure", "nan bar"), "finite"),
+        (("tension", "nylom", "--length", "12 cm", "--pressure", "5 bar"), "did you mean nylon"),
+        (
+            ("tension", "nylon", "--length", "12 cm", "--pressure", "5 bar", "--set", "law.trns=3"),
+            "linear_threshold has",
+        ),
+        (("tension", "nylon", "--length", "12 cm", "--pressure", "5 bar", "--set", "rest_length=-1 cm"), "allowed is"),
+        (("tension", "slow-fibre", "--length", "12 cm", "--pressure", "5 bar"), "--activation"),
+        (("fit", "no-such-file.csv"), "no such file"),
+        (("fit", "DMSP-10-250", "--law", "sarozi"), "did you mean sarosi"),
+        (("reproduce", "--part", "V"), "known are"),
+        (("bogus",), "No such command"),
+    ],
+)
+def test_wrong_words_give_one_line(run, words, says):
+    code, out, err = run(*words)
+    assert code == 2 and out == ""
+    assert err.count("\n") == 1 and says in err
+
+
+def test_reproduce_gives_every_row_and_counts_failures(run):
+    code, out, _ = run("reproduce", "--part", "I", "--json")
+    found = json.loads(out)
+    assert code == 0 and found["failed"] == 0
+    assert all({"id", "paper", "ours", "unit", "expect", "ok", "calibrated", "note"} <= set(r) for r in found["rows"])

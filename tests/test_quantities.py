@@ -1,0 +1,39 @@
+"""Words become SI numbers at the edges, once, and a wrong dimension is named."""
+
+import pytest
+
+from mckibben.errors import InputError
+from mckibben.quantities import Quantity, parse, to_si, with_unit
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [("12 cm", "m", 0.12), ("12cm", "m", 0.12), ("5 bar", "Pa", 5e5), ("72.5 psi", "Pa", 72.5 * 6894.757293168361),
+     ("3.92 N/cm", "N/m", 392.0), ("5.63 cm^3", "m^3", 5.63e-6), ("28.6 deg", "rad", 0.49916416607037824),
+     ("12 %", "1", 0.12), ("3.1", "1", 3.1), ("1e5 Pa", "Pa", 1e5), ("20 degC", "K", 293.15)],
+)  # fmt: skip
+def test_words_are_converted(text, unit, value):
+    assert parse(text, unit, field="x") == pytest.approx(
+        value, rel=1e-14
+    )  # one rounding of the factor, one of the product
+
+
+@pytest.mark.parametrize(
+    "text", ["12", "12 kg", "twelve cm", "", "nan cm", "inf m", "12 furlongz", "5 bar bar", "12 **"]
+)
+def test_what_is_no_length_is_refused_in_one_line(text):
+    with pytest.raises(InputError) as caught:
+        parse(text, "m", field="--length")
+    assert "--length" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_declared_bound_speaks_in_readable_units():
+    q = Quantity("m", (0.001, 10.0), "length", "L", (0.05, 1.0))
+    with pytest.raises(InputError, match=r"rest_length is '-5 cm'; allowed is 0.1 cm to 1000 cm"):
+        q.check("rest_length", -0.05)
+
+
+def test_round_trip_of_shown_values():
+    assert with_unit(0.12, "m") == "12 cm"
+    assert with_unit(5e5, "Pa") == "5 bar"
+    assert to_si(600.0, "l/min", "m^3/s", field="flow") == pytest.approx(0.01, rel=1e-12)
