@@ -18,6 +18,7 @@ import os
 import re
 import shlex
 import shutil
+import sys
 import tempfile
 import traceback
 from pathlib import Path
@@ -69,11 +70,17 @@ def _block(kind: str, words: list[str], body: str, space: dict[str, object], whe
 
 def _python(body: str, space: dict[str, object], where: str) -> str:
     stream = io.StringIO()
+    ignored: list[object] = []  # a file left open is a warning that Python cannot raise
+    sys.unraisablehook = lambda found: ignored.append(found.exc_value)
     try:
         with contextlib.redirect_stdout(stream):
             exec(compile(body, f"<{where}>", "exec"), space)
     except Exception:
         raise ExampleError(f"{where}:\n{body}\n{traceback.format_exc()}") from None
+    finally:
+        sys.unraisablehook = sys.__unraisablehook__
+    if ignored:
+        raise ExampleError(f"{where}:\n{body}\n{ignored[0]}")
     return _plain(stream.getvalue())
 
 

@@ -56,6 +56,7 @@ def examples() -> dict[str, TensionLaw]:
         found |= {f"{law} {muscle}": law_from_specimen(spec, law) for law in spec.laws}
     found |= {law: build_law(law, parameters) for law, parameters in _STATED.items()}
     found["tondu_lopez k(P)"] = found["tondu_lopez"].replace(end_factor_gain=0.2)
+    found["tondu_lopez published k(P)"] = found["tondu_lopez"].replace(end_factor=1.25, end_factor_gain=3.55)
     found["hyperelastic_braid stiff threads"] = found["hyperelastic_braid"].replace(thread_compliance=0.0)
     found["sarosi with volume"] = build_law("sarosi", _STATED["sarosi"] | {"rest_volume": 1.2e-4})
     found["three_element with volume"] = build_law("three_element", _STATED["three_element"] | {"rest_volume": 1.2e-4})
@@ -127,21 +128,20 @@ def _tondu_lopez(d: _Draw) -> dict[str, float]:
     rest, angle = d.log(0.05, 0.5), d.flat(0.3, 0.75)
     return dict(
         rest_length=rest, rest_radius=rest * d.log(0.02, 0.08), rest_angle=angle, end_factor=d.flat(0.8, 1.6),
-        end_factor_gain=d.flat(-0.5, 2.0), end_factor_pressure=d.log(5e4, 3e5), threshold_width=d.log(1e3, 1e5),
+        end_factor_gain=d.flat(-0.2, 1.0), end_factor_pressure=d.log(1e5, 3e5), threshold_width=d.log(1e3, 1e5),
         # Less than halfway to the thread length, where the braid holds no gas.
         upper_length=rest * (1.0 + d.flat(0.0, 0.4) * (1.0 / math.cos(angle) - 1.0)),
     )  # fmt: skip
 
 
 def _martens_boblan(d: _Draw) -> dict[str, float]:
-    rest, stiff, slope = d.log(0.08, 0.5), d.log(1e5, 1e7), d.flat(-2.0, 2.0)
-    return dict(
-        rest_length=rest, rest_diameter=rest * d.log(0.03, 0.12), wall_thickness=d.log(5e-4, 3e-3), rest_angle=d.flat(0.4, 0.7),
-        angle_correction=d.flat(-0.12, 0.1), threshold_width=d.log(1e3, 1e5),
-        # The cubic is a straight line around 0.85 of the rest length with a little curvature.
-        modulus_0=stiff * (1.0 - 0.85 * slope), modulus_1=stiff * slope / rest,
-        modulus_2=stiff * d.flat(0.0, 0.3) / rest**2, modulus_3=stiff * d.flat(0.0, 0.3) / rest**3,
-    )  # fmt: skip
+    # Four free coefficients of a cubic make no muscle; the two published ones are scaled and bent instead.
+    base = {k: float(v) for k, v in vars(example("martens_boblan")).items()}
+    size, stiff = d.log(0.3, 3.0), d.flat(0.7, 1.3)
+    lengths = {k: base[k] * size for k in ("rest_length", "rest_diameter", "wall_thickness")}
+    moduli = {f"modulus_{i}": stiff * base[f"modulus_{i}"] / size**i for i in range(4)}
+    angle = base["angle_correction"] + d.flat(-0.03, 0.03)
+    return lengths | moduli | dict(rest_angle=base["rest_angle"], angle_correction=angle, threshold_width=d.log(1e3, 1e5))
 
 
 def _braid(d: _Draw) -> dict[str, float]:
@@ -165,10 +165,11 @@ def _seated_braid(d: _Draw) -> dict[str, float]:
 
 
 def _sarosi(d: _Draw) -> dict[str, float]:
-    rest = d.log(0.05, 0.5)
+    rest, constant = d.log(0.05, 0.5), d.flat(0.0, 500.0)
     return dict(
-        rest_length=rest, upper_length=rest, area_exponential=d.flat(-2e-4, 2e-4), force_exponential=d.flat(0.0, 500.0),
-        decay=d.flat(-60.0, -5.0), area_slope=d.flat(-1e-2, 0.0), area_constant=d.flat(0.0, 5e-3),
+        # The exponential keeps its sign up to 10 bar, so that tension grows with length.
+        rest_length=rest, upper_length=rest, force_exponential=constant, area_exponential=d.flat(-1e-6, 1e-6) * constant,
+        decay=d.flat(-60.0, -5.0), area_slope=d.flat(-1e-2, -1e-4), area_constant=d.flat(0.0, 5e-3),
         force_constant=d.flat(-500.0, 100.0),
     )  # fmt: skip
 
@@ -176,8 +177,8 @@ def _sarosi(d: _Draw) -> dict[str, float]:
 def _three_element(d: _Draw) -> dict[str, float]:
     rest = d.log(0.05, 0.5)
     return dict(
-        rest_length=rest, upper_length=rest, force_constant=d.flat(-200.0, 200.0), force_per_pressure=d.log(1e-4, 5e-3),
-        stiffness_constant=d.flat(-1e3, 1e4), stiffness_per_pressure=d.log(1e-3, 5e-2),
+        rest_length=rest, upper_length=rest, force_constant=d.flat(-50.0, 200.0), force_per_pressure=d.log(5e-4, 5e-3),
+        stiffness_constant=d.flat(1e2, 1e4), stiffness_per_pressure=d.log(1e-3, 5e-2),
     )  # fmt: skip
 
 
@@ -200,7 +201,15 @@ def face(law: TensionLaw, span: Scalar, pressure: Scalar) -> tuple[Scalar, Scala
     """Tension [N] and gas volume [m^3] of the unilateral muscle; the volume up to a constant where a law has none."""
     if law.has_volume():
         return law.tension(span, pressure), law.volume(span, pressure)
-    return law.tension(span, pressure), law.braid_volume(law.state(span, pressure).braid_length, pressure)
+    tension = law.tension(span, pressure)
+    return tension, law.braid_volume(jnp.where(tension > 0.0, span, law.free_length(pressure)), pressure)
+
+
+def pressures(law: TensionLaw, count: int = 64, *, lowest: float = -0.95e5, highest: float = 1e6) -> np.ndarray:
+    """Gauge pressures from lowest to highest [Pa], with zero, the threshold, its two ends and some places in between."""
+    middle, width = float(getattr(law, "threshold_pressure", 0.0)), float(getattr(law, "threshold_width", 1e4))
+    special = np.concatenate([[0.0], middle + width * np.array([-0.5, -0.35, -0.2, 0.0, 0.2, 0.35, 0.5])])
+    return np.sort(np.concatenate([special, np.linspace(lowest, highest, count - special.size)]))
 
 
 def _with_slopes(law: TensionLaw, span: Scalar, pressure: Scalar) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:

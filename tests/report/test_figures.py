@@ -8,6 +8,7 @@ from mckibben.identification import fit
 from mckibben.muscles.build import build_law, law_from_specimen
 from mckibben.recordings import ForceMap
 from mckibben.report.figures import fit_figures, hysteresis_figures, muscle_figures, style
+from mckibben.report.study import Study
 from mckibben.specimens import specimen
 
 
@@ -20,13 +21,13 @@ def table() -> ForceMap:
 
 
 @pytest.fixture(scope="module")
-def study() -> fit_figures.Study:
+def study() -> Study:
     points = table()
     fits = [fit("ideal", points, schemes=("pressure", "length"), train_below=3e5)]
-    return fit_figures.Study("Made up", None, points, fits, [("Someone, published coefficients", fits[0].error * 2.0)])
+    return Study("Made up", None, points, fits, [("Someone, published coefficients", fits[0].error * 2.0)])
 
 
-def every_figure(study: fit_figures.Study) -> dict[str, Figure]:
+def every_figure(study: Study) -> dict[str, Figure]:
     best, law = study.fits[0], law_from_specimen(specimen("nylon"), "ideal")
     shape = muscle_figures.braid_of(law)
     assert shape is not None
@@ -39,7 +40,7 @@ def every_figure(study: fit_figures.Study) -> dict[str, Figure]:
         "correlation": fit_figures.correlation(best),
         "hold_out": fit_figures.hold_out(best),
         "overview": fit_figures.overview([study]),
-        "law": muscle_figures.law_figure(law, title="Nylon", pressures=[1e5, 5e5]),
+        "law": muscle_figures.law_curves(law, title="Nylon", pressures=[1e5, 5e5]),
         "muscle": muscle_figures.muscle_drawing(shape, [0.15, 0.10], title="Nylon", remarks=["long"]),
         "loop": hysteresis_figures.loop_figure(loop, title="Loop"),
     }
@@ -48,7 +49,7 @@ def every_figure(study: fit_figures.Study) -> dict[str, Figure]:
 
 
 @pytest.fixture(scope="module")
-def figures(study: fit_figures.Study) -> dict[str, Figure]:
+def figures(study: Study) -> dict[str, Figure]:
     return every_figure(study)
 
 
@@ -77,7 +78,7 @@ def test_axis_titles_take_the_colour_of_their_quantity(figures: dict[str, Figure
                 assert axis.label.get_color() == style.COLOURS[words[title]]
 
 
-def test_the_same_figure_is_the_same_text(study: fit_figures.Study, figures: dict[str, Figure]) -> None:
+def test_the_same_figure_is_the_same_text(study: Study, figures: dict[str, Figure]) -> None:
     again = every_figure(study)
     for name, fig in figures.items():
         text = style.to_svg(fig)

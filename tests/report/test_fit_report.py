@@ -8,7 +8,8 @@ import pytest
 from mckibben.identification import Fit, fit_all
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
-from mckibben.report.fit_report import Study, fit_report, write_fit_report
+from mckibben.report.fit_report import fit_report, write_fit_report
+from mckibben.report.study import Study
 from mckibben.specimens import specimen
 
 NAME = '<script>alert("1")</script> & sons'
@@ -121,7 +122,7 @@ def test_what_is_missing_is_a_dash_with_a_reason(study: Study) -> None:
         second, converged=False, message="ran away", cross={"pressure": lost}, holdout=None, correlation=None
     )
     gone = replace(first, holdout=replace(first.holdout, error=first.holdout.error * np.inf))
-    page = fit_report([study._replace(fits=[gone, broken])])
+    page = fit_report([replace(study, fits=[gone, broken])])
     found = read(page)
     text = " ".join(found.words)
     assert not re.search(r"\b(nan|inf|none)\b", text, re.I)
@@ -131,7 +132,7 @@ def test_what_is_missing_is_a_dash_with_a_reason(study: Study) -> None:
 
 def test_a_law_alone_without_specimen_or_cross_validation(study: Study) -> None:
     bare: Fit = replace(study.fits[0], cross={}, holdout=None)
-    text = " ".join(read(fit_report([("Bare", None, study.points, [bare])])).words)
+    text = " ".join(read(fit_report([Study("Bare", None, study.points, [bare])])).words)
     assert "Ideal virtual work" in text and not re.search(r"\bnan\b", text)
 
 

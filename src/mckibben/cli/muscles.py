@@ -75,9 +75,8 @@ def show(
         for key, p in group.items():
             rows.append([f"{path}.{key}", _value(p), p.source, "inferred" if p.inferred else "", p.note])
     table(f"{spec.title} ({spec.id})", ["parameter", "value", "source", "", "note"], rows, right=[1])
-    typer.echo(
-        f"\nLaw: {getattr(built, 'title', chosen)}. Other laws stated: {', '.join(k for k in spec.laws if k != chosen) or 'none'}."
-    )
+    others = ", ".join(k for k in spec.laws if k != chosen) or "none"
+    typer.echo(f"\nLaw: {getattr(built, 'title', chosen)}. Other laws stated: {others}.")
     for key in dict.fromkeys(spec.sources):
         typer.echo(f"[{key}] {reference(key)}")
 

@@ -153,5 +153,8 @@ def _undetermined(jacobian: np.ndarray, free: tuple[str, ...], count: int) -> tu
         return set(), ()
     names = {n for i, n in enumerate(free) if np.abs(loose[:, i]).max() > 1e-6}
     listed = ", ".join(sorted(names))
-    words = f"{rank} independent constraints of {count} leave {len(loose)} of {len(free)} parameters open: they cannot tell {listed} apart"
+    words = (
+        f"{rank} independent constraints of {count} leave {len(loose)} of {len(free)} parameters open: "
+        f"they cannot tell {listed} apart"
+    )
     return names, (words, "the values given follow from the starting values; they are a choice and no finding")

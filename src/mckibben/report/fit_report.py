@@ -20,10 +20,9 @@ from ..identification import Fit
 from ..muscles.laws import law_type
 from ..quantities import declared, from_si, shown_unit, with_unit
 from .figures import fit_figures
-from .figures.fit_figures import Study, law_title
+from .figures.fit_figures import law_title
 from .figures.style import inline_svg, number, symbol_text
-
-__all__ = ["Study", "fit_report", "write_fit_report"]
+from .study import Study
 
 # Open-access tables that ship with the package, by the key of their paper.
 ATTRIBUTIONS = {"martens2017": "M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0"}
@@ -85,11 +84,11 @@ class LawBlock(NamedTuple):
     pictures: list[Picture]
 
 
-def write_fit_report(studies: Iterable[Study | tuple[Any, ...]], path: str | Path) -> Path:
+def write_fit_report(studies: Iterable[Study], path: str | Path) -> Path:
     """Write the report of one or more studies as one self-contained HTML file.
 
     Args:
-        studies: title, specimen or None, the force map, fits (best first), errors of published laws [N], laws passed over.
+        studies: one for each force map, with its fits, best first.
         path: of the file.
 
     Returns:
@@ -101,11 +100,11 @@ def write_fit_report(studies: Iterable[Study | tuple[Any, ...]], path: str | Pat
     return path
 
 
-def fit_report(studies: Iterable[Study | tuple[Any, ...]]) -> str:
+def fit_report(studies: Iterable[Study]) -> str:
     """The report of one or more studies as HTML text; arguments as for `write_fit_report`."""
     import jinja2
 
-    found = [Study(*s) for s in studies]
+    found = list(studies)
     keys = _cited(found)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("mckibben.report"),
@@ -175,7 +174,8 @@ def _summary(study: Study) -> str:
     words = f"{law_title(best)} fits with {_newton(best.rmse)} root mean square"
     cross = best.cross.get("pressure")
     if cross and not cross.failed:
-        words += f" and predicts pressures that it was not shown to {_newton(cross.rmse)}, at worst {_newton(cross.max_error)}"
+        words += f" and predicts pressures that it was not shown to {_newton(cross.rmse)}"
+        words += f", at worst {_newton(cross.max_error)}"
         words += f" or {_percent(cross.max_error, size)} of the largest tension"
     if best.holdout and best.holdout.max_error < DIVERGES * size:
         words += f"; {best.holdout.what} it errs by at most {_percent(best.holdout.max_error, size)} above"
@@ -192,12 +192,11 @@ def _summary(study: Study) -> str:
 def _facts(study: Study) -> list[tuple[str, str]]:
     points = study.points
     taut = int(points.taut.sum())
+    asked = len(study.fits[0].points) > taut
+    used = "and ask the laws for zero tension" if asked else "and are left out of the fits"
     rows = [
         ("Table", points.name),
-        (
-            "Points",
-            f"{len(points)}, of them {taut} with tension; {len(points) - taut} hung slack and are left out of the fits",
-        ),
+        ("Points", f"{len(points)}, of them {taut} with tension; {len(points) - taut} hung slack {used}"),
         ("Length", _range(points.length, "m")),
         ("Pressure, gauge", _range(points.pressure, "Pa")),
         ("Largest tension", f"{_newton(points.largest, 1)}; errors in % refer to it"),
@@ -341,7 +340,8 @@ def _more_pictures(fit: Fit, anchor: str) -> list[Picture]:
         Picture(
             _inline(fit_figures.residuals(fit), _word(anchor, "e"), f"Errors of {title}, fitted and predicted."),
             "Errors of the fit, and of points predicted by fits that were not shown their pressure or length. "
-            "The band is 1\N{NO-BREAK SPACE}% of the largest tension; black marks on the frame stand for points outside of it.",
+            "The band is 1\N{NO-BREAK SPACE}% of the largest tension; "
+            "black marks on the frame stand for points outside of it.",
         )
     )
     beyond = fit_figures.hold_out(fit)

@@ -411,9 +411,11 @@ def _share(ax: Axes, row: float) -> float:
 
 
 def _decades(values: list[float]) -> tuple[float, float]:
+    """Ends of the logarithmic axis [%]; an error beyond the largest tension itself is not worth the room."""
     if not values:
         return 0.1, 100.0
-    return min(values) / 1.5, max(min(max(values), 1e3 * min(values)) * 1.4, 2.0 * min(values))
+    low, high = min(values), max(values)
+    return low / 1.5, max(1.4 * min(high, 100.0), 2.0 * low)
 
 
 def _draw_pair(ax: Axes, y: float, pair: Sequence[float], look: str, high: float, *, converged: bool) -> None:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.markers import MarkerStyle
+from matplotlib.path import Path
+from matplotlib.transforms import Affine2D
 
 from ...quantities import from_si
 from . import style
-from .style import COLOURS, INK_2, PANEL
+from .style import COLOURS, INK_2
+
+# A slender head that points up, notched behind: an equilateral triangle would not say which way it points.
+HEAD = Path([(0.0, 1.0), (0.62, -0.8), (0.0, -0.5), (-0.62, -0.8), (0.0, 1.0)])
 
 
 class Loop(NamedTuple):
@@ -70,21 +76,10 @@ def _arrows(ax: Axes, x: np.ndarray, y: np.ndarray, count: int = 3) -> None:
     walked = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     if walked[-1] == 0.0:
         return
-    options: dict[str, Any] = {
-        "arrowstyle": "-|>,head_width=0.32,head_length=0.7",
-        "fc": COLOURS["tension"],
-        "ec": PANEL,
-        "linewidth": 0.4,
-        "mutation_scale": 13,
-        "shrinkA": 0,
-        "shrinkB": 0,
-    }
     for share in (np.arange(count) + 0.6) / count:
-        i = int(np.searchsorted(walked, share * walked[-1]))
-        i = min(max(i, 1), len(x) - 1)
-        step = points[i] - points[i - 1]
-        if np.hypot(*step) == 0.0:
-            continue
-        tail = points[i] - step / np.hypot(*step) * 6.0
-        start, end = ax.transData.inverted().transform([tail, points[i]])
-        ax.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops=options, zorder=4)
+        i = min(max(int(np.searchsorted(walked, share * walked[-1])), 1), len(x) - 1)
+        # The direction over a few points, for that of one step may be lost in noise.
+        step = points[min(i + 1, len(x) - 1)] - points[max(i - 2, 0)]
+        turned = float(np.degrees(np.arctan2(step[1], step[0]))) - 90.0
+        head = MarkerStyle(HEAD, transform=Affine2D().rotate_deg(turned))
+        ax.plot([x[i]], [y[i]], marker=head, ms=14, mfc=COLOURS["tension"], mec="none", mew=0.0, zorder=4)

@@ -26,7 +26,7 @@ SCALES = (5.0, 2.0, 1.0, 0.5, 0.4, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01)
 
 
 @style.styled()
-def law_figure(
+def law_curves(
     law: TensionLaw, *, title: str, lengths: tuple[float, float] | None = None, pressures: Sequence[float] | None = None
 ) -> Figure:
     """What a law says: tension over length, free length over pressure, and volume over length where the law knows it.

@@ -49,9 +49,8 @@ PROPERTIES = {
     **{INK: "--ink", INK_2: "--ink-2", INK_3: "--ink-3", PANEL: "--panel", GRID: "--grid", RULE: "--rule"},
     **{SUNKEN: "--sunken", CAUTION: "--caution"},
 }
-UNITS = {"pressure": "bar", "tension": "N", "length": "cm", "flow": "L/min", "valve": "%"}
 
-SMALL, NORMAL, TITLE = 8.0, 9.0, 10.5
+SMALL, NORMAL = 8.0, 9.0  # type [pt]
 LINE, HEAVY, HAIR = 1.3, 1.9, 0.7
 WIDE, MIDDLE, NARROW = 10.8, 7.2, 3.6  # widths [inch]: a page, two thirds and one third of it
 FONTS = "'DejaVu Sans', Inter, 'Segoe UI', 'Helvetica Neue', Arial, sans-serif"
@@ -101,7 +100,7 @@ def styled() -> Iterator[None]:
 
 
 @functools.cache
-def _settings() -> dict[str, Any]:
+def _settings() -> Any:
     left_out = ("backend", "backend_fallback", "toolbar", "interactive", "webagg", "tk.", "savefig.directory", "date.")
     plain = {k: v for k, v in matplotlib.rcParamsDefault.items() if not k.startswith(left_out)}
     return plain | _RC
@@ -259,7 +258,7 @@ def note(
     ax: Axes, text: str, *, x: float = 0.0, y: float = 1.0, dx: float = 0.0, dy: float = 0.0, **options: Any
 ) -> Text:
     """A quiet remark at a place of the axes [share of their size], shifted by points."""
-    style = {"fontsize": SMALL, "color": INK_3, "va": "center", "ha": "left"} | options
+    style: dict[str, Any] = {"fontsize": SMALL, "color": INK_3, "va": "center", "ha": "left"} | options
     return ax.text(x, y, text, transform=ax.transAxes + shift(ax, dx, dy), **style)
 
 

@@ -1,0 +1,290 @@
+"""The pages of the reference that are made from the package: one function per page, given the stage and returning text."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+MADE = "<!-- made by docs/generated.py; do not edit -->\n"
+FOLDER = "reference/generated"
+
+
+def nomenclature(_: Path) -> str:
+    """All physical terms."""
+    from mckibben.nomenclature import TERMS
+
+    rows = [[f"`{name}`", t.symbol, t.unit, t.meaning, t.sign] for name, t in TERMS.items()]
+    return _page(
+        "Nomenclature",
+        "Names of columns, channels, parameters and JSON fields are taken from this table, which is made from "
+        "`mckibben.nomenclature`. Pressures are gauge unless a name ends in `_abs`.",
+        _table(["name", "symbol", "SI unit", "meaning", "sign"], rows),
+    )
+
+
+def parameters(_: Path) -> str:
+    """Every declared parameter."""
+    from mckibben.components import Environment
+    from mckibben.muscles import LAWS, law_type
+    from mckibben.muscles.biological import BiologicalMuscle
+    from mckibben.muscles.creep import KelvinVoigtChain, MaxwellChain
+    from mckibben.muscles.elements import PassiveSpring, Tendon, Viscous
+    from mckibben.muscles.hysteresis import HYSTERESES, FrictionLimit, PlayMap
+
+    parts = []
+    for heading, owners in {
+        "Tension laws": {name: law_type(name) for name in LAWS},
+        "Friction": {"limit (of every friction but Prandtl-Ishlinskii)": FrictionLimit} | HYSTERESES | {"play_map": PlayMap},
+        "Creep": {"maxwell_chain": MaxwellChain, "kelvin_voigt_chain": KelvinVoigtChain},
+        "Elements": {"passive_spring": PassiveSpring, "viscous": Viscous, "tendon": Tendon},
+        "Biological muscle": {"biological": BiologicalMuscle},
+        "Environment": {"environment": Environment},
+    }.items():
+        parts.append(f"## {heading}")
+        for name, owner in owners.items():
+            known = _parameter_rows(owner)
+            parts += [f"### `{name}`", _first_line(owner), _table(_PARAMETER_COLUMNS, known) if known else "No parameters."]
+    return _page(
+        "Parameters",
+        "A parameter is declared once, with unit, bounds and meaning; this page, the bounds of a fit, the complaints about "
+        "bad input and the command line all read that declaration. *Usual* is the range from which a fit draws its starting "
+        "points. A parameter marked *fitted* is freed by a fit unless told otherwise; one with a default may be left out.",
+        *parts,
+    )
+
+
+_PARAMETER_COLUMNS = ["name", "symbol", "meaning", "allowed", "usual", "default", ""]
+
+
+def _parameter_rows(owner: Any) -> list[list[str]]:
+    from mckibben.quantities import declared, with_unit
+
+    fitted = getattr(owner, "fitted", ())
+    rows = []
+    for f in dataclasses.fields(owner):
+        if f.name not in declared(owner):
+            continue
+        q = declared(owner)[f.name]
+        given = f.default is not dataclasses.MISSING
+        usual = "" if q.typical == q.bounds else " to ".join(with_unit(v, q.unit, 3) for v in q.typical)
+        default = ""
+        if given:
+            default = "none" if isinstance(f.default, tuple) else with_unit(float(f.default), q.unit)
+        rows.append([f"`{f.name}`", q.symbol, q.doc, q.allowed(), usual, default, "fitted" if f.name in fitted else ""])
+    return rows
+
+
+def cli(_: Path) -> str:
+    """The help of every command."""
+    from examples import run_command
+
+    parts = []
+    for name in ["", *commands()]:
+        text, code = run_command([*name.split(), "--help"])
+        assert code == 0, name
+        parts += [f"## `mckibben{' ' if name else ''}{name}`", f"```text\n{text}```"]
+    return _page(
+        "Command line",
+        "Every command takes `--json` and then prints one JSON object in SI units and nothing else. Exit codes: 0 done, 1 a "
+        "comparison fell short or a fit did not converge, 2 the input is wrong (one line on standard error that names the "
+        "field, the value and what is allowed).",
+        *parts,
+    )
+
+
+def commands() -> list[str]:
+    """Names of all commands."""
+    import typer
+
+    from mckibben.cli.app import app
+
+    return list(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+
+
+def specimens(_: Path) -> str:
+    """Every shipped muscle with its numbers."""
+    from mckibben.citations import reference
+    from mckibben.specimens import specimens as known
+
+    parts = []
+    for s in known():
+        parts += [f"## {s.id}", f"{s.title}; {s.kind}, default law `{s.law}`." + (f" {s.note}" if s.note else "")]
+        parts.append("\n".join(f"- {reference(key)}" for key in s.sources))
+        if s.map:
+            parts.append(f"Ships with the measured force map `{s.map}`; `mckibben fit {s.id}` fits every law to it.")
+        groups = {"properties": s.properties} | {f"laws.{k}": g for k, g in s.laws.items()}
+        groups |= {f"friction.{k}": g for k, g in s.friction.items()}
+        for path, group in groups.items():
+            rows = [
+                [f"`{k}`", _number(p.value), "" if p.unit == "1" else p.unit, p.source, "inferred" if p.inferred else "", p.note]
+                for k, p in group.items()
+            ]
+            parts += [f"### {s.id}: {path}", _table(["parameter", "value", "unit", "source", "", "note"], rows)]
+    return _page(
+        "Specimens",
+        "The muscles that ship, number by number. *Inferred* marks every number that its source does not print; the note "
+        "says how it was found.",
+        *parts,
+    )
+
+
+def literature(_: Path) -> str:
+    """All references."""
+    from mckibben.citations import known_keys, reference
+
+    rows = [[f"`{key}`", reference(key)] for key in sorted(known_keys())]
+    return _page(
+        "Literature",
+        "What specimens and laws cite. `mckibben.citations.bibtex([...])` gives the entries for a paper of your own.",
+        _table(["key", "reference"], rows),
+    )
+
+
+def validation(stage: Path) -> str:
+    """Every law against every force map that ships, and the rows of the papers."""
+    from mckibben.identification import evaluate, fit_all
+    from mckibben.muscles import law_from_specimen
+    from mckibben.recordings import read_force_map
+    from mckibben.report.figures import fit_figures, style
+    from mckibben.report.study import Study
+    from mckibben.reproduction import reproduce
+    from mckibben.specimens import map_file
+    from mckibben.specimens import specimens as known
+
+    parts = []
+    pictures = stage / "assets" / "generated" / "validation"
+    pictures.mkdir(parents=True, exist_ok=True)
+    for s in known():
+        if not s.map:
+            continue
+        points = read_force_map(map_file(s), rest_length=s.property_si("rest_length", "m"))
+        dimensions = {"rest_diameter": s.property_si("rest_inner_diameter", "m"), "wall_thickness": s.property_si("wall_thickness", "m")}
+        fits = fit_all(points, known=dimensions, train_below=4e5)
+        printed = [
+            (f"{law.title}, as published", evaluate(law, points))
+            for name in s.laws
+            if not any(p.note.startswith("fitted") for p in s.laws[name].values())
+            for law in [law_from_specimen(s, name)]
+        ]
+        share = lambda newton: "-" if newton is None else "fails" if not newton < 1e6 else f"{100 * newton / points.largest:.2f} %"  # noqa: B023, E731
+        rows = [
+            [
+                f"`{f.law}`", str(len(f.parameters)), f"{f.rmse:.2f} N", share(f.max_error),
+                *(share(f.cross[k].max_error if k in f.cross else None) for k in ("pressure", "length", "block")),
+                share(f.holdout.max_error if f.holdout else None), "" if f.converged else "did not converge",
+            ]
+            for f in fits
+        ]
+        rows += [[t, "0", f"{(e**2).mean() ** 0.5:.2f} N", share(abs(e).max()), "-", "-", "-", "-", ""] for t, e in printed]
+        style.save(fit_figures.ranking(Study(s.title, s, points, fits, printed)), pictures / f"{s.id}-ranking.svg")
+        for f in fits[:2]:
+            style.save(fit_figures.tension_curves(f, points), pictures / f"{s.id}-{f.law}.svg")
+        parts += [
+            f"## {s.title}",
+            f"{int(points.taut.sum())} points with tension of {len(points)}, largest {points.largest:.1f} N. All errors but the rmse are the "
+            "largest single one, as a share of the largest force.",
+            _table(["law", "free", "rmse", "largest", "pressure out", "length out", "block out", "above 4 bar", ""], rows, right=range(1, 8)),
+            f"![Ranking of the laws on {s.title}](../../assets/generated/validation/{s.id}-ranking.svg)",
+            *(f"![Measured and fitted tension of {s.title}, {f.law}](../../assets/generated/validation/{s.id}-{f.law}.svg)" for f in fits[:2]),
+        ]
+    outcomes = reproduce()
+    done = [o for o in outcomes if o.ours is not None]
+    short = [o for o in done if o.ok is False]
+    rows = []
+    for o in done:
+        paper = " to ".join(f"{v:g}" for v in o.row.paper) if isinstance(o.row.paper, tuple) else f"{o.row.paper:g}"
+        rows.append([f"`{o.row.id}`", o.row.what, paper, f"{o.ours:.4g}", "" if o.row.unit == "-" else o.row.unit, o.verdict, o.note])
+    parts += [
+        "## The papers, number by number",
+        f"{len(done)} of {len(outcomes)} printed numbers are computed so far, {len(short)} fall short. *Calibrated* means that an input "
+        "was inferred from that row or its companion, so that agreement is no prediction.",
+        _table(["row", "what", "paper", "ours", "unit", "verdict", "note"], rows, right=(2, 3)),
+    ]
+    return _page(
+        "Validation",
+        "Every law, fitted to every measured force map that ships: how well it meets what it was fitted to, and how well it "
+        "predicts what it was not shown. *Pressure out* leaves one pressure out at a time, refits, and predicts it; *length out* "
+        "and *block out* do the same with lengths and with patches of both; *above 4 bar* trains on gauge pressures up to 4 bar and "
+        "predicts the rest. [Uncertainty](../../explanation/uncertainty.md) says how to read these columns.",
+        "The page is made anew by every build of this site. The same numbers on your machine:",
+        "```console\n$ mckibben fit DMSP-10-250 DMSP-20-300 --train-below \"4 bar\"\n$ mckibben reproduce\n```",
+        *parts,
+    )
+
+
+# ---- pages of the Python reference, one per room
+
+ROOMS: dict[str, tuple[str, str, list[str]]] = {
+    "mckibben": ("mckibben", "The verbs of the package. They load their rooms on first use.", [
+        "specimens.specimen", "muscles.build.build_law", "recordings.force_map.read_force_map",
+        "identification.fit.fit", "identification.fit.fit_all", "reproduction.reproduce",
+    ]),
+    "muscles": ("muscles", "What a muscle is.", [
+        "muscles.law", "muscles.muscle", "muscles.build", "muscles.braid", "muscles.bladder", "muscles.stop",
+        "muscles.elements", "muscles.creep",
+    ]),
+    "laws": ("Tension laws", "One file per law; all of them have the methods of [TensionLaw](muscles.md).", ["muscles.laws.*"]),
+    "hysteresis": ("Friction", "One file per model, under one interface.", ["components.element", "muscles.hysteresis.*"]),
+    "biological": ("Biological muscle", "One file per effect, and the muscle that puts them together.", ["muscles.biological.*"]),
+    "identification": ("identification", "Parameters from measured data.", ["identification.*"]),
+    "recordings": ("recordings", "Measured data and how they are read.", ["recordings.*"]),
+    "analysis": ("analysis", "Numbers from laws and recordings.", ["analysis.*"]),
+    "specimens": ("specimens", "Published muscles as data.", ["specimens.load", "specimens.model"]),
+    "components": ("components", "Interfaces, and the environment.", ["components.*"]),
+    "edges": ("Edges", "Units, errors, citations and names.", ["quantities", "errors", "citations", "nomenclature"]),
+    "reproduction": ("reproduction", "The papers' numbers.", ["reproduction.*"]),
+    "report": ("report", "Figures, reports and files for people.", ["report.*", "report.figures.*"]),
+}  # fmt: skip
+# Modules of these pages that another page shows already, or that are private to their room.
+ELSEWHERE = {"components": {"element"}}
+
+
+def room(name: str) -> str:
+    """One room's page for mkdocstrings."""
+    title, words, entries = ROOMS[name]
+    parts = []
+    for entry in entries:
+        for full in _modules(entry, ELSEWHERE.get(name, set())):
+            parts.append(f"::: {full}")
+    return _page(title, words, *parts)
+
+
+def _modules(entry: str, left_out: set[str]) -> list[str]:
+    import importlib
+    import pkgutil
+
+    if not entry.endswith(".*"):
+        return [f"mckibben.{entry}"]
+    package = importlib.import_module(f"mckibben.{entry[:-2]}")
+    inside = [m.name for m in pkgutil.iter_modules(package.__path__) if not m.ispkg and not m.name.startswith("_")]
+    return [f"mckibben.{entry[:-2]}.{m}" for m in inside if m not in left_out]
+
+
+PAGES: dict[str, Callable[[Path], str]] = {
+    f"{FOLDER}/{make.__name__}.md": make for make in (nomenclature, parameters, cli, specimens, literature, validation)
+} | {f"reference/api/{name}.md": (lambda _, name=name: room(name)) for name in ROOMS}  # type: ignore[misc]
+
+
+# ---- words and tables
+
+
+def _page(title: str, *parts: str) -> str:
+    return MADE + "\n" + "\n\n".join([f"# {title}", *parts]) + "\n"
+
+
+def _table(columns: list[str], rows: Iterable[list[str]], right: Iterable[int] = ()) -> str:
+    aligned = set(right)
+    line = lambda cells: "| " + " | ".join(c.replace("|", "\\|").replace("\n", " ") for c in cells) + " |"  # noqa: E731
+    rule = "|" + "|".join("---:" if i in aligned else "---" for i in range(len(columns))) + "|"
+    return "\n".join([line(columns), rule, *(line(r) for r in rows)])
+
+
+def _first_line(owner: Any) -> str:
+    return (inspect.getdoc(owner) or "").splitlines()[0]
+
+
+def _number(value: float | list[float]) -> str:
+    return ", ".join(f"{v:g}" for v in value) if isinstance(value, list) else f"{value:g}"

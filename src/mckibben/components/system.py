@@ -1,0 +1,32 @@
+"""What the engine integrates: a state equation, with memory beside it where there is friction."""
+
+from __future__ import annotations
+
+import abc
+from typing import Any
+
+from .module import Module
+
+
+class System(Module):
+    """A system of ordinary differential equations with inputs and memory.
+
+    The continuous state, its rate, the memory and the integrals are trees of arrays; the engine knows nothing of what they
+    mean. The inputs are a table of the values that the signals have at the moment asked for.
+    """
+
+    @abc.abstractmethod
+    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """Time derivative of the continuous state, a tree like it [unit/s]."""
+
+    @abc.abstractmethod
+    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """Rates of the balances' independent integrals, such as enthalpy flows [W]; an empty tree where there are none."""
+
+    @abc.abstractmethod
+    def slide(self, memory: Any, start: Any, end: Any, duration: Any) -> Any:
+        """The memory after the continuous state has gone from `start` to `end` in a time [s]; itself if there is none."""
+
+    @abc.abstractmethod
+    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+        """What a recording shows, by name [SI]."""

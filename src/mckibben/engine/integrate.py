@@ -1,0 +1,179 @@
+"""Fixed-step integration on a sample clock.
+
+The bench looks once per sample, the physics takes a whole number of steps between. Every run returns a result code with a
+sentence; a single run raises on it, a batch never does.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..components.system import System
+from ..errors import ConvergenceError, InputError
+from .rates import RK4_LIMIT, fastest_rate
+from .signals import Signal
+from .step import step
+
+STEP = 50e-6  # default step of the physics [s]
+PROBES = 256  # states at which the rates are examined
+
+
+class Result(enum.Enum):
+    """What became of a run."""
+
+    DONE = "The run reached its end."
+    NOT_FINITE = "A state is not finite any more; a parameter or an input is far out of range."
+    TOO_STIFF = "A mode of the system is too fast for this step."
+
+
+class Run(NamedTuple):
+    """What a run produced.
+
+    Attributes:
+        time: of the samples [s], (samples + 1,).
+        outputs: by name, each (samples + 1, ...).
+        state: the continuous state at the end.
+        memory: the memory at the end.
+        integrals: independent integrals over the whole run.
+        result: what became of it.
+        message: the sentence, with the number that matters.
+        fastest: fastest rate found along the run [1/s].
+        stiff: whether the Rosenbrock method was used.
+    """
+
+    time: Any
+    outputs: dict[str, Any]
+    state: Any
+    memory: Any
+    integrals: Any
+    result: Result
+    message: str
+    fastest: float
+    stiff: bool
+
+
+def integrate(
+    system: System,
+    state: Any,
+    signals: Mapping[str, Signal],
+    *,
+    period: float,
+    memory: Any = (),
+    step_size: float = STEP,
+    method: str = "auto",
+    raises: bool = True,
+) -> Run:
+    """Integrate over all samples of the signals.
+
+    Args:
+        system: what to integrate.
+        state: continuous state at the start, a tree of arrays.
+        signals: inputs by name, all of one length.
+        period: of the samples [s].
+        memory: memory at the start.
+        step_size: largest step of the physics [s]; shortened so that a whole number fits a period.
+        method: ``rk4``, ``ros2``, or ``auto`` for the choice by the system's own rates.
+        raises: raise on a result that is not `Result.DONE`.
+
+    Raises:
+        InputError: if the signals differ in length, or step or period are not positive.
+        ConvergenceError: if the run failed; says why, and which step would be needed.
+    """
+    samples = _samples(signals, period, step_size, method)
+    inner = max(1, round(np.ceil(period / step_size - 1e-9)))
+    h = period / inner
+    first = _inputs(signals, 0, 0.0, period)
+    lead = lambda tree: jax.tree.map(lambda x: jnp.asarray(x)[None], tree)  # noqa: E731
+    stiff = method == "ros2" or (
+        method == "auto" and fastest_rate(system, lead(state), lead(memory), lead(first)) * h > RK4_LIMIT
+    )
+    carry, kept = _run(system, state, memory, dict(signals), period, inner, samples, stiff)
+    fastest = _along(system, kept, signals, period, samples)
+    if method == "auto" and not stiff and fastest * h > RK4_LIMIT:
+        stiff = True
+        carry, kept = _run(system, state, memory, dict(signals), period, inner, samples, stiff)
+        fastest = _along(system, kept, signals, period, samples)
+    result, message = _judge(carry, kept, fastest, h, stiff)
+    run = Run(
+        time=period * np.arange(samples + 1), outputs=kept[2], state=carry[0], memory=carry[1], integrals=carry[2],
+        result=result, message=message, fastest=fastest, stiff=stiff,
+    )  # fmt: skip
+    if raises and result is not Result.DONE:
+        raise ConvergenceError(message)
+    return run
+
+
+def _run(
+    system: System, state: Any, memory: Any, signals: Any, period: float, inner: int, samples: int, stiff: bool
+) -> Any:
+    carry, kept = _compiled(system, state, memory, signals, period, inner, samples, stiff)
+    return jax.tree.map(np.asarray, carry), jax.tree.map(np.asarray, kept)
+
+
+def _march(
+    system: System, state: Any, memory: Any, signals: Any, period: Any, inner: int, samples: int, stiff: bool
+) -> tuple[Any, Any]:
+    h = period / inner
+    sums = jax.tree.map(jnp.zeros_like, system.integrands(state, memory, _inputs(signals, 0, 0.0, period)))
+
+    def sample(carry: Any, index: Any) -> tuple[Any, Any]:
+        now = _inputs(signals, index, 0.0, period)
+        seen = carry[0], carry[1], system.outputs(carry[0], carry[1], now)
+
+        def one(i: Any, c: Any) -> Any:
+            return step(system, c, lambda share: _inputs(signals, index, (i + share) / inner, period), h, stiff)
+
+        return jax.lax.fori_loop(0, inner, one, carry), seen
+
+    carry, kept = jax.lax.scan(sample, (state, memory, sums), jnp.arange(samples))
+    last = _inputs(signals, samples - 1, 1.0, period)
+    end = carry[0], carry[1], system.outputs(carry[0], carry[1], last)
+    return carry, jax.tree.map(lambda many, one: jnp.concatenate([many, jnp.asarray(one)[None]]), kept, end)
+
+
+_compiled = jax.jit(_march, static_argnums=(5, 6, 7))
+
+
+def _inputs(signals: Any, index: Any, share: Any, period: Any) -> dict[str, Any]:
+    return {name: s.at(index, share, period) for name, s in signals.items()}
+
+
+def _samples(signals: Mapping[str, Signal], period: float, step_size: float, method: str) -> int:
+    if not (period > 0.0 and np.isfinite(period)):
+        raise InputError("period", period, "allowed is a time above 0 s")
+    if not (step_size > 0.0 and np.isfinite(step_size)):
+        raise InputError("step_size", step_size, "allowed is a time above 0 s")
+    if method not in ("auto", "rk4", "ros2"):
+        raise InputError("method", method, "known are auto, rk4, ros2")
+    lengths = {name: len(s.values) for name, s in signals.items()}
+    if not lengths:
+        raise InputError("signals", "none", "allowed is at least one, which says how long to run")
+    if len(set(lengths.values())) > 1 or min(lengths.values()) < 2:
+        raise InputError("signals", str(lengths), "allowed are equal lengths of two samples or more")
+    return min(lengths.values()) - 1
+
+
+def _along(system: System, kept: Any, signals: Mapping[str, Signal], period: float, samples: int) -> float:
+    """Fastest rate at states spread over the run."""
+    at = np.unique(np.linspace(0, samples - 1, min(samples, PROBES)).astype(int))
+    pick = lambda tree: jax.tree.map(lambda x: jnp.asarray(x)[at], tree)  # noqa: E731
+    inputs = {n: jax.vmap(lambda i, s=s: s.at(i, 0.0, period))(jnp.asarray(at)) for n, s in signals.items()}
+    return fastest_rate(system, pick(kept[0]), pick(kept[1]), inputs)
+
+
+def _judge(carry: Any, kept: Any, fastest: float, h: float, stiff: bool) -> tuple[Result, str]:
+    if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((carry, kept[0]))):
+        return Result.NOT_FINITE, Result.NOT_FINITE.value
+    if not stiff and fastest * h > RK4_LIMIT:
+        need = RK4_LIMIT / fastest
+        return (
+            Result.TOO_STIFF,
+            f"{Result.TOO_STIFF.value} It needs {need:.3g} s or less instead of {h:.3g} s, or the method ros2.",
+        )
+    return Result.DONE, Result.DONE.value

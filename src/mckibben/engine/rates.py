@@ -1,0 +1,38 @@
+"""How fast a system's own modes are, and therefore which method and step are safe.
+
+Conservation does not show an unstable step that a saturation hides: the largest eigenvalue of the Jacobian does.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+from ..components.system import System
+
+# The classical Runge-Kutta method damps a real mode of rate r while r h < 2.785.
+RK4_LIMIT = 2.78
+
+
+def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float:
+    """Largest eigenvalue magnitude over several states [1/s].
+
+    Args:
+        system: whose state equation is examined.
+        states: a tree whose leaves have a leading axis, one entry per state.
+        memory: the same for the memory.
+        inputs: the same for the inputs.
+    """
+
+    def jacobian(state: Any, z: Any, u: Any) -> Any:
+        flat, back = ravel_pytree(state)
+        return jax.jacfwd(lambda v: ravel_pytree(system.rate(back(v), z, u))[0])(flat)
+
+    matrices = np.asarray(jax.jit(jax.vmap(jacobian))(states, memory, inputs))
+    matrices = matrices[np.isfinite(matrices).all(axis=(1, 2))]
+    if not len(matrices):
+        return float("inf")
+    return float(np.abs(np.linalg.eigvals(matrices)).max())

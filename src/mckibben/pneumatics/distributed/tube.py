@@ -1,0 +1,155 @@
+"""The distributed tube: its parameters, and the rates of all that changes in it and behind its ends."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ...components import Module, Scalar
+from ...errors import InputError
+from ...quantities import quantity
+from ..gas import AIR, Gas
+from .ends import End, EndState
+from .equations import Conserved, Medium, Primitive
+from .flux import hllc, reconstruct
+from .openings import Face
+from .wall import WALLS, wall_rates
+
+# Largest step over the time in which a wave crosses a cell: linear stability of the scheme ends at 1.
+COURANT = 0.8
+# Largest step times the fastest rate of friction or heat exchange; Heun's method is stable up to 2.
+WALL_STEP = 0.5
+
+
+class TubeState(NamedTuple):
+    """All that is integrated."""
+
+    cells: Conserved  # shape (cells,)
+    left: EndState
+    right: EndState
+    heat: Scalar  # given by the tube's wall since the start [J]
+    passed: tuple[Scalar, Scalar]  # mass [kg] and energy [J] through both ends, without regard to direction
+
+
+class DistributedTube(Module):
+    """A straight tube of constant section, resolved along its length: the reference for the lumped models.
+
+    Args:
+        cells: number of cells, 4 or more; 50 resolve a metre of pneumatic tubing to about 0.1 % in steady flow.
+        wall: ``isothermal``, ``adiabatic``, or ``wall_heat`` with the heat transfer of developed pipe flow.
+    """
+
+    length: Scalar = quantity("m", (1e-3, 1e3), "length", symbol="l", typical=(0.05, 10.0))
+    diameter: Scalar = quantity("m", (1e-5, 1.0), "inner diameter", symbol="D", typical=(1e-3, 2e-2))
+    roughness: Scalar = quantity("m", (0.0, 1e-2), "sand roughness of the wall", symbol="eps", default=1.5e-6)
+    wall_temperature: Scalar = quantity("K", (100.0, 1000.0), "temperature of the wall", symbol="Tw", default=293.15)
+    friction_scale: Scalar = quantity("1", (0.0, 100.0), "multiple of the wall friction; 0 leaves it out", default=1.0)
+    gas: Gas = AIR
+    cells: int = eqx.field(static=True, kw_only=True, default=50)
+    wall: str = eqx.field(static=True, kw_only=True, default="wall_heat")
+
+    def __check_init__(self) -> None:
+        """Refuse too few cells, an unknown wall, and roughness outside the range of the friction law."""
+        super().__check_init__()
+        where = type(self).__name__
+        if not isinstance(self.cells, int) or self.cells < 4:
+            raise InputError("cells", self.cells, "allowed are 4 or more", where=where)
+        if self.wall not in WALLS:
+            raise InputError("wall", self.wall, f"allowed are {', '.join(WALLS)}", where=where)
+        if not isinstance(self.roughness, jax.core.Tracer) and self.roughness > 0.05 * self.diameter:
+            raise InputError("roughness", float(self.roughness), "allowed is up to 5 % of the diameter [m]", where=where)
+
+    @property
+    def area(self) -> Scalar:
+        """Section [m^2]."""
+        return 0.25 * jnp.pi * self.diameter**2
+
+    @property
+    def cell_length(self) -> Scalar:
+        """Length of a cell [m]."""
+        return self.length / self.cells
+
+    @property
+    def medium(self) -> Medium:
+        """The gas under this wall."""
+        return Medium(self.gas, isothermal=self.wall == "isothermal")
+
+    def content(self, cells: Conserved) -> tuple[Scalar, Scalar]:
+        """Mass [kg] and total energy [J] of the gas in the tube."""
+        volume = self.area * self.cell_length
+        return volume * jnp.sum(cells.density), volume * jnp.sum(cells.energy)
+
+
+def end_faces(
+    tube: DistributedTube, left: End, right: End, state: TubeState, time: Any
+) -> tuple[Face, Face, Primitive, Primitive]:
+    """Fluxes out of both ends, and the reconstructed states at the left and right faces of the cells."""
+    medium = tube.medium
+    pairs = [reconstruct(values) for values in medium.primitive(state.cells)]
+    lower, upper = (Primitive(*(pair[side] for pair in pairs)) for side in (0, 1))
+    at_left = Primitive(lower.pressure[0], -lower.velocity[0], lower.temperature[0])
+    at_right = Primitive(*(values[-1] for values in upper))
+    return (
+        left.face(medium, at_left, state.left, time, tube.area),
+        right.face(medium, at_right, state.right, time, tube.area),
+        lower,
+        upper,
+    )
+
+
+def rates(tube: DistributedTube, left: End, right: End, state: TubeState, time: Any) -> TubeState:
+    """Time derivative of the whole state."""
+    gas, medium = tube.gas, tube.medium
+    at_left, at_right, lower, upper = end_faces(tube, left, right, state, time)
+    inner = hllc(medium, Primitive(*(v[:-1] for v in upper)), Primitive(*(v[1:] for v in lower)))
+    first = (-at_left.mass, at_left.momentum, -at_left.energy)
+    last = (at_right.mass, at_right.momentum, at_right.energy)
+    faces = [jnp.concatenate([a[None], q, b[None]]) for a, q, b in zip(first, inner, last, strict=True)]
+    mass, momentum, energy = ((q[:-1] - q[1:]) / tube.cell_length for q in faces)
+
+    wall = _wall(tube, medium.primitive(state.cells))
+    cells = Conserved(mass, momentum - wall.friction * state.cells.momentum, energy + wall.heating)
+    return TubeState(
+        cells,
+        left.rate(gas, state.left, at_left, tube.area),
+        right.rate(gas, state.right, at_right, tube.area),
+        tube.area * tube.cell_length * jnp.sum(wall.heating),
+        (
+            tube.area * (jnp.abs(at_left.mass) + jnp.abs(at_right.mass)),
+            tube.area * (jnp.abs(at_left.energy) + jnp.abs(at_right.energy)),
+        ),
+    )
+
+
+def _wall(tube: DistributedTube, state: Primitive) -> Any:
+    return wall_rates(
+        tube.gas,
+        state,
+        diameter=tube.diameter,
+        roughness=tube.roughness,
+        wall_temperature=tube.wall_temperature,
+        friction_scale=tube.friction_scale,
+        heat=tube.wall == "wall_heat",
+    )
+
+
+def hold_temperature(tube: DistributedTube, state: TubeState) -> TubeState:
+    """The exchange of an isothermal wall, infinitely fast: the heat is what the temperature asks for."""
+    if tube.wall != "isothermal":
+        return state
+    velocity = state.cells.momentum / state.cells.density
+    energy = state.cells.density * (tube.gas.cv * tube.wall_temperature + 0.5 * velocity**2)
+    heat = tube.area * tube.cell_length * jnp.sum(energy - state.cells.energy)
+    return state._replace(cells=state.cells._replace(energy=energy), heat=state.heat + heat)
+
+
+def largest_step(tube: DistributedTube, left: End, right: End, state: TubeState) -> Scalar:
+    """Time step that waves, walls and the vessels allow [s]."""
+    medium, now = tube.medium, tube.medium.primitive(state.cells)
+    fastest = jnp.max(jnp.abs(now.velocity) + medium.sound_speed(now.temperature))
+    span = jnp.minimum(tube.cell_length, jnp.minimum(left.least_volume(), right.least_volume()) / tube.area)
+    wall = _wall(tube, now)
+    return jnp.minimum(COURANT * span / fastest, WALL_STEP / jnp.max(jnp.maximum(wall.friction, wall.exchange)))

@@ -1,0 +1,93 @@
+"""The wall: friction of developed pipe flow, and the heat it gives.
+
+    dP/dx = -f rho u |u| / (2 D),    f = 64/Re                                                      laminar
+    1/sqrt(f) = -1.8 log10((eps/(3.7 D))^1.11 + 6.9/Re)                                             turbulent (Haaland)
+    q = (Nu k/D) (Tw - T - r u^2/(2 cp)),    Nu = 3.66                                              laminar
+    Nu = (f/8)(Re - 1000) Pr / (1 + 12.7 sqrt(f/8) (Pr^(2/3) - 1))                                  turbulent (Gnielinski)
+
+Between Re = 2300 and 4000 both f and Nu pass smoothly from one to the other. The recovery factor r = Pr^(1/3) makes the
+driving temperature that of an insulated wall. Range: Re below 1e8, roughness up to 5 % of the diameter; steady, developed
+flow: the extra friction of fast oscillations and of the first ten to fifty diameters is left out.
+
+Sources: S. E. Haaland, J. Fluids Eng. 105, 1983, doi:10.1115/1.3240948; V. Gnielinski, Int. Chem. Eng. 16, 1976;
+F. M. White, Fluid Mechanics and Viscous Fluid Flow.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+
+from ...components import Scalar
+from ..gas import Gas
+from .equations import Primitive
+
+WALLS = ("isothermal", "adiabatic", "wall_heat")
+LAMINAR_END, TURBULENT_START = 2300.0, 4000.0
+PRANDTL = 0.71
+LAMINAR_NUSSELT = 3.66  # developed flow, constant wall temperature
+
+
+class WallRates(NamedTuple):
+    """What the wall does to the gas, per cell."""
+
+    friction: Scalar  # lambda [1/s]: the momentum decays at this rate
+    heating: Scalar  # heat given to the gas [W/m^3]
+    exchange: Scalar  # rate at which the temperature approaches the wall's [1/s]
+
+
+def reynolds(gas: Gas, state: Primitive, diameter: Any) -> Scalar:
+    """Reynolds number on the diameter [m]."""
+    return gas.density(state.pressure, state.temperature) * jnp.abs(state.velocity) * diameter / gas.viscosity(
+        state.temperature
+    )
+
+
+def turbulence(reynolds_number: Any) -> Scalar:
+    """Share of the turbulent law: 0 up to Re = 2300, 1 from 4000, smooth between."""
+    x = jnp.clip((reynolds_number - LAMINAR_END) / (TURBULENT_START - LAMINAR_END), 0.0, 1.0)
+    return x * x * (3.0 - 2.0 * x)
+
+
+def haaland(reynolds_number: Any, relative_roughness: Any) -> Scalar:
+    """Darcy's friction factor of turbulent flow."""
+    argument = (relative_roughness / 3.7) ** 1.11 + 6.9 / reynolds_number
+    return 1.0 / (1.8 * jnp.log10(argument)) ** 2
+
+
+def friction_factor(reynolds_number: Any, relative_roughness: Any) -> Scalar:
+    """Darcy's friction factor at any Reynolds number above zero."""
+    share = turbulence(reynolds_number)
+    turbulent = haaland(jnp.maximum(reynolds_number, LAMINAR_END), relative_roughness)
+    return (1.0 - share) * 64.0 / reynolds_number + share * turbulent
+
+
+def nusselt(reynolds_number: Any, relative_roughness: Any) -> Scalar:
+    """Nusselt number of a wall at constant temperature, at any Reynolds number."""
+    share = turbulence(reynolds_number)
+    re = jnp.maximum(reynolds_number, LAMINAR_END)
+    eighth = haaland(re, relative_roughness) / 8.0
+    turbulent = eighth * (re - 1000.0) * PRANDTL / (1.0 + 12.7 * jnp.sqrt(eighth) * (PRANDTL ** (2.0 / 3.0) - 1.0))
+    return (1.0 - share) * LAMINAR_NUSSELT + share * turbulent
+
+
+def wall_rates(
+    gas: Gas, state: Primitive, *, diameter: Any, roughness: Any, wall_temperature: Any, friction_scale: Any, heat: bool
+) -> WallRates:
+    """Friction and heat of cells of shape (cells,); lengths [m], temperature [K].
+
+    Written per speed, so that it is finite at rest: f |u|/(2 D) is 32 mu/(rho D^2) in laminar flow.
+    """
+    density, viscosity = gas.density(state.pressure, state.temperature), gas.viscosity(state.temperature)
+    speed = jnp.abs(state.velocity)
+    re = density * speed * diameter / viscosity
+    share, rough = turbulence(re), roughness / diameter
+    factor = haaland(jnp.maximum(re, LAMINAR_END), rough)
+    laminar = 32.0 * viscosity / (density * diameter**2)
+    friction = friction_scale * ((1.0 - share) * laminar + share * factor * speed / (2.0 * diameter))
+    if not heat:
+        return WallRates(friction, jnp.zeros_like(speed), jnp.zeros_like(speed))
+    conductance = 4.0 * nusselt(re, rough) * gas.conductivity(state.temperature) / diameter**2  # [W/(m^3 K)]
+    recovered = state.temperature + PRANDTL ** (1.0 / 3.0) * state.velocity**2 / (2.0 * gas.cp)
+    return WallRates(friction, conductance * (wall_temperature - recovered), conductance / (density * gas.cv))

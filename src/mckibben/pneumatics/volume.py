@@ -1,0 +1,70 @@
+"""Nodes of a circuit: reservoirs whose pressure is given, and volumes whose pressure follows from what enters them."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ..components import Module, Scalar
+from ..quantities import quantity
+from .heat import HeatModel, Isothermal, VolumeState
+
+
+class Reservoir(Module):
+    """A node of given pressure and temperature: a supply, the atmosphere, or a measured pressure."""
+
+    pressure_abs: Scalar = quantity("Pa", (0.0, 1e8), "absolute pressure", symbol="P", default=101325.0)
+    temperature: Scalar = quantity("K", (100.0, 1000.0), "temperature", symbol="T", default=293.15)
+    # Name of a signal that gives the absolute pressure instead [Pa].
+    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+
+
+class Chamber(Module):
+    """A node that stores gas."""
+
+    heat: eqx.AbstractVar[HeatModel]
+    # Name of the signal of its length, where it moves [m].
+    signal: eqx.AbstractVar[str | None]
+
+    @abc.abstractmethod
+    def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+        """The volume at an absolute pressure [Pa], a length [m] and its rate [m/s]."""
+
+
+class FixedVolume(Chamber):
+    """A rigid vessel."""
+
+    size: Scalar = quantity("m^3", (1e-12, 1e3), "volume", symbol="V", typical=(1e-6, 1e-2))
+    heat: HeatModel = Isothermal()
+    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+
+    def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+        """Constant."""
+        zero = jnp.zeros_like(pressure_abs * 1.0)
+        return VolumeState(self.size + zero, zero, zero)
+
+
+class MovingVolume(Chamber):
+    """A volume V(L, P') such as a muscle's, with both partial derivatives.
+
+    `of` is a function of length [m] and gauge pressure [Pa], such as ``law.braid_volume``; `dead` is what its fittings add.
+    """
+
+    of: Callable[[Any, Any], Any] = eqx.field(kw_only=True)
+    ambient: Scalar = quantity("Pa", (0.0, 1e7), "absolute pressure outside", symbol="P0", default=101325.0)
+    dead: Scalar = quantity("m^3", (0.0, 1.0), "volume of the fittings", default=0.0)
+    heat: HeatModel = Isothermal()
+    signal: str | None = eqx.field(static=True, kw_only=True, default="length")
+
+    def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+        """Value and derivatives by one forward tangent each."""
+        gauge = pressure_abs - self.ambient
+        length, gauge = jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(gauge, float))
+        value, per_pressure = jax.jvp(lambda p: self.of(length, p), (gauge,), (jnp.ones_like(gauge),))
+        per_length = jax.jvp(lambda x: self.of(x, gauge), (length,), (jnp.ones_like(length),))[1]
+        return VolumeState(value + self.dead, per_pressure, per_length * velocity)
