@@ -36,7 +36,7 @@ lint: $(VENV)/.test ## Style, types and the import order of the house
 	$(BIN)/lint-imports --no-logo
 
 docs: $(VENV)/.docs ## Build the documentation; its examples are executed
-	$(RUN) mckibben_docs 2>/dev/null || $(BIN)/python docs/build.py
+	$(BIN)/python docs/build.py
 
 lock: $(VENV)/.test ## Pin the versions anew
 	$(RUN) pip install --quiet uv

@@ -149,7 +149,7 @@ def _braid(d: _Draw) -> dict[str, float]:
     wide = min(rest * d.log(0.03, 0.12), 0.04)
     return dict(
         rest_length=rest, rest_diameter=wide, wall_thickness=wide * d.flat(0.05, 0.25), upper_length=rest * d.flat(1.0, 1.03),
-        shear_modulus=d.log(4e5, 5e6), rest_angle=d.flat(0.33, 0.6), threshold_width=d.log(1e3, 1e5),
+        shear_modulus=d.log(4e5, 5e6), rest_angle=d.flat(0.38, 0.6), threshold_width=d.log(1e3, 1e5),
     )  # fmt: skip
 
 
@@ -165,12 +165,12 @@ def _seated_braid(d: _Draw) -> dict[str, float]:
 
 
 def _sarosi(d: _Draw) -> dict[str, float]:
-    rest, constant = d.log(0.05, 0.5), d.flat(0.0, 500.0)
+    rest, constant = d.log(0.05, 0.5), d.flat(10.0, 500.0)
     return dict(
         # The exponential keeps its sign up to 10 bar, so that tension grows with length.
         rest_length=rest, upper_length=rest, force_exponential=constant, area_exponential=d.flat(-1e-6, 1e-6) * constant,
-        decay=d.flat(-60.0, -5.0), area_slope=d.flat(-1e-2, -1e-4), area_constant=d.flat(0.0, 5e-3),
-        force_constant=d.flat(-500.0, 100.0),
+        decay=d.flat(-60.0, -5.0), area_slope=d.flat(-1e-2, -1e-4), area_constant=d.flat(5e-4, 5e-3),
+        force_constant=d.flat(-150.0, 100.0),
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from examples import DRAWS, evaluate, examples, muscle_like, pressures, thread_length
+from examples import DRAWS, evaluate, examples, muscle_like, pressures
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mckibben.muscles.law import TensionLaw, law_name
@@ -63,8 +63,8 @@ def works(face: Face, corners: np.ndarray, levels: np.ndarray) -> tuple[float, f
         centre = panels.mean(axis=1)
         halves = np.stack([panels[:, 0], centre], axis=1), np.stack([centre, panels[:, 1]], axis=1)
         left, right = np.split(integrate(np.concatenate(halves)), 2)
-        # 1e-15 of the work is the rounding of a piece; 50 halvings of an edge leave nothing of it either.
-        done = (np.abs(left + right - whole) <= 1e-15 * size).all(axis=1) | (halving == 49)
+        # Some hundred pieces at 1e-13 of the work are 1e-11 of it; 50 halvings of an edge leave nothing of a piece.
+        done = (np.abs(left + right - whole) <= 1e-13 * size).all(axis=1) | (halving == 49)
         net += (left + right)[done].sum(axis=0)
         exchanged += np.abs((left + right)[done]).sum(axis=0)
         panels = np.concatenate([half[~done] for half in halves])
@@ -117,7 +117,7 @@ def one_equilibrium(law: TensionLaw) -> bool:
 
 
 # Large k_1: beyond a contraction of 1/k the law pulls again, and the slack muscle has two places to be.
-WILD_K = ("tondu_lopez DMSP-10-250", "tondu_lopez DMSP-20-300")
+WILD_K = ("tondu_lopez DMSP-10-250", "tondu_lopez DMSP-20-300", "tondu_lopez published k(P)")
 
 
 def fixed() -> list[object]:
@@ -175,6 +175,5 @@ def test_the_printed_volume_makes_energy_from_nothing() -> None:
     corners = np.array([[0.154, 0.0], [0.154, 5e5], [0.125, 5e5], [0.125, 0.0]])
     load, gas, exchanged, _ = works(printed, corners, threshold_levels(law))
     assert abs(load - gas) > 0.05 * exchanged
-    assert thread_length(law) > 0.0
     load, gas, exchanged, _ = works(unilateral(law), corners, threshold_levels(law))
     assert abs(load - gas) <= 1e-8 * exchanged

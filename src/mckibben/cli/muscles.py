@@ -28,7 +28,7 @@ def list_muscles(as_json: Json = False) -> None:
     """List the muscles that are known, with their sources."""
     from ..specimens import specimens
 
-    known = specimens()
+    known = [s for s in specimens() if s.kind != "valve"]
     if as_json:
         print_json(
             {"specimens": [{"id": s.id, "source": s.source(), "law": s.law, "inferred": s.inferred()} for s in known]}
@@ -52,8 +52,8 @@ def show(
 
     spec = specimen(name)
     chosen = law or spec.law
-    built = _law(spec, chosen, {})
-    groups = {"properties": spec.properties, f"laws.{chosen}": spec.laws[chosen]}
+    built = None if spec.kind == "valve" else _law(spec, chosen, {})
+    groups = {"properties": spec.properties} | ({f"laws.{chosen}": spec.laws[chosen]} if built else {})
     groups |= {f"friction.{k}": g for k, g in spec.friction.items()}
     if figure is not None:
         _draw(built, spec, figure)
@@ -76,7 +76,7 @@ def show(
             rows.append([f"{path}.{key}", _value(p), p.source, "inferred" if p.inferred else "", p.note])
     table(f"{spec.title} ({spec.id})", ["parameter", "value", "source", "", "note"], rows, right=[1])
     others = ", ".join(k for k in spec.laws if k != chosen) or "none"
-    typer.echo(f"\nLaw: {getattr(built, 'title', chosen)}. Other laws stated: {others}.")
+    typer.echo(f"\nLaw: {getattr(built, 'title', chosen)}. Other laws stated: {others}." if built else "")
     for key in dict.fromkeys(spec.sources):
         typer.echo(f"[{key}] {reference(key)}")
 
@@ -159,6 +159,8 @@ def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Spec
         law = name
     else:
         spec = specimen(name)
+    if spec.kind == "valve":
+        raise InputError("specimen", spec.id, "it is a valve and pulls nothing; allowed is a muscle")
     chosen = law or spec.law
     if spec.kind == "biological":
         return spec, chosen, _law(spec, chosen, {})
@@ -199,6 +201,6 @@ def _entry(p: Parameter) -> dict[str, Any]:
 def _draw(law: Any, spec: Specimen, path: Path) -> None:
     from ..report.figures import muscle_figures, style
 
-    if spec.kind == "biological":
+    if spec.kind != "mckibben":
         raise InputError("--figure", spec.id, "curves are drawn for McKibben muscles only")
     style.save(muscle_figures.law_curves(law, title=spec.title), path)

@@ -29,6 +29,8 @@ def law_from_specimen(
     Raises:
         InputError: names the file, the parameter, its value and what is allowed.
     """
+    if spec.kind == "valve":
+        raise InputError("specimen", spec.id, "it is a valve; allowed is a muscle", where=spec.where)
     name = law or spec.law
     if name not in spec.laws:
         known = law_type(name)  # an unknown name is a better complaint than a missing one

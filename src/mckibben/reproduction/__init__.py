@@ -19,7 +19,7 @@ def reproduce(
         rows: beginnings of identifiers, such as ``table1.nylon``.
         progress: called with each row before it is computed.
     """
-    from . import discussion, part1  # noqa: F401  (they register their rows)
+    from . import discussion, part1, part2  # noqa: F401  (they register their rows)
 
     outcomes = []
     for row in select(part, rows):

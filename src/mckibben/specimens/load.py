@@ -30,8 +30,15 @@ KNOWN_PROPERTIES = {
     "burst_pressure": "Pa",
     "rated_pressure": "Pa",
     "coulomb_friction": "N",
-    "valve_flow": "m^3/s",
+    "flow": "m^3/s",
+    "flow_pressure": "Pa",
+    "effective_flow": "m^3/s",
     "mass": "kg",
+    "length": "m",
+    "width": "m",
+    "height": "m",
+    "current": "A",
+    "voltage": "V",
 }
 
 
@@ -60,9 +67,9 @@ def specimens() -> list[Specimen]:
     return list(_by_id().values())
 
 
-def specimen_ids() -> list[str]:
-    """Their ids."""
-    return [s.id for s in specimens()]
+def specimen_ids(kind: str | None = None) -> list[str]:
+    """Their ids, of one kind where it is given."""
+    return [s.id for s in specimens() if kind in (None, s.kind)]
 
 
 def map_file(spec: Specimen) -> Path:
@@ -115,7 +122,7 @@ def _read(text: str, *, where: str) -> Specimen:
         one = Specimen.model_validate(data | {"where": where})
     except ValidationError as error:
         raise _first_complaint(error, where) from None
-    if one.law not in one.laws:
+    if one.kind != "valve" and one.law not in one.laws:
         raise InputError("law", one.law, f"the file states {', '.join(one.laws) or 'none'}", where=where)
     for name in one.properties:
         if name not in KNOWN_PROPERTIES:

@@ -43,19 +43,19 @@ Group = dict[str, Parameter]
 
 
 class Specimen(BaseModel):
-    """A muscle as published: its dimensions, and the parameters of every law that was stated for it."""
+    """A muscle or a valve as published: its dimensions, and the parameters of every law that was stated for it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     schema_version: Literal[1] = Field(alias="schema")
     id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
-    kind: Literal["mckibben", "biological"]
+    kind: Literal["mckibben", "biological", "valve"]
     title: str
     sources: list[str]
-    law: str
+    law: str = ""
     note: str = ""
     properties: Group = {}
-    laws: dict[str, Group]
+    laws: dict[str, Group] = {}
     friction: dict[str, Group] = {}
     map: str | None = None
     where: str = ""
@@ -66,7 +66,7 @@ class Specimen(BaseModel):
 
     def inferred(self) -> list[str]:
         """Dotted paths of all numbers that no source prints; those of the default law first."""
-        order = [self.law] + [name for name in self.laws if name != self.law]
+        order = [self.law] * bool(self.law) + [name for name in self.laws if name != self.law]
         groups: dict[str, Group] = {"properties": self.properties}
         groups |= {f"laws.{name}": self.laws[name] for name in order}
         groups |= {f"friction.{name}": group for name, group in self.friction.items()}

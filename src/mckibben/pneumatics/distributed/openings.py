@@ -177,13 +177,24 @@ def _root(residual: Callable[[Scalar], Scalar], highest: Scalar) -> tuple[Scalar
     low, high = jnp.zeros_like(highest), highest
     at_low, at_high = residual(low), residual(high)
     left = jnp.maximum(at_high, 0.0)
-    speed = low
-    for _ in range(ROOT_STEPS):
+
+    def narrow(_: Any, bracket: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+        low, high, at_low, at_high, _, moved = bracket
         gap = at_low - at_high
         speed = jnp.clip(low + (high - low) * at_low / jnp.where(gap > 0.0, gap, 1.0), low, high)
         now = residual(speed)
-        up = now > 0.0
-        # The end that stays has its residual halved, so that it does not stay for ever.
-        low, high = jnp.where(up, speed, low), jnp.where(up, high, speed)
-        at_low, at_high = jnp.where(up, now, 0.5 * at_low), jnp.where(up, 0.5 * at_high, now)
+        up = jnp.where(now > 0.0, 1.0, -1.0)  # which end moves
+        # An end that stays twice counts less (Anderson and Bjorck), so that it does not stay for ever.
+        shrink = 1.0 - now / jnp.where(up > 0.0, at_low, at_high)
+        shrink = jnp.where(moved == up, jnp.where(shrink > 0.0, shrink, 0.5), 1.0)
+        return (
+            jnp.where(up > 0.0, speed, low),
+            jnp.where(up > 0.0, high, speed),
+            jnp.where(up > 0.0, now, shrink * at_low),
+            jnp.where(up > 0.0, shrink * at_high, now),
+            speed,
+            up,
+        )
+
+    speed = jax.lax.fori_loop(0, ROOT_STEPS, narrow, (low, high, at_low, at_high, low, jnp.zeros_like(low)))[4]
     return jnp.where(left > 0.0, highest, speed), left

@@ -1,0 +1,114 @@
+"""What is recorded of a distributed tube, with its balances of mass and energy."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .ends import End, EndState
+from .equations import Primitive
+from .openings import Face
+from .tube import DistributedTube, TubeState
+
+
+class Sample(NamedTuple):
+    """One recorded moment, as arrays on the device."""
+
+    cells: Primitive
+    faces: tuple[Face, Face]
+    behind: tuple[Primitive, Primitive]
+    ends: tuple[EndState, EndState]
+    heat: Any
+
+
+class EndRecord(NamedTuple):
+    """One end over time; arrays of shape (samples,). Flow and velocity are positive in the direction of x at both ends."""
+
+    pressure: np.ndarray  # absolute, static, at the end of the tube [Pa]
+    temperature: np.ndarray  # there [K]
+    velocity: np.ndarray  # there [m/s]
+    mass_flow: np.ndarray  # [kg/s]
+    enthalpy_flow: np.ndarray  # total [W]
+    outside_pressure: np.ndarray  # in the reservoir or the vessel [Pa]; nan behind a closed end
+    outside_temperature: np.ndarray  # there [K]
+    mass: np.ndarray  # content of the vessel, or what a reservoir has received [kg]
+    energy: np.ndarray  # likewise [J]
+    heat: np.ndarray  # from the vessel's wall since the start [J]
+
+
+class Balance(NamedTuple):
+    """Balances over the whole run: contents at both ends of it against fluxes integrated on their own.
+
+    The heat of an isothermal wall (or vessel) is what its temperature asks for: there the energy balance proves nothing
+    about the heat, and `heat_is_remainder` says so.
+    """
+
+    mass_error: float  # gain of tube and ends, over content at the start and throughput [1]
+    energy_error: float  # likewise less heat [1]
+    mass_throughput: float  # through both ends, without regard to direction [kg]
+    energy_throughput: float  # [J]
+    heat: float  # from the tube's wall [J]
+    heat_is_remainder: bool
+
+
+class TubeResult(NamedTuple):
+    """A simulated tube."""
+
+    times: np.ndarray  # (samples,) [s]
+    positions: np.ndarray  # centres of the cells, (cells,) [m]
+    pressure: np.ndarray  # absolute, (samples, cells) [Pa]
+    velocity: np.ndarray  # (samples, cells) [m/s]
+    temperature: np.ndarray  # (samples, cells) [K]
+    left: EndRecord
+    right: EndRecord
+    heat: np.ndarray  # from the tube's wall since the start, (samples,) [J]
+    balance: Balance
+    steps: int
+
+
+def assemble(
+    tube: DistributedTube,
+    left: End,
+    right: End,
+    start: TubeState,
+    end: TubeState,
+    recorded: Sample,
+    times: np.ndarray,
+    steps: int,
+) -> TubeResult:
+    """The result from the recorded samples and the states at both ends of the run."""
+    centres = (np.arange(tube.cells) + 0.5) * float(tube.cell_length)
+    ends = [
+        _end_record(float(tube.area), sign, *(side[which] for side in (recorded.faces, recorded.behind, recorded.ends)))
+        for which, sign in ((0, -1.0), (1, 1.0))
+    ]
+    cells = (np.asarray(values) for values in recorded.cells)
+    return TubeResult(times, centres, *cells, *ends, np.asarray(recorded.heat), balance(tube, start, end), steps)
+
+
+def _end_record(area: float, sign: float, face: Face, behind: Primitive, state: EndState) -> EndRecord:
+    columns = (
+        face.state.pressure,
+        face.state.temperature,
+        sign * face.state.velocity,
+        sign * area * face.mass,
+        sign * area * face.energy,
+        behind.pressure,
+        behind.temperature,
+        *state,
+    )
+    return EndRecord(*(np.asarray(column) for column in columns))
+
+
+def balance(tube: DistributedTube, start: TubeState, end: TubeState) -> Balance:
+    """Mass and energy over a run."""
+    before, after = (np.array(tube.content(state.cells)) for state in (start, end))
+    kept = [np.array([[e.mass, e.energy] for e in (state.left, state.right)], float) for state in (start, end)]
+    heat = float(end.heat)
+    given = np.array([0.0, heat + sum(float(b.heat - a.heat) for a, b in ((start.left, end.left), (start.right, end.right)))])
+    passed = np.array(end.passed, float)
+    gain = after - before + np.sum(kept[1] - kept[0], axis=0) - given
+    error = gain / (before + np.sum(np.abs(kept[0]), axis=0) + passed)
+    remainder = tube.wall == "isothermal"
+    return Balance(float(error[0]), float(error[1]), float(passed[0]), float(passed[1]), heat, remainder)

@@ -1,0 +1,180 @@
+"""Orifices, tubes and circuits: published limits, and accounts that close from independent integrals."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from mckibben.components.flow import GasState
+from mckibben.engine import held, integrate, ramped
+from mckibben.errors import InputError
+from mckibben.muscles import law_from_specimen
+from mckibben.pneumatics import AIR
+from mckibben.pneumatics.circuit import Branch, Circuit, balance
+from mckibben.pneumatics.heat import Isothermal, Polytropic, WallHeat, adiabatic
+from mckibben.pneumatics.orifice import Orifice
+from mckibben.pneumatics.tubes import TUBES, LumpedTube
+from mckibben.pneumatics.tubes.inertial import inertance
+from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir
+from mckibben.specimens import specimen
+
+T0 = 293.15
+PERIOD = 1e-3
+
+
+def test_orifice_with_b_0528_is_the_isentropic_nozzle():
+    g = 1.4
+    orifice = Orifice(conductance=1e-8, critical_ratio=0.528, linear_band=100.0)
+    ratio = np.linspace(0.05, 0.995, 400)
+    choked = (2 / (g + 1)) ** ((g + 1) / (2 * (g - 1))) * np.sqrt(g)
+    subsonic = np.sqrt(2 * g / (g - 1) * np.maximum(ratio ** (2 / g) - ratio ** ((g + 1) / g), 0.0)) / choked
+    exact = np.where(ratio < (2 / (g + 1)) ** (g / (g - 1)), 1.0, subsonic)
+    flow = orifice.mass_flow(GasState(7e5, T0), GasState(7e5 * ratio, T0))
+    # the ellipse of ISO 6358 is an approximation of the nozzle, known to be within 0.35 %
+    np.testing.assert_allclose(np.asarray(flow) / float(flow[0]), exact, rtol=0.005)
+
+
+def test_orifice_is_odd_continuous_and_of_finite_slope():
+    orifice = Orifice(conductance=1e-8)
+    forward = orifice.mass_flow(GasState(5e5, T0), GasState(4e5, T0))
+    assert float(orifice.mass_flow(GasState(4e5, T0), GasState(5e5, T0))) == -float(forward)
+    slope = jax.vmap(jax.grad(lambda p: orifice.mass_flow(GasState(jnp.asarray(5e5), T0), GasState(p, T0))))
+    at = jnp.asarray([5e5 - 6e3, 5e5 - 1.0, 5e5, 5e5 + 1.0, 5e5 + 6e3])
+    assert np.all(np.asarray(slope(at)) < 0.0)
+    # steepest at equal pressures, where the catalogue formula's slope is infinite
+    assert float(-slope(at)[2]) == pytest.approx(float(orifice.steepest(5e5)), rel=0.02)
+
+
+def test_orifice_from_a_catalogue_flow_gives_that_flow():
+    orifice = Orifice.from_flow(600e-3 / 60, pressure=6.9e5)
+    flow = orifice.mass_flow(GasState(6.9e5 + 101325.0, T0), GasState(101325.0, T0))
+    assert float(flow) / 1.185 * 60e3 == pytest.approx(600.0, rel=1e-9)
+
+
+def test_inertance_of_the_papers_tube():
+    area = 0.25 * np.pi * 3.175e-3**2
+    value = float(inertance(length=1.0, area=area))  # [1/m] = [Pa s2/kg]
+    assert value * 1e-8 == pytest.approx(1.26e-3, rel=5e-3)  # bar s2/g; printed with three digits
+    assert value / 100.0 == pytest.approx(1260.0, rel=5e-3)  # 1/cm; the paper prints 126
+
+
+@pytest.mark.parametrize("name", TUBES)
+def test_every_tube_flows_down_the_pressure_both_ways_and_rests_at_equal_pressures(name):
+    tube = {
+        "linear": lambda k: k(resistance=1e8),
+        "quadratic": lambda k: k(viscous=50.0, turbulent=20.0, area=8e-6),
+        "inertial": lambda k: k(viscous=50.0, turbulent=20.0, area=8e-6, length=1.0),
+        "lumped": lambda k: k.of_pipe(length=1.0, diameter=3.2e-3),
+    }[name](TUBES[name])
+    flows = {}
+    for low, high in ((3e5, 5e5), (5e5, 3e5), (4e5, 4e5)):
+        a, b = GasState(jnp.asarray(high), T0), GasState(jnp.asarray(low), T0)
+        relax = lambda _, s: jax.tree.map(lambda v, r: v + 5e-5 * r, s, tube.rate(a, b, s, 0.0))  # noqa: E731
+        state = jax.lax.fori_loop(0, 40000, relax, tube.initial())  # let the flow of an inertial tube settle
+        flows[high - low] = float(tube.mass_flow(a, b, state, 0.0))
+    assert flows[2e5] > 0.0 and flows[0.0] == 0.0
+    assert flows[-2e5] == pytest.approx(-flows[2e5], rel=1e-9)
+
+
+def test_a_long_lumped_tube_is_isothermal_pipe_flow():
+    length, diameter, f, p1, p2 = 2.0, 4e-3, 0.03, 5e5, 4.9e5
+    tube = LumpedTube(length=length, diameter=diameter, viscous=0.0, loss=f * length / diameter)
+    a, b = GasState(jnp.asarray(p1), T0), GasState(jnp.asarray(p2), T0)
+    w = jax.lax.fori_loop(0, 40000, lambda _, w: w + 5e-5 * tube.rate(a, b, w, 0.0), jnp.zeros(()))
+    area = 0.25 * np.pi * diameter**2
+    exact = area * np.sqrt((p1**2 - p2**2) / (287.05 * T0 * f * length / diameter))
+    assert float(w) == pytest.approx(exact, rel=1e-6)  # the same formula, reached by settling
+
+
+def circuit(heat):
+    valve = Orifice.from_flow(105e-3 / 60, pressure=6.9e5)
+    law = law_from_specimen(specimen("nylon"))
+    nodes = {
+        "supply": Reservoir(pressure_abs=7.9e5),
+        "valve": FixedVolume(size=2e-6, heat=heat),
+        "muscle": MovingVolume(of=law.braid_volume, heat=heat),
+        "room": Reservoir(),
+    }
+    branches = {
+        "fill": Branch(valve, "supply", "valve", "fill"),
+        "vent": Branch(valve, "valve", "room", "vent"),
+        "tube": Branch(LumpedTube.of_pipe(length=0.5, diameter=3.175e-3), "valve", "muscle"),
+    }
+    return Circuit.of(nodes, branches)
+
+
+@pytest.mark.parametrize(
+    "heat", [Isothermal(), adiabatic(), WallHeat(conductance=0.2), Polytropic()], ids=lambda h: type(h).__name__
+)
+def test_mass_and_energy_of_a_moving_muscle_close(heat):
+    samples = 401
+    fill = (np.arange(samples) < 200).astype(float)
+    length = 0.14 + 0.005 * np.sin(2 * np.pi * 5.0 * PERIOD * np.arange(samples))
+    signals = {"fill": held(fill), "vent": held(1.0 - fill), "length": ramped(length)}
+    system = circuit(heat)
+    start = system.initial({"valve": 101325.0, "muscle": 101325.0}, {"length": length[0]})
+    run = integrate(system, start, signals, period=PERIOD)
+    first = {k: s.at(0, 0.0, PERIOD) for k, s in signals.items()}
+    last = {k: s.at(samples - 2, 1.0, PERIOD) for k, s in signals.items()}
+    found = balance(system, start, run.state, first, last, run.integrals)
+    assert found.mass < 1e-10  # linear in the flows, so only rounding is left
+    assert found.energy < 1e-6  # quadrature of fourth order at 50 us, second at the valve's kinks
+    assert run.outputs["muscle.pressure_abs"].max() > 7.5e5  # it did fill
+
+
+@pytest.mark.parametrize(
+    ("heat", "exponent"), [(Isothermal(), 1.0), (adiabatic(), 1.4)], ids=["isothermal", "adiabatic"]
+)
+def test_charging_a_vessel_ends_where_theory_says(heat, exponent):
+    room = 300.0
+    system = Circuit.of(
+        {"supply": Reservoir(pressure_abs=6e5, temperature=room), "tank": FixedVolume(size=1e-4, heat=heat)},
+        {"valve": Branch(Orifice(conductance=2e-8), "supply", "tank", "open")},
+    )
+    start = system.initial({"tank": 1e5}, temperature=room)
+    run = integrate(system, start, {"open": held(np.ones(2001))}, period=PERIOD)
+    # first law of a rigid vessel filled from a reservoir: dm = V dp/(n R T0), whence the temperature follows
+    gained = float(run.state["mass"]["tank"] - start["mass"]["tank"])
+    assert gained == pytest.approx(1e-4 * 5e5 / (exponent * 287.05 * room), rel=1e-6)
+    # 1 to 6 bar from 300 K: 393.75 K; the vessel is filled to 1e-6 of its pressure by then
+    assert run.outputs["tank.temperature"][-1] == pytest.approx(room * 6.0 / (1.0 + 5.0 / exponent), rel=1e-5)
+
+
+def test_two_volumes_and_a_linear_tube_follow_the_exact_exponential():
+    v1, v2, r = 1e-4, 3e-4, 2e7
+    tube = TUBES["linear"](resistance=r)
+    system = Circuit.of({"a": FixedVolume(size=v1), "b": FixedVolume(size=v2)}, {"tube": Branch(tube, "a", "b")})
+    start = system.initial({"a": 5e5, "b": 1e5})
+    run = integrate(system, start, {"none": held(np.zeros(101))}, period=PERIOD, step_size=50e-6)
+    rt = float(AIR.gas_constant) * T0
+    decay = np.exp(-rt / r * (1 / v1 + 1 / v2) * run.time)
+    # isothermal, linear: the difference decays exponentially; fourth-order error at 50 us is far below
+    np.testing.assert_allclose(run.outputs["a.pressure_abs"] - run.outputs["b.pressure_abs"], 4e5 * decay, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "branches", "says"),
+    [
+        ({"a": FixedVolume(size=1e-4)}, {"v": Branch(Orifice(conductance=1e-8), "a", "nowhere")}, "leads to no node"),
+        (
+            {"a": FixedVolume(size=1e-4), "b": Reservoir()},
+            {"v": Branch(Orifice(conductance=1e-8), "a", "a")},
+            "same node",
+        ),
+        (
+            {"a": Reservoir(), "b": Reservoir()},
+            {"v": Branch(Orifice(conductance=1e-8), "a", "b")},
+            "at least one volume",
+        ),
+    ],
+)
+def test_an_open_circuit_is_refused(nodes, branches, says):
+    with pytest.raises(InputError, match=says):
+        Circuit.of(nodes, branches)
+
+
+def test_bounds_are_checked():
+    with pytest.raises(InputError, match="critical_ratio"):
+        Orifice(conductance=1e-8, critical_ratio=1.2)
+    with pytest.raises(InputError, match="size"):
+        FixedVolume(size=0.0)

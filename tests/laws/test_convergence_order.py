@@ -1,0 +1,148 @@
+"""The engine's orders: 4 without memory, 2 with friction whose yield depends on the pressure, 2 for the stiff method."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from mckibben.components.system import System
+from mckibben.engine import Result, held, integrate, ramped
+from mckibben.errors import ConvergenceError, InputError
+from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
+
+PERIOD = 0.01
+
+
+class Pendulum(System):
+    """A nonlinear oscillator driven by a signal; its integral is the work done on it."""
+
+    def rate(self, state, memory, inputs):
+        return {"x": state["v"], "v": -400.0 * jnp.sin(state["x"]) - 2.0 * state["v"] + inputs["drive"].value}
+
+    def integrands(self, state, memory, inputs):
+        return {"work": inputs["drive"].value * state["v"], "loss": 2.0 * state["v"] ** 2}
+
+    def slide(self, memory, start, end, duration):
+        return memory
+
+    def outputs(self, state, memory, inputs):
+        return {"x": state["x"]}
+
+
+class Rubbing(System):
+    """A mass on a spring that rubs, with a yield that grows with a pressure of its own dynamics."""
+
+    friction: MaxwellSlip
+
+    def rate(self, state, memory, inputs):
+        push = -200.0 * state["x"] - self.friction.force(memory) + inputs["drive"].value
+        return {"x": state["v"], "v": push / 0.5, "p": 40.0 * (2e5 + 1.5e5 * inputs["drive"].value / 5.0 - state["p"])}
+
+    def integrands(self, state, memory, inputs):
+        return {}
+
+    def slide(self, memory, start, end, duration):
+        moved = end["x"] - start["x"]
+        return self.friction.advance(memory, moved, start_pressure=start["p"], end_pressure=end["p"]).state
+
+    def outputs(self, state, memory, inputs):
+        return {"x": state["x"]}
+
+
+START = {"x": jnp.asarray(0.5), "v": jnp.asarray(0.0)}
+DRIVE = {"drive": ramped(50.0 * np.sin(np.linspace(0.0, 6.0, 51)))}
+
+
+def ends(system, state, signals, steps, method="rk4", memory=()):
+    runs = [integrate(system, state, signals, period=PERIOD, step_size=h, method=method, memory=memory) for h in steps]
+    return np.array([float(r.outputs["x"][-1]) for r in runs]), runs
+
+
+def orders(values):
+    differences = np.abs(np.diff(values))
+    return np.log2(differences[:-1] / differences[1:])
+
+
+def test_runge_kutta_converges_with_order_4_on_a_smooth_problem():
+    values, _ = ends(Pendulum(), START, DRIVE, [2e-3, 1e-3, 5e-4, 2.5e-4])
+    assert np.all(orders(values) > 3.8)  # asymptotically 4; the coarsest step is not yet asymptotic
+
+
+def test_rosenbrock_converges_with_order_2():
+    values, _ = ends(Pendulum(), START, DRIVE, [5e-4, 2.5e-4, 1.25e-4], method="ros2")
+    assert np.all(np.abs(orders(values) - 2.0) < 0.2)
+
+
+def test_friction_with_pressure_dependent_yield_converges_with_order_2():
+    friction = MaxwellSlip.geometric(FrictionLimit(constant=0.5, per_pressure=4e-6), elements=4)
+    state = {"x": jnp.asarray(0.02), "v": jnp.asarray(0.0), "p": jnp.asarray(2e5)}
+    drive = {"drive": ramped(5.0 * np.sin(np.linspace(0.0, 9.0, 51)))}
+    steps = [1e-3 / 2**k for k in range(6)]
+    values, _ = ends(Rubbing(friction), state, drive, steps, memory=friction.initial())
+    # Yield corners fall anywhere in a step, so single ratios scatter; over 32-fold refinement the slope is 2.
+    errors = np.abs(values[:-1] - values[-1])
+    slope = np.polyfit(np.log2(steps[:-1]), np.log2(errors), 1)[0]
+    assert slope > 1.8
+
+
+def test_independent_integrals_close_the_energy_of_the_pendulum():
+    _, (run,) = ends(Pendulum(), START, DRIVE, [2.5e-4])
+    energy = lambda s: 0.5 * float(s["v"]) ** 2 - 400.0 * np.cos(float(s["x"]))  # noqa: E731
+    gained = energy(run.state) - energy(START)
+    # fourth-order truncation at 0.25 ms against an exchange of about 100 J/kg
+    assert gained == pytest.approx(float(run.integrals["work"] - run.integrals["loss"]), abs=1e-6)
+
+
+def test_agreement_with_radau_on_a_smooth_input():
+    _, (run,) = ends(Pendulum(), START, DRIVE, [50e-6])
+    time, values = PERIOD * np.arange(51), np.asarray(DRIVE["drive"].values)
+    rate = lambda t, y: [y[1], -400.0 * np.sin(y[0]) - 2.0 * y[1] + np.interp(t, time, values)]  # noqa: E731
+    # Interval by interval: the input has corners at the samples, which a variable step would step over.
+    y = [0.5, 0.0]
+    for a, b in zip(time[:-1], time[1:], strict=True):
+        y = solve_ivp(rate, (a, b), y, method="Radau", rtol=1e-10, atol=1e-12).y[:, -1]
+    assert float(run.outputs["x"][-1]) == pytest.approx(y[0], abs=1e-6)
+
+
+class Fast(System):
+    """Hides an unstable step behind a saturation, as an orifice on a small volume does."""
+
+    def rate(self, state, memory, inputs):
+        return {"x": jnp.clip(1e5 * (inputs["drive"].value - state["x"]), -50.0, 50.0)}
+
+    def integrands(self, state, memory, inputs):
+        return {}
+
+    def slide(self, memory, start, end, duration):
+        return memory
+
+    def outputs(self, state, memory, inputs):
+        return {"x": state["x"]}
+
+
+def test_a_step_too_long_is_reported_with_the_step_it_needs():
+    signals = {"drive": held(np.ones(21))}
+    with pytest.raises(ConvergenceError, match="2.78e-05 s or less"):
+        integrate(Fast(), {"x": jnp.asarray(1.0)}, signals, period=1e-3, method="rk4")
+    run = integrate(Fast(), {"x": jnp.asarray(1.0)}, signals, period=1e-3, method="rk4", raises=False)
+    assert run.result is Result.TOO_STIFF
+
+
+def test_auto_takes_the_stiff_method_where_the_rates_ask_for_it():
+    run = integrate(Fast(), {"x": jnp.asarray(0.9999)}, {"drive": held(np.ones(21))}, period=1e-3)
+    assert run.stiff and run.result is Result.DONE
+    assert float(run.outputs["x"][-1]) == pytest.approx(1.0, abs=1e-9)  # L-stable: the fast mode is damped at once
+
+
+def test_a_state_that_is_not_finite_is_reported():
+    with pytest.raises(ConvergenceError, match="not finite"):
+        integrate(Pendulum(), START | {"x": jnp.asarray(np.nan)}, DRIVE, period=PERIOD, method="rk4")
+
+
+@pytest.mark.parametrize(
+    ("signals", "period", "says"),
+    [({}, 1e-3, "signals"), ({"drive": held([1.0])}, 1e-3, "signals"), ({"drive": held(np.ones(3))}, 0.0, "period")],
+)
+def test_senseless_runs_are_refused(signals, period, says):
+    with pytest.raises(InputError, match=says):
+        integrate(Pendulum(), START, signals, period=period)
