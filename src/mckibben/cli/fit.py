@@ -44,7 +44,7 @@ def fit(
     pressure_zero: Annotated[
         str | None, typer.Option(help="Reading of the pressure channel at zero, such as '9.2 kPa'.")
     ] = None,
-    slack: Annotated[bool, typer.Option("--slack", help="Also fit zero tension at the slack points.")] = False,
+    slack: Annotated[bool, typer.Option(help="Use slack points to say where a law may not pull.")] = True,
     train_below: Annotated[
         str | None, typer.Option(help="Also train up to this gauge pressure and predict above it.")
     ] = None,

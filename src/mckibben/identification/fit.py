@@ -16,7 +16,7 @@ from ..recordings import ForceMap
 from .problem import Problem
 from .solve import Solution, solve
 from .uncertainty import Uncertainty, uncertainty
-from .validation import CrossValidation, cross_validate, predict_rest
+from .validation import CrossValidation, cross_validate
 
 SCHEMES = ("pressure", "length", "block", "rest_length")
 
@@ -106,7 +106,7 @@ def fit(
     *,
     known: Mapping[str, Any] | None = None,
     free: tuple[str, ...] | None = None,
-    slack: bool = False,
+    slack: bool = True,
     schemes: Iterable[str] = SCHEMES,
     train_below: float | None = None,
     progress: Callable[[str], None] | None = None,
@@ -118,7 +118,8 @@ def fit(
         points: the measured table.
         known: parameters that are not fitted [SI], by name; those the law does not have are passed over.
         free: which parameters to fit; the law's own choice where left out.
-        slack: also ask for zero tension at the slack points, which are left out otherwise.
+        slack: also use the slack points that say where the law may not pull, see `ForceMap.told_slack`; their errors are
+            not counted.
         schemes: cross-validations to run, of ``pressure``, ``length``, ``block``, ``rest_length``.
         train_below: also fit to gauge pressures up to this one [Pa] and predict those above.
         progress: called with a few words after each piece of work.
@@ -130,8 +131,9 @@ def fit(
     problem = Problem.of(law, points, known=known, free=free, slack=slack)
     solution = solve(problem)
     tell(f"{law}: fitted")
-    error = solution.tension - problem.points.tension
-    spread = uncertainty(solution.jacobian, error, problem.free)
+    taut = problem.points.taut
+    error = (solution.tension - problem.points.tension)[taut]
+    spread = uncertainty(solution.jacobian[taut], error, problem.free)
     crossed = {}
     for scheme in schemes:
         result = cross_validate(problem, solution, scheme) if solution.converged else None
@@ -141,15 +143,15 @@ def fit(
     return Fit(
         law=law,
         parameters=_estimates(problem, solution, spread),
-        known=dict(problem.known),
-        points=problem.points,
+        known={k: v[taut] if np.ndim(v) else v for k, v in problem.known.items()},
+        points=problem.points.select(taut),
         error=error,
         converged=solution.converged,
         message=solution.message,
         warnings=_warnings(problem, solution, spread),
         cross=crossed,
         correlation=spread.correlation,
-        holdout=_hold_out(problem, train_below),
+        holdout=_hold_out(law, points, train_below, known, slack),
     )
 
 
@@ -222,22 +224,27 @@ def _warnings(problem: Problem, solution: Solution, spread: Uncertainty) -> tupl
     return (*lost, *spread.warnings, *at_bound)
 
 
-def _hold_out(problem: Problem, train_below: float | None) -> Holdout | None:
+def _hold_out(
+    law: str, points: ForceMap, train_below: float | None, known: Mapping[str, Any] | None, slack: bool
+) -> Holdout | None:
+    """Fit to the points below a pressure as if there were no others, and predict those above."""
     if train_below is None:
         return None
-    train = problem.points.pressure <= train_below
-    if train.all() or not train.any():
-        raise InputError(
-            "train_below",
-            f"{train_below:.6g} Pa",
-            "allowed is a pressure with points on both sides",
-            where=problem.points.name,
-        )
-    found = predict_rest(problem, train)
-    error = np.full(int((~train).sum()), np.inf)
-    if found is not None:
-        error = found.tension[~train] - problem.points.tension[~train]
-    return Holdout(what=f"trained up to {train_below / 1e5:g} bar", trained_on=int(train.sum()), error=error)
+    train = points.pressure <= train_below
+    asked = points.select(~train & points.taut)
+    if not len(asked) or not (points.taut & train).any():
+        allowed = "allowed is a pressure with points on both sides"
+        raise InputError("train_below", f"{train_below:.6g} Pa", allowed, where=points.name)
+    error = np.full(len(asked), np.inf)
+    trained = int((points.taut & train).sum())
+    if trained >= len(law_type(law).fitted) + 2:
+        problem = Problem.of(law, points.select(train), known=known, slack=slack)
+        found = solve(problem)
+        if found.converged:
+            built = Problem.of(law, points, known=known, free=problem.free, slack=slack)
+            pull = np.maximum(built.functions()[0](found.scaled), 0.0) - built.points.tension
+            error = pull[built.points.taut & (built.points.pressure > train_below)]
+    return Holdout(what=f"trained up to {train_below / 1e5:g} bar", trained_on=trained, error=error)
 
 
 def fitted_by_default(law: str) -> tuple[str, ...]:

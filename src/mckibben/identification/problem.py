@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..muscles.build import construct, required_fields
+from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
 from ..quantities import Quantity, declared
 from ..recordings import ForceMap
@@ -26,8 +27,8 @@ class Problem:
     """Least squares of a law's tension against a force map.
 
     Residuals are unweighted: sensor noise and the rounding of lengths do not shrink with the tension, and errors are
-    judged against the largest tension. `points` are those that count: the taut ones, and the slack ones as well if asked
-    for, at zero tension. `known` holds fixed parameters [SI], scalars or one value per point.
+    judged against the largest tension. `points` are the taut ones, and the slack ones that say where the law may not pull
+    (`ForceMap.told_slack`), at zero tension. `known` holds fixed parameters [SI], scalars or one value per point.
     """
 
     law: str
@@ -43,7 +44,7 @@ class Problem:
         *,
         known: Mapping[str, Any] | None = None,
         free: tuple[str, ...] | None = None,
-        slack: bool = False,
+        slack: bool = True,
     ) -> Problem:
         """Set up a problem, with the rest length and the upper working length taken from the table where it has them.
 
@@ -52,8 +53,10 @@ class Problem:
         """
         kind = law_type(law)
         fields = declared(kind)
-        free = free or kind.fitted
         given = {k: v for k, v in dict(known or {}).items() if k in fields}
+        if points.diameter is not None and "rest_diameter" in fields:
+            given.setdefault("rest_diameter", points.diameter)
+        free = free or _freed(kind, given, points)
         if "rest_length" in fields and "rest_length" not in given and "rest_length" not in free:
             if points.rest_length is None:
                 raise InputError(
@@ -83,7 +86,7 @@ class Problem:
                 f"the law {law} has {len(free)} free parameters and needs at least {len(free) + 2}",
                 where=points.name,
             )
-        keep = points.taut | slack
+        keep = points.taut | (points.told_slack & slack)
         fixed = {k: (np.asarray(v)[keep] if np.ndim(v) else float(v)) for k, v in given.items() if k not in free}
         counted = replace(points.select(keep), tension=np.maximum(points.tension[keep], 0.0))
         return cls(law=law, free=tuple(free), known=fixed, points=counted)
@@ -132,6 +135,20 @@ class Problem:
             return np.asarray(jacobian(jnp.asarray(scaled * self.scale), known, length, pressure))[:n] * self.scale
 
         return force, slopes
+
+
+def _freed(kind: type[TensionLaw], given: Mapping[str, Any], points: ForceMap) -> tuple[str, ...]:
+    """What a law frees by default.
+
+    A dimension that nobody gave is freed in place of what it would make redundant; a parameter that so few lengths cannot
+    show is not.
+    """
+    lengths = len(np.unique(np.round(points.length[points.taut], 6)))
+    free = [name for name in kind.fitted if name not in given and lengths >= kind.lengths_needed.get(name, 0)]
+    for name, instead_of in kind.fitted_if_unknown.items():
+        if name not in given:
+            free = [f for f in free if f not in instead_of] + [name]
+    return tuple(free)
 
 
 def _longest(points: ForceMap) -> Any:

@@ -17,7 +17,7 @@ MOST_GROUPS, BINS = 30, 10
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Errors of points each predicted by a fit that left its group out [N]; NaN where a fold could not be fitted."""
+    """Errors of the taut points, each predicted by a fit without its group [N]; NaN where a fold could not be fitted."""
 
     scheme: str
     groups: int
@@ -59,13 +59,13 @@ def cross_validate(
 
     A fold starts from the full solution, which saves the search and does not move the optimum.
     """
-    index = groups(problem.points, scheme)
-    count = int(index.max()) + 1
-    if count < 2:
+    index, taut = groups(problem.points, scheme), problem.points.taut
+    members = np.unique(index[taut])
+    if len(members) < 2:
         return None
     error = np.full(len(problem.points), np.nan)
     failed = 0
-    for group in range(count):
+    for group in members:
         out = index == group
         found = predict_rest(problem, ~out, near=full)
         failed += found is None
@@ -73,7 +73,7 @@ def cross_validate(
             error[out] = found.tension[out] - problem.points.tension[out]
         if progress:
             progress()
-    return CrossValidation(scheme=scheme, groups=count, failed=failed, error=error)
+    return CrossValidation(scheme=scheme, groups=len(members), failed=failed, error=error[taut])
 
 
 def predict_rest(problem: Problem, train: np.ndarray, *, near: Solution | None = None) -> Solution | None:
@@ -81,7 +81,7 @@ def predict_rest(problem: Problem, train: np.ndarray, *, near: Solution | None =
 
     With a solution `near`, the fit starts there: it decides how long the search takes, not where the optimum lies.
     """
-    if int(train.sum()) < len(problem.free):
+    if int((train & problem.points.taut).sum()) < len(problem.free):
         return None
     start = [] if near is None else [near.scaled]
     found = solve(problem, train=train, near=start, search=near is None or not near.converged)

@@ -42,6 +42,10 @@ class TensionLaw(Module):
     cites: ClassVar[tuple[str, ...]]
     # What an identification frees unless told otherwise; all other fields must be known.
     fitted: ClassVar[tuple[str, ...]]
+    # A dimension that may be unknown: it is then fitted, in place of parameters that the data could no longer tell from it.
+    fitted_if_unknown: ClassVar[dict[str, tuple[str, ...]]] = {}
+    # Parameters that stay at their default where tension was measured at fewer lengths than this.
+    lengths_needed: ClassVar[dict[str, int]] = {}
 
     @abc.abstractmethod
     def elastic_tension(self, length: Any) -> Scalar:

@@ -23,6 +23,7 @@ class ForceMap:
     tension: np.ndarray
     rest_length: np.ndarray | None = None
     branch: np.ndarray | None = None
+    diameter: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.length)
@@ -31,6 +32,21 @@ class ForceMap:
     def taut(self) -> np.ndarray:
         """Which points carry tension, bool (n,)."""
         return self.tension > 0.0
+
+    @property
+    def told_slack(self) -> np.ndarray:
+        """Slack points at pressures that do inflate the muscle, bool (n,).
+
+        They say that the law may not pull there. At a pressure below the lowest one with tension (of the same rest length)
+        the bladder may just not be filled, and nothing is said about the braid.
+        """
+        rest = np.zeros(len(self)) if self.rest_length is None else self.rest_length
+        told = np.zeros(len(self), bool)
+        for one in np.unique(rest):
+            same = rest == one
+            filled = self.pressure[same & self.taut]
+            told |= same & ~self.taut & (self.pressure >= (filled.min() if filled.size else np.inf))
+        return told
 
     @property
     def largest(self) -> float:
@@ -54,4 +70,4 @@ class ForceMap:
         return 1.0 - self.length / self.rest_length
 
 
-_ARRAYS = ("length", "pressure", "tension", "rest_length", "branch")
+_ARRAYS = ("length", "pressure", "tension", "rest_length", "branch", "diameter")

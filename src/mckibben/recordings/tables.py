@@ -27,6 +27,7 @@ COLUMNS = {
     "tension": ("tension", "force", "f", "pull"),
     "rest_length": ("rest_length", "resting_length", "l0", "initial_length"),
     "branch": ("branch", "direction"),
+    "diameter": ("diameter", "inner_diameter", "rest_diameter", "bore"),
 }
 UNITS = {
     "length": "m",
@@ -34,6 +35,7 @@ UNITS = {
     "pressure": "Pa",
     "tension": "N",
     "rest_length": "m",
+    "diameter": "m",
 }
 # What a table of a McKibben muscle can hold [SI]; outside, a unit is wrong or two columns are swapped.
 PLAUSIBLE = {
@@ -42,6 +44,7 @@ PLAUSIBLE = {
     "pressure": (-1.013e5, 1e7),
     "tension": (-1e4, 1e6),
     "rest_length": (2e-3, 10.0),
+    "diameter": (5e-4, 0.5),
 }
 # A largest pressure or tension below this is no muscle either: bar read as pascal, kN as N, swapped columns.
 LEAST_LARGEST = {"pressure": 2e3, "tension": 0.05}
@@ -102,7 +105,7 @@ def read_force_map(
         _check_plausible("contraction", data["contraction"], chosen["contraction"], where)
         data["length"] = data["rest_length"] * (1.0 - data["contraction"])
     data.pop("contraction", None)
-    for what in ("length", "rest_length", "pressure", "tension"):
+    for what in ("length", "rest_length", "diameter", "pressure", "tension"):
         if what in data:
             _check_plausible(what, data[what], chosen.get(what, what), where)
     found = ForceMap(name=Path(path).name, **data)

@@ -15,8 +15,12 @@ Virtual work of the braid needs three additions to meet a measured fluidic muscl
 Dt is the diameter of the thread layer inside the wall. The law is linear in pressure but for kappa, so it extrapolates in
 pressure; on the two force maps of Martens and Boblan (2017), trained up to 4 bar, it errs by about 1 % of the largest
 force at 4-6.75 bar. Range: 0.65-1.03 of the rest length, gauge pressures from the filling of the bladder (about 0.6 bar)
-up. Near the rest length a map must contain that length: left out, the error there is 4-5 %. alpha = -4 and f = 0.6 were
-chosen on those two maps; they cannot be told from one map together with the five fitted parameters, and stay fixed.
+up. Near the rest length a map must contain that length: left out, the error there is 4-5 %.
+
+What cannot be known stays fixed: alpha = -4 and f = 0.6 were chosen on those two maps and cannot be told from one map
+together with the fitted parameters; kappa keeps its default of 0.5 % per MPa where tension was measured at fewer than
+three lengths; an inner diameter that is not given is fitted in place of the thread depth. The wall of 1.8 mm is that of
+Festo muscles.
 
 Sources of the parts: R. W. Ogden, Proc. R. Soc. Lond. A 326, 1972, doi:10.1098/rspa.1972.0026; C.-P. Chou and
 B. Hannaford, 1996, doi:10.1109/70.481753. The combination and the two constants are this project's.
@@ -43,10 +47,15 @@ class HyperelasticBraid(TensionLaw):
     """Embedded extensible threads in a softening rubber wall, with inactive ends."""
 
     rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
-    rest_diameter: Scalar = quantity("m", (1e-4, 1.0), "inner diameter at rest", symbol="D0")
-    wall_thickness: Scalar = quantity("m", (1e-5, 0.05), "thickness of the rubber wall", symbol="h")
+    rest_diameter: Scalar = quantity("m", (1e-4, 1.0), "inner diameter at rest", symbol="D0", typical=(5e-3, 4e-2))
+    wall_thickness: Scalar = quantity("m", (1e-5, 0.05), "thickness of the rubber wall", symbol="h", default=1.8e-3)
     thread_depth: Scalar = quantity(
-        "1", (0.0, 1.0), "place of the threads in the wall, 0 inside to 1 outside", symbol="p", typical=(0.2, 1.0)
+        "1",
+        (0.0, 1.0),
+        "place of the threads in the wall, 0 inside to 1 outside",
+        symbol="p",
+        typical=(0.2, 1.0),
+        default=0.5,
     )
     rest_angle: Scalar = quantity(
         "rad", (0.2, 0.95), "braid angle at rest, from the long axis", symbol="theta0", typical=(0.38, 0.6)
@@ -56,7 +65,7 @@ class HyperelasticBraid(TensionLaw):
     )
     shear_modulus: Scalar = quantity("Pa", (1e4, 1e8), "shear modulus of the rubber", symbol="mu", typical=(5e5, 5e6))
     thread_compliance: Scalar = quantity(
-        "1/Pa", (0.0, 1e-7), "thread strain per gauge pressure", symbol="kappa", typical=(0.0, 2e-8), default=0.0
+        "1/Pa", (0.0, 1e-7), "thread strain per gauge pressure", symbol="kappa", typical=(0.0, 2e-8), default=5e-9
     )
     inactive_share: Scalar = quantity(
         "1", (0.0, 3.0), "inactive length at each fitting over the wall diameter", symbol="f", default=0.6
@@ -73,6 +82,8 @@ class HyperelasticBraid(TensionLaw):
 
     title = "Hyperelastic braid"
     cites = ("ogden1972", "chou1996")
+    fitted_if_unknown = {"rest_diameter": ("thread_depth",)}
+    lengths_needed = {"thread_compliance": 3}
     fitted = ("thread_depth", "rest_angle", "length_factor", "shear_modulus", "thread_compliance")
 
     def elastic_tension(self, length: Any) -> Scalar:

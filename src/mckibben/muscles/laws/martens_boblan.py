@@ -48,6 +48,7 @@ class MartensBoblan(TensionLaw):
 
     title = "Martens & Boblan"
     cites = ("martens2017", "martens2018")
+    fitted_if_unknown = {"rest_diameter": ()}
     fitted = ("angle_correction", "modulus_0", "modulus_1", "modulus_2", "modulus_3")
 
     def elastic_tension(self, length: Any) -> Scalar:

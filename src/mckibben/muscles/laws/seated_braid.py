@@ -36,8 +36,10 @@ class SeatedBraid(TensionLaw):
     """Neo-Hookean braid between ends that settle with the square root of the load."""
 
     rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
-    rest_diameter: Scalar = quantity("m", (1e-4, 1.0), "inner diameter at rest", symbol="D0")
-    wall_thickness: Scalar = quantity("m", (1e-5, 0.05), "thickness of the rubber wall", symbol="h")
+    rest_diameter: Scalar = quantity("m", (1e-4, 1.0), "inner diameter at rest", symbol="D0", typical=(5e-3, 4e-2))
+    wall_thickness: Scalar = quantity(
+        "m", (1e-5, 0.05), "thickness of the rubber wall; only its product with mu counts", symbol="h", default=1.8e-3
+    )
     rest_angle: Scalar = quantity(
         "rad", (0.2, 0.95), "braid angle at rest, from the long axis", symbol="theta0", typical=(0.33, 0.55)
     )
@@ -56,6 +58,7 @@ class SeatedBraid(TensionLaw):
 
     title = "Seated braid"
     cites = ("ogden1972", "chou1996")
+    fitted_if_unknown = {"rest_diameter": ()}
     fitted = ("rest_angle", "shear_modulus", "seat_compliance")
 
     def elastic_tension(self, length: Any) -> Scalar:
@@ -77,6 +80,7 @@ class SeatedBraid(TensionLaw):
             rest_diameter=self.rest_diameter,
             wall_thickness=self.wall_thickness,
             thread_depth=0.0,
+            thread_compliance=0.0,
             rest_angle=self.rest_angle,
             shear_modulus=self.shear_modulus,
             inactive_share=0.0,

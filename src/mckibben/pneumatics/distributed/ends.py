@@ -12,7 +12,7 @@ from ...components import Module, Scalar
 from ...errors import InputError
 from ...quantities import quantity
 from ..gas import Gas
-from ..heat import HeatModel, Inflow, Isothermal, VolumeState
+from ..heat import HeatModel, Inflow, Isothermal, VolumeState, WallHeat
 from .equations import Medium, Primitive
 from .openings import Face, OpenBore, Opening, closed_face, open_face
 
@@ -47,6 +47,10 @@ class End(Module):
     def least_volume(self) -> Any:
         """Volume that bounds the time step [m^3]."""
         return jnp.inf
+
+    def heat_is_remainder(self) -> bool:
+        """Whether the heat behind this end is what a prescribed temperature or exponent asks for."""
+        return False
 
 
 class ClosedEnd(End):
@@ -146,3 +150,7 @@ class VesselEnd(End):
     def least_volume(self) -> Any:
         """Its own [m^3]."""
         return self.volume
+
+    def heat_is_remainder(self) -> bool:
+        """Unless its wall decides on the heat."""
+        return not isinstance(self.heat, WallHeat)

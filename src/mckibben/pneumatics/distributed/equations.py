@@ -59,7 +59,7 @@ class Medium(Module):
         return Conserved(density, density * state.velocity, energy)
 
     def total_enthalpy(self, state: Primitive) -> Scalar:
-        """cp T + u^2/2 [J/kg]."""
+        """Enthalpy and kinetic energy, cp T + u^2/2 [J/kg]."""
         return self.gas.cp * state.temperature + 0.5 * state.velocity**2
 
     def at_rest(self, state: Primitive) -> Primitive:

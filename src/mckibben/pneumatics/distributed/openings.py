@@ -20,9 +20,7 @@ from ...components.flow import FlowElement, GasState
 from ...errors import InputError
 from ...quantities import quantity
 from .equations import Medium, Primitive
-
-# Regula falsi with the Illinois rule gains a factor of 1.44 digits a step; twelve reach rounding on smooth relations.
-ROOT_STEPS = 12
+from .root import falling_root
 
 
 class Face(NamedTuple):
@@ -97,8 +95,8 @@ class Restriction(Opening):
 
     def _entering_flow(self, outside: Primitive, inside: Primitive, *, leaves: bool) -> Scalar:
         if isinstance(self.flow, FlowElement):
-            ports = (GasState(gas.pressure, gas.temperature) for gas in (outside, inside))
-            return self.flow.mass_flow(*ports, self.flow.initial(), self.command)
+            port, at_tube = (GasState(gas.pressure, gas.temperature) for gas in (outside, inside))
+            return self.flow.mass_flow(port, at_tube, self.flow.initial(), self.command)
         if leaves:
             return -self.command * self.flow(inside.pressure, inside.temperature, outside.pressure)
         return self.command * self.flow(outside.pressure, outside.temperature, inside.pressure)
@@ -148,16 +146,18 @@ def open_face(medium: Medium, inside: Primitive, outside: Primitive, opening: Op
         def residual(speed: Scalar) -> Scalar:
             return opening.outward(medium, medium.wave_state(inside, speed), outside, area)
 
-        speed, _left = _root(residual, medium.choked_exit_speed(inside))
+        speed, _left = falling_root(residual, medium.choked_exit_speed(inside))
         return _face(medium, medium.wave_state(inside, speed), 1.0, medium.wave_state(inside, speed))
 
     def into(_: None) -> Face:
         def residual(speed: Scalar) -> Scalar:
             return opening.inward(medium, *entering(speed), outside, area)
 
-        speed, left = _root(residual, medium.choked_entry_speed(outside.temperature, wall_temperature))
+        speed, left = falling_root(residual, medium.choked_entry_speed(outside.temperature, wall_temperature))
         state, _nozzle = entering(speed)
-        state = state._replace(pressure=jnp.where(left > 0.0, opening.choked_pressure(medium, state, left), state.pressure))
+        state = state._replace(
+            pressure=jnp.where(left > 0.0, opening.choked_pressure(medium, state, left), state.pressure)
+        )
         return _face(medium, state, -1.0, outside)
 
     return jax.lax.cond(leaves, out, into, None)
@@ -170,31 +170,3 @@ def _face(medium: Medium, state: Primitive, sign: float, source: Primitive) -> F
     return Face(
         sign * flow, state.pressure + flow * state.velocity, energy, state._replace(velocity=sign * state.velocity)
     )
-
-
-def _root(residual: Callable[[Scalar], Scalar], highest: Scalar) -> tuple[Scalar, Scalar]:
-    """Where a falling residual vanishes in [0, highest], and what is left of it at the highest speed, else 0."""
-    low, high = jnp.zeros_like(highest), highest
-    at_low, at_high = residual(low), residual(high)
-    left = jnp.maximum(at_high, 0.0)
-
-    def narrow(_: Any, bracket: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        low, high, at_low, at_high, _, moved = bracket
-        gap = at_low - at_high
-        speed = jnp.clip(low + (high - low) * at_low / jnp.where(gap > 0.0, gap, 1.0), low, high)
-        now = residual(speed)
-        up = jnp.where(now > 0.0, 1.0, -1.0)  # which end moves
-        # An end that stays twice counts less (Anderson and Bjorck), so that it does not stay for ever.
-        shrink = 1.0 - now / jnp.where(up > 0.0, at_low, at_high)
-        shrink = jnp.where(moved == up, jnp.where(shrink > 0.0, shrink, 0.5), 1.0)
-        return (
-            jnp.where(up > 0.0, speed, low),
-            jnp.where(up > 0.0, high, speed),
-            jnp.where(up > 0.0, now, shrink * at_low),
-            jnp.where(up > 0.0, shrink * at_high, now),
-            speed,
-            up,
-        )
-
-    speed = jax.lax.fori_loop(0, ROOT_STEPS, narrow, (low, high, at_low, at_high, low, jnp.zeros_like(low)))[4]
-    return jnp.where(left > 0.0, highest, speed), left

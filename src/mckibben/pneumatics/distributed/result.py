@@ -69,22 +69,32 @@ class TubeResult(NamedTuple):
 
 def assemble(
     tube: DistributedTube,
-    left: End,
-    right: End,
-    start: TubeState,
-    end: TubeState,
+    ends: tuple[End, End],
+    states: tuple[TubeState, TubeState],
     recorded: Sample,
     times: np.ndarray,
     steps: int,
 ) -> TubeResult:
-    """The result from the recorded samples and the states at both ends of the run."""
+    """The result from what lies at the ends, the states at the start and the end of the run, and the samples."""
     centres = (np.arange(tube.cells) + 0.5) * float(tube.cell_length)
-    ends = [
-        _end_record(float(tube.area), sign, *(side[which] for side in (recorded.faces, recorded.behind, recorded.ends)))
-        for which, sign in ((0, -1.0), (1, 1.0))
-    ]
-    cells = (np.asarray(values) for values in recorded.cells)
-    return TubeResult(times, centres, *cells, *ends, np.asarray(recorded.heat), balance(tube, start, end), steps)
+    area = float(tube.area)
+    at_left, at_right = (
+        _end_record(area, sign, recorded.faces[k], recorded.behind[k], recorded.ends[k])
+        for k, sign in enumerate((-1.0, 1.0))
+    )
+    pressure, velocity, temperature = (np.asarray(values) for values in recorded.cells)
+    return TubeResult(
+        times=times,
+        positions=centres,
+        pressure=pressure,
+        velocity=velocity,
+        temperature=temperature,
+        left=at_left,
+        right=at_right,
+        heat=np.asarray(recorded.heat),
+        balance=_balance(tube, ends, *states),
+        steps=steps,
+    )
 
 
 def _end_record(area: float, sign: float, face: Face, behind: Primitive, state: EndState) -> EndRecord:
@@ -101,14 +111,15 @@ def _end_record(area: float, sign: float, face: Face, behind: Primitive, state: 
     return EndRecord(*(np.asarray(column) for column in columns))
 
 
-def balance(tube: DistributedTube, start: TubeState, end: TubeState) -> Balance:
-    """Mass and energy over a run."""
-    before, after = (np.array(tube.content(state.cells)) for state in (start, end))
-    kept = [np.array([[e.mass, e.energy] for e in (state.left, state.right)], float) for state in (start, end)]
+def _balance(tube: DistributedTube, ends: tuple[End, End], start: TubeState, end: TubeState) -> Balance:
+    def content(state: TubeState) -> np.ndarray:
+        """Mass and energy of the tube and behind either end, shape (3, 2)."""
+        tube_content = [float(x) for x in tube.content(state.cells)]
+        return np.array([tube_content, *([float(e.mass), float(e.energy)] for e in (state.left, state.right))])
+
     heat = float(end.heat)
-    given = np.array([0.0, heat + sum(float(b.heat - a.heat) for a, b in ((start.left, end.left), (start.right, end.right)))])
-    passed = np.array(end.passed, float)
-    gain = after - before + np.sum(kept[1] - kept[0], axis=0) - given
-    error = gain / (before + np.sum(np.abs(kept[0]), axis=0) + passed)
-    remainder = tube.wall == "isothermal"
+    given = np.array([0.0, heat + float(end.left.heat) + float(end.right.heat)])
+    before, after, passed = content(start), content(end), np.array(end.passed, float)
+    error = (np.sum(after - before, axis=0) - given) / (np.sum(before, axis=0) + passed)
+    remainder = tube.wall == "isothermal" or any(e.heat_is_remainder() for e in ends)
     return Balance(float(error[0]), float(error[1]), float(passed[0]), float(passed[1]), heat, remainder)

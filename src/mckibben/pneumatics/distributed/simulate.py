@@ -19,7 +19,7 @@ from ...components import Scalar
 from ...errors import ConvergenceError, InputError
 from ...quantities import declared
 from .ends import End, ReservoirEnd
-from .equations import Conserved, Primitive
+from .equations import Primitive
 from .result import Sample, TubeResult, assemble
 from .tube import DistributedTube, TubeState, end_faces, hold_temperature, largest_step, rates
 
@@ -57,14 +57,21 @@ def simulate(
     start = _start(tube, left, right, pressure_abs, temperature, velocity)
     step = float(largest_step(tube, left, right, start))
     if duration / step > most_steps:
-        raise InputError("duration", duration, f"the step is {step:.3g} s, which allows up to {step * most_steps:.4g} s")
-    (end, steps), recorded = _integrate(tube, left, right, start, samples, sample_period, most_steps)
-    result = assemble(tube, left, right, start, end, recorded, np.arange(samples + 1) * sample_period, int(steps))
+        raise InputError(
+            "duration", duration, f"the step is {step:.3g} s, which allows up to {step * most_steps:.4g} s"
+        )
+    (end, steps), recorded = _integrate(
+        tube, left, right, start, samples, jnp.asarray(sample_period, float), most_steps
+    )
+    result = assemble(tube, (left, right), (start, end), recorded, np.arange(samples + 1) * sample_period, int(steps))
     if int(steps) >= most_steps:
         raise InputError("duration", duration, f"allowed is what {most_steps} steps reach; the flow needs more")
     if not np.all(np.isfinite(result.pressure)) or np.any(result.pressure <= 0.0):
         bad = ~np.all(np.isfinite(result.pressure) & (result.pressure > 0.0), axis=1)
-        raise ConvergenceError(f"the tube has no finite state from {result.times[bad][0]:.4g} s on")
+        raise ConvergenceError(
+            f"the tube has no finite state from {result.times[bad][0]:.4g} s on; the scheme is made for pressures within "
+            "a factor of 1000 of each other"
+        )
     return result
 
 
@@ -85,7 +92,9 @@ def _start(
     values = {"pressure_abs": pressure_abs, "temperature": temperature, "velocity": velocity}
     for name, value in values.items():
         if np.shape(value) not in ((), (tube.cells,)):
-            raise InputError(name, f"{np.shape(value)} values", f"allowed is one, or one for each of {tube.cells} cells")
+            raise InputError(
+                name, f"{np.shape(value)} values", f"allowed is one, or one for each of {tube.cells} cells"
+            )
         if name in limits:
             limits[name].check(name, value)
         elif not np.all(np.isfinite(value)):
@@ -136,4 +145,6 @@ def _integrate(
 def _sample(tube: DistributedTube, left: End, right: End, state: TubeState, time: Scalar) -> Sample:
     at_left, at_right, _, _ = end_faces(tube, left, right, state, time)
     behind = (left.outside(tube.gas, state.left, time), right.outside(tube.gas, state.right, time))
-    return Sample(tube.medium.primitive(state.cells), (at_left, at_right), behind, (state.left, state.right), state.heat)
+    return Sample(
+        tube.medium.primitive(state.cells), (at_left, at_right), behind, (state.left, state.right), state.heat
+    )

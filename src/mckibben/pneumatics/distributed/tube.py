@@ -38,7 +38,7 @@ class DistributedTube(Module):
     """A straight tube of constant section, resolved along its length: the reference for the lumped models.
 
     Args:
-        cells: number of cells, 4 or more; 50 resolve a metre of pneumatic tubing to about 0.1 % in steady flow.
+        cells: number of cells, 4 or more; 50 give the steady flow of a metre of tubing within 0.01 %, choked within 0.03 %.
         wall: ``isothermal``, ``adiabatic``, or ``wall_heat`` with the heat transfer of developed pipe flow.
     """
 
@@ -60,7 +60,9 @@ class DistributedTube(Module):
         if self.wall not in WALLS:
             raise InputError("wall", self.wall, f"allowed are {', '.join(WALLS)}", where=where)
         if not isinstance(self.roughness, jax.core.Tracer) and self.roughness > 0.05 * self.diameter:
-            raise InputError("roughness", float(self.roughness), "allowed is up to 5 % of the diameter [m]", where=where)
+            raise InputError(
+                "roughness", float(self.roughness), "allowed is up to 5 % of the diameter [m]", where=where
+            )
 
     @property
     def area(self) -> Scalar:
@@ -88,15 +90,25 @@ def end_faces(
 ) -> tuple[Face, Face, Primitive, Primitive]:
     """Fluxes out of both ends, and the reconstructed states at the left and right faces of the cells."""
     medium = tube.medium
-    pairs = [reconstruct(values) for values in medium.primitive(state.cells)]
+    cells = medium.primitive(state.cells)
+    pairs = [reconstruct(values) for values in cells]
     lower, upper = (Primitive(*(pair[side] for pair in pairs)) for side in (0, 1))
-    at_left = Primitive(lower.pressure[0], -lower.velocity[0], lower.temperature[0])
-    at_right = Primitive(*(values[-1] for values in upper))
+    at_left = _outward(Primitive(*(v[0] for v in lower)), Primitive(*(v[0] for v in cells)), -1.0)
+    at_right = _outward(Primitive(*(v[-1] for v in upper)), Primitive(*(v[-1] for v in cells)), 1.0)
     return (
         left.face(medium, at_left, state.left, time, tube.area),
         right.face(medium, at_right, state.right, time, tube.area),
         lower,
         upper,
+    )
+
+
+def _outward(face: Primitive, cell: Primitive, sign: float) -> Primitive:
+    """State at an end, extrapolated but never to less than a third of the cell's pressure and temperature."""
+    return Primitive(
+        jnp.maximum(face.pressure, cell.pressure / 3.0),
+        sign * face.velocity,
+        jnp.maximum(face.temperature, cell.temperature / 3.0),
     )
 
 
@@ -147,9 +159,13 @@ def hold_temperature(tube: DistributedTube, state: TubeState) -> TubeState:
 
 
 def largest_step(tube: DistributedTube, left: End, right: End, state: TubeState) -> Scalar:
-    """Time step that waves, walls and the vessels allow [s]."""
+    """Time step that waves, walls and the vessels allow [s].
+
+    The wall's rates are those of the speed that a single step could bring about, not of the present one.
+    """
     medium, now = tube.medium, tube.medium.primitive(state.cells)
-    fastest = jnp.max(jnp.abs(now.velocity) + medium.sound_speed(now.temperature))
+    fastest = jnp.abs(now.velocity) + medium.sound_speed(now.temperature)
     span = jnp.minimum(tube.cell_length, jnp.minimum(left.least_volume(), right.least_volume()) / tube.area)
-    wall = _wall(tube, now)
-    return jnp.minimum(COURANT * span / fastest, WALL_STEP / jnp.max(jnp.maximum(wall.friction, wall.exchange)))
+    wall = _wall(tube, now._replace(velocity=fastest))
+    rate = jnp.max(jnp.maximum(wall.friction, wall.exchange))
+    return jnp.minimum(COURANT * span / jnp.max(fastest), WALL_STEP / rate)

@@ -39,8 +39,11 @@ class WallRates(NamedTuple):
 
 def reynolds(gas: Gas, state: Primitive, diameter: Any) -> Scalar:
     """Reynolds number on the diameter [m]."""
-    return gas.density(state.pressure, state.temperature) * jnp.abs(state.velocity) * diameter / gas.viscosity(
-        state.temperature
+    return (
+        gas.density(state.pressure, state.temperature)
+        * jnp.abs(state.velocity)
+        * diameter
+        / gas.viscosity(state.temperature)
     )
 
 
