@@ -143,26 +143,37 @@ def literature(_: Path) -> str:
     )
 
 
+def fitted_maps() -> list[tuple[Any, Any, list[Any]]]:
+    """Every shipped force map as (specimen, points, fits of all laws), trained up to 4 bar besides."""
+    from mckibben.identification import fit_all
+    from mckibben.recordings import read_force_map
+    from mckibben.specimens import map_file
+    from mckibben.specimens import specimens as known
+
+    found = []
+    for s in known():
+        if s.map:
+            points = read_force_map(map_file(s), rest_length=s.property_si("rest_length", "m"))
+            dimensions = {
+                "rest_diameter": s.property_si("rest_inner_diameter", "m"),
+                "wall_thickness": s.property_si("wall_thickness", "m"),
+            }
+            found.append((s, points, fit_all(points, known=dimensions, train_below=4e5)))
+    return found
+
+
 def validation(stage: Path) -> str:
     """Every law against every force map that ships, and the rows of the papers."""
-    from mckibben.identification import evaluate, fit_all
+    from mckibben.identification import evaluate
     from mckibben.muscles import law_from_specimen
-    from mckibben.recordings import read_force_map
     from mckibben.report.figures import fit_figures, style
     from mckibben.report.study import Study
     from mckibben.reproduction import reproduce
-    from mckibben.specimens import map_file
-    from mckibben.specimens import specimens as known
 
     parts = []
     pictures = stage / "assets" / "generated" / "validation"
     pictures.mkdir(parents=True, exist_ok=True)
-    for s in known():
-        if not s.map:
-            continue
-        points = read_force_map(map_file(s), rest_length=s.property_si("rest_length", "m"))
-        dimensions = {"rest_diameter": s.property_si("rest_inner_diameter", "m"), "wall_thickness": s.property_si("wall_thickness", "m")}
-        fits = fit_all(points, known=dimensions, train_below=4e5)
+    for s, points, fits in fitted_maps():
         printed = [
             (f"{law.title}, as published", evaluate(law, points))
             for name in s.laws
@@ -218,10 +229,7 @@ def validation(stage: Path) -> str:
 # ---- pages of the Python reference, one per room
 
 ROOMS: dict[str, tuple[str, str, list[str]]] = {
-    "mckibben": ("mckibben", "The verbs of the package. They load their rooms on first use.", [
-        "specimens.specimen", "muscles.build.build_law", "recordings.force_map.read_force_map",
-        "identification.fit.fit", "identification.fit.fit_all", "reproduction.reproduce",
-    ]),
+    "mckibben": ("mckibben", "The verbs of the package, `mckibben.fit` and so on. They load their rooms on first use.", ["VERBS"]),
     "muscles": ("muscles", "What a muscle is.", [
         "muscles.law", "muscles.muscle", "muscles.build", "muscles.braid", "muscles.bladder", "muscles.stop",
         "muscles.elements", "muscles.creep",
@@ -256,6 +264,11 @@ def _modules(entry: str, left_out: set[str]) -> list[str]:
     import importlib
     import pkgutil
 
+    import mckibben
+
+    if entry == "VERBS":
+        verbs = [getattr(mckibben, name) for name in mckibben.__all__ if not name.startswith("_")]
+        return [f"{verb.__module__}.{verb.__name__}" for verb in verbs]
     if not entry.endswith(".*"):
         return [f"mckibben.{entry}"]
     package = importlib.import_module(f"mckibben.{entry[:-2]}")

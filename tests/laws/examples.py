@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
+
 from mckibben.components import Scalar
 from mckibben.muscles.build import build_law, law_from_specimen
 from mckibben.muscles.law import TensionLaw
@@ -51,7 +52,7 @@ _STATED = {
 def examples() -> dict[str, TensionLaw]:
     """Fixed laws by a name of their own: each law at least once, each specimen's law, and the variants of structure."""
     found = {}
-    for muscle in ("nylon", "fiberglass", "bridgestone", "DMSP-10-250", "DMSP-20-300"):
+    for muscle in ("nylon", "fiberglass", "bridgestone", "DMSP-10-250", "DMSP-20-300", "Festo-10mm"):
         spec = specimen(muscle)
         found |= {f"{law} {muscle}": law_from_specimen(spec, law) for law in spec.laws}
     found |= {law: build_law(law, parameters) for law, parameters in _STATED.items()}
@@ -141,7 +142,9 @@ def _martens_boblan(d: _Draw) -> dict[str, float]:
     lengths = {k: base[k] * size for k in ("rest_length", "rest_diameter", "wall_thickness")}
     moduli = {f"modulus_{i}": stiff * base[f"modulus_{i}"] / size**i for i in range(4)}
     angle = base["angle_correction"] + d.flat(-0.03, 0.03)
-    return lengths | moduli | dict(rest_angle=base["rest_angle"], angle_correction=angle, threshold_width=d.log(1e3, 1e5))
+    return (
+        lengths | moduli | dict(rest_angle=base["rest_angle"], angle_correction=angle, threshold_width=d.log(1e3, 1e5))
+    )
 
 
 def _braid(d: _Draw) -> dict[str, float]:
@@ -212,8 +215,13 @@ def pressures(law: TensionLaw, count: int = 64, *, lowest: float = -0.95e5, high
     return np.sort(np.concatenate([special, np.linspace(lowest, highest, count - special.size)]))
 
 
-def _with_slopes(law: TensionLaw, span: Scalar, pressure: Scalar) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
-    along = jnp.stack([jnp.ones_like(span), jnp.zeros_like(span)]), jnp.stack([jnp.zeros_like(span), jnp.ones_like(span)])
+def _with_slopes(
+    law: TensionLaw, span: Scalar, pressure: Scalar
+) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
+    along = (
+        jnp.stack([jnp.ones_like(span), jnp.zeros_like(span)]),
+        jnp.stack([jnp.zeros_like(span), jnp.ones_like(span)]),
+    )
 
     def derivative(dl: Scalar, dp: Scalar) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
         return jax.jvp(lambda x, p: face(law, x, p), (span, pressure), (dl, dp))

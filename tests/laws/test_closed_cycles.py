@@ -13,9 +13,9 @@ import pytest
 from examples import DRAWS, evaluate, examples, muscle_like, pressures
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+
 from mckibben.muscles.law import TensionLaw, law_name
 from mckibben.muscles.laws import LAWS
-
 
 
 def lobatto(count: int) -> tuple[np.ndarray, np.ndarray]:

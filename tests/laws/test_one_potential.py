@@ -5,6 +5,7 @@ import pytest
 from examples import DRAWS, evaluate, example, examples, muscle_like, pressures, thread_length
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from mckibben.muscles.law import TensionLaw, law_name
 from mckibben.muscles.laws import LAWS
 

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 
 from ...components import Scalar
 from ...quantities import quantity
-from .. import bladder
+from .. import bladder, dimensions
 from ..law import TensionLaw
 
 
@@ -40,6 +40,30 @@ def volume_when_unknown(*, rest_length: Any, upper_length: Any, shortest_length:
     return 1.8 * jnp.maximum(drop, 1e-3 * per_pressure * rest_length**2)
 
 
+def spring_gas_energy(
+    length: Any,
+    pressure: Any,
+    *,
+    per_pressure: Any,
+    shortest_length: Any,
+    rest_length: Any,
+    upper_length: Any,
+    rest_volume: Any | None,
+    threshold_pressure: Any,
+    threshold_width: Any,
+) -> Scalar:
+    """Gas energy with the volume of eq. 38b [J]; a rest volume of None is replaced by `volume_when_unknown`."""
+    line = {"rest_length": rest_length, "shortest_length": shortest_length, "per_pressure": per_pressure}
+    rest = volume_when_unknown(upper_length=upper_length, **line) if rest_volume is None else rest_volume
+    return bladder.gas_energy(
+        pressure,
+        spring_volume(length, rest_volume=rest, **line),
+        upper_volume=spring_volume(upper_length, rest_volume=rest, **line),
+        threshold_pressure=threshold_pressure,
+        threshold_width=threshold_width,
+    )
+
+
 class GasSpring(TensionLaw):
     """Gas spring (eq. 11)."""
 
@@ -49,18 +73,10 @@ class GasSpring(TensionLaw):
     shortest_length: Scalar = quantity(
         "m", (1e-3, 100.0), "theoretical shortest length", symbol="Lmin", typical=(0.05, 0.5)
     )
-    rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
-    upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
-    rest_volume: Scalar = quantity(
-        "m^3", (0.0, 1.0), "gas volume at rest length; needed only for the volume itself", symbol="V0", default=0.0
-    )
-    threshold_width: Scalar = quantity(
-        "Pa",
-        (1e2, 1e6),
-        "range of pressure around zero in which the bladder fills to the braid",
-        symbol="w",
-        default=1e4,
-    )
+    rest_length: Scalar = dimensions.rest_length()
+    upper_length: Scalar = dimensions.upper_length()
+    rest_volume: Scalar = dimensions.rest_volume()
+    threshold_width: Scalar = dimensions.threshold_width()
     volume_known: bool = eqx.field(static=True, kw_only=True, default=True)
 
     title = "Gas spring"
@@ -73,13 +89,14 @@ class GasSpring(TensionLaw):
 
     def gas_energy(self, length: Any, pressure: Any) -> Scalar:
         """Gas energy with the volume of eq. 38b [J]."""
-        line = {"shortest_length": self.shortest_length, "per_pressure": self.stiffness_per_pressure}
-        line["rest_length"] = self.rest_length
-        rest = self.rest_volume if self.volume_known else volume_when_unknown(upper_length=self.upper_length, **line)
-        return bladder.gas_energy(
+        return spring_gas_energy(
+            length,
             pressure,
-            spring_volume(length, rest_volume=rest, **line),
-            upper_volume=spring_volume(self.upper_length, rest_volume=rest, **line),
+            per_pressure=self.stiffness_per_pressure,
+            shortest_length=self.shortest_length,
+            rest_length=self.rest_length,
+            upper_length=self.upper_length,
+            rest_volume=self.rest_volume if self.volume_known else None,
             threshold_pressure=0.0,
             threshold_width=self.threshold_width,
         )

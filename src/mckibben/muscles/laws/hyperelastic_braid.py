@@ -35,7 +35,7 @@ import jax.numpy as jnp
 
 from ...components import Scalar, slope
 from ...quantities import quantity
-from .. import bladder
+from .. import bladder, dimensions
 from ..law import TensionLaw
 
 # Below this stretch, and below this squared hoop stretch, the formulas are held by smooth ramps (see `bladder.ramp`).
@@ -46,9 +46,9 @@ SMALLEST_HOOP, HOOP_WIDTH = 0.2, 0.2
 class HyperelasticBraid(TensionLaw):
     """Embedded extensible threads in a softening rubber wall, with inactive ends."""
 
-    rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
-    rest_diameter: Scalar = quantity("m", (1e-4, 1.0), "inner diameter at rest", symbol="D0", typical=(5e-3, 4e-2))
-    wall_thickness: Scalar = quantity("m", (1e-5, 0.05), "thickness of the rubber wall", symbol="h", default=1.8e-3)
+    rest_length: Scalar = dimensions.rest_length()
+    rest_diameter: Scalar = dimensions.rest_diameter()
+    wall_thickness: Scalar = dimensions.rubber_wall()
     thread_depth: Scalar = quantity(
         "1",
         (0.0, 1.0),
@@ -57,9 +57,7 @@ class HyperelasticBraid(TensionLaw):
         typical=(0.2, 1.0),
         default=0.5,
     )
-    rest_angle: Scalar = quantity(
-        "rad", (0.2, 0.95), "braid angle at rest, from the long axis", symbol="theta0", typical=(0.38, 0.6)
-    )
+    rest_angle: Scalar = dimensions.rest_angle((0.38, 0.6))
     length_factor: Scalar = quantity(
         "1", (0.95, 1.05), "true over nominal rest length", symbol="lr", typical=(0.99, 1.01), default=1.0
     )
@@ -70,14 +68,8 @@ class HyperelasticBraid(TensionLaw):
     inactive_share: Scalar = quantity(
         "1", (0.0, 3.0), "inactive length at each fitting over the wall diameter", symbol="f", default=0.6
     )
-    upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
-    threshold_width: Scalar = quantity(
-        "Pa",
-        (1e2, 1e6),
-        "range of pressure around zero in which the bladder fills to the braid",
-        symbol="w",
-        default=1e4,
-    )
+    upper_length: Scalar = dimensions.upper_length()
+    threshold_width: Scalar = dimensions.threshold_width()
     ogden_exponent: int = eqx.field(static=True, kw_only=True, default=-4)
 
     title = "Hyperelastic braid"

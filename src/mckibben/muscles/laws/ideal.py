@@ -15,8 +15,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from ...components import Scalar
-from ...quantities import quantity
-from .. import bladder, braid
+from .. import bladder, braid, dimensions
 from ..law import TensionLaw
 
 # Just short of the thread length: there the braid still holds a thousandth of its largest volume.
@@ -26,15 +25,9 @@ LONGEST = 0.9995
 class Ideal(TensionLaw):
     """Ideal virtual-work law (eq. 8)."""
 
-    thread_length: Scalar = quantity("m", (1e-3, 100.0), "length of one thread", symbol="b", typical=(0.05, 1.0))
-    turns: Scalar = quantity("1", (0.05, 1e3), "turns of one thread around the braid", symbol="n", typical=(0.8, 8.0))
-    threshold_width: Scalar = quantity(
-        "Pa",
-        (1e2, 1e6),
-        "range of pressure around zero in which the bladder fills to the braid",
-        symbol="w",
-        default=1e4,
-    )
+    thread_length: Scalar = dimensions.thread_length()
+    turns: Scalar = dimensions.turns()
+    threshold_width: Scalar = dimensions.threshold_width()
 
     title = "Ideal virtual work"
     cites = ("gaylord1958", "schulte1961", "chou1996")

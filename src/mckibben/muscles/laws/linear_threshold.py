@@ -19,10 +19,10 @@ import equinox as eqx
 
 from ...components import Scalar
 from ...quantities import quantity
-from .. import bladder
+from .. import dimensions
 from ..law import TensionLaw
 from ..stop import stop_tension
-from .gas_spring import spring_volume, volume_when_unknown
+from .gas_spring import spring_gas_energy
 
 
 class LinearThreshold(TensionLaw):
@@ -40,17 +40,11 @@ class LinearThreshold(TensionLaw):
     passive_stiffness: Scalar = quantity(
         "N/m", (0.0, 1e6), "passive stiffness of bladder and braid", symbol="Kp", typical=(1e1, 1e4)
     )
-    rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
-    upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length, where the stop begins", symbol="Lu")
-    rest_volume: Scalar = quantity(
-        "m^3", (0.0, 1.0), "gas volume at rest length; needed only for the volume itself", symbol="V0", default=0.0
-    )
-    threshold_width: Scalar = quantity(
-        "Pa", (1e2, 1e6), "spread of the threshold along the bladder", symbol="w", default=8.5e4
-    )
-    stop_stiffness: Scalar = quantity(
-        "N/m^2", (0.0, 1e12), "coefficient of the end non-linearity nl(L)", symbol="knl", default=0.0
-    )
+    rest_length: Scalar = dimensions.rest_length()
+    upper_length: Scalar = dimensions.upper_length()
+    rest_volume: Scalar = dimensions.rest_volume()
+    threshold_width: Scalar = dimensions.threshold_width(8.5e4)
+    stop_stiffness: Scalar = dimensions.stop_stiffness()
     volume_known: bool = eqx.field(static=True, kw_only=True, default=True)
 
     title = "Linear with threshold"
@@ -64,13 +58,14 @@ class LinearThreshold(TensionLaw):
 
     def gas_energy(self, length: Any, pressure: Any) -> Scalar:
         """Gas energy with the volume of eq. 38b above the threshold [J]."""
-        line = {"shortest_length": self.shortest_length, "per_pressure": self.stiffness_per_pressure}
-        line["rest_length"] = self.rest_length
-        rest = self.rest_volume if self.volume_known else volume_when_unknown(upper_length=self.upper_length, **line)
-        return bladder.gas_energy(
+        return spring_gas_energy(
+            length,
             pressure,
-            spring_volume(length, rest_volume=rest, **line),
-            upper_volume=spring_volume(self.upper_length, rest_volume=rest, **line),
+            per_pressure=self.stiffness_per_pressure,
+            shortest_length=self.shortest_length,
+            rest_length=self.rest_length,
+            upper_length=self.upper_length,
+            rest_volume=self.rest_volume if self.volume_known else None,
             threshold_pressure=self.threshold_pressure,
             threshold_width=self.threshold_width,
         )

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 
 from ...components import Scalar
 from ...quantities import quantity
-from .. import bladder, braid
+from .. import bladder, braid, dimensions
 from ..law import TensionLaw
 from .ideal import LONGEST
 
@@ -25,12 +25,10 @@ from .ideal import LONGEST
 class MartensBoblan(TensionLaw):
     """Virtual work with a rubber wall whose modulus is a cubic in length."""
 
-    rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
-    rest_diameter: Scalar = quantity("m", (1e-4, 1.0), "inner diameter at rest", symbol="D0", typical=(5e-3, 4e-2))
-    wall_thickness: Scalar = quantity("m", (1e-5, 0.05), "thickness of the rubber wall", symbol="H0", default=1.8e-3)
-    rest_angle: Scalar = quantity(
-        "rad", (0.05, 1.5), "braid angle at rest, from the long axis", symbol="theta0", default=0.49916416607037824
-    )
+    rest_length: Scalar = dimensions.rest_length()
+    rest_diameter: Scalar = dimensions.rest_diameter()
+    wall_thickness: Scalar = dimensions.rubber_wall()
+    rest_angle: Scalar = dimensions.rest_angle((0.3, 0.8), default=0.49916416607037824)
     angle_correction: Scalar = quantity(
         "rad", (-0.4, 0.4), "correction of that angle, in radians", symbol="d", typical=(-0.15, 0.1), default=0.0
     )
@@ -38,13 +36,7 @@ class MartensBoblan(TensionLaw):
     modulus_1: Scalar = quantity("Pa/m", (-1e13, 1e13), "modulus, linear term", symbol="c1", typical=(-1e9, 1e9))
     modulus_2: Scalar = quantity("Pa/m^2", (-1e14, 1e14), "modulus, quadratic term", symbol="c2", typical=(-3e9, 3e9))
     modulus_3: Scalar = quantity("Pa/m^3", (-1e15, 1e15), "modulus, cubic term", symbol="c3", typical=(-3e9, 3e9))
-    threshold_width: Scalar = quantity(
-        "Pa",
-        (1e2, 1e6),
-        "range of pressure around zero in which the bladder fills to the braid",
-        symbol="w",
-        default=1e4,
-    )
+    threshold_width: Scalar = dimensions.threshold_width()
 
     title = "Martens & Boblan"
     cites = ("martens2017", "martens2018")

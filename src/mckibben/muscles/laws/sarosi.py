@@ -18,6 +18,7 @@ import jax.numpy as jnp
 
 from ...components import Scalar
 from ...quantities import quantity
+from .. import dimensions
 from ..law import TensionLaw
 
 # Beyond this exponent the exponential is held: e^30 is far outside every muscle, and infinity helps no solver.
@@ -27,8 +28,8 @@ LARGEST_EXPONENT = 30.0
 class Sarosi(TensionLaw):
     """Exponential and linear terms in contraction, all linear in pressure."""
 
-    rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
-    upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
+    rest_length: Scalar = dimensions.rest_length()
+    upper_length: Scalar = dimensions.upper_length()
     area_exponential: Scalar = quantity(
         "m^2", (-1.0, 1.0), "pressure factor of the exponential", symbol="a1", typical=(-2e-4, 2e-4)
     )
@@ -41,9 +42,7 @@ class Sarosi(TensionLaw):
     )
     area_constant: Scalar = quantity("m^2", (-1.0, 1.0), "pressure factor alone", symbol="a5", typical=(0.0, 5e-3))
     force_constant: Scalar = quantity("N", (-1e5, 1e5), "constant force", symbol="a6", typical=(-5e2, 1e2))
-    rest_volume: Scalar = quantity(
-        "m^3", (0.0, 1.0), "gas volume at rest length; needed only for the volume itself", symbol="V0", default=0.0
-    )
+    rest_volume: Scalar = dimensions.rest_volume()
     volume_known: bool = eqx.field(static=True, kw_only=True, default=False)
 
     title = "Sarosi, six coefficients"

@@ -26,6 +26,7 @@ import jax.numpy as jnp
 
 from ...components import Scalar, slope
 from ...quantities import quantity
+from .. import dimensions
 from ..law import TensionLaw
 from .hyperelastic_braid import HyperelasticBraid
 
@@ -35,26 +36,16 @@ STEPS = 5
 class SeatedBraid(TensionLaw):
     """Neo-Hookean braid between ends that settle with the square root of the load."""
 
-    rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
-    rest_diameter: Scalar = quantity("m", (1e-4, 1.0), "inner diameter at rest", symbol="D0", typical=(5e-3, 4e-2))
-    wall_thickness: Scalar = quantity(
-        "m", (1e-5, 0.05), "thickness of the rubber wall; only its product with mu counts", symbol="h", default=1.8e-3
-    )
-    rest_angle: Scalar = quantity(
-        "rad", (0.2, 0.95), "braid angle at rest, from the long axis", symbol="theta0", typical=(0.33, 0.55)
-    )
+    rest_length: Scalar = dimensions.rest_length()
+    rest_diameter: Scalar = dimensions.rest_diameter()
+    wall_thickness: Scalar = dimensions.rubber_wall()
+    rest_angle: Scalar = dimensions.rest_angle((0.33, 0.55))
     shear_modulus: Scalar = quantity("Pa", (1e4, 1e8), "shear modulus of the rubber", symbol="mu", typical=(4e5, 3e6))
     seat_compliance: Scalar = quantity(
         "m/N^0.5", (1e-7, 1e-2), "take-up of both ends per square root of load", symbol="q", typical=(3e-5, 4e-4)
     )
-    upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
-    threshold_width: Scalar = quantity(
-        "Pa",
-        (1e2, 1e6),
-        "range of pressure around zero in which the bladder fills to the braid",
-        symbol="w",
-        default=1e4,
-    )
+    upper_length: Scalar = dimensions.upper_length()
+    threshold_width: Scalar = dimensions.threshold_width()
 
     title = "Seated braid"
     cites = ("ogden1972", "chou1996")

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from ...components import Scalar
 from ...quantities import quantity
-from .. import bladder, braid
+from .. import bladder, braid, dimensions
 from ..law import TensionLaw
 from ..stop import stop_tension
 
@@ -23,22 +23,14 @@ from ..stop import stop_tension
 class ThickWall(TensionLaw):
     """Virtual-work law with wall thickness (eqs. 9 and 10)."""
 
-    thread_length: Scalar = quantity("m", (1e-3, 100.0), "length of one thread", symbol="b", typical=(0.05, 1.0))
-    turns: Scalar = quantity("1", (0.05, 1e3), "turns of one thread around the braid", symbol="n", typical=(0.8, 8.0))
+    thread_length: Scalar = dimensions.thread_length()
+    turns: Scalar = dimensions.turns()
     wall_thickness: Scalar = quantity(
         "m", (0.0, 0.05), "thickness of bladder and braid together", symbol="tk", typical=(1e-4, 3e-3)
     )
-    upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length, where the stop begins", symbol="Lu")
-    threshold_width: Scalar = quantity(
-        "Pa",
-        (1e2, 1e6),
-        "range of pressure around zero in which the bladder fills to the braid",
-        symbol="w",
-        default=1e4,
-    )
-    stop_stiffness: Scalar = quantity(
-        "N/m^2", (0.0, 1e12), "coefficient of the end non-linearity nl(L)", symbol="knl", default=0.0
-    )
+    upper_length: Scalar = dimensions.upper_length()
+    threshold_width: Scalar = dimensions.threshold_width()
+    stop_stiffness: Scalar = dimensions.stop_stiffness()
 
     title = "Virtual work with wall thickness"
     cites = ("chou1996",)

@@ -18,14 +18,15 @@ import jax.numpy as jnp
 
 from ...components import Scalar
 from ...quantities import quantity
+from .. import dimensions
 from ..law import TensionLaw
 
 
 class ThreeElement(TensionLaw):
     """Pressure-dependent spring, damper and contractile element in parallel."""
 
-    rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
-    upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
+    rest_length: Scalar = dimensions.rest_length()
+    upper_length: Scalar = dimensions.upper_length()
     force_constant: Scalar = quantity(
         "N", (-1e5, 1e5), "contractile force at zero pressure", symbol="f0", typical=(-2e2, 2e2)
     )
@@ -40,9 +41,7 @@ class ThreeElement(TensionLaw):
     )
     damping_constant: Scalar = quantity("N*s/m", (0.0, 1e6), "damping at zero pressure", symbol="b0", default=0.0)
     damping_per_pressure: Scalar = quantity("m*s", (-10.0, 10.0), "damping per pressure", symbol="b1", default=0.0)
-    rest_volume: Scalar = quantity(
-        "m^3", (0.0, 1.0), "gas volume at rest length; needed only for the volume itself", symbol="V0", default=0.0
-    )
+    rest_volume: Scalar = dimensions.rest_volume()
     volume_known: bool = eqx.field(static=True, kw_only=True, default=False)
 
     title = "Three elements"

@@ -16,18 +16,16 @@ import jax.numpy as jnp
 
 from ...components import Scalar
 from ...quantities import quantity
-from .. import bladder
+from .. import bladder, dimensions
 from ..law import TensionLaw
 
 
 class TonduLopez(TensionLaw):
     """Ideal law with an end-effect factor on the contraction."""
 
-    rest_length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
+    rest_length: Scalar = dimensions.rest_length()
     rest_radius: Scalar = quantity("m", (1e-4, 1.0), "radius at rest", symbol="r0", typical=(2e-3, 3e-2))
-    rest_angle: Scalar = quantity(
-        "rad", (0.05, 1.5), "braid angle at rest, from the long axis", symbol="theta0", typical=(0.3, 0.8)
-    )
+    rest_angle: Scalar = dimensions.rest_angle((0.3, 0.8))
     end_factor: Scalar = quantity(
         "1", (0.1, 10.0), "k at high pressure", symbol="k_inf", typical=(0.8, 1.6), default=1.0
     )
@@ -37,14 +35,8 @@ class TonduLopez(TensionLaw):
     end_factor_pressure: Scalar = quantity(
         "Pa", (1e4, 1e7), "gauge pressure over which k falls by 1/e", symbol="P_k", typical=(5e4, 3e5), default=1e5
     )
-    upper_length: Scalar = quantity("m", (1e-3, 100.0), "upper working length", symbol="Lu")
-    threshold_width: Scalar = quantity(
-        "Pa",
-        (1e2, 1e6),
-        "range of pressure around zero in which the bladder fills to the braid",
-        symbol="w",
-        default=1e4,
-    )
+    upper_length: Scalar = dimensions.upper_length()
+    threshold_width: Scalar = dimensions.threshold_width()
 
     title = "Tondu & Lopez"
     cites = ("tondu2000",)

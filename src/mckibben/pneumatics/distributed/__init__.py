@@ -8,9 +8,9 @@ A tube from a reservoir into a vessel::
 """
 
 from .ends import ClosedEnd, End, ReservoirEnd, VesselEnd
+from .integration import simulate
 from .openings import OpenBore, Opening, Restriction
 from .result import Balance, EndRecord, TubeResult
-from .simulate import simulate
 from .tube import DistributedTube
 
 __all__ = [

@@ -16,7 +16,7 @@ from .ends import End, EndState
 from .equations import Conserved, Medium, Primitive
 from .flux import hllc, reconstruct
 from .openings import Face
-from .wall import WALLS, wall_rates
+from .wall import WALLS, WallRates, wall_rates
 
 # Largest step over the time in which a wave crosses a cell: linear stability of the scheme ends at 1.
 COURANT = 0.8
@@ -136,7 +136,7 @@ def rates(tube: DistributedTube, left: End, right: End, state: TubeState, time: 
     )
 
 
-def _wall(tube: DistributedTube, state: Primitive) -> Any:
+def _wall(tube: DistributedTube, state: Primitive) -> WallRates:
     return wall_rates(
         tube.gas,
         state,

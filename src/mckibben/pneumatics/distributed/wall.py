@@ -37,16 +37,6 @@ class WallRates(NamedTuple):
     exchange: Scalar  # rate at which the temperature approaches the wall's [1/s]
 
 
-def reynolds(gas: Gas, state: Primitive, diameter: Any) -> Scalar:
-    """Reynolds number on the diameter [m]."""
-    return (
-        gas.density(state.pressure, state.temperature)
-        * jnp.abs(state.velocity)
-        * diameter
-        / gas.viscosity(state.temperature)
-    )
-
-
 def turbulence(reynolds_number: Any) -> Scalar:
     """Share of the turbulent law: 0 up to Re = 2300, 1 from 4000, smooth between."""
     x = jnp.clip((reynolds_number - LAMINAR_END) / (TURBULENT_START - LAMINAR_END), 0.0, 1.0)

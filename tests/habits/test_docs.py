@@ -1,0 +1,100 @@
+"""The documentation names everything a reader can use, and its links lead somewhere; `make docs` builds the site."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+import typer
+
+from mckibben.citations import known_keys
+from mckibben.cli.app import app
+from mckibben.muscles import LAWS
+from mckibben.muscles.hysteresis import HYSTERESES
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+WRITTEN = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+TEXT = {page: page.read_text(encoding="utf-8") for page in WRITTEN}
+NAVIGATION = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+PLAIN = {page: re.sub(r"^```.*?^```", "", text, flags=re.M | re.S) for page, text in TEXT.items()}
+
+
+def made_pages() -> set[Path]:
+    """The pages that the build generates, read from its own list without running any of it."""
+    spec = importlib.util.spec_from_file_location("generated", DOCS / "generated.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return {DOCS / name for name in module.PAGES}
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_is_explained(law: str) -> None:
+    assert f"### `{law}`" in TEXT[DOCS / "explanation/laws.md"]
+    assert f"| `{law}` |" in TEXT[ROOT / "README.md"]
+
+
+@pytest.mark.parametrize("friction", HYSTERESES)
+def test_every_friction_is_explained(friction: str) -> None:
+    assert f"`{friction}`" in TEXT[DOCS / "explanation/friction.md"]
+
+
+def test_every_command_is_used_in_an_example() -> None:
+    text = "\n".join(TEXT.values())
+    for command in typer.main.get_command(app).commands:  # type: ignore[attr-defined]
+        assert f"$ mckibben {command}" in text, command
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=name_of)
+def test_links_lead_somewhere(page: Path) -> None:
+    made = made_pages()
+    for target in re.findall(r"\]\(([^)\s]+)\)", PLAIN[page]):
+        if re.match(r"https?://", target):
+            continue
+        path, _, anchor = target.partition("#")
+        place = (page.parent / path).resolve() if path else page
+        if (DOCS / "assets/generated") in place.parents:
+            continue  # a figure that an example draws; the build fails where it is missing
+        assert place in made or place.exists(), target
+        if anchor:
+            assert anchor in anchors(place), target
+
+
+def anchors(page: Path) -> set[str]:
+    heads = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).strip().replace(" ", "-") for head in heads}
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    listed = set(re.findall(r"([\w/-]+\.md)$", NAVIGATION, re.M))
+    assert listed == {str(p.relative_to(DOCS)) for p in {*PAGES, *made_pages()}}
+
+
+def test_decisions_state_context_decision_and_consequences() -> None:
+    decisions = sorted((DOCS / "explanation/decisions").glob("[0-9]*.md"))
+    for number, page in enumerate(decisions, 1):
+        assert page.name.startswith(f"{number:04d}-")
+        assert TEXT[page].startswith(f"# {number} ")
+        assert re.findall(r"^## (.*)$", TEXT[page], re.M) == ["Context", "Decision", "Consequences"], page.name
+        assert page.name in TEXT[DOCS / "explanation/decisions/index.md"]
+
+
+def test_citation_keys_in_examples_are_known() -> None:
+    for page, text in TEXT.items():
+        for keys in re.findall(r"^sources = \[(.*)\]$", text, re.M):
+            for key in re.findall(r'"([^"]+)"', keys):
+                assert key in known_keys(), (page.name, key)
+
+
+def test_nothing_is_loaded_from_elsewhere() -> None:
+    assert "font: false" in NAVIGATION
+    for page in PAGES:
+        assert not re.search(r"!\[[^\]]*\]\(https?:|<(?:script|iframe|img|link)\b", PLAIN[page]), page.name
+    # The offline plugin of the theme would add a script from a public server.
+    assert not re.search(r"https?://|^ *- offline", NAVIGATION, re.M)

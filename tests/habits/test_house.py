@@ -1,0 +1,208 @@
+"""Habits of the house that no other test would miss: declarations, sources, sizes, imports."""
+
+import ast
+import importlib
+import math
+import pkgutil
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import mckibben
+from mckibben.muscles.laws import LAWS, law_type
+from mckibben.quantities import Quantity, declared, to_si
+
+PACKAGE = Path(mckibben.__file__).parent
+ROOT = Path(__file__).parents[2]
+LONGEST_FILE = 320  # DESIGN.md: near 150 lines, seldom over 300; this is where somebody should have split it
+HEAVY = ("jax", "matplotlib", "pint", "scipy", "equinox", "pydantic")
+
+
+def modules() -> list[str]:
+    return [m.name for m in pkgutil.walk_packages([str(PACKAGE)], "mckibben.") if not m.name.endswith("__main__")]
+
+
+def declaring_types() -> dict[str, type]:
+    """Every class of the package that declares a quantity."""
+    import dataclasses
+
+    found: dict[str, type] = {}
+    for name in modules():
+        for owner in vars(importlib.import_module(name)).values():
+            if (
+                isinstance(owner, type)
+                and owner.__module__ == name
+                and dataclasses.is_dataclass(owner)
+                and declared(owner)
+            ):
+                found[f"{name}.{owner.__name__}"] = owner
+    return found
+
+
+TYPES = declaring_types()
+
+
+def test_the_declarations_are_found() -> None:
+    # All laws among them, and the friction and creep elements and the environment: else the tests below look at nothing.
+    assert {f"mckibben.muscles.laws.{module}.{kind}" for module, kind in LAWS.items()} <= set(TYPES)
+    assert "mckibben.components.environment.Environment" in TYPES
+    assert len(TYPES) > len(LAWS) + 5
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_every_declared_quantity_is_complete(name: str) -> None:
+    for field, q in declared(TYPES[name]).items():
+        assert isinstance(q, Quantity)
+        assert to_si(1.0, q.unit, q.unit, field=field) == pytest.approx(1.0), f"{field}: pint cannot read {q.unit!r}"
+        low, high = q.bounds
+        assert not math.isnan(low) and not math.isnan(high) and low < high, field  # noqa: PT018
+        assert low <= q.typical[0] < q.typical[1] <= high, f"{field}: the usual range is outside the bounds"
+        assert len(q.doc) >= 4, field
+        assert re.fullmatch(r"\w.*[^.:;\s]", q.doc), f"{field}: a phrase on one line, without a full stop"
+        assert re.fullmatch(r"[a-z][a-z0-9_]*", field), field
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_defaults_lie_within_their_bounds(name: str) -> None:
+    import dataclasses
+
+    for f in dataclasses.fields(TYPES[name]):
+        if "quantity" in f.metadata and f.default is not dataclasses.MISSING and f.default is not None:
+            f.metadata["quantity"].check(f.name, f.default)
+
+
+NO_RANGE = pytest.mark.xfail(
+    strict=True, reason="the docstring of three_element has no sentence that begins with Range"
+)
+
+
+@pytest.mark.parametrize("law", [pytest.param(law, marks=NO_RANGE if law == "three_element" else ()) for law in LAWS])
+def test_every_law_names_its_source_and_its_range(law: str) -> None:
+    doc = importlib.import_module(f"mckibben.muscles.laws.{law}").__doc__ or ""
+    assert "Range" in doc
+    assert "doi:10." in doc or "Source" in doc
+    assert " = " in doc or "(eq" in doc  # an equation, or the number of one
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_what_a_law_frees_and_cites_exists(law: str) -> None:
+    kind = law_type(law)
+    bib = (PACKAGE / "references.bib").read_text(encoding="utf-8")
+    known = set(re.findall(r"^@\w+\{([^,\s]+),", bib, flags=re.MULTILINE))
+    assert known
+    assert kind.cites
+    assert set(kind.cites) <= known
+    assert kind.fitted
+    assert set(kind.fitted) <= set(declared(kind))
+    assert len(set(kind.fitted)) == len(kind.fitted)
+    assert kind.title
+
+
+@pytest.mark.xfail(strict=True, reason="references.bib lacks 10.1115/1.3423596 and 10.1016/j.sysconle.2006.09.001")
+def test_every_doi_of_a_docstring_is_in_the_bibliography() -> None:
+    bib = (PACKAGE / "references.bib").read_text(encoding="utf-8").lower()
+    found, missing = 0, []
+    for path in sorted((PACKAGE / "muscles").rglob("*.py")):
+        for doi in re.findall(r"doi:(10\.\d+/[^\s,;)\"]+)", path.read_text(encoding="utf-8")):
+            found += 1
+            if doi.rstrip(".").lower() not in bib:
+                missing.append(f"{path.name}: {doi}")
+    assert found > 10
+    assert not missing, missing
+
+
+def sources() -> list[Path]:
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+@pytest.mark.xfail(strict=True, reason="report/figures/fit_figures.py, style.py and report/fit_report.py")
+def test_no_file_is_too_long_to_read() -> None:
+    long = {
+        str(p.relative_to(ROOT)): n
+        for p in sources()
+        if (n := len(p.read_text(encoding="utf-8").splitlines())) > LONGEST_FILE
+    }
+    assert not long, long
+
+
+def test_every_module_class_and_public_function_says_what_it_is() -> None:
+    silent: list[str] = []
+    for path in sources():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        where = str(path.relative_to(PACKAGE))
+        if tree.body and ast.get_docstring(tree) is None and path.name not in ("__init__.py", "__main__.py"):
+            silent.append(where)
+        silent += [
+            f"{where}:{node.name}"
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ClassDef | ast.FunctionDef)
+            and _is_public(node, tree)
+            and ast.get_docstring(node) is None
+        ]
+    assert not silent, silent
+
+
+def _is_public(node: Any, tree: ast.Module) -> bool:
+    """Names without an underscore at the top of a module, and methods of such classes."""
+    if node.name.startswith("_"):
+        return False
+    if node in tree.body:
+        return True
+    return any(isinstance(c, ast.ClassDef) and not c.name.startswith("_") and node in c.body for c in tree.body)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "allowed"),
+    [
+        # A unit's factor in one place only; figures draw and nothing else does.
+        (r"\bimport pint\b|\bpint\.", "quantities.py"),
+        (r"matplotlib", "report/"),
+        (r"jax_enable_x64", "components/"),
+    ],
+)
+def test_some_things_live_in_one_place(pattern: str, allowed: str) -> None:
+    users = [str(p.relative_to(PACKAGE)) for p in sources() if re.search(pattern, _code(p))]
+    assert users, "nobody does it any more: drop this line"
+    assert all(user.startswith(allowed) or user.endswith(allowed) for user in users), users
+
+
+def _code(path: Path) -> str:
+    """A module without its docstrings and comments."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:] or [ast.Pass()]
+    return ast.unparse(tree)
+
+
+def test_the_import_contracts_hold() -> None:
+    tool = Path(sys.executable).with_name("lint-imports")
+    command = str(tool) if tool.is_file() else shutil.which("lint-imports")
+    assert command, "import-linter belongs to the test requirements"
+    done = subprocess.run(
+        [command, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False, env=_environment()
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_importing_the_package_is_light() -> None:
+    code = f"import sys, mckibben; print([m for m in {HEAVY!r} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=_environment())
+    assert done.stdout.strip() == "[]"
+
+
+def _environment() -> dict[str, str]:
+    import os
+
+    return os.environ | {"PYTHONPATH": str(PACKAGE.parent)}
+
+
+def test_the_version_is_stated_once() -> None:
+    text = (PACKAGE / "__init__.py").read_text(encoding="utf-8")
+    assert len(re.findall(r"^__version__ = ", text, flags=re.MULTILINE)) == 1
+    assert re.fullmatch(r"\d+\.\d+\.\d+", mckibben.__version__)

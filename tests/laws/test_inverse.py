@@ -1,0 +1,151 @@
+"""Asked the other way round: the pressure for a tension, and the length without one."""
+
+import jax
+import numpy as np
+import pytest
+from examples import example, examples
+
+from mckibben.errors import InputError, UnreachableError
+from mckibben.muscles.bladder import ramp
+from mckibben.muscles.law import TensionLaw
+from mckibben.muscles.laws import LAWS
+
+TENSION = jax.jit(lambda law, span, pressure: law.tension(span, pressure))
+# Compiled once more inside each call of `pressure_for`: seconds for the seated braid, which has its own test.
+QUICK = [law for law in LAWS if law != "seated_braid"]
+
+
+def states(law: TensionLaw, count: int, seed: int) -> list[tuple[float, float]]:
+    """Random spans and pressures at which a muscle pulls."""
+    rng = np.random.default_rng(seed)
+    span = float(law.length_range()[1]) * rng.uniform(0.8, 0.99, 40)
+    pressure = rng.uniform(0.2e5, 9.9e5, 40)
+    taut = np.asarray(TENSION(law, span, pressure)) > 1.0  # N
+    assert taut.sum() >= count
+    return list(zip(span[taut][:count].tolist(), pressure[taut][:count].tolist(), strict=True))
+
+
+def assert_lowest(law: TensionLaw, span: float, wanted: float, found: float) -> None:
+    """No lower pressure gives the tension: a scan in steps of 20 Pa crosses it nowhere before."""
+    below = np.linspace(0.0, found, max(int(found / 20.0), 2))[:-1]
+    given = np.asarray(TENSION(law, span, np.pad(below, (0, 50_000 - below.size), mode="edge")))[: below.size] - wanted
+    assert (given < 0.0).all() or (given > 0.0).all()
+
+
+@pytest.mark.parametrize("law", QUICK)
+def test_pressure_for_inverts_tension(law: str) -> None:
+    muscle = example(law)
+    for span, pressure in states(muscle, 4, seed=1):
+        wanted = float(TENSION(muscle, span, pressure))
+        found = muscle.pressure_for(wanted, span)
+        # The search ends within 1e-6 Pa; the tension then agrees to that times dF/dP', far below 1e-9 of it.
+        assert float(TENSION(muscle, span, found)) == pytest.approx(wanted, rel=1e-9)
+        assert found <= pressure + 1e-3
+        assert_lowest(muscle, span, wanted, found)
+
+
+def test_pressure_for_inverts_the_tension_of_the_seated_braid() -> None:
+    muscle = example("seated_braid")
+    assert muscle.pressure_for(float(TENSION(muscle, 0.175, 3.3333e5)), 0.175) == pytest.approx(3.3333e5, abs=1e-3)
+
+
+@pytest.mark.xfail(
+    strict=True, raises=ValueError, reason="pressure_for: grid and compiled root finder round differently"
+)
+@pytest.mark.parametrize("law", QUICK)
+def test_pressure_for_inverts_tensions_of_round_pressures(law: str) -> None:
+    # What a person tries first; these pressures are nodes of the search grid.
+    muscle = example(law)
+    for bar in range(1, 11):
+        for share in (0.85, 0.9, 0.95):
+            span = share * float(muscle.length_range()[1])
+            wanted = float(muscle.tension(span, bar * 1e5))
+            if wanted > 1.0:
+                assert muscle.pressure_for(wanted, span) <= bar * 1e5 + 1e-3
+
+
+def test_pressure_for_finds_the_lowest_of_two() -> None:
+    # An end factor that falls quickly with pressure makes the tension of a contracted muscle rise, fall and rise again.
+    muscle = examples()["tondu_lopez"].replace(end_factor=1.0, end_factor_gain=8.0, end_factor_pressure=1e5)
+    span = 0.7 * 0.3
+    scan = np.linspace(0.0, 9.9e5, 99_001)
+    tension = np.asarray(TENSION(muscle, span, scan))
+    first = int(np.argmax(tension[:20_000]))
+    wanted = 0.5 * float(tension[first])
+    crossings = np.flatnonzero(np.diff(np.sign(tension - wanted)))
+    assert crossings.size >= 3  # else the case does not show what it is for
+    found = muscle.pressure_for(wanted, span)
+    assert scan[crossings[0]] <= found <= scan[crossings[0] + 1]
+
+
+@pytest.mark.parametrize("law", QUICK)
+def test_a_tension_out_of_reach_is_named(law: str) -> None:
+    muscle = example(law)
+    span = 0.95 * float(muscle.length_range()[1])
+    most = float(np.asarray(TENSION(muscle, span, np.linspace(0.0, 10e5, 1001))).max())
+    with pytest.raises(UnreachableError, match="is not reached between 0") as refused:
+        muscle.pressure_for(1.01 * most, span)
+    assert "\n" not in str(refused.value)
+    assert f"{most:.4g}" in str(refused.value)  # says what can be had
+
+
+@pytest.mark.parametrize("wanted", [-1.0, float("nan"), float("inf")])
+def test_a_tension_that_is_none_is_refused(wanted: float) -> None:
+    with pytest.raises(InputError, match="allowed is 0 N or more"):
+        example("ideal").pressure_for(wanted, 0.15)
+
+
+def test_no_tension_needs_no_pressure() -> None:
+    muscle = example("linear_threshold")
+    assert muscle.pressure_for(0.0, 0.12) == 0.0
+    with pytest.raises(UnreachableError):  # the passive spring pulls already
+        muscle.pressure_for(0.0, 0.15)
+
+
+FREE = jax.jit(lambda law, p: jax.value_and_grad(lambda x: law.free_length(x).sum())(p) + (law.free_length(p),))
+BRAID = jax.jit(lambda law, length, pressure: law.braid_tension(length, pressure))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_at_the_free_length_the_tension_vanishes_and_just_beyond_the_muscle_pulls(law: str) -> None:
+    muscle = example(law)
+    pressure = np.linspace(0.7e5, 8e5, 16)
+    _, slope, free = (np.asarray(x) for x in FREE(muscle, pressure))
+    low, high = (float(end) for end in muscle.length_range())
+    inside = (free > low) & (free < high)
+    assert (
+        inside.sum() >= 12
+    )  # an ideal muscle has its free length inside at every pressure, a stiff one above a few bar
+    pressure, free, slope = pressure[inside], free[inside], slope[inside]
+    largest = float(TENSION(muscle, 0.97 * high, 8e5))
+    assert largest > 0.0
+    # 60 halvings reach the last bit of the length: 1e-16 L dF/dL, and dF/dL (high - free) is about the largest tension.
+    assert (np.abs(np.asarray(BRAID(muscle, free, pressure))) <= 1e-12 * largest).all()
+    assert (np.asarray(TENSION(muscle, free * (1.0 + 1e-9), pressure)) > 0.0).all()
+    assert (np.asarray(TENSION(muscle, free * (1.0 - 1e-9), pressure)) == 0.0).all()
+
+    # Central difference over 2 x 20 Pa: its truncation is (20 Pa/50 kPa)^2 = 1e-7 of the slope, its rounding
+    # 1e-16 L/40 Pa = 1e-18 L/Pa.
+    step = 20.0
+    there = [
+        np.asarray(FREE(muscle, np.pad(pressure + s, (0, 16 - pressure.size), mode="edge"))[2]) for s in (step, -step)
+    ]
+    difference = ((there[0] - there[1]) / (2.0 * step))[: pressure.size]
+    np.testing.assert_allclose(slope, difference, rtol=1e-5, atol=1e-17 * high)
+
+
+def test_the_free_length_of_the_linear_law_is_known_in_closed_form() -> None:
+    muscle = examples()["linear_threshold nylon"]
+    pressure = np.linspace(-0.9e5, 10e5, 200)
+    carried = np.asarray(ramp(pressure - 0.903e5, 0.85e5))
+    pull = carried * 4.66e-3
+    closed = (pull * 0.0991 + 392.0 * 0.14) / (pull + 392.0)
+    np.testing.assert_allclose(muscle.free_length(pressure), closed, rtol=1e-13)  # the last bits of 60 halvings
+
+
+def test_a_muscle_that_never_hangs_free_within_its_range_stays_at_the_end_of_it() -> None:
+    ideal = example("ideal")
+    low, high = (float(end) for end in ideal.length_range())
+    # Without pressure nothing pulls at any length; the muscle may be as long as it can.
+    np.testing.assert_allclose(ideal.free_length(np.array([-0.9e5, -1e4])), high, rtol=1e-14)
+    assert low < float(ideal.free_length(1e5)) < high
