@@ -58,6 +58,12 @@ def test_inertance_of_the_papers_tube():
     assert value / 100.0 == pytest.approx(1260.0, rel=5e-3)  # 1/cm; the paper prints 126
 
 
+def settled(tube, a, b):
+    """The state of a tube after two seconds between constant pressures."""
+    relax = lambda _, s: jax.tree.map(lambda v, r: v + 5e-5 * r, s, tube.rate(a, b, s, 0.0))  # noqa: E731
+    return jax.lax.fori_loop(0, 40000, relax, tube.initial())
+
+
 @pytest.mark.parametrize("name", TUBES)
 def test_every_tube_flows_down_the_pressure_both_ways_and_rests_at_equal_pressures(name):
     tube = {
@@ -69,8 +75,7 @@ def test_every_tube_flows_down_the_pressure_both_ways_and_rests_at_equal_pressur
     flows = {}
     for low, high in ((3e5, 5e5), (5e5, 3e5), (4e5, 4e5)):
         a, b = GasState(jnp.asarray(high), T0), GasState(jnp.asarray(low), T0)
-        relax = lambda _, s: jax.tree.map(lambda v, r: v + 5e-5 * r, s, tube.rate(a, b, s, 0.0))  # noqa: E731
-        state = jax.lax.fori_loop(0, 40000, relax, tube.initial())  # let the flow of an inertial tube settle
+        state = settled(tube, a, b)
         flows[high - low] = float(tube.mass_flow(a, b, state, 0.0))
     assert flows[2e5] > 0.0 and flows[0.0] == 0.0
     assert flows[-2e5] == pytest.approx(-flows[2e5], rel=1e-9)
@@ -80,7 +85,7 @@ def test_a_long_lumped_tube_is_isothermal_pipe_flow():
     length, diameter, f, p1, p2 = 2.0, 4e-3, 0.03, 5e5, 4.9e5
     tube = LumpedTube(length=length, diameter=diameter, viscous=0.0, loss=f * length / diameter)
     a, b = GasState(jnp.asarray(p1), T0), GasState(jnp.asarray(p2), T0)
-    w = jax.lax.fori_loop(0, 40000, lambda _, w: w + 5e-5 * tube.rate(a, b, w, 0.0), jnp.zeros(()))
+    w = settled(tube, a, b)
     area = 0.25 * np.pi * diameter**2
     exact = area * np.sqrt((p1**2 - p2**2) / (287.05 * T0 * f * length / diameter))
     assert float(w) == pytest.approx(exact, rel=1e-6)  # the same formula, reached by settling
