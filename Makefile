@@ -16,7 +16,7 @@ help: ## Say what can be made
 
 demo: $(VENV)/.run ## Fit every law to the two published force maps and write a report with figures
 	@mkdir -p $(OUT)
-	$(RUN) mckibben fit DMSP-10-250 DMSP-20-300 --train-below "4 bar" --report $(OUT)/force-maps.html
+	$(RUN) mckibben fit DMSP-10-250 DMSP-20-300 --train-below "4 bar" --report $(OUT)/force-maps.html --figure $(OUT)/force-maps.png
 	$(RUN) mckibben reproduce --part I
 
 test: lint ## Run the whole suite

@@ -180,7 +180,7 @@ def validation(stage: Path) -> str:
             if not any(p.note.startswith("fitted") for p in s.laws[name].values())
             for law in [law_from_specimen(s, name)]
         ]
-        share = lambda newton: "-" if newton is None else "fails" if not newton < 1e6 else f"{100 * newton / points.largest:.2f} %"  # noqa: B023, E731
+        share = lambda newton: _share(newton, points.largest)  # noqa: B023, E731
         rows = [
             [
                 f"`{f.law}`", str(len(f.parameters)), f"{f.rmse:.2f} N", share(f.max_error),
@@ -293,6 +293,13 @@ def _table(columns: list[str], rows: Iterable[list[str]], right: Iterable[int] =
     line = lambda cells: "| " + " | ".join(c.replace("|", "\\|").replace("\n", " ") for c in cells) + " |"  # noqa: E731
     rule = "|" + "|".join("---:" if i in aligned else "---" for i in range(len(columns))) + "|"
     return "\n".join([line(columns), rule, *(line(r) for r in rows)])
+
+
+def _share(newton: float | None, largest: float) -> str:
+    if newton is None:
+        return "-"
+    share = newton / largest
+    return f"{100 * share:.2f} %" if share < 1.0 else "over 100 %" if share < 1e6 else "fails"
 
 
 def _first_line(owner: Any) -> str:

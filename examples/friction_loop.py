@@ -41,8 +41,9 @@ def main(folder: Path) -> None:
     print(f"rising path at 5 mm: {rise[0]:.6f} N over the whole range, {rise[1]:.6f} N over half of it")
     print(f"work taken {1e3 * work:.3f} mJ = heat {1e3 * heat:.3f} mJ + stored {1e3 * stored:.3f} mJ")
 
-    loops = Loop(path[1:][whole], force[whole], "20 mm"), Loop(path[1:][half], force[half], "10 mm")
-    style.save(loop_figure(*loops, title="Nylon muscle at 5 bar", zero=False), folder / "friction-loop.svg")
+    loops = (Loop(path[1:][part], force[part]) for part in (whole, half))
+    figure = loop_figure(*loops, title="Nylon muscle at 5 bar", note="dashed: half the range", zero=False)
+    style.save(figure, folder / "friction-loop.svg")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The fit against independent judges: its derivatives by differences, its answer by known parameters, its intervals by repetition."""
+"""The fit against independent judges: derivatives by differences, the answer by known parameters, intervals by repetition."""
 
 import functools
 import importlib.util
@@ -41,7 +41,7 @@ def truth(law: str) -> TensionLaw:
 
 
 def table(law: str) -> ForceMap:
-    """Noise-free points that pull with more than a twentieth of the largest tension, so that noise leaves all of them taut."""
+    """Noise-free points of more than a twentieth of the largest tension, so that noise leaves all of them taut."""
     muscle = truth(law)
     upper = float(getattr(muscle, "upper_length", 0.98 * muscle.length_range()[1]))
     length, pressure = np.meshgrid(np.linspace(0.8, 1.0, 12) * upper, np.linspace(1.5e5, 6e5, 9), indexing="ij")

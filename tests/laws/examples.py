@@ -68,8 +68,8 @@ def examples() -> dict[str, TensionLaw]:
 
 
 def example(law: str) -> TensionLaw:
-    """The first example of a law by the law's name."""
-    return next(value for name, value in examples().items() if name.split()[0] == law)
+    """The example that is stated above where there is one, whose numbers no fit changes, else the first of a specimen."""
+    return examples().get(law) or next(value for name, value in examples().items() if name.split()[0] == law)
 
 
 def thread_length(law: TensionLaw) -> float:
@@ -151,7 +151,8 @@ def _braid(d: _Draw) -> dict[str, float]:
     rest = d.log(0.08, 0.5)
     wide = min(rest * d.log(0.03, 0.12), 0.04)
     return dict(
-        rest_length=rest, rest_diameter=wide, wall_thickness=wide * d.flat(0.05, 0.25), upper_length=rest * d.flat(1.0, 1.03),
+        rest_length=rest, rest_diameter=wide, wall_thickness=wide * d.flat(0.05, 0.25),
+        upper_length=rest * d.flat(1.0, 1.03),
         shear_modulus=d.log(4e5, 5e6), rest_angle=d.flat(0.38, 0.6), threshold_width=d.log(1e3, 1e5),
     )  # fmt: skip
 

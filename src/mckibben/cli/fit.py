@@ -49,6 +49,7 @@ def fit(
         str | None, typer.Option(help="Also train up to this gauge pressure and predict above it.")
     ] = None,
     report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report with figures.")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw laws and ranking into this SVG or PNG file.")] = None,
     save: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Save the fitted laws as a specimen.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -60,6 +61,7 @@ def fit(
         return
     _writable(report, ".html")
     _writable(save, ".toml")
+    _writable(figure, ".svg", ".png")
     rest = None if rest_length is None else parse(rest_length, "m", field="--rest-length")
     below = None if train_below is None else parse(train_below, "Pa", field="--train-below")
     if save is not None and len(files) > 1:
@@ -76,6 +78,10 @@ def fit(
         from ..report.fit_report import write_fit_report
 
         write_fit_report(studies, report)
+    if figure is not None:
+        from ..report.figures import fit_figures, style
+
+        style.save(fit_figures.overview(studies), figure)
     if save is not None:
         from ..report.specimen_file import write_specimen
 
@@ -86,7 +92,7 @@ def fit(
         return
     for study in studies:
         _print(study)
-    for path in (report, save):
+    for path in (report, figure, save):
         if path is not None:
             typer.echo(f"Written: {path}")
 
@@ -296,11 +302,11 @@ def _pairs(words: list[str] | None, option: str) -> dict[str, str]:
     return found
 
 
-def _writable(path: Path | None, suffix: str) -> None:
+def _writable(path: Path | None, *suffixes: str) -> None:
     """Refuse a place that cannot be written before any work is done."""
     if path is None:
         return
-    if path.suffix != suffix:
-        raise InputError("file", str(path), f"allowed is a name that ends with {suffix}")
+    if path.suffix not in suffixes:
+        raise InputError("file", str(path), f"allowed is a name that ends with {' or '.join(suffixes)}")
     if not path.absolute().parent.is_dir():
         raise InputError("file", str(path), "its folder does not exist")
