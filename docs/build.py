@@ -42,7 +42,9 @@ def stage(pages: list[Path]) -> None:
     for path in pages:
         begun = time.perf_counter()
         name = path.relative_to(DOCS)
-        text = examples.run_page(path.read_text(encoding="utf-8"), str(name), STAGE / "assets" / "generated" / path.stem)
+        text = examples.run_page(
+            path.read_text(encoding="utf-8"), str(name), STAGE / "assets" / "generated" / path.stem
+        )
         _write(name, text.encode())
         _say(name, begun)
     for name, make in generated.PAGES.items():
@@ -65,12 +67,16 @@ def site() -> None:
 
 def _loads_nothing() -> None:
     """No page may load a script, style, font or picture from elsewhere; links that a reader follows are no loads."""
-    loads = re.compile(r"""<(?:script|img|iframe|source|video|audio)\b[^>]*\bsrc=["']?(?:https?:)?//[^"'>\s]+|<link\b[^>]*\bhref=["']?(?:https?:)?//[^>]*>""")
+    loads = re.compile(
+        r"""<(?:script|img|iframe|source|video|audio)\b[^>]*\bsrc=["']?(?:https?:)?//[^"'>\s]+|<link\b[^>]*\bhref=["']?(?:https?:)?//[^>]*>"""
+    )
     imports = re.compile(r"""(?:@import|url\()\s*["']?(?:https?:)?//[^)"']+""")
     for path in SITE.rglob("*"):
         if path.suffix in (".html", ".css"):
             text = path.read_text(encoding="utf-8")
-            found = [m for m in (loads if path.suffix == ".html" else imports).findall(text) if 'rel="canonical"' not in m]
+            found = [
+                m for m in (loads if path.suffix == ".html" else imports).findall(text) if 'rel="canonical"' not in m
+            ]
             # The theme would fetch the programs for these from elsewhere, if a page had one.
             found += re.findall(r'class="[^"]*(?:mermaid|glightbox|pyodide)[^"]*"', text)
             if found:

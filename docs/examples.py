@@ -46,7 +46,12 @@ def run_page(text: str, name: str, figures: Path) -> str:
         os.chdir(folder)
         try:
             space: dict[str, object] = {"__name__": "__main__"}
-            shown = FENCE.sub(lambda m: _block(m[1], m[2].split(), m[3], space, f"{name}, line {text[: m.start()].count(chr(10)) + 1}"), text)
+            shown = FENCE.sub(
+                lambda m: _block(
+                    m[1], m[2].split(), m[3], space, f"{name}, line {text[: m.start()].count(chr(10)) + 1}"
+                ),
+                text,
+            )
         finally:
             os.chdir(before)
         for path in sorted(Path(folder).iterdir()):

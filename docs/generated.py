@@ -37,7 +37,9 @@ def parameters(_: Path) -> str:
     parts = []
     for heading, owners in {
         "Tension laws": {name: law_type(name) for name in LAWS},
-        "Friction": {"limit (of every friction but Prandtl-Ishlinskii)": FrictionLimit} | HYSTERESES | {"play_map": PlayMap},
+        "Friction": {"limit (of every friction but Prandtl-Ishlinskii)": FrictionLimit}
+        | HYSTERESES
+        | {"play_map": PlayMap},
         "Creep": {"maxwell_chain": MaxwellChain, "kelvin_voigt_chain": KelvinVoigtChain},
         "Elements": {"passive_spring": PassiveSpring, "viscous": Viscous, "tendon": Tendon},
         "Biological muscle": {"biological": BiologicalMuscle},
@@ -46,7 +48,11 @@ def parameters(_: Path) -> str:
         parts.append(f"## {heading}")
         for name, owner in owners.items():
             known = _parameter_rows(owner)
-            parts += [f"### `{name}`", _first_line(owner), _table(_PARAMETER_COLUMNS, known) if known else "No parameters."]
+            parts += [
+                f"### `{name}`",
+                _first_line(owner),
+                _table(_PARAMETER_COLUMNS, known) if known else "No parameters.",
+            ]
     return _page(
         "Parameters",
         "A parameter is declared once, with unit, bounds and meaning; this page, the bounds of a fit, the complaints about "
@@ -119,7 +125,14 @@ def specimens(_: Path) -> str:
         groups |= {f"friction.{k}": g for k, g in s.friction.items()}
         for path, group in groups.items():
             rows = [
-                [f"`{k}`", _number(p.value), "" if p.unit == "1" else p.unit, p.source, "inferred" if p.inferred else "", p.note]
+                [
+                    f"`{k}`",
+                    _number(p.value),
+                    "" if p.unit == "1" else p.unit,
+                    p.source,
+                    "inferred" if p.inferred else "",
+                    p.note,
+                ]
                 for k, p in group.items()
             ]
             parts += [f"### {s.id}: {path}", _table(["parameter", "value", "unit", "source", "", "note"], rows)]
@@ -183,13 +196,19 @@ def validation(stage: Path) -> str:
         share = lambda newton: _share(newton, points.largest)  # noqa: B023, E731
         rows = [
             [
-                f"`{f.law}`", str(len(f.parameters)), f"{f.rmse:.2f} N", share(f.max_error),
+                f"`{f.law}`",
+                str(len(f.parameters)),
+                f"{f.rmse:.2f} N",
+                share(f.max_error),
                 *(share(f.cross[k].max_error if k in f.cross else None) for k in ("pressure", "length", "block")),
-                share(f.holdout.max_error if f.holdout else None), "" if f.converged else "did not converge",
+                share(f.holdout.max_error if f.holdout else None),
+                "" if f.converged else "did not converge",
             ]
             for f in fits
         ]
-        rows += [[t, "0", f"{(e**2).mean() ** 0.5:.2f} N", share(abs(e).max()), "-", "-", "-", "-", ""] for t, e in printed]
+        rows += [
+            [t, "0", f"{(e**2).mean() ** 0.5:.2f} N", share(abs(e).max()), "-", "-", "-", "-", ""] for t, e in printed
+        ]
         style.save(fit_figures.ranking(Study(s.title, s, points, fits, printed)), pictures / f"{s.id}-ranking.svg")
         for f in fits[:2]:
             style.save(fit_figures.tension_curves(f, points), pictures / f"{s.id}-{f.law}.svg")
@@ -197,9 +216,16 @@ def validation(stage: Path) -> str:
             f"## {s.title}",
             f"{int(points.taut.sum())} points with tension of {len(points)}, largest {points.largest:.1f} N. All errors but the rmse are the "
             "largest single one, as a share of the largest force.",
-            _table(["law", "free", "rmse", "largest", "pressure out", "length out", "block out", "above 4 bar", ""], rows, right=range(1, 8)),
+            _table(
+                ["law", "free", "rmse", "largest", "pressure out", "length out", "block out", "above 4 bar", ""],
+                rows,
+                right=range(1, 8),
+            ),
             f"![Ranking of the laws on {s.title}](../../assets/generated/validation/{s.id}-ranking.svg)",
-            *(f"![Measured and fitted tension of {s.title}, {f.law}](../../assets/generated/validation/{s.id}-{f.law}.svg)" for f in fits[:2]),
+            *(
+                f"![Measured and fitted tension of {s.title}, {f.law}](../../assets/generated/validation/{s.id}-{f.law}.svg)"
+                for f in fits[:2]
+            ),
         ]
     outcomes = reproduce()
     done = [o for o in outcomes if o.ours is not None]
@@ -207,7 +233,17 @@ def validation(stage: Path) -> str:
     rows = []
     for o in done:
         paper = " to ".join(f"{v:g}" for v in o.row.paper) if isinstance(o.row.paper, tuple) else f"{o.row.paper:g}"
-        rows.append([f"`{o.row.id}`", o.row.what, paper, f"{o.ours:.4g}", "" if o.row.unit == "-" else o.row.unit, o.verdict, o.note])
+        rows.append(
+            [
+                f"`{o.row.id}`",
+                o.row.what,
+                paper,
+                f"{o.ours:.4g}",
+                "" if o.row.unit == "-" else o.row.unit,
+                o.verdict,
+                o.note,
+            ]
+        )
     parts += [
         "## The papers, number by number",
         f"{len(done)} of {len(outcomes)} printed numbers are computed so far, {len(short)} fall short. *Calibrated* means that an input "
@@ -221,7 +257,7 @@ def validation(stage: Path) -> str:
         "and *block out* do the same with lengths and with patches of both; *above 4 bar* trains on gauge pressures up to 4 bar and "
         "predicts the rest. [Uncertainty](../../explanation/uncertainty.md) says how to read these columns.",
         "The page is made anew by every build of this site. The same numbers on your machine:",
-        "```console\n$ mckibben fit DMSP-10-250 DMSP-20-300 --train-below \"4 bar\"\n$ mckibben reproduce\n```",
+        '```console\n$ mckibben fit DMSP-10-250 DMSP-20-300 --train-below "4 bar"\n$ mckibben reproduce\n```',
         *parts,
     )
 

@@ -65,4 +65,8 @@ def _percent(value: float) -> str:
 
 
 def _range(values: list[float]) -> str:
-    return f"{100 * min(values):.0f}-{100 * max(values):.0f} %" if max(values) < 1.0 else f"{100 * min(values):.0f} % or more"
+    return (
+        f"{100 * min(values):.0f}-{100 * max(values):.0f} %"
+        if max(values) < 1.0
+        else f"{100 * min(values):.0f} % or more"
+    )

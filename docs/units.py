@@ -30,7 +30,9 @@ def fenced(text: str) -> str:
     block: list[str] = []
     lines = [*text.splitlines(), ""]
     for i, line in enumerate(lines):
-        begins = line.startswith("    ") and (block or (i > 0 and not lines[i - 1].strip() and "".join(out[-2:-1]) not in SECTIONS))
+        begins = line.startswith("    ") and (
+            block or (i > 0 and not lines[i - 1].strip() and "".join(out[-2:-1]) not in SECTIONS)
+        )
         if begins or (block and not line.strip() and i + 1 < len(lines) and lines[i + 1].startswith("    ")):
             block.append(re.sub(r" {3,}(?=\((?:eqs?\.|`))", "   ", line[4:]))
             continue

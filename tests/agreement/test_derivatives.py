@@ -1,4 +1,4 @@
-"""The fit against independent judges: derivatives by differences, the answer by known parameters, intervals by repetition."""
+"""The fit against independent judges: derivatives by differences, parameters by known ones, intervals by repetition."""
 
 import functools
 import importlib.util

@@ -160,8 +160,12 @@ def test_a_column_without_a_unit_is_refused(tmp_path: Path, header: str, named: 
 
 @pytest.mark.parametrize(
     ("header", "value"),
-    [("length_N,pressure_bar_gauge,force_N", "N"), ("length_mm,pressure_mm,force_N", "mm"), ("length_mm,pressure_bar_gauge,force_bar", "bar")],
-)  # fmt: skip
+    [
+        ("length_N,pressure_bar_gauge,force_N", "N"),
+        ("length_mm,pressure_mm,force_N", "mm"),
+        ("length_mm,pressure_bar_gauge,force_bar", "bar"),
+    ],
+)
 def test_a_unit_of_the_wrong_dimension_is_refused(tmp_path: Path, header: str, value: str) -> None:
     said = refusal(write(tmp_path / "dimension.csv", header, rows()))
     assert f"1 {value}" in said
