@@ -60,7 +60,7 @@ def site() -> None:
     command = [sys.executable, "-m", "zensical", "build", "--strict", "--clean", "-f", str(ROOT / "mkdocs.yml")]
     done = subprocess.run(command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     print(done.stdout, end="")
-    if done.returncode or re.search(r"\b(warning|error)\b", done.stdout, re.I):
+    if done.returncode or re.search(r"\b(warning|error)\b|^(griffe|mkdocstrings):", done.stdout, re.I | re.M):
         raise SystemExit("docs: zensical was not content")
     _loads_nothing()
 

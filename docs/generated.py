@@ -117,7 +117,7 @@ def specimens(_: Path) -> str:
 
     parts = []
     for s in known():
-        parts += [f"## {s.id}", f"{s.title}; {s.kind}, default law `{s.law}`." + (f" {s.note}" if s.note else "")]
+        parts += [f"## {s.id}", f"{s.title}; {s.kind}{f', default law `{s.law}`' if s.law else ''}. {s.note}".strip()]
         parts.append("\n".join(f"- {reference(key)}" for key in s.sources))
         if s.map:
             parts.append(f"Ships with the measured force map `{s.map}`; `mckibben fit {s.id}` fits every law to it.")
@@ -138,7 +138,7 @@ def specimens(_: Path) -> str:
             parts += [f"### {s.id}: {path}", _table(["parameter", "value", "unit", "source", "", "note"], rows)]
     return _page(
         "Specimens",
-        "The muscles that ship, number by number. *Inferred* marks every number that its source does not print; the note "
+        "The muscles and valves that ship, number by number. *Inferred* marks every number that its source does not print; the note "
         "says how it was found.",
         *parts,
     )
@@ -270,6 +270,8 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
         "muscles.law", "muscles.muscle", "muscles.build", "muscles.braid", "muscles.bladder", "muscles.stop",
         "muscles.elements", "muscles.creep",
     ]),
+    "pneumatics": ("pneumatics", "What air does.", ["pneumatics.*", "pneumatics.distributed.*"]),
+    "engine": ("engine", "Time.", ["engine.*"]),
     "laws": ("Tension laws", "One file per law; all of them have the methods of [TensionLaw](muscles.md).", ["muscles.laws.*"]),
     "hysteresis": ("Friction", "One file per model, under one interface.", ["components.element", "muscles.hysteresis.*"]),
     "biological": ("Biological muscle", "One file per effect, and the muscle that puts them together.", ["muscles.biological.*"]),

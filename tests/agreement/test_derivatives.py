@@ -4,7 +4,6 @@ import functools
 import importlib.util
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import jax
 import numpy as np
@@ -60,13 +59,7 @@ def scaled_truth(posed: Problem) -> np.ndarray:
     return np.array([float(getattr(truth(posed.law), name)) for name in posed.free]) / posed.scale
 
 
-def every_law(*stuck: str) -> list[Any]:
-    """The table's longest length is the upper working length, where the rounding of the bladder's volume ends."""
-    ramp = pytest.mark.xfail(strict=True, reason="bladder.ramp: compiled, the slope at y = 1 can be a half")
-    return [pytest.param(law, marks=ramp if law in stuck else ()) for law in LAWS]
-
-
-@pytest.mark.parametrize("law", every_law("thick_wall"))
+@pytest.mark.parametrize("law", LAWS)
 def test_the_derivative_of_a_fit_equals_central_differences(law: str) -> None:
     posed = problem(law, table(law))
     tension, slopes = posed.functions()
@@ -83,7 +76,7 @@ def test_the_derivative_of_a_fit_equals_central_differences(law: str) -> None:
         assert np.abs(ours[:, i] - difference).max() <= 1e-6 * largest, name
 
 
-@pytest.mark.parametrize("law", every_law("thick_wall"))
+@pytest.mark.parametrize("law", LAWS)
 def test_a_fit_to_noise_free_points_finds_the_parameters(law: str) -> None:
     posed = problem(law, table(law))
     found = solve(posed)
@@ -93,7 +86,7 @@ def test_a_fit_to_noise_free_points_finds_the_parameters(law: str) -> None:
         assert value == pytest.approx(float(getattr(truth(law), name)), rel=1e-6), name
 
 
-@pytest.mark.parametrize("law", every_law("thick_wall", "tondu_lopez"))
+@pytest.mark.parametrize("law", LAWS)
 def test_intervals_cover_the_truth_in_95_of_100_repetitions(law: str) -> None:
     from scipy.stats import binom
 

@@ -49,9 +49,6 @@ def test_pressure_for_inverts_the_tension_of_the_seated_braid() -> None:
     assert muscle.pressure_for(float(TENSION(muscle, 0.175, 3.3333e5)), 0.175) == pytest.approx(3.3333e5, abs=1e-3)
 
 
-@pytest.mark.xfail(
-    strict=True, raises=ValueError, reason="pressure_for: grid and compiled root finder round differently"
-)
 @pytest.mark.parametrize("law", QUICK)
 def test_pressure_for_inverts_tensions_of_round_pressures(law: str) -> None:
     # What a person tries first; these pressures are nodes of the search grid.
@@ -65,15 +62,15 @@ def test_pressure_for_inverts_tensions_of_round_pressures(law: str) -> None:
 
 
 def test_pressure_for_finds_the_lowest_of_two() -> None:
-    # An end factor that falls quickly with pressure makes the tension of a contracted muscle rise, fall and rise again.
-    muscle = examples()["tondu_lopez"].replace(end_factor=1.0, end_factor_gain=8.0, end_factor_pressure=1e5)
-    span = 0.7 * 0.3
+    # An end factor that grows with pressure makes the tension of a contracted muscle rise, and fall to nothing again.
+    muscle = examples()["tondu_lopez"].replace(end_factor=2.0, end_factor_gain=-1.2, end_factor_pressure=1.5e5)
+    span = 0.75 * 0.3
     scan = np.linspace(0.0, 9.9e5, 99_001)
     tension = np.asarray(TENSION(muscle, span, scan))
-    first = int(np.argmax(tension[:20_000]))
+    first = int(np.argmax(tension))
     wanted = 0.5 * float(tension[first])
     crossings = np.flatnonzero(np.diff(np.sign(tension - wanted)))
-    assert crossings.size >= 3  # else the case does not show what it is for
+    assert crossings.size >= 2  # else the case does not show what it is for
     found = muscle.pressure_for(wanted, span)
     assert scan[crossings[0]] <= found <= scan[crossings[0] + 1]
 
@@ -131,7 +128,8 @@ def test_at_the_free_length_the_tension_vanishes_and_just_beyond_the_muscle_pull
         np.asarray(FREE(muscle, np.pad(pressure + s, (0, 16 - pressure.size), mode="edge"))[2]) for s in (step, -step)
     ]
     difference = ((there[0] - there[1]) / (2.0 * step))[: pressure.size]
-    np.testing.assert_allclose(slope, difference, rtol=1e-5, atol=1e-17 * high)
+    # The seats of the seated braid begin to give at zero force, so its stiffness has a kink just there.
+    np.testing.assert_allclose(slope, difference, rtol=5e-5 if law == "seated_braid" else 1e-5, atol=1e-17 * high)
 
 
 def test_the_free_length_of_the_linear_law_is_known_in_closed_form() -> None:

@@ -78,7 +78,6 @@ def test_the_thick_wall_law_is_eq_10() -> None:
     assert_same(tension(thick(tk, 0.95), length, PRESSURE), thick_in_print(length, PRESSURE, tk))
 
 
-@pytest.mark.xfail(strict=True, reason="bladder.ramp: compiled, the slope at y = 1 can be a half")
 def test_the_thick_wall_law_is_eq_10_at_the_upper_working_length_itself() -> None:
     # There the rounding of the bladder ends, and fits put the longest measured length exactly there.
     tk = 7.62e-4

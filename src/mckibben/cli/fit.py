@@ -221,7 +221,15 @@ def _fit_json(f: Fit) -> dict[str, Any]:
 def _print(study: Any) -> None:
     largest = study.points.largest
     n = int(study.points.taut.sum())
-    share = lambda newton: "-" if newton is None else "fails" if not newton < 1e6 else f"{100 * newton / largest:.2f} %"  # noqa: E731
+    share = lambda newton: (
+        "-"
+        if newton is None
+        else "fails"
+        if not newton < 1e9
+        else "> 100 %"
+        if newton > largest
+        else f"{100 * newton / largest:.2f} %"
+    )  # noqa: E731
     rows = []
     for f in study.fits:
         held = f.holdout.max_error if f.holdout else None

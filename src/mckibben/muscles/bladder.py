@@ -28,11 +28,12 @@ ROUNDING_SHARE = 0.8
 
 def ramp(x: Any, width: Any) -> Scalar:
     """max(x, 0), rounded between -width/2 and width/2 (same unit as x, width > 0)."""
-    # Both pieces meet at the same computed number: with two comparisons, rounding could count the slope at y = 1 twice.
-    above = x / width + 0.5
-    y = jnp.clip(above, 0.0, 1.0)
+    # A choice between pieces that meet with three derivatives: whichever is taken at a seam, value and slope are right.
+    # With clip and max, a compiler that computes y twice could count the slope at y = 1 never, half or twice.
+    y = x / width + 0.5
     y2 = y * y
-    return width * (y2 * y2 * y * (7.0 + y * (-14.0 + y * (10.0 - 2.5 * y))) + jnp.maximum(above - 1.0, 0.0))
+    rounded = width * y2 * y2 * y * (7.0 + y * (-14.0 + y * (10.0 - 2.5 * y)))
+    return jnp.where(y >= 1.0, x, jnp.where(y <= 0.0, 0.0, rounded))
 
 
 def gas_energy(

@@ -173,8 +173,9 @@ class TensionLaw(Module):
             raise InputError("tension", f"{tension:.6g} N", "allowed is 0 N or more")
         grid = np.linspace(0.0, highest, 1001)
         given = np.asarray(self.tension(float(span), grid)) - tension
-        if abs(given[0]) <= 1e-9 * max(tension, 1.0):
-            return 0.0
+        met = np.flatnonzero(np.abs(given) <= 1e-9 * max(tension, 1.0))
+        if met.size and np.all(given[: met[0]] < 0.0):
+            return float(grid[met[0]])  # on a grid point, to the rounding in which two compilations differ
         crossings = np.flatnonzero((given[:-1] < 0.0) & (given[1:] >= 0.0) | (given[:-1] > 0.0) & (given[1:] <= 0.0))
         if crossings.size == 0:
             low, high = given.min() + tension, given.max() + tension
@@ -187,7 +188,9 @@ class TensionLaw(Module):
         return float(brentq(lambda p: float(excess(p)), grid[i], grid[i + 1], xtol=1e-6, rtol=1e-14))
 
     def _braid_length(self, span: Scalar, pressure: Scalar) -> Scalar:
-        return jnp.where(self.braid_tension(span, pressure) > 0.0, span, self.free_length(pressure))
+        force, free = self.braid_tension(span, pressure), self.free_length(pressure)
+        # Where nothing pulls and nothing pushes, as beyond the threads' length, the braid is as long as its span.
+        return jnp.where(force > 0.0, span, jnp.where(force < 0.0, free, jnp.maximum(span, free)))
 
 
 def law_name(law: TensionLaw | type[TensionLaw]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import gzip
 import re
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -121,7 +122,7 @@ def _rows(path: Path, where: str) -> tuple[list[str], list[tuple[int, list[str]]
     try:
         with opener(path, "rt", encoding="utf-8-sig", newline="") as stream:
             lines = [(n, row) for n, row in enumerate(csv.reader(stream), 1) if row and not row[0].startswith("#")]
-    except (UnicodeDecodeError, OSError, csv.Error) as error:
+    except (UnicodeDecodeError, EOFError, OSError, zlib.error, csv.Error) as error:
         raise InputError("file", "unreadable", f"allowed is a CSV text file ({error})", where=where) from None
     if len(lines) < 2:
         raise InputError(
@@ -208,7 +209,7 @@ def _numbers(cells: list[str], lines: list[int], column: str, where: str) -> np.
 def _check_plausible(what: str, values: np.ndarray, column: str, where: str) -> None:
     unit = UNITS[what]
     low, high = PLAUSIBLE[what]
-    bad = (values < low) | (values > high)
+    bad = ~((values >= low) & (values <= high))
     if bad.any():
         worst = float(values[bad][0])
         hint = (

@@ -53,7 +53,7 @@ def specimen(name: str | os.PathLike[str]) -> Specimen:
         path = Path(text)
         if not path.is_file():
             raise InputError("specimen", text, "no such file")
-        return _read(path.read_text(encoding="utf-8"), where=str(path))
+        return _read(_text(path), where=str(path))
     found = _by_id()
     if text.lower() not in found:
         near = difflib.get_close_matches(text.lower(), found, n=1)
@@ -104,7 +104,14 @@ def _files(folders: str) -> Iterator[tuple[str, str]]:
         if not Path(folder).is_dir():
             raise InputError(FOLDER_VARIABLE, folder, "no such folder")
         for path in sorted(Path(folder).glob("*.toml")):
-            yield str(path), path.read_text(encoding="utf-8")
+            yield str(path), _text(path)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise InputError("file", "not text", "allowed is TOML in UTF-8", where=str(path)) from None
 
 
 def _read(text: str, *, where: str) -> Specimen:
@@ -138,7 +145,7 @@ def _positive(value: float | list[float], name: str, where: str) -> None:
 
 def _first_complaint(error: Any, where: str) -> InputError:
     first = error.errors()[0]
-    path = [str(part) for part in first["loc"] if part not in ("float", "list[float]")]
+    path = [str(part) for part in first["loc"] if not str(part).startswith(("float", "int", "list["))]
     field = ".".join(path).replace("schema_version", "schema") or "file"
     if first["type"] == "extra_forbidden":
         return InputError(field, "unknown", "no such key in a specimen file", where=where)

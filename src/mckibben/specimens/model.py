@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, StrictFloat, StrictInt, field_validator
 
 SCHEMA = 1
 
@@ -14,7 +14,7 @@ class Parameter(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    value: float | list[float]
+    value: StrictFloat | StrictInt | Annotated[list[StrictFloat | StrictInt], Field(min_length=1)]
     unit: str
     source: str = ""
     inferred: bool = False

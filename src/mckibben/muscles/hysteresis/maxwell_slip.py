@@ -4,7 +4,8 @@
 
 Any number of elements, one is an ideal elastic-plastic contact. Range: rate-independent friction, any piece of path. It
 remembers every turning point that a larger one has not wiped out and closes minor loops, so with its lower end held a
-halved range keeps the rising path exactly and narrows the loop, as Chou and Hannaford's Fig. 3b shows.
+halved range narrows the loop and, once the whole loop has been driven, keeps the rising path exactly, as Chou and
+Hannaford's Fig. 3b shows.
 Sources: F. Al-Bender, V. Lampaert and J. Swevers, IEEE Trans. Automatic Control 50(11), 2005,
 doi:10.1109/TAC.2005.858676 (here without its velocity dependence); used for a pneumatic muscle by T. Vo-Minh, T.
 Tjahjowidodo, H. Ramon and H. Van Brussel, IEEE/ASME Trans. Mechatronics 16(1), 2011.

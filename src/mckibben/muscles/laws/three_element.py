@@ -2,9 +2,10 @@
 
     F = f0 + f1 P' - (k0 + k1 P') x - (b0 + b1 P') dx/dt,   x = L0 - L
 
-Static tension is the part without velocity; `viscous_tension` gives the damper. The law is fitted between two pressures
-(its authors: 2-6 bar) and means nothing outside: at zero pressure f0 need not vanish. It knows how the volume changes
-with length (virtual work), not how large it is. No coefficients ship, for want of a source at hand.
+Static tension is the part without velocity; `viscous_tension` gives the damper. It knows how the volume changes with
+length (virtual work), not how large it is. No coefficients of its authors ship, for want of a source at hand.
+Range: between the two pressures of its fit (its authors: 2-6 bar); outside it means nothing, and at zero pressure f0 need
+not vanish.
 Source: D. B. Reynolds, D. W. Repperger, C. A. Phillips and G. Bandry, Annals of Biomedical Engineering 31(3), 2003,
 doi:10.1114/1.1554921.
 """

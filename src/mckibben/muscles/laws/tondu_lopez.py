@@ -58,14 +58,17 @@ class TonduLopez(TensionLaw):
         )
 
     def end_factor_at(self, pressure: Any) -> Scalar:
-        """K at a gauge pressure [1]; in vacuum its value at zero."""
-        return self.end_factor + self.end_factor_gain * jnp.exp(-jnp.maximum(pressure, 0.0) / self.end_factor_pressure)
+        """The factor k at a gauge pressure [1], at least a twentieth; in vacuum its value at zero."""
+        k = self.end_factor + self.end_factor_gain * jnp.exp(-jnp.maximum(pressure, 0.0) / self.end_factor_pressure)
+        return jnp.maximum(k, 0.05)
 
     def _volume(self, length: Any, k: Any) -> Scalar:
         eps = 1.0 - length / self.rest_length
         tangent2 = jnp.tan(self.rest_angle) ** 2
         a, c = 3.0 / tangent2, 1.0 + 1.0 / tangent2
-        cubic = eps * (1.0 - k * eps * (1.0 - k * eps / 3.0))
+        # 1 - k eps stands for a length: it ends at zero, or the muscle would pull again beyond.
+        held = jnp.minimum(k * eps, 1.0)
+        cubic = held * (1.0 - held * (1.0 - held / 3.0)) / k
         return jnp.pi * self.rest_radius**2 * self.rest_length * (1.0 + a * cubic - c * eps)
 
     def length_range(self) -> tuple[Scalar, Scalar]:
