@@ -116,14 +116,7 @@ def one_equilibrium(law: TensionLaw) -> bool:
     return bool((taut[1:] >= taut[:-1]).all())
 
 
-# Large k_1: beyond a contraction of 1/k the law pulls again, and the slack muscle has two places to be.
-
-
-def fixed() -> list[object]:
-    return list(examples())
-
-
-@pytest.mark.parametrize("name", fixed())
+@pytest.mark.parametrize("name", examples())
 def test_closed_cycles_yield_no_work(name: str) -> None:
     law = examples()[name]
     assert one_equilibrium(law)
@@ -143,7 +136,14 @@ def test_closed_cycles_yield_no_work_for_random_parameters(law: str) -> None:
     check()
 
 
-@pytest.mark.parametrize("name", ["ideal nylon", "gas_spring nylon", "tondu_lopez", "hyperelastic_braid"])
+FALLS_SLACK = pytest.mark.xfail(
+    strict=True,
+    reason="hyperelastic_braid: its tension falls through zero beyond 1.1 L0, where the hoop stretch is held",
+)
+BEYOND = ["ideal nylon", "thick_wall nylon", "gas_spring nylon", "tondu_lopez", "linear_threshold nylon"]
+
+
+@pytest.mark.parametrize("name", [*BEYOND, pytest.param("hyperelastic_braid", marks=FALLS_SLACK)])
 def test_closed_cycles_yield_no_work_beyond_the_working_range(name: str) -> None:
     for seed in range(6):
         assert_no_work(examples()[name], seed, longest=1.3)

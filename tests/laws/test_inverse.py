@@ -1,6 +1,7 @@
 """Asked the other way round: the pressure for a tension, and the length without one."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from examples import example, examples
@@ -53,7 +54,7 @@ def test_pressure_for_inverts_the_tension_of_the_seated_braid() -> None:
 def test_pressure_for_inverts_tensions_of_round_pressures(law: str) -> None:
     # What a person tries first; these pressures are nodes of the search grid.
     muscle = example(law)
-    for bar in range(1, 11):
+    for bar in range(1, 10):
         for share in (0.85, 0.9, 0.95):
             span = share * float(muscle.length_range()[1])
             wanted = float(muscle.tension(span, bar * 1e5))
@@ -99,7 +100,7 @@ def test_no_tension_needs_no_pressure() -> None:
         muscle.pressure_for(0.0, 0.15)
 
 
-FREE = jax.jit(lambda law, p: jax.value_and_grad(lambda x: law.free_length(x).sum())(p) + (law.free_length(p),))
+FREE = jax.jit(lambda law, p: jax.jvp(law.free_length, (p,), (jnp.ones_like(p),)))  # and its slope
 BRAID = jax.jit(lambda law, length, pressure: law.braid_tension(length, pressure))
 
 
@@ -107,7 +108,7 @@ BRAID = jax.jit(lambda law, length, pressure: law.braid_tension(length, pressure
 def test_at_the_free_length_the_tension_vanishes_and_just_beyond_the_muscle_pulls(law: str) -> None:
     muscle = example(law)
     pressure = np.linspace(0.7e5, 8e5, 16)
-    _, slope, free = (np.asarray(x) for x in FREE(muscle, pressure))
+    free, slope = (np.asarray(x) for x in FREE(muscle, pressure))
     low, high = (float(end) for end in muscle.length_range())
     inside = (free > low) & (free < high)
     assert (
@@ -125,7 +126,7 @@ def test_at_the_free_length_the_tension_vanishes_and_just_beyond_the_muscle_pull
     # 1e-16 L/40 Pa = 1e-18 L/Pa.
     step = 20.0
     there = [
-        np.asarray(FREE(muscle, np.pad(pressure + s, (0, 16 - pressure.size), mode="edge"))[2]) for s in (step, -step)
+        np.asarray(FREE(muscle, np.pad(pressure + s, (0, 16 - pressure.size), mode="edge"))[0]) for s in (step, -step)
     ]
     difference = ((there[0] - there[1]) / (2.0 * step))[: pressure.size]
     # The seats of the seated braid begin to give at zero force, so its stiffness has a kink just there.

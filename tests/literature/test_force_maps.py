@@ -86,7 +86,7 @@ def test_the_hyperelastic_braid_predicts_a_pressure_that_was_left_out(muscle: st
 def test_the_hyperelastic_braid_trained_to_4_bar_predicts_above(muscle: str) -> None:
     held = fitted("hyperelastic_braid", muscle).holdout
     assert held is not None
-    assert held.max_error <= 0.03 * LARGEST[muscle]  # the aim; measured 1.13 and 0.98 %
+    assert held.max_error <= 0.03 * LARGEST[muscle]  # the aim; measured 2.31 and 0.98 %
 
 
 @pytest.mark.parametrize("muscle", MUSCLES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -218,18 +219,19 @@ def _fit_json(f: Fit) -> dict[str, Any]:
     }
 
 
+def _share(largest: float, newton: float | None) -> str:
+    """An error as a share of the largest tension, for a person."""
+    if newton is None:
+        return "-"
+    if not newton < 1e9:
+        return "fails"
+    return "> 100 %" if newton > largest else f"{100 * newton / largest:.2f} %"
+
+
 def _print(study: Any) -> None:
     largest = study.points.largest
     n = int(study.points.taut.sum())
-    share = lambda newton: (
-        "-"
-        if newton is None
-        else "fails"
-        if not newton < 1e9
-        else "> 100 %"
-        if newton > largest
-        else f"{100 * newton / largest:.2f} %"
-    )  # noqa: E731
+    share = functools.partial(_share, largest)
     rows = []
     for f in study.fits:
         held = f.holdout.max_error if f.holdout else None

@@ -12,7 +12,9 @@ Virtual work of the braid needs three additions to meet a measured fluidic muscl
     W = (2 mu/alpha^2) (x^alpha + t^(alpha/2) + (x^2 t)^(-alpha/2) - 3)
     Psi = pi (D0 + h) h l W - P' (pi Dt^2/(4 s^2)) l x (1 + e - x^2 c^2),   F = dPsi/dL,  V = -dPsi/dP'
 
-Dt is the diameter of the thread layer inside the wall. The law is linear in pressure but for kappa, so it extrapolates in pressure: on the two force maps of Martens and Boblan
+Dt is the diameter of the thread layer inside the wall.
+
+The law is linear in pressure but for kappa, so it extrapolates in pressure: on the two force maps of Martens and Boblan
 (2017), trained up to 4 bar with the slack points, it errs by at most 2.4 % and 1.0 % of the largest force at 4-6.75 bar.
 Range: 0.65-1.03 of the rest length, gauge pressures from the filling of the bladder (about 0.6 bar) up. Near the rest
 length a map must contain that length: left out, the error there is 4-5 %.
