@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..errors import InputError
-from .words import Json, Set, assignments, print_json, progress, table
+from . import ranking
+from .words import Json, Set, assignments, print_json, progress
 
 if TYPE_CHECKING:
-    from ..identification import Fit
     from ..recordings import ForceMap
     from ..specimens import Specimen
 
@@ -88,11 +87,11 @@ def fit(
 
         write_specimen(studies[0].fits, studies[0].specimen, save)
     if as_json:
-        results = [_as_json(s) for s in studies]
+        results = [ranking.as_json(s) for s in studies]
         print_json(results[0] if len(results) == 1 else {"maps": results})
         return
     for study in studies:
-        _print(study)
+        ranking.show(study)
     for path in (report, figure, save):
         if path is not None:
             typer.echo(f"Written: {path}")
@@ -177,129 +176,6 @@ def _known(spec: Specimen | None, change: list[str] | None, laws: list[str] | No
         found[name] = parse(text, fields[name].unit, field=f"--set {name}", bare=True)
         fields[name].check(f"--set {name}", found[name])
     return found
-
-
-def _as_json(study: Any) -> dict[str, Any]:
-    return {
-        "map": study.points.name,
-        "fits": [_fit_json(f) for f in study.fits],
-        "published": [
-            {"law": title, "rmse": float((error**2).mean() ** 0.5), "max_error": float(abs(error).max())}
-            for title, error in study.published
-        ],
-        "skipped": study.skipped,
-        "largest_tension": study.points.largest,
-    }
-
-
-def _fit_json(f: Fit) -> dict[str, Any]:
-    import numpy as np
-
-    known = {
-        k: (float(np.max(v)) if np.ndim(v) == 0 or len(set(np.ravel(v))) == 1 else None) for k, v in f.known.items()
-    }
-    return {
-        "law": f.law,
-        "parameters": {k: e._asdict() for k, e in f.parameters.items()},
-        "known": known,
-        "rmse": f.rmse,
-        "max_error": f.max_error,
-        "cv_rmse": f.cv_rmse,
-        "cv_max_error": f.cv_max_error,
-        "aicc": f.aicc,
-        "n": len(f.points),
-        "converged": f.converged,
-        "warnings": list(f.warnings),
-        "cross_validation": {
-            k: {"groups": c.groups, "rmse": c.rmse, "max_error": c.max_error} for k, c in f.cross.items()
-        },
-        "holdout": None
-        if f.holdout is None
-        else {"trained_on": f.holdout.trained_on, "rmse": f.holdout.rmse, "max_error": f.holdout.max_error},
-    }
-
-
-def _share(largest: float, newton: float | None) -> str:
-    """An error as a share of the largest tension, for a person."""
-    if newton is None:
-        return "-"
-    if not newton < 1e9:
-        return "fails"
-    return "> 100 %" if newton > largest else f"{100 * newton / largest:.2f} %"
-
-
-def _print(study: Any) -> None:
-    largest = study.points.largest
-    n = int(study.points.taut.sum())
-    share = functools.partial(_share, largest)
-    rows = []
-    for f in study.fits:
-        held = f.holdout.max_error if f.holdout else None
-        rows.append(
-            [
-                f.law,
-                str(len(f.parameters)),
-                f"{f.rmse:.2f} N",
-                share(f.max_error),
-                share(f.cv_max_error),
-                *(share(f.cross[s].max_error if s in f.cross else None) for s in ("length", "block", "rest_length")),
-                share(held),
-                f"{f.aicc:.1f}",
-                "" if f.converged else "did not converge",
-            ]
-        )
-    for title, error in study.published:
-        rows.append(
-            [
-                title,
-                "0",
-                f"{(error**2).mean() ** 0.5:.2f} N",
-                share(float(abs(error).max())),
-                "-",
-                "-",
-                "-",
-                "-",
-                "-",
-                "-",
-                "",
-            ]
-        )
-    columns = [
-        "law",
-        "free",
-        "rmse",
-        "largest",
-        "pressure out",
-        "length out",
-        "block out",
-        "muscle out",
-        "above",
-        "AICc",
-        "",
-    ]
-    keep = [i for i in range(len(columns)) if i < 5 or any(r[i] not in ("-", "") for r in rows)]
-    table(
-        f"{study.title}: {n} points with tension, largest {largest:.1f} N; errors are the largest, of that",
-        [columns[i] for i in keep],
-        [[r[i] for i in keep] for r in rows],
-        right=[j for j, i in enumerate(keep) if 0 < i < 10],
-    )
-    best = study.fits[0]
-    from ..quantities import with_unit
-
-    typer.echo(f"\n{best.law}:")
-    for name, e in best.parameters.items():
-        typer.echo(
-            f"  {name} = {with_unit(e.value, e.unit)}  (95 %: {with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)})"
-        )
-    for f in study.fits:
-        for warning in f.warnings:
-            typer.echo(f"note: {f.law}: {warning}")
-    for name, why in study.skipped.items():
-        typer.echo(f"left out: {name}: {why}")
-    if study.specimen is not None and "martens2017" in study.specimen.sources:
-        typer.echo("data: M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0")
-    typer.echo("")
 
 
 def _pairs(words: list[str] | None, option: str) -> dict[str, str]:
