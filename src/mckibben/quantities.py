@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -203,13 +202,3 @@ def with_unit(value: float, si_unit: str, digits: int = 4) -> str:
         return f"{value:.{digits}g}"
     unit = shown_unit(si_unit)
     return f"{from_si(value, si_unit, unit):.{digits}g} {unit}"
-
-
-def iter_paths(owner: Any, prefix: str = "") -> Iterator[tuple[str, Any, str]]:
-    """Every declared parameter below an object as (dotted path, its owner, field name)."""
-    for f in dataclasses.fields(owner):
-        value = getattr(owner, f.name)
-        if "quantity" in f.metadata:
-            yield prefix + f.name, owner, f.name
-        elif dataclasses.is_dataclass(value):
-            yield from iter_paths(value, f"{prefix}{f.name}.")

@@ -42,8 +42,9 @@ class Rubbing(System):
         return {}
 
     def slide(self, memory, start, end, duration):
-        moved = end["x"] - start["x"]
-        return self.friction.advance(memory, moved, start_pressure=start["p"], end_pressure=end["p"]).state
+        begin, last = start.state, end.state
+        moved = last["x"] - begin["x"]
+        return self.friction.advance(memory, moved, start_pressure=begin["p"], end_pressure=last["p"]).state
 
     def outputs(self, state, memory, inputs):
         return {"x": state["x"]}

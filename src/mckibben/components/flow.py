@@ -1,9 +1,11 @@
-"""What a pneumatic element between two nodes must offer, and what it sees of a node."""
+"""What a pneumatic element must offer to the circuit it stands in, and what it sees of the nodes at its ports."""
 
 from __future__ import annotations
 
 import abc
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
+
+import jax.numpy as jnp
 
 from .module import Module, Scalar
 
@@ -15,24 +17,92 @@ class GasState(NamedTuple):
     temperature: Scalar
 
 
-class FlowElement(Module):
-    """An element that lets gas pass from node a to node b; reverse flow is negative.
+Gases = tuple[GasState, ...]
 
-    `command` is the value of the signal that drives the element, such as the opening of a valve; zero where none does.
+
+class FlowElement(Module):
+    """An element with two ports or more, and the paths that gas can take between them.
+
+    `command` is the value of the signal that drives the element, such as the opening of a valve.
     """
 
-    @abc.abstractmethod
+    ports: ClassVar[tuple[str, ...]]
+    paths: ClassVar[tuple[tuple[int, int], ...]]  # by port index; flow from the first to the second is positive
+    commanded: ClassVar[bool] = False  # whether a signal must drive it
+    undriven: ClassVar[float] = 0.0  # the command where no signal does
+
     def initial(self) -> Any:
-        """The element's own state at rest: a tree of arrays, empty where it has none."""
+        """The element's own continuous state at rest: a tree of arrays, empty where it has none."""
+        return ()
+
+    def initial_memory(self, gas: Gases) -> Any:
+        """Its memory at rest, such as the position of a plunger with friction; empty where it has none."""
+        return ()
 
     @abc.abstractmethod
-    def mass_flow(self, a: GasState, b: GasState, state: Any, command: Any) -> Scalar:
+    def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+        """Mass flow along each path [kg/s]."""
+
+    def rates(self, gas: Gases, state: Any, memory: Any, command: Any) -> Any:
+        """Time derivative of the element's own state, a tree like it."""
+        return ()
+
+    def slide(self, memory: Any, start: Gases, end: Gases) -> Any:
+        """The memory after the gas at its ports has gone from `start` to `end`, however fast."""
+        return memory
+
+    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+        """A bound of each path's slope of mass flow over pressure, anywhere at these pressures [kg/(s Pa)].
+
+        The engine needs it: between samples a small volume may cross a steep zone that no sample shows. Zero where the
+        slope seen at a sample is telling enough.
+        """
+        return tuple(jnp.zeros(()) for _ in self.paths)
+
+    def heating(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+        """Power that each path adds to the gas it delivers [W]; zero but for machines that compress."""
+        return tuple(jnp.zeros(()) for _ in self.paths)
+
+    def inner_volumes(self) -> tuple[Scalar, ...]:
+        """Gas volume inside the element that is counted with the node at each port [m^3]."""
+        return tuple(jnp.zeros(()) for _ in self.ports)
+
+    def delay(self) -> Any:
+        """Dead time of the command [s]; None where it acts at once."""
+        return None
+
+    def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
+        """What else a recording shows of the element, such as its opening [SI]."""
+        return {}
+
+
+class TwoPort(FlowElement):
+    """An element that lets gas pass from node a to node b; reverse flow is negative."""
+
+    ports: ClassVar[tuple[str, ...]] = ("a", "b")
+    paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)
+
+    @abc.abstractmethod
+    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s]."""
 
-    @abc.abstractmethod
     def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
         """Time derivative of the element's own state."""
+        return ()
 
-    @abc.abstractmethod
     def inner_volume(self) -> Scalar:
         """Gas volume inside the element [m^3]; half of it is given to either node."""
+        return jnp.zeros(())
+
+    def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+        """The one mass flow, from a to b [kg/s]."""
+        return (self.mass_flow(gas[0], gas[1], state, command),)
+
+    def rates(self, gas: Gases, state: Any, memory: Any, command: Any) -> Any:
+        """Time derivative of the element's own state."""
+        return self.rate(gas[0], gas[1], state, command)
+
+    def inner_volumes(self) -> tuple[Scalar, ...]:
+        """Half of the inner volume at either end [m^3]."""
+        half = 0.5 * self.inner_volume()
+        return half, half

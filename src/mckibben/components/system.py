@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import abc
-from typing import Any
+from typing import Any, NamedTuple
 
-from .module import Module
+import jax.numpy as jnp
+
+from .module import Module, Scalar
+
+
+class Moment(NamedTuple):
+    """The continuous state and the inputs at one moment."""
+
+    state: Any
+    inputs: Any
 
 
 class System(Module):
@@ -24,9 +33,16 @@ class System(Module):
         """Rates of the balances' independent integrals, such as enthalpy flows [W]; an empty tree where there are none."""
 
     @abc.abstractmethod
-    def slide(self, memory: Any, start: Any, end: Any, duration: Any) -> Any:
-        """The memory after the continuous state has gone from `start` to `end` in a time [s]; itself if there is none."""
+    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+        """The memory after the system has gone from `start` to `end` in a time [s]; itself if there is none."""
 
     @abc.abstractmethod
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
         """What a recording shows, by name [SI]."""
+
+    def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+        """A bound of the fastest mode that the system can have near a state [1/s].
+
+        Zero where the modes at the samples tell enough. A run may cross a steep zone between two samples, again and again.
+        """
+        return jnp.zeros(())

@@ -116,9 +116,24 @@ def _run(
     return jax.tree.map(np.asarray, carry), jax.tree.map(np.asarray, kept)
 
 
-def _march(
+def march(
     system: System, state: Any, memory: Any, signals: Any, period: Any, inner: int, samples: int, stiff: bool
 ) -> tuple[Any, Any]:
+    """The run itself, unchecked: a pure function, to be compiled, mapped and differentiated.
+
+    Args:
+        system: what to integrate.
+        state: continuous state at the start.
+        memory: memory at the start.
+        signals: inputs by name.
+        period: of the samples [s].
+        inner: steps per sample.
+        samples: how many samples to go on for.
+        stiff: use the Rosenbrock method.
+
+    Returns:
+        (state, memory, integrals) at the end, and (states, memories, outputs) at all samples.
+    """
     h = period / inner
     sums = jax.tree.map(jnp.zeros_like, system.integrands(state, memory, _inputs(signals, 0, 0.0, period)))
 
@@ -137,7 +152,7 @@ def _march(
     return carry, jax.tree.map(lambda many, one: jnp.concatenate([many, jnp.asarray(one)[None]]), kept, end)
 
 
-_compiled = jax.jit(_march, static_argnums=(5, 6, 7))
+_compiled = jax.jit(march, static_argnums=(5, 6, 7))
 
 
 def _inputs(signals: Any, index: Any, share: Any, period: Any) -> dict[str, Any]:

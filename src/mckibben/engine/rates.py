@@ -18,7 +18,7 @@ RK4_LIMIT = 2.78
 
 
 def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float:
-    """Largest eigenvalue magnitude over several states [1/s].
+    """Largest eigenvalue magnitude over several states, and what the system itself knows of steeper zones [1/s].
 
     Args:
         system: whose state equation is examined.
@@ -29,10 +29,13 @@ def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float
 
     def jacobian(state: Any, z: Any, u: Any) -> Any:
         flat, back = ravel_pytree(state)
-        return jax.jacfwd(lambda v: ravel_pytree(system.rate(back(v), z, u))[0])(flat)
+        return jax.jacfwd(lambda v: ravel_pytree(system.rate(back(v), z, u))[0])(flat), system.steepest_rate(
+            state, z, u
+        )
 
-    matrices = np.asarray(jax.jit(jax.vmap(jacobian))(states, memory, inputs))
-    matrices = matrices[np.isfinite(matrices).all(axis=(1, 2))]
-    if not len(matrices):
+    matrices, bounds = (np.asarray(x) for x in jax.jit(jax.vmap(jacobian))(states, memory, inputs))
+    sound = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(bounds)
+    if not sound.any():
         return float("inf")
-    return float(np.abs(np.linalg.eigvals(matrices)).max())
+    seen = float(np.abs(np.linalg.eigvals(matrices[sound])).max()) if matrices.shape[1] else 0.0
+    return max(seen, float(bounds[sound].max()))

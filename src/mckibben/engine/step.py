@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
-from ..components.system import System
+from ..components.system import Moment, System
 
 GAMMA = 1.0 - 0.5**0.5  # of ROS2, the L-stable choice with small errors
 Inputs = Callable[[Any], Any]  # share of the step -> inputs
@@ -45,10 +45,10 @@ def step(system: System, carry: tuple[Any, Any, Any], inputs: Inputs, h: Any, st
     if has_memory:
         first = system.rate(state, memory, inputs(0.0))
         middle = axpy(0.5 * h, system.rate(axpy(0.25 * h, first, state), memory, inputs(0.25)), state)
-        memory = system.slide(memory, state, middle, 0.5 * h)
+        memory = system.slide(memory, Moment(state, inputs(0.0)), Moment(middle, inputs(0.5)), 0.5 * h)
     new, sums = (_ros2 if stiff else _rk4)(system, state, memory, sums, inputs, h)
     if has_memory:
-        memory = system.slide(memory, middle, new, 0.5 * h)
+        memory = system.slide(memory, Moment(middle, inputs(0.5)), Moment(new, inputs(1.0)), 0.5 * h)
     return new, memory, sums
 
 

@@ -1,6 +1,6 @@
 """Elements joined at nodes, in any topology, as one state equation with its mass and energy accounts.
 
-Nodes are reservoirs and chambers; every element leads from one node to another. The state is the mass and the pressure of
+Nodes are reservoirs and chambers; every element has a node at each of its ports. The state is the mass and the pressure of
 each chamber, and the elements' own states. Gas that flows carries the enthalpy of where it comes from, both ways. Kinetic
 energy is neglected (about 0.1 % in a tube at 50 m/s).
 """
@@ -11,23 +11,24 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from ..components import Scalar
 from ..components.flow import FlowElement, GasState
-from ..components.system import System
+from ..components.system import Moment, System
 from ..errors import InputError
 from .gas import AIR, Gas
 from .heat import Inflow, VolumeState
+from .topology import check_topology
 from .volume import Chamber, Reservoir
 
 
 class Branch(NamedTuple):
-    """One element between two nodes, and the signal that drives it."""
+    """One element, the nodes at its ports in the element's order, and the signal that drives it."""
 
     element: FlowElement
-    a: str
-    b: str
+    ports: tuple[str, ...]
     command: str | None = None
 
 
@@ -36,7 +37,7 @@ class Circuit(System):
 
     nodes: dict[str, Reservoir | Chamber]
     elements: dict[str, FlowElement]
-    ends: dict[str, tuple[str, str, str | None]] = eqx.field(static=True)
+    ends: dict[str, tuple[tuple[str, ...], str | None]] = eqx.field(static=True)
     gas: Gas = AIR
 
     @classmethod
@@ -45,30 +46,15 @@ class Circuit(System):
 
         Args:
             nodes: reservoirs and chambers by name.
-            branches: elements by name, with the nodes they lead from and to.
+            branches: elements by name, with the nodes at their ports.
             gas: what flows.
 
         Raises:
-            InputError: names a dangling end, or a node that nothing reaches.
+            InputError: names a dangling port, a node that nothing reaches, supplies in short circuit, a valve without a
+                signal, or a node without volume.
         """
-        touched: set[str] = set()
-        for name, branch in branches.items():
-            for end in (branch.a, branch.b):
-                if end not in nodes:
-                    raise InputError(
-                        f"{name}", end, f"this end leads to no node; known are {', '.join(nodes)}", where="circuit"
-                    )
-                touched.add(end)
-            if branch.a == branch.b:
-                raise InputError(name, branch.a, "both ends lead to the same node", where="circuit")
-        for name in nodes:
-            if name not in touched:
-                raise InputError(
-                    name, "no element", "a node needs at least one element that leads to it", where="circuit"
-                )
-        if not any(isinstance(node, Chamber) for node in nodes.values()):
-            raise InputError("nodes", "reservoirs only", "a circuit needs at least one volume", where="circuit")
-        ends = {name: (b.a, b.b, b.command) for name, b in branches.items()}
+        check_topology(nodes, branches)
+        ends = {name: (tuple(b.ports), b.command) for name, b in branches.items()}
         return cls(dict(nodes), {name: b.element for name, b in branches.items()}, ends, gas)
 
     @property
@@ -94,30 +80,51 @@ class Circuit(System):
             values[name] = jnp.asarray(p)
         return {"mass": masses, "pressure": values, "elements": {n: e.initial() for n, e in self.elements.items()}}
 
+    def initial_memory(self, state: Any, inputs: Mapping[str, Any] | None = None) -> Any:
+        """The memory that goes with a state at rest; empty where no element has any."""
+        seen = self._gas_states(state, _Fixed(inputs or {}))
+        kept = {name: self.elements[name].initial_memory(self._at(name, seen)) for name in self.elements}
+        return {name: memory for name, memory in kept.items() if jax.tree.leaves(memory)}
+
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+        """The signals, and beside them the command of every element that has dead time, late by that.
+
+        A sampled loop that keeps its own delay line gives ``<element>.command`` itself.
+        """
+        late = {}
+        for name, element in self.elements.items():
+            delay, signal = element.delay(), self.ends[name][1]
+            if delay is not None and signal is not None and signal in signals and f"{name}.command" not in signals:
+                late[f"{name}.command"] = signals[signal].delayed(delay)
+        return {**signals, **late}
+
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Rates of masses, pressures and the elements' own states."""
         seen = self._gas_states(state, inputs)
-        inflow = self._inflows(state, seen, inputs)
+        inflow, _ = self._inflows(state, memory, seen, inputs)
         masses, pressures = {}, {}
         for name in self.chambers:
             volume = self._volume(name, state["pressure"][name], inputs)
             rate, _ = self._chamber(name).heat.rates(self.gas, *seen[name], volume, inflow[name])
             masses[name], pressures[name] = inflow[name].mass, rate
         elements = {
-            name: self.elements[name].rate(seen[a], seen[b], state["elements"][name], _command(inputs, command))
-            for name, (a, b, command) in self.ends.items()
+            name: element.rates(
+                self._at(name, seen), state["elements"][name], _kept(memory, name), self._command(name, inputs)
+            )
+            for name, element in self.elements.items()
         }
         return {"mass": masses, "pressure": pressures, "elements": elements}
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """What crosses the circuit's border: mass [kg/s], enthalpy, heat, work of the gas on moving walls [W]."""
+        """What crosses the border: mass [kg/s], enthalpy, heat, work on moving walls, and of machines on the gas [W]."""
         seen = self._gas_states(state, inputs)
-        inflow = self._inflows(state, seen, inputs)
+        inflow, heating = self._inflows(state, memory, seen, inputs)
         out: dict[str, Any] = {
             "mass": 0.0,
             "enthalpy": 0.0,
             "heat": 0.0,
             "work": 0.0,
+            "shaft": heating,
             "mass_turnover": 0.0,
             "enthalpy_turnover": 0.0,
         }
@@ -135,9 +142,13 @@ class Circuit(System):
             out["work"] += seen[name].pressure_abs * (volume.moving + volume.per_pressure * rate)
         return {name: jnp.asarray(value) for name, value in out.items()}
 
-    def slide(self, memory: Any, start: Any, end: Any, duration: Any) -> Any:
-        """A circuit has no memory."""
-        return memory
+    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+        """Every element's memory after the gas at its ports has changed."""
+        before, after = self._gas_states(*start), self._gas_states(*end)
+        return {
+            name: self.elements[name].slide(kept, self._at(name, before), self._at(name, after))
+            for name, kept in memory.items()
+        }
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
         """Absolute pressures [Pa], temperatures [K] and masses [kg] of all nodes, mass flows of all elements [kg/s]."""
@@ -145,7 +156,40 @@ class Circuit(System):
         out = {f"{name}.pressure_abs": s.pressure_abs for name, s in seen.items()}
         out |= {f"{name}.temperature": s.temperature for name, s in seen.items()}
         out |= {f"{name}.mass": state["mass"][name] for name in self.chambers}
-        return out | {f"{name}.mass_flow": w for name, w in self._flows(state, seen, inputs).items()}
+        for name, flows in self._flows(state, memory, seen, inputs).items():
+            element = self.elements[name]
+            if len(flows) == 1:
+                out[f"{name}.mass_flow"] = flows[0]
+            else:
+                for (i, j), flow in zip(element.paths, flows, strict=True):
+                    out[f"{name}.{element.ports[i]}_to_{element.ports[j]}.mass_flow"] = flow
+            own = state["elements"][name], _kept(memory, name), self._command(name, inputs)
+            out |= {f"{name}.{key}": value for key, value in element.outputs(self._at(name, seen), *own).items()}
+        return out
+
+    def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """Bound from the steepest slope of each restriction and the capacity of the nodes it joins [1/s].
+
+        A network of conductances s over capacities has no mode faster than the sum, over the two ends of some path, of what
+        the paths at each end amount to.
+        """
+        seen = self._gas_states(state, inputs)
+        per_mass = {}  # dP/dm of each node at its stiffest, adiabatic
+        for name in self.chambers:
+            volume = self._volume(name, seen[name].pressure_abs, inputs)
+            stiff = self.gas.heat_ratio * self.gas.gas_constant * seen[name].temperature
+            # a ramp in V(P') only softens a node, and may be left at once
+            per_mass[name] = stiff / volume.value
+        load: dict[str, Any] = {name: jnp.zeros(()) for name in self.nodes}
+        paths = []
+        for name, element in self.elements.items():
+            slopes = element.steepest(self._at(name, seen), state["elements"][name], self._command(name, inputs))
+            for (i, j), slope in zip(element.paths, slopes, strict=True):
+                ends = self.ends[name][0][i], self.ends[name][0][j]
+                paths.append(ends)
+                for end in ends:
+                    load[end] = load[end] + slope * per_mass.get(end, 0.0)
+        return jnp.stack([load[a] + load[b] for a, b in paths]).max()
 
     def stored(self, state: Any, inputs: Any) -> tuple[float, float]:
         """Mass [kg] and internal energy [J] of all stored gas."""
@@ -173,29 +217,56 @@ class Circuit(System):
         assert isinstance(node, Chamber)
         return node
 
+    def _at(self, name: str, seen: Mapping[str, GasState]) -> tuple[GasState, ...]:
+        """The gas at the ports of an element."""
+        return tuple(seen[end] for end in self.ends[name][0])
+
+    def _command(self, name: str, inputs: Any) -> Any:
+        signal = self.ends[name][1]
+        if signal is None:
+            return jnp.asarray(self.elements[name].undriven)
+        late = f"{name}.command"
+        return inputs[late if late in inputs else signal].value
+
     def _volume(self, name: str, pressure_abs: Any, inputs: Any) -> VolumeState:
         node = self._chamber(name)
         length, velocity = (0.0, 0.0) if node.signal is None else inputs[node.signal]
         volume = node.volume(pressure_abs, length, velocity)
         # By name: a tree that was taken apart and put together has its tables sorted.
-        tubes = [0.5 * self.elements[n].inner_volume() for n, (a, b, _) in self.ends.items() if name in (a, b)]
-        return volume._replace(value=volume.value + sum(tubes))
+        own = [
+            inner
+            for element, (ends, _) in self.ends.items()
+            for end, inner in zip(ends, self.elements[element].inner_volumes(), strict=True)
+            if end == name
+        ]
+        return volume._replace(value=volume.value + sum(own))
 
-    def _flows(self, state: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, Scalar]:
+    def _flows(self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, tuple[Scalar, ...]]:
         return {
-            name: self.elements[name].mass_flow(seen[a], seen[b], state["elements"][name], _command(inputs, command))
-            for name, (a, b, command) in self.ends.items()
+            name: element.flows(
+                self._at(name, seen), state["elements"][name], _kept(memory, name), self._command(name, inputs)
+            )
+            for name, element in self.elements.items()
         }
 
-    def _inflows(self, state: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, Inflow]:
+    def _inflows(
+        self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any
+    ) -> tuple[dict[str, Inflow], Scalar]:
+        """What enters each node, and what machines add to the gas on its way [W]."""
         mass: dict[str, Any] = {name: 0.0 for name in self.nodes}
         enthalpy: dict[str, Any] = {name: 0.0 for name in self.nodes}
-        for name, flow in self._flows(state, seen, inputs).items():
-            a, b, _ = self.ends[name]
-            carried = flow * self.gas.cp * jnp.where(flow >= 0.0, seen[a].temperature, seen[b].temperature)
-            mass[a], mass[b] = mass[a] - flow, mass[b] + flow
-            enthalpy[a], enthalpy[b] = enthalpy[a] - carried, enthalpy[b] + carried
-        return {name: Inflow(mass[name], enthalpy[name]) for name in self.nodes}
+        total: Any = jnp.zeros(())
+        for name, flows in self._flows(state, memory, seen, inputs).items():
+            element, ends = self.elements[name], self.ends[name][0]
+            own = state["elements"][name], _kept(memory, name), self._command(name, inputs)
+            added = element.heating(self._at(name, seen), *own)
+            for (i, j), flow, power in zip(element.paths, flows, added, strict=True):
+                a, b = ends[i], ends[j]
+                carried = flow * self.gas.cp * jnp.where(flow >= 0.0, seen[a].temperature, seen[b].temperature)
+                mass[a], mass[b] = mass[a] - flow, mass[b] + flow
+                enthalpy[a], enthalpy[b] = enthalpy[a] - carried, enthalpy[b] + carried + power
+                total = total + power
+        return {name: Inflow(mass[name], enthalpy[name]) for name in self.nodes}, total
 
 
 class Balance(NamedTuple):
@@ -218,6 +289,7 @@ def balance(circuit: Circuit, start: Any, end: Any, first: Any, last: Any, integ
     """
     (m0, u0), (m1, u1) = circuit.stored(start, first), circuit.stored(end, last)
     entered = float(integrals["enthalpy"]) + float(integrals["heat"]) - float(integrals["work"])
+    entered += float(integrals["shaft"])
     mass = abs(m1 - m0 - float(integrals["mass"])) / max(float(integrals["mass_turnover"]), 1e-30)
     energy = abs(u1 - u0 - entered) / max(float(integrals["enthalpy_turnover"]), 1e-30)
     return Balance(mass, energy)
@@ -230,5 +302,5 @@ class _Fixed(dict[str, Any]):
         return jnp.asarray(super().__getitem__(name), float), jnp.zeros(())
 
 
-def _command(inputs: Any, name: str | None) -> Any:
-    return jnp.zeros(()) if name is None else inputs[name].value
+def _kept(memory: Any, name: str) -> Any:
+    return memory[name] if name in memory else ()

@@ -11,12 +11,12 @@ b = 0.528 it agrees with the isentropic nozzle within 0.35 % outside the linear 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
 from ..components import Scalar
-from ..components.flow import FlowElement, GasState
+from ..components.flow import Gases, GasState, TwoPort
 from ..errors import InputError
 from ..quantities import quantity
 from .gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE, Gas
@@ -50,9 +50,10 @@ def smooth_root(square: Any, start: Any) -> Scalar:
     )
 
 
-class Orifice(FlowElement):
-    """A fixed restriction between two ports."""
+class Orifice(TwoPort):
+    """A restriction between two ports: fully open, or by a command."""
 
+    undriven: ClassVar[float] = 1.0
     conductance: Scalar = quantity("m^3/(s*Pa)", (0.0, 1e-5), "sonic conductance", symbol="C", typical=(1e-10, 1e-7))
     critical_ratio: Scalar = quantity(
         "1", (0.01, 0.99), "critical pressure ratio", symbol="b", typical=(0.15, 0.6), default=0.35
@@ -99,33 +100,41 @@ class Orifice(FlowElement):
         )
         return cls(conductance=float(area * choked / REFERENCE_DENSITY), **options)
 
-    def initial(self) -> Any:
-        """No state."""
-        return ()
-
     def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 1.0) -> Scalar:
         """Signed mass flow from a to b [kg/s]; the command is the share of the conductance that is open, 0 to 1."""
-        forward = a.pressure_abs >= b.pressure_abs
-        flow = conductance_flow(
-            # a choice, not max and min: at equal pressures their derivatives would cancel
-            jnp.where(forward, a.pressure_abs, b.pressure_abs),
-            jnp.where(forward, a.temperature, b.temperature),
-            jnp.where(forward, b.pressure_abs, a.pressure_abs),
-            conductance=self.conductance * command,
-            critical_ratio=self.critical_ratio,
-            linear_band=self.linear_band,
-        )
-        return jnp.where(forward, flow, -flow)
+        return opening_flow(self, a, b, command)
 
-    def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
-        """No state."""
-        return ()
+    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+        """Slope at equal pressures, where the flow is steepest [kg/(s Pa)]."""
+        return (steepest_slope(self, gas[0], gas[1]) * command,)
 
-    def inner_volume(self) -> Scalar:
-        """None [m^3]."""
-        return jnp.zeros(())
 
-    def steepest(self, pressure_abs: Any) -> Scalar:
-        """Largest dw/dp of the orifice at an upstream pressure [kg/(s Pa)]: what makes a small volume stiff."""
-        x = jnp.minimum(self.linear_band / (pressure_abs * (1.0 - self.critical_ratio)), 0.5)
-        return 3.0 * self.conductance * REFERENCE_DENSITY / ((1.0 - self.critical_ratio) * jnp.sqrt(x * (2.0 - x)))
+def opening_flow(orifice: Any, a: GasState, b: GasState, opening: Any = 1.0, *, conductance: Any = None) -> Scalar:
+    """Signed mass flow through any restriction by ISO 6358 [kg/s].
+
+    Args:
+        orifice: what has ``conductance``, ``critical_ratio`` and ``linear_band``.
+        a: the gas before it.
+        b: the gas behind it.
+        opening: the share of the conductance that is open, 0 to 1.
+        conductance: another sonic conductance instead of the orifice's own [m^3/(s Pa)].
+    """
+    forward = a.pressure_abs >= b.pressure_abs
+    flow = conductance_flow(
+        # a choice, not max and min: at equal pressures their derivatives would cancel
+        jnp.where(forward, a.pressure_abs, b.pressure_abs),
+        jnp.where(forward, a.temperature, b.temperature),
+        jnp.where(forward, b.pressure_abs, a.pressure_abs),
+        conductance=(orifice.conductance if conductance is None else conductance) * opening,
+        critical_ratio=orifice.critical_ratio,
+        linear_band=orifice.linear_band,
+    )
+    return jnp.where(forward, flow, -flow)
+
+
+def steepest_slope(orifice: Any, a: GasState, b: GasState, *, conductance: Any = None) -> Scalar:
+    """Largest dw/dp of a restriction between the pressures at its ends [kg/(s Pa)]: what makes a small volume stiff."""
+    upstream = jnp.maximum(a.pressure_abs, b.pressure_abs)
+    x = jnp.minimum(orifice.linear_band / (upstream * (1.0 - orifice.critical_ratio)), 0.5)
+    c = orifice.conductance if conductance is None else conductance
+    return 3.0 * c * REFERENCE_DENSITY / ((1.0 - orifice.critical_ratio) * jnp.sqrt(x * (2.0 - x)))

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 
 from ...components import Module, Scalar
-from ...components.flow import FlowElement, GasState
+from ...components.flow import GasState, TwoPort
 from ...errors import InputError
 from ...quantities import quantity
 from .equations import Medium, Primitive
@@ -84,17 +84,17 @@ class Restriction(Opening):
         command: what drives the element: the share that is open.
     """
 
-    flow: FlowElement | Callable[[Any, Any, Any], Any]
+    flow: TwoPort | Callable[[Any, Any, Any], Any]
     command: Scalar = quantity("1", (0.0, 1.0), "share of the restriction that is open", default=1.0)
 
     def __check_init__(self) -> None:
         """Refuse what gives no flow."""
         super().__check_init__()
-        if not isinstance(self.flow, FlowElement) and not callable(self.flow):
+        if not isinstance(self.flow, TwoPort) and not callable(self.flow):
             raise InputError("flow", self.flow, "allowed is an element or a function of P_up, T_up and P_down")
 
     def _entering_flow(self, outside: Primitive, inside: Primitive, *, leaves: bool) -> Scalar:
-        if isinstance(self.flow, FlowElement):
+        if isinstance(self.flow, TwoPort):
             port, at_tube = (GasState(gas.pressure, gas.temperature) for gas in (outside, inside))
             return self.flow.mass_flow(port, at_tube, self.flow.initial(), self.command)
         if leaves:

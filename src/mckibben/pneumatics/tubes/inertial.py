@@ -14,7 +14,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from ...components import Scalar
-from ...components.flow import FlowElement, GasState
+from ...components.flow import GasState, TwoPort
 from ...quantities import quantity
 from ..gas import AIR, Gas
 from .quadratic import mean_density
@@ -25,7 +25,7 @@ def inertance(*, length: Any, area: Any) -> Scalar:
     return length / area
 
 
-class InertialTube(FlowElement):
+class InertialTube(TwoPort):
     """Resistance and inertance; its state is the mass flow [kg/s] (eqs. 25-31)."""
 
     viscous: Scalar = quantity("Pa*s/m", (0.0, 1e8), "viscous coefficient", symbol="R1", typical=(1.0, 1e3))
@@ -38,7 +38,7 @@ class InertialTube(FlowElement):
         """No flow."""
         return jnp.zeros(())
 
-    def mass_flow(self, a: GasState, b: GasState, state: Any, command: Any) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
         """The state itself [kg/s]."""
         return state
 
@@ -47,7 +47,3 @@ class InertialTube(FlowElement):
         speed = state / (mean_density(self.gas, a, b) * self.area)
         loss = self.viscous * speed + self.turbulent * speed * jnp.abs(speed)
         return (a.pressure_abs - b.pressure_abs - loss) / inertance(length=self.length, area=self.area)
-
-    def inner_volume(self) -> Scalar:
-        """The paper ignores the tube's volume [m^3]."""
-        return jnp.zeros(())

@@ -11,30 +11,16 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
-
 from ...components import Scalar
-from ...components.flow import FlowElement, GasState
+from ...components.flow import GasState, TwoPort
 from ...quantities import quantity
 
 
-class LinearTube(FlowElement):
+class LinearTube(TwoPort):
     """Linear resistance (eqs. 17-19)."""
 
     resistance: Scalar = quantity("Pa*s/kg", (1e3, 1e14), "pressure per mass flow", symbol="R", typical=(1e6, 1e10))
 
-    def initial(self) -> Any:
-        """No state."""
-        return ()
-
-    def mass_flow(self, a: GasState, b: GasState, state: Any, command: Any) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s]."""
         return (a.pressure_abs - b.pressure_abs) / self.resistance
-
-    def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
-        """No state."""
-        return ()
-
-    def inner_volume(self) -> Scalar:
-        """The paper ignores the tube's volume [m^3]."""
-        return jnp.zeros(())

@@ -20,14 +20,14 @@ from typing import Any
 import jax.numpy as jnp
 
 from ...components import Scalar
-from ...components.flow import FlowElement, GasState
+from ...components.flow import GasState, TwoPort
 from ...quantities import quantity
 from ..gas import AIR, Gas
 from .inertial import inertance
 from .quadratic import mean_density
 
 
-class LumpedTube(FlowElement):
+class LumpedTube(TwoPort):
     """Inertance, density-dependent loss, choking, and the tube's own volume; its state is the mass flow [kg/s]."""
 
     length: Scalar = quantity("m", (1e-3, 100.0), "length", symbol="l", typical=(0.1, 5.0))
@@ -53,7 +53,7 @@ class LumpedTube(FlowElement):
         """No flow."""
         return jnp.zeros(())
 
-    def mass_flow(self, a: GasState, b: GasState, state: Any, command: Any) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
         """The state itself [kg/s]."""
         return state
 

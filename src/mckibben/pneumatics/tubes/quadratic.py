@@ -15,7 +15,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from ...components import Scalar
-from ...components.flow import FlowElement, GasState
+from ...components.flow import GasState, TwoPort
 from ...quantities import quantity
 from ..gas import AIR, Gas
 
@@ -26,7 +26,7 @@ def mean_density(gas: Gas, a: GasState, b: GasState) -> Scalar:
     return gas.density(0.5 * (a.pressure_abs + b.pressure_abs), upstream)
 
 
-class QuadraticTube(FlowElement):
+class QuadraticTube(TwoPort):
     """Viscous and turbulent resistance (eqs. 20-24)."""
 
     viscous: Scalar = quantity("Pa*s/m", (0.0, 1e8), "viscous coefficient", symbol="R1", typical=(1.0, 1e3))
@@ -34,22 +34,10 @@ class QuadraticTube(FlowElement):
     area: Scalar = quantity("m^2", (1e-9, 1e-2), "effective cross section", symbol="A", typical=(1e-6, 1e-4))
     gas: Gas = AIR
 
-    def initial(self) -> Any:
-        """No state."""
-        return ()
-
-    def mass_flow(self, a: GasState, b: GasState, state: Any, command: Any) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s]."""
         drop = a.pressure_abs - b.pressure_abs
         # The root in the form that does not cancel, and whose slope at zero is 1/R1; a little R1 is always there.
         viscous = self.viscous + 1e-3
         speed = 2.0 * drop / (viscous + jnp.sqrt(viscous**2 + 4.0 * self.turbulent * jnp.abs(drop)))
         return mean_density(self.gas, a, b) * self.area * speed
-
-    def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
-        """No state."""
-        return ()
-
-    def inner_volume(self) -> Scalar:
-        """The paper ignores the tube's volume [m^3]."""
-        return jnp.zeros(())

@@ -1,0 +1,57 @@
+"""Parameters by dotted path, such as ``elements.tube.loss``: the address that fits, sweeps and the command line share."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ..errors import InputError
+from ..quantities import Quantity, declared
+from .module import Module
+
+
+def parameters(owner: Any, prefix: str = "") -> Iterator[tuple[str, Quantity]]:
+    """Every declared parameter below an object as (dotted path, declaration)."""
+    if isinstance(owner, Mapping):
+        for name, value in owner.items():
+            yield from parameters(value, f"{prefix}{name}.")
+    elif isinstance(owner, Module):
+        known = declared(owner)
+        for f in dataclasses.fields(owner):
+            if f.name in known:
+                yield prefix + f.name, known[f.name]
+            else:
+                yield from parameters(getattr(owner, f.name), f"{prefix}{f.name}.")
+
+
+def declaration(owner: Any, path: str) -> Quantity:
+    """The declaration of the parameter at a path; raises `InputError` with the nearest known paths."""
+    known = dict(parameters(owner))
+    if path not in known:
+        import difflib
+
+        near = difflib.get_close_matches(path, known, n=3) or sorted(known)
+        raise InputError("parameter", path, f"no such parameter; known are {', '.join(near)}")
+    return known[path]
+
+
+def get(owner: Any, path: str) -> Any:
+    """The value at a dotted path [SI]."""
+    for part in path.split("."):
+        owner = owner[part] if isinstance(owner, Mapping) else getattr(owner, part)
+    return owner
+
+
+def put(owner: Any, changes: Mapping[str, Any]) -> Any:
+    """A copy with the values at some dotted paths replaced [SI]; they may be traced."""
+    for path, value in changes.items():
+        owner = _put(owner, path.split("."), value)
+    return owner
+
+
+def _put(owner: Any, parts: list[str], value: Any) -> Any:
+    head, *rest = parts
+    if isinstance(owner, Mapping):
+        return {**owner, head: _put(owner[head], rest, value) if rest else value}
+    return owner.replace(**{head: _put(getattr(owner, head), rest, value) if rest else value})
