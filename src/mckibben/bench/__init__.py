@@ -1,0 +1,1 @@
+"""Where it happens: circuits, rigs and the runs on them."""

@@ -1,0 +1,1 @@
+"""What to do: waveforms and protocols, as data."""

@@ -1,0 +1,1 @@
+"""Valves, one file each."""
