@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,19 +15,10 @@ from ..muscles.laws import LAWS, law_type
 from ..recordings import ForceMap
 from .problem import Problem
 from .solve import Solution, solve
-from .uncertainty import Uncertainty, uncertainty
+from .uncertainty import Estimate, Uncertainty, uncertainty
 from .validation import CrossValidation, cross_validate
 
 SCHEMES = ("pressure", "length", "block", "rest_length")
-
-
-class Estimate(NamedTuple):
-    """A fitted parameter with its 95 % interval [unit]."""
-
-    value: float
-    low: float
-    high: float
-    unit: str
 
 
 @dataclass(frozen=True)

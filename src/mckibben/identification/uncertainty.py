@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,15 @@ import numpy as np
 INSEPARABLE = 0.999
 # A direction in parameter space this much weaker than the strongest is not determined by float64 data at all.
 UNDETERMINED = 1e-7
+
+
+class Estimate(NamedTuple):
+    """A fitted parameter with its 95 % interval [unit]."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,6 @@ class Circuit(System):
         self, pressures: Mapping[str, float], inputs: Mapping[str, Any] | None = None, temperature: float = 293.15
     ) -> Any:
         """The state with given absolute pressures [Pa] and one temperature [K]; lengths of moving volumes from `inputs`."""
-        masses, values = {}, {}
         for name in self.chambers:
             if name not in pressures:
                 raise InputError(f"pressure of {name}", "not given", "every volume needs one", where="circuit")
@@ -75,14 +74,19 @@ class Circuit(System):
                 raise InputError(
                     f"pressure of {name}", p, "allowed is an absolute pressure above 0 Pa", where="circuit"
                 )
-            volume = self._volume(name, jnp.asarray(p), _Fixed(inputs or {}))
-            masses[name] = self.gas.mass(p, volume.value, temperature)
-            values[name] = jnp.asarray(p)
+        return self.at_rest(pressures, _Fixed(inputs or {}), temperature)
+
+    def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any], temperature: Any = 293.15) -> Any:
+        """The same, unchecked, so that pressures may be traced, and with inputs as the engine gives them."""
+        values = {name: jnp.asarray(pressures[name], float) for name in self.chambers}
+        masses = {
+            name: self.gas.mass(p, self._volume(name, p, inputs).value, temperature) for name, p in values.items()
+        }
         return {"mass": masses, "pressure": values, "elements": {n: e.initial() for n, e in self.elements.items()}}
 
     def initial_memory(self, state: Any, inputs: Mapping[str, Any] | None = None) -> Any:
-        """The memory that goes with a state at rest; empty where no element has any."""
-        seen = self._gas_states(state, _Fixed(inputs or {}))
+        """The memory that goes with a state at rest, with inputs as the engine gives them; empty where there is none."""
+        seen = self._gas_states(state, inputs or {})
         kept = {name: self.elements[name].initial_memory(self._at(name, seen)) for name in self.elements}
         return {name: memory for name, memory in kept.items() if jax.tree.leaves(memory)}
 

@@ -1,0 +1,157 @@
+"""One measured run of a circuit: what drove it, where it began, what was recorded; and its prediction by a model."""
+
+from __future__ import annotations
+
+import fnmatch
+import functools
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from ..components import paths
+from ..engine import STEP, Run, Signal, integrate, march
+from ..errors import InputError
+from ..pneumatics.circuit import Circuit
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A record on a uniform clock, ready to be compared with a circuit.
+
+    Args:
+        name: in tables and complaints.
+        circuit: the model, with the parameters known so far.
+        signals: what drove it, on the record's clock.
+        initial: absolute pressure of every volume at the start [Pa].
+        measured: by the name of a circuit's output, such as ``tank.pressure_abs``, one value per sample [SI].
+        period: of the samples [s].
+        temperature: of all gas at the start [K].
+    """
+
+    name: str
+    circuit: Circuit
+    signals: Mapping[str, Signal]
+    initial: Mapping[str, float]
+    measured: Mapping[str, np.ndarray]
+    period: float
+    temperature: float = 293.15
+
+    def __post_init__(self) -> None:
+        """Refuse what could not be compared."""
+        if not self.measured:
+            raise InputError("measured", "nothing", "allowed is at least one recorded channel", where=self.name)
+        lengths = {len(v) for v in self.measured.values()} | {len(s.values) for s in self.signals.values()}
+        if len(lengths) != 1:
+            raise InputError(
+                "samples", str(sorted(lengths)), "all channels and signals need one length", where=self.name
+            )
+        for name, values in self.measured.items():
+            if not np.isfinite(values).all():
+                raise InputError(name, "not finite", "allowed are finite values", where=self.name)
+            if name.endswith(".pressure_abs") and (np.asarray(values) < 0.0).any():
+                raise InputError(name, float(np.min(values)), "a pressure below vacuum", where=self.name)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the measured outputs, in order."""
+        return tuple(self.measured)
+
+    @property
+    def samples(self) -> int:
+        """Intervals of the clock."""
+        return len(next(iter(self.measured.values()))) - 1
+
+    def with_parameters(self, changes: Mapping[str, Any]) -> tuple[Circuit, dict[str, Signal]]:
+        """Circuit and signals with values at dotted paths replaced; ``signals.<name>.delay`` delays an input."""
+        return _changed(self.circuit, self.signals, changes)
+
+    def run(self, changes: Mapping[str, Any], *, step: float = STEP, method: str = "auto") -> Run:
+        """The run with parameters at dotted paths replaced, checked like any run."""
+        circuit, signals = self.with_parameters(changes)
+        state, memory = _start(circuit, signals, self.initial, self.period, self.temperature)
+        return integrate(circuit, state, signals, period=self.period, memory=memory, step_size=step, method=method)
+
+    def model(self, names: tuple[str, ...], inner: int, stiff: bool) -> Model:
+        """Prediction and slopes as functions of the values at some paths, with a number of steps per sample."""
+        leaves = (self.circuit, dict(self.signals), {k: float(v) for k, v in self.initial.items()})
+        static = (names, self.channels, self.period, self.temperature, inner, self.samples, stiff)
+        return Model(
+            lambda values: np.asarray(_predict(leaves, jax.numpy.asarray(values), *static)),
+            lambda values: np.asarray(_slopes(leaves, jax.numpy.asarray(values), *static)),
+        )
+
+
+class Model(NamedTuple):
+    """Measured outputs (channels, samples + 1) and their derivatives (channels, samples + 1, parameters)."""
+
+    predict: Callable[[np.ndarray], np.ndarray]
+    slopes: Callable[[np.ndarray], np.ndarray]
+
+
+def _changed(
+    circuit: Circuit, signals: Mapping[str, Signal], changes: Mapping[str, Any]
+) -> tuple[Circuit, dict[str, Signal]]:
+    changed = paths.put(circuit, {p: v for p, v in changes.items() if not p.startswith("signals.")})
+    late = dict(signals)
+    for path, value in changes.items():
+        if path.startswith("signals."):
+            name = path.split(".")[1]
+            late[name] = late[name].delayed(value)
+    return changed, changed.commands(late)
+
+
+def _start(circuit: Circuit, signals: Mapping[str, Signal], initial: Any, period: Any, temperature: Any) -> Any:
+    inputs = {name: s.at(0, 0.0, period) for name, s in signals.items()}
+    state = circuit.at_rest(initial, inputs, temperature)
+    return state, circuit.initial_memory(state, inputs)
+
+
+def _outputs(
+    leaves: Any,
+    values: Any,
+    names: Any,
+    channels: Any,
+    period: Any,
+    temperature: Any,
+    inner: int,
+    samples: int,
+    stiff: bool,
+) -> Any:
+    circuit, signals, initial = leaves
+    circuit, signals = _changed(circuit, signals, dict(zip(names, values, strict=True)))
+    state, memory = _start(circuit, signals, initial, period, temperature)
+    _, kept = march(circuit, state, memory, signals, period, inner, samples, stiff)
+    return jax.numpy.stack([kept[2][name] for name in channels])
+
+
+_STATIC = tuple(range(2, 9))
+_predict = functools.partial(jax.jit, static_argnums=_STATIC)(_outputs)
+
+
+@functools.partial(jax.jit, static_argnums=_STATIC)
+def _slopes(leaves: Any, values: Any, *static: Any) -> Any:
+    return jax.jacfwd(lambda v: _outputs(leaves, v, *static))(values)
+
+
+def expand(patterns: Iterable[str], trial: Trial) -> dict[str, tuple[str, ...]]:
+    """The dotted paths that each pattern such as ``elements.valve_*.conductance`` stands for; one value serves all of them.
+
+    Raises:
+        InputError: for a pattern that matches nothing, and for a path that two patterns match.
+    """
+    known = [p for p, _ in paths.parameters(trial.circuit)] + [f"signals.{n}.delay" for n in trial.signals]
+    found: dict[str, tuple[str, ...]] = {}
+    taken: dict[str, str] = {}
+    for pattern in patterns:
+        matches = tuple(p for p in known if fnmatch.fnmatchcase(p, pattern))
+        if not matches:
+            paths.declaration(trial.circuit, pattern)  # complains with the nearest paths
+        for path in matches:
+            if path in taken:
+                raise InputError("free", pattern, f"{path} is free already, by {taken[path]}")
+            taken[path] = pattern
+        found[pattern] = matches
+    return found
