@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mckibben.pneumatics.distributed import DistributedTube, ReservoirEnd, simulate
-from mckibben.pneumatics.distributed.wall import friction_factor, haaland
 from mckibben.pneumatics.gas import AIR
+from mckibben.pneumatics.wall_friction import friction_factor, haaland
 
 fluids = pytest.importorskip("fluids")
 

@@ -10,7 +10,7 @@ import typer
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError
-from . import fit, muscles, reproduce
+from . import circuit, fit, muscles, reproduce
 
 app = typer.Typer(
     name="mckibben",
@@ -39,6 +39,7 @@ def options(
 
 muscles.add_to(app)
 fit.add_to(app)
+circuit.add_to(app)
 reproduce.add_to(app)
 
 

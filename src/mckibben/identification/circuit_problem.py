@@ -45,14 +45,14 @@ class CircuitProblem:
             first.append(float(start.get(name, own)))
             quantities[-1].check(name, first[-1])
         where = {p: first[i] for i, n in enumerate(spread) for p in spread[n]}
-        names = tuple(where)
+        groups = tuple(spread.values())
         models = []
         for trial in trials:
             run = trial.run(where, step=step)
             inner = max(1, int(np.ceil(trial.period / step - 1e-9)))
             # half of the limit is left for what the parameters will do on their way
             stiff = run.stiff or run.fastest * trial.period / inner > 0.5 * RK4_LIMIT
-            models.append(trial.model(names, inner, stiff))
+            models.append(trial.model(groups, inner, stiff))
         size = np.array(
             [abs(v) if v else max(abs(t) for t in q.typical) for v, q in zip(first, quantities, strict=True)]
         )
@@ -92,13 +92,9 @@ class CircuitProblem:
         both = np.array([[self.scaled(i, b) for b in q.bounds] for i, q in enumerate(self.quantities)])
         return both[:, 0], both[:, 1]
 
-    def _spread(self, x: np.ndarray) -> np.ndarray:
-        values = self.values(x)
-        return np.array([values[i] for i, n in enumerate(self.names) for _ in self.paths[n]])
-
     def residual(self, x: np.ndarray) -> np.ndarray:
         """All predictions less what was measured [SI], finite also where a run fails."""
-        values = self._spread(x)
+        values = np.asarray(self.values(x))
         off = [
             m.predict(values) - np.stack(list(t.measured.values()))
             for m, t in zip(self.models, self.trials, strict=True)
@@ -113,20 +109,17 @@ class CircuitProblem:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """Derivative of the residual to the scaled parameters.
 
-        By forward tangents; times are differenced over half a sample, because the instant of a switch has no derivative.
+        By forward tangents; delays are differenced over half a sample, because the instant of a switch has no derivative.
         """
-        values = self._spread(x)
-        counts = [len(self.paths[n]) for n in self.names]
-        edges = np.cumsum([0, *counts])
-        times = [i for i, q in enumerate(self.quantities) if q.unit == "s"]
-        blocks = [m.slopes(values).reshape(-1, len(values)) if len(times) < len(counts) else None for m in self.models]
+        values = np.asarray(self.values(x))
+        late = [n.endswith((".delay", ".dead_time")) for n in self.names]
+        slopes = None if all(late) else np.concatenate([m.slopes(values).reshape(-1, len(values)) for m in self.models])
         columns = []
-        for i in range(len(counts)):
-            if i in times:
+        for i in range(len(values)):
+            if late[i] or slopes is None:
                 columns.append(self._differenced(x, i))
-                continue
-            to_value = np.concatenate([b[:, edges[i] : edges[i + 1]].sum(axis=1) for b in blocks if b is not None])
-            columns.append(to_value * (self.value(i, x[i]) if self.logarithmic(i) else self.size[i]))
+            else:
+                columns.append(slopes[:, i] * (self.value(i, x[i]) if self.logarithmic(i) else self.size[i]))
         return np.nan_to_num(np.stack(columns, axis=1))
 
     def _differenced(self, x: np.ndarray, i: int) -> np.ndarray:

@@ -74,8 +74,8 @@ class Trial:
         state, memory = _start(circuit, signals, self.initial, self.period, self.temperature)
         return integrate(circuit, state, signals, period=self.period, memory=memory, step_size=step, method=method)
 
-    def model(self, names: tuple[str, ...], inner: int, stiff: bool) -> Model:
-        """Prediction and slopes as functions of the values at some paths, with a number of steps per sample."""
+    def model(self, names: tuple[tuple[str, ...], ...], inner: int, stiff: bool) -> Model:
+        """Prediction and slopes as functions of values, each at one path or several; with a number of steps per sample."""
         leaves = (self.circuit, dict(self.signals), {k: float(v) for k, v in self.initial.items()})
         static = (names, self.channels, self.period, self.temperature, inner, self.samples, stiff)
         return Model(
@@ -121,7 +121,8 @@ def _outputs(
     stiff: bool,
 ) -> Any:
     circuit, signals, initial = leaves
-    circuit, signals = _changed(circuit, signals, dict(zip(names, values, strict=True)))
+    changes = {path: value for many, value in zip(names, values, strict=True) for path in many}
+    circuit, signals = _changed(circuit, signals, changes)
     state, memory = _start(circuit, signals, initial, period, temperature)
     _, kept = march(circuit, state, memory, signals, period, inner, samples, stiff)
     return jax.numpy.stack([kept[2][name] for name in channels])

@@ -49,6 +49,28 @@ class FixedVolume(Chamber):
         return VolumeState(self.size + zero, zero, zero)
 
 
+class CompliantVolume(Chamber):
+    """A volume that yields: V = V0 + c P' + s x, of a bellows, a hose, or a muscle of which only a record is known.
+
+    P' is the gauge pressure and x the value of its signal, such as a stroke [m] or the angle of a joint [rad], for which
+    `swept` is the volume per unit. Range: where V is close to a plane in P' and x; never below a tenth of V0.
+    """
+
+    size: Scalar = quantity("m^3", (1e-12, 1e3), "volume at rest", symbol="V0", typical=(1e-6, 1e-2))
+    compliance: Scalar = quantity("m^3/Pa", (0.0, 1e-3), "volume per pressure", symbol="c", default=0.0)
+    swept: Scalar = quantity("m^3", (-1e3, 1e3), "volume per unit of the signal", symbol="s", default=0.0)
+    ambient: Scalar = quantity("Pa", (0.0, 1e7), "absolute pressure outside", symbol="P0", default=101325.0)
+    heat: HeatModel = Isothermal()
+    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+
+    def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+        """A plane, with a floor."""
+        value = self.size + self.compliance * (pressure_abs - self.ambient) + self.swept * length
+        low = value < 0.1 * self.size
+        free = jnp.where(low, 0.0, 1.0)
+        return VolumeState(jnp.where(low, 0.1 * self.size, value), free * self.compliance, free * self.swept * velocity)
+
+
 class MovingVolume(Chamber):
     """A volume V(L, P') such as a muscle's, with both partial derivatives.
 

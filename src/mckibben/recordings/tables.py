@@ -6,19 +6,15 @@ A column says what it holds and in which unit: ``length_mm``, ``pressure_bar_gau
 
 from __future__ import annotations
 
-import csv
-import gzip
-import re
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..quantities import to_si, with_unit
 from .force_map import ForceMap
+from .text import Rows, check_width, is_number, read_rows, split_header, to_numbers
 
 # Names under which the columns are known; the first that a header holds is taken.
 COLUMNS = {
@@ -90,7 +86,7 @@ def read_force_map(
         if what == "branch":
             data[what] = np.array([c.strip() for c in cells])
             continue
-        numbers = _numbers(cells, [n for n, _ in rows], column, where)
+        numbers = to_numbers(cells, [n for n, _ in rows], column, where)
         unit, absolute = _unit(column, (units or {}).get(what), what, where)
         scale = to_si(1.0, unit, UNITS[what], field=column, where=where)
         data[what] = numbers * scale - (ambient if absolute else 0.0)
@@ -115,27 +111,18 @@ def read_force_map(
     return found
 
 
-def _rows(path: Path, where: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    if not path.is_file():
-        raise InputError("file", where, "no such file")
-    opener: Any = gzip.open if path.suffix == ".gz" else open
-    try:
-        with opener(path, "rt", encoding="utf-8-sig", newline="") as stream:
-            lines = [(n, row) for n, row in enumerate(csv.reader(stream), 1) if row and not row[0].startswith("#")]
-    except (UnicodeDecodeError, EOFError, OSError, zlib.error, csv.Error) as error:
-        raise InputError("file", "unreadable", f"allowed is a CSV text file ({error})", where=where) from None
+def _rows(path: Path, where: str) -> tuple[list[str], Rows]:
+    lines = read_rows(path, where)
     if len(lines) < 2:
         raise InputError(
             "file", f"{max(len(lines) - 1, 0)} rows", "allowed is a header and at least one row", where=where
         )
     header = [cell.strip() for cell in lines[0][1]]
-    if all(_is_number(cell) for cell in header):
+    if all(is_number(cell) for cell in header):
         raise InputError(
             "header", ",".join(header), "the first row must name the columns, such as length_mm", where=where
         )
-    for number, row in lines[1:]:
-        if len(row) != len(header):
-            raise InputError(f"row {number}", f"{len(row)} cells", f"the header has {len(header)} columns", where=where)
+    check_width(lines[1:], len(header), f"the header has {len(header)} columns", where)
     return header, lines[1:]
 
 
@@ -145,7 +132,7 @@ def _choose(header: list[str], columns: dict[str, str], where: str) -> dict[str,
             raise InputError("column", what, f"known are {', '.join(COLUMNS)}", where=where)
         if column not in header:
             raise InputError("column", column, f"the file has {', '.join(header)}", where=where)
-    stems = {column: _split(column)[0] for column in header}
+    stems = {column: split_header(column, _UNIT_WORDS)[0] for column in header}
     for what, names in COLUMNS.items():
         for name in names:
             match = [c for c in header if stems[c] == name]
@@ -167,19 +154,8 @@ def _choose(header: list[str], columns: dict[str, str], where: str) -> dict[str,
     return columns
 
 
-def _split(column: str) -> tuple[str, list[str]]:
-    """A column name as its stem in lower case and the words after it: ``pressure_kPa_gauge`` -> pressure, [kPa, gauge]."""
-    words = [w for w in re.split(r"[\s_\[\]()/,;:]+", column) if w]
-    tail: list[str] = []
-    while len(words) > 1 and (
-        words[-1] in _UNIT_WORDS or words[-1].lower() in ("gauge", "abs", "absolute", "rel", "g")
-    ):
-        tail.insert(0, words.pop())
-    return "_".join(words).lower(), tail
-
-
 def _unit(column: str, given: str | None, what: str, where: str) -> tuple[str, bool]:
-    _, tail = _split(column)
+    _, tail = split_header(column, _UNIT_WORDS)
     absolute = any(w.lower() in ("abs", "absolute") for w in tail)
     found = [w for w in tail if w in _UNIT_WORDS]
     unit = given or (_UNIT_WORDS[found[-1]] if found else "1" if what == "contraction" else None)
@@ -192,18 +168,6 @@ def _unit(column: str, given: str | None, what: str, where: str) -> tuple[str, b
             where=where,
         )
     return unit, absolute
-
-
-def _numbers(cells: list[str], lines: list[int], column: str, where: str) -> np.ndarray:
-    out = np.empty(len(cells))
-    for i, (cell, line) in enumerate(zip(cells, lines, strict=True)):
-        try:
-            out[i] = float(cell)
-        except ValueError:
-            raise InputError(f"{column}, row {line}", cell, "allowed is a number", where=where) from None
-        if not np.isfinite(out[i]):
-            raise InputError(f"{column}, row {line}", cell, "allowed is a finite number", where=where)
-    return out
 
 
 def _check_plausible(what: str, values: np.ndarray, column: str, where: str) -> None:
@@ -266,11 +230,3 @@ def _check_direction(found: ForceMap, where: str) -> None:
                     f"{with_unit(float(key[0]), 'm' if fixed == 'length' else 'Pa')}; columns swapped, or a sign wrong?",
                     where=where,
                 )
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

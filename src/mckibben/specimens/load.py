@@ -129,6 +129,9 @@ def _read(text: str, *, where: str) -> Specimen:
         one = Specimen.model_validate(data | {"where": where})
     except ValidationError as error:
         raise _first_complaint(error, where) from None
+    if one.kind != "valve" and (one.element or one.valve):
+        field = "element" if one.element else "valve"
+        raise InputError(field, one.element or ", ".join(one.valve), "allowed in the file of a valve only", where=where)
     if one.kind != "valve" and one.law not in one.laws:
         raise InputError("law", one.law, f"the file states {', '.join(one.laws) or 'none'}", where=where)
     for name in one.properties:

@@ -43,7 +43,10 @@ Group = dict[str, Parameter]
 
 
 class Specimen(BaseModel):
-    """A muscle or a valve as published: its dimensions, and the parameters of every law that was stated for it."""
+    """A muscle or a valve as published: its dimensions, and the parameters of every law that was stated for it.
+
+    A valve names the pneumatic element that it is, and states that element's parameters in the group `valve`.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -53,10 +56,12 @@ class Specimen(BaseModel):
     title: str
     sources: list[str]
     law: str = ""
+    element: str = ""
     note: str = ""
     properties: Group = {}
     laws: dict[str, Group] = {}
     friction: dict[str, Group] = {}
+    valve: Group = {}
     map: str | None = None
     where: str = ""
 
@@ -70,6 +75,7 @@ class Specimen(BaseModel):
         groups: dict[str, Group] = {"properties": self.properties}
         groups |= {f"laws.{name}": self.laws[name] for name in order}
         groups |= {f"friction.{name}": group for name, group in self.friction.items()}
+        groups["valve"] = self.valve
         return [f"{path}.{name}" for path, group in groups.items() for name, p in group.items() if p.inferred]
 
     def property_si(self, name: str, unit: str) -> float:

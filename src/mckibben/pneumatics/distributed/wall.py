@@ -1,7 +1,6 @@
 """The wall: friction of developed pipe flow, and the heat it gives.
 
-    dP/dx = -f rho u |u| / (2 D),    f = 64/Re                                                      laminar
-    1/sqrt(f) = -1.8 log10((eps/(3.7 D))^1.11 + 6.9/Re)                                             turbulent (Haaland)
+    dP/dx = -f rho u |u| / (2 D)                                                    f as in `pneumatics.wall_friction`
     q = (Nu k/D) (Tw - T - r u^2/(2 cp)),    Nu = 3.66                                              laminar
     Nu = (f/8)(Re - 1000) Pr / (1 + 12.7 sqrt(f/8) (Pr^(2/3) - 1))                                  turbulent (Gnielinski)
 
@@ -9,7 +8,7 @@ Between Re = 2300 and 4000 both f and Nu pass smoothly from one to the other. Th
 driving temperature that of an insulated wall. Range: Re below 1e8, roughness up to 5 % of the diameter; steady, developed
 flow: the extra friction of fast oscillations and of the first ten to fifty diameters is left out.
 
-Sources: S. E. Haaland, J. Fluids Eng. 105, 1983, doi:10.1115/1.3240948; V. Gnielinski, Int. Chem. Eng. 16, 1976;
+Sources: V. Gnielinski, Int. Chem. Eng. 16, 1976;
 F. M. White, Fluid Mechanics and Viscous Fluid Flow.
 """
 
@@ -21,10 +20,10 @@ import jax.numpy as jnp
 
 from ...components import Scalar
 from ..gas import Gas
+from ..wall_friction import LAMINAR_END, haaland, turbulence
 from .equations import Primitive
 
 WALLS = ("isothermal", "adiabatic", "wall_heat")
-LAMINAR_END, TURBULENT_START = 2300.0, 4000.0
 PRANDTL = 0.71
 LAMINAR_NUSSELT = 3.66  # developed flow, constant wall temperature
 
@@ -35,25 +34,6 @@ class WallRates(NamedTuple):
     friction: Scalar  # lambda [1/s]: the momentum decays at this rate
     heating: Scalar  # heat given to the gas [W/m^3]
     exchange: Scalar  # rate at which the temperature approaches the wall's [1/s]
-
-
-def turbulence(reynolds_number: Any) -> Scalar:
-    """Share of the turbulent law: 0 up to Re = 2300, 1 from 4000, smooth between."""
-    x = jnp.clip((reynolds_number - LAMINAR_END) / (TURBULENT_START - LAMINAR_END), 0.0, 1.0)
-    return x * x * (3.0 - 2.0 * x)
-
-
-def haaland(reynolds_number: Any, relative_roughness: Any) -> Scalar:
-    """Darcy's friction factor of turbulent flow."""
-    argument = (relative_roughness / 3.7) ** 1.11 + 6.9 / reynolds_number
-    return 1.0 / (1.8 * jnp.log10(argument)) ** 2
-
-
-def friction_factor(reynolds_number: Any, relative_roughness: Any) -> Scalar:
-    """Darcy's friction factor at any Reynolds number above zero."""
-    share = turbulence(reynolds_number)
-    turbulent = haaland(jnp.maximum(reynolds_number, LAMINAR_END), relative_roughness)
-    return (1.0 - share) * 64.0 / reynolds_number + share * turbulent
 
 
 def nusselt(reynolds_number: Any, relative_roughness: Any) -> Scalar:
@@ -76,7 +56,7 @@ def wall_rates(
     speed = jnp.abs(state.velocity)
     re = density * speed * diameter / viscosity
     share, rough = turbulence(re), roughness / diameter
-    factor = haaland(jnp.maximum(re, LAMINAR_END), rough)
+    factor = haaland(re, rough)
     laminar = 32.0 * viscosity / (density * diameter**2)
     friction = friction_scale * ((1.0 - share) * laminar + share * factor * speed / (2.0 * diameter))
     if not heat:

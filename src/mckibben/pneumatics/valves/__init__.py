@@ -1,1 +1,19 @@
-"""Valves, one file each."""
+"""Valves, one file each: what a command, a spring or a pressure opens."""
+
+from .check_valve import CheckValve
+from .on_off_valve import OnOffValve
+from .pressure_regulator import PressureRegulator
+from .quick_exhaust import QuickExhaust
+from .solenoid import Solenoid
+from .spool_valve import SpoolValve
+from .three_way_valve import ThreeWayValve
+
+__all__ = [
+    "CheckValve",
+    "OnOffValve",
+    "PressureRegulator",
+    "QuickExhaust",
+    "Solenoid",
+    "SpoolValve",
+    "ThreeWayValve",
+]

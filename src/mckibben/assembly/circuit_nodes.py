@@ -1,0 +1,187 @@
+"""Nodes of a circuit from their tables: reservoirs, the atmosphere, volumes, muscles, junctions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..components import Environment
+from ..errors import InputError
+from ..experiments.waveforms import near
+from ..muscles import law_from_specimen
+from ..muscles.law import TensionLaw
+from ..muscles.laws import LAWS, law_type
+from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiabatic
+from ..pneumatics.volume import Chamber, FixedVolume, MovingVolume, Reservoir
+from ..quantities import declared, with_unit
+from ..specimens import specimen
+from .words import Entry
+
+KINDS = ("reservoir", "atmosphere", "volume", "muscle", "junction")
+HEATS = ("isothermal", "adiabatic", "polytropic", "wall")
+STARTS = ("start_pressure", "heat")
+SMALLEST = declared(FixedVolume)["size"].bounds[0]  # [m^3], of a junction beside what tubes give it
+
+
+@dataclass(frozen=True)
+class PlannedNode:
+    """A node, and what belongs to it but not to the circuit.
+
+    Attributes:
+        node: as the circuit takes it.
+        kind: as the file names it.
+        start: gauge pressure at the start [Pa].
+        signal: name of the signal that gives its gauge pressure or its length.
+        length: of a muscle that does not move [m].
+        law: of a muscle.
+        words: what a sentence says of it.
+        needs_volume: whether only its neighbours give it volume.
+    """
+
+    node: Reservoir | Chamber
+    kind: str
+    start: float = 0.0
+    signal: str | None = None
+    length: float | None = None
+    law: TensionLaw | None = None
+    words: str = ""
+    needs_volume: bool = False
+
+
+def read_node(name: str, entry: Entry, room: Environment) -> PlannedNode:
+    """One node of a kind.
+
+    Raises:
+        InputError: names file, dotted path, value and what is allowed.
+    """
+    kind = entry.word("kind", among=KINDS)
+    if kind in ("reservoir", "atmosphere"):
+        return _reservoir(name, kind, entry, room)
+    if kind == "muscle":
+        return _muscle(name, entry, room)
+    return _volume(kind, entry, room)
+
+
+def start_pressure(entry: Entry, key: str, room: Environment, default: float | None = None) -> float:
+    """A gauge pressure above vacuum [Pa]."""
+    value = entry.number(key, "Pa", default)
+    lowest = -float(room.pressure_abs)
+    if not value > lowest:
+        raise entry.fail(
+            key, str(entry.values[key]), f"allowed is a gauge pressure above vacuum, {with_unit(lowest, 'Pa')}"
+        )
+    return value
+
+
+def _reservoir(name: str, kind: str, entry: Entry, room: Environment) -> PlannedNode:
+    temperature = declared(Reservoir)["temperature"]
+    warm = entry.number("temperature", "K", float(room.temperature), declared=temperature)
+    if kind == "atmosphere":
+        entry.only(("kind", "temperature"), "an atmosphere has")
+        absolute = float(room.pressure_abs)
+        return PlannedNode(
+            Reservoir(pressure_abs=absolute, temperature=warm), kind, words=f"{with_unit(absolute, 'Pa')} absolute"
+        )
+    entry.only(("kind", "pressure", "signal", "temperature"), "a reservoir has")
+    if "signal" in entry.values:
+        if "pressure" in entry.values:
+            raise entry.fail("pressure", str(entry.values["pressure"]), "allowed is a pressure or a signal, not both")
+        node = Reservoir(signal=f"{name}.pressure", temperature=warm)
+        return PlannedNode(node, kind, signal=entry.word("signal"), words=f"follows {entry.word('signal')}")
+    gauge = start_pressure(entry, "pressure", room)
+    node = Reservoir(pressure_abs=gauge + float(room.pressure_abs), temperature=warm)
+    return PlannedNode(node, kind, words=with_unit(gauge, "Pa"))
+
+
+def _volume(kind: str, entry: Entry, room: Environment) -> PlannedNode:
+    entry.only(("kind", "volume", *STARTS), f"a {kind} has")
+    needs = kind == "junction" and "volume" not in entry.values
+    size = SMALLEST if needs else entry.number("volume", "m^3", declared=declared(FixedVolume)["size"])
+    heat, words = _heat(entry, room)
+    node = FixedVolume(size=size, heat=heat)
+    shown = words if needs else f"{with_unit(size, 'm^3')}, {words}"
+    return PlannedNode(
+        node, kind, start=start_pressure(entry, "start_pressure", room, 0.0), words=shown, needs_volume=needs
+    )
+
+
+def _muscle(name: str, entry: Entry, room: Environment) -> PlannedNode:
+    entry.only(("kind", "specimen", "law", "parameters", "length", "signal", "dead_volume", *STARTS), "a muscle has")
+    law, title = _law(entry)
+    if ("length" in entry.values) == ("signal" in entry.values):
+        raise entry.fail("length", "missing", "a muscle needs a length, or the signal that gives it, and not both")
+    length, signal = None, None
+    if "length" in entry.values:
+        length = entry.number("length", "m")
+        check_length(law, length, entry.field("length"), entry.where)
+    else:
+        signal = entry.word("signal")
+    dead = entry.number("dead_volume", "m^3", 0.0, declared=declared(MovingVolume)["dead"])
+    heat, words = _heat(entry, room)
+    node = MovingVolume(
+        of=law.braid_volume, ambient=float(room.pressure_abs), dead=dead, heat=heat, signal=f"{name}.length"
+    )
+    place = f"follows {signal}" if length is None else with_unit(length, "m")
+    fittings = f", {with_unit(dead, 'm^3')} of fittings" if dead else ""
+    start = start_pressure(entry, "start_pressure", room, 0.0)
+    return PlannedNode(node, "muscle", start, signal, length, law, words=f"{title}, {place}{fittings}, {words}")
+
+
+def _law(entry: Entry) -> tuple[TensionLaw, str]:
+    wanted = entry.word("specimen")
+    try:
+        spec = specimen(wanted)
+    except InputError as error:
+        raise entry.fail("specimen", wanted, error.allowed) from None
+    name = entry.word("law", spec.law or None, among=None)
+    if name not in LAWS:
+        raise entry.fail("law", name, f"{near(name, LAWS)}{spec.id} states {', '.join(spec.laws) or 'none'}")
+    changes, known = entry.table("parameters"), declared(law_type(name))
+    changes.only(known, f"{name} has")
+    values = {k: changes.number(k, known[k].unit, declared=known[k]) for k in changes.values}
+    try:
+        law = law_from_specimen(spec, name, changes=values)
+    except InputError as error:
+        raise entry.fail("specimen" if spec.kind != "mckibben" else "law", error.value, error.allowed) from None
+    if not law.has_volume():
+        raise entry.fail(
+            "law", name, "it does not know its volume; allowed is a law that does, such as linear_threshold"
+        )
+    return law, f"{spec.id} by {name}"
+
+
+def check_length(law: TensionLaw, length: float, field: str, where: str) -> None:
+    """Refuse a length for which a law is not made."""
+    low, high = (float(end) for end in law.length_range())
+    if not low <= length <= high:
+        raise InputError(
+            field, with_unit(length, "m"), f"allowed is {with_unit(low, 'm')} to {with_unit(high, 'm')}", where=where
+        )
+
+
+def _heat(entry: Entry, room: Environment) -> tuple[HeatModel, str]:
+    """How a volume exchanges heat, and that in words."""
+    raw: Any = entry.values.get("heat", "isothermal")
+    if isinstance(raw, Mapping):
+        table = entry.table("heat")
+    else:
+        if raw not in HEATS:
+            raise entry.fail("heat", raw, f"{near(raw, HEATS)}known are {', '.join(HEATS)}")
+        table = Entry({"kind": raw}, entry.field("heat"), entry.where)
+    kind = table.word("kind", among=HEATS)
+    if kind == "polytropic":
+        table.only(("kind", "exponent"), "polytropic has")
+        exponent = table.number("exponent", "1", declared=declared(Polytropic)["exponent"])
+        return Polytropic(exponent=exponent), f"polytropic with n = {exponent:g}"
+    if kind == "wall":
+        table.only(("kind", "conductance", "wall_temperature"), "wall has")
+        known = declared(WallHeat)
+        conductance = table.number("conductance", "W/K", declared=known["conductance"])
+        wall = table.number("wall_temperature", "K", float(room.temperature), declared=known["wall_temperature"])
+        return (
+            WallHeat(conductance=conductance, wall_temperature=wall),
+            f"wall of {conductance:g} W/K at {with_unit(wall, 'K')}",
+        )
+    table.only(("kind",), f"{kind} has")
+    return (Isothermal() if kind == "isothermal" else adiabatic()), kind

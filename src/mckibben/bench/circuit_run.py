@@ -1,0 +1,201 @@
+"""A planned circuit becomes a run, and the run a recording."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..assembly.circuit_plan import CircuitPlan
+from ..assembly.sentence import run_sentence, sentence
+from ..components import Module, Scalar, paths
+from ..engine import Run, Signal, integrate
+from ..errors import ConvergenceError
+from ..pneumatics.circuit import balance
+from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
+from ..pneumatics.volume import MovingVolume
+from ..recordings.recording import Channel, Recording
+from ..specimens import specimen
+
+CHUNK = 400_000  # steps of a part; each part costs some seconds beside, for its rates are examined
+
+# Outputs of the circuit by the last part of their name: unit and meaning.
+OUTPUTS = {
+    "pressure_abs": ("Pa", "absolute pressure"),
+    "temperature": ("K", "temperature of the gas"),
+    "mass": ("kg", "mass of the gas"),
+    "mass_flow": ("kg/s", "mass flow, positive from the first port to the second"),
+    "set_pressure": ("Pa", "set-point after its lag"),
+    "sensed_pressure": ("Pa", "pressure that the piston senses"),
+    "shaft_power": ("W", "power of the shaft"),
+}
+OF_THE_PAPER = (LinearTube, QuadraticTube, InertialTube)
+DRIVES = {"Pa": "gauge pressure asked for", "m": "length of a muscle", "1": "command"}
+
+
+class Window(Module):
+    """A part of a signal, from a sample on: delayed signals still see what came before it."""
+
+    values: Scalar
+    whole: Signal
+    first: Any = eqx.field(converter=jnp.asarray)
+
+    def at(self, index: Any, share: Any, period: Any) -> Any:
+        """As for the signal."""
+        return self.whole.at(self.first + index, share, period)
+
+
+def chunks(plan: CircuitPlan) -> int:
+    """In how many parts a run goes: how often `run_circuit` tells of its progress."""
+    return len(_edges(plan)) - 1
+
+
+def run_circuit(plan: CircuitPlan, *, progress: Callable[[str], None] | None = None) -> Recording:
+    """Run a circuit and record pressures, temperatures, masses, flows and commands.
+
+    A keyboard interrupt ends the run; what was reached by then is returned, with ``result`` "interrupted".
+
+    Args:
+        plan: what to run.
+        progress: told how far the run is, `chunks` times.
+
+    Raises:
+        ConvergenceError: if the run failed; says when and why.
+    """
+    signals = plan.inputs()
+    state, memory = start = plan.initial()
+    done: list[Run] = []
+    edges = _edges(plan)
+    at, message = 0, "The run reached its end."
+    try:
+        for first, last in zip(edges, edges[1:], strict=False):
+            windows = {n: Window(s.values[first : last + 1], s, first) for n, s in signals.items()}
+            run = _part(plan, state, memory, windows, (first, last))
+            state, memory, at = run.state, run.memory, last
+            done.append(run)
+            if progress is not None:
+                progress(f"{plan.period * last:.4g} s of {plan.duration:.4g} s")
+    except KeyboardInterrupt:
+        if not done:
+            raise
+        message = f"Interrupted after {plan.period * at:.4g} s of {plan.duration:.4g} s."
+    return _record(plan, done, at, message, start, signals)
+
+
+def _edges(plan: CircuitPlan) -> list[int]:
+    inner = max(1, round(plan.period / plan.inner_step))
+    size = max(1, CHUNK // inner)
+    return [*range(0, plan.samples, size), plan.samples]
+
+
+def _part(plan: CircuitPlan, state: Any, memory: Any, windows: Mapping[str, Any], part: tuple[int, int]) -> Run:
+    try:
+        return integrate(
+            plan.circuit, state, windows, period=plan.period, memory=memory, step_size=plan.step, method=plan.method
+        )
+    except ConvergenceError as error:
+        begin, end = (plan.period * i for i in part)
+        raise ConvergenceError(f"{plan.where}: between {begin:.4g} s and {end:.4g} s: {error}") from None
+
+
+def _record(
+    plan: CircuitPlan, done: list[Run], last: int, message: str, start: Any, signals: Mapping[str, Signal]
+) -> Recording:
+    count = last + 1
+    # the first sample of a part is the last of the one before, seen with the new inputs
+    outputs = {
+        name: np.concatenate([*(r.outputs[name][:-1] for r in done), done[-1].outputs[name][-1:]])
+        for name in done[0].outputs
+    }
+    integrals = jax.tree.map(lambda *parts: float(sum(parts)), *(r.integrals for r in done))
+    first = {n: s.at(0, 0.0, plan.period) for n, s in signals.items()}
+    final = {n: s.at(last - 1, 1.0, plan.period) for n, s in signals.items()}
+    closed = balance(plan.circuit, start[0], done[-1].state, first, final, integrals)
+    complete = last == plan.samples
+    meta = {
+        "title": plan.title,
+        "circuit": sentence(plan),
+        "run": run_sentence(plan),
+        "description": plan.document,
+        "source_sha256": plan.digest,
+        "parameters": {p: {"value": _value(plan, p), "unit": q.unit} for p, q in paths.parameters(plan.owner)},
+        "environment": {
+            "pressure_abs": float(plan.environment.pressure_abs),
+            "temperature": float(plan.environment.temperature),
+        },
+        "balance": {"mass": float(closed.mass), "energy": float(closed.energy)},
+        "result": "done" if complete else "interrupted",
+        "message": message,
+        "stiff": any(r.stiff for r in done),
+        "fastest_rate": max(r.fastest for r in done),
+        "step": plan.inner_step,
+        "versions": _versions(),
+        "citations": citations(plan),
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+    return Recording(plan.times[:count], _channels(plan, outputs, signals, count), meta)
+
+
+def _versions() -> dict[str, str]:
+    # The package's root gathers the verbs of all rooms, so a room cannot import it.
+    root = sys.modules[__name__.partition(".")[0]]
+    return {"mckibben": root.__version__, "jax": jax.__version__, "python": platform.python_version()}
+
+
+def _value(plan: CircuitPlan, path: str) -> Any:
+    return np.asarray(paths.get(plan.owner, path)).tolist()
+
+
+def _channels(
+    plan: CircuitPlan, outputs: Mapping[str, np.ndarray], signals: Mapping[str, Signal], count: int
+) -> dict[str, Channel]:
+    room = float(plan.environment.pressure_abs)
+    found: dict[str, Channel] = {}
+    for name in plan.nodes:
+        gauge = outputs[f"{name}.pressure_abs"] - room
+        found[f"{name}.pressure"] = Channel(gauge, unit="Pa", kind="true", meaning=f"gauge pressure of {name}")
+    for name, values in outputs.items():
+        owner, _, last = name.rpartition(".")
+        unit, meaning = OUTPUTS.get(last, ("1", last.replace("_", " ")))
+        found[name] = Channel(np.broadcast_to(values, (count,)), unit=unit, kind="true", meaning=f"{meaning}, {owner}")
+    found |= _muscles(plan, outputs, signals, count)
+    for name, s in plan.signals.items():
+        values = s.waveform.at(plan.times[:count])
+        found[name] = Channel(values, unit=s.unit, kind="command", meaning=f"{DRIVES[s.unit]}, {', '.join(s.drives)}")
+    return found
+
+
+def _muscles(
+    plan: CircuitPlan, outputs: Mapping[str, np.ndarray], signals: Mapping[str, Signal], count: int
+) -> dict[str, Channel]:
+    found = {}
+    for name, planned in plan.nodes.items():
+        node = plan.circuit.nodes[name]
+        if planned.law is None or not isinstance(node, MovingVolume):
+            continue
+        length = np.asarray(signals[f"{name}.length"].values)[:count]
+        gauge = outputs[f"{name}.pressure_abs"] - float(node.ambient)
+        volume = np.asarray(node.of(length, gauge)) + float(node.dead)
+        tension = np.asarray(planned.law.tension(length, gauge))
+        found[f"{name}.length"] = Channel(length, unit="m", kind="true", meaning=f"length of {name}")
+        found[f"{name}.volume"] = Channel(volume, unit="m^3", kind="true", meaning=f"volume of the gas in {name}")
+        found[f"{name}.tension"] = Channel(
+            tension, unit="N", kind="true", meaning=f"tension of {name} by its static law"
+        )
+    return found
+
+
+def citations(plan: CircuitPlan) -> list[str]:
+    """Keys of the papers that the parts of a circuit and their specimens rest on."""
+    keys = [key for planned in plan.nodes.values() if planned.law is not None for key in planned.law.cites]
+    keys += ["chou1996" for e in plan.circuit.elements.values() if isinstance(e, OF_THE_PAPER)]
+    parts = [part for section in ("nodes", "elements") for part in plan.document[section].values()]
+    keys += [key for part in parts if "specimen" in part for key in specimen(part["specimen"]).sources]
+    return list(dict.fromkeys(keys))

@@ -1,0 +1,17 @@
+"""Waveforms as data: what a signal shall do over time, from a table of words to numbers and to a sentence.
+
+A waveform is an immutable value in the unit of its signal. `Waveform.at` gives its values at any times; the same times give
+the same values on every machine, noise included. ``straight`` says how it goes on between two samples: along a line, or
+held until the next one. A jump belongs to the time that it is stated for.
+"""
+
+from .combined import Sequence, Sum, Table
+from .read import KINDS, near, read_waveform
+from .smooth import Chirp, MultiSine, Noise, Ramp, Sine, Triangle
+from .switched import Binary, Constant, Pulse, PulseWidth, Square, Steps
+from .waveform import Waveform, time_words
+
+__all__ = [
+    "KINDS", "Binary", "Chirp", "Constant", "MultiSine", "Noise", "Pulse", "PulseWidth", "Ramp", "Sequence", "Sine",
+    "Square", "Steps", "Sum", "Table", "Triangle", "Waveform", "near", "read_waveform", "time_words",
+]  # fmt: skip

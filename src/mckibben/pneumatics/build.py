@@ -1,0 +1,296 @@
+"""Elements from words: kinds by name, values with units, and the ways in which catalogues state an element.
+
+A passage (a field that is an `Orifice`) is stated by its sonic conductance, by a flow to free air and the pressure at which
+it was measured, or by the diameter of a hole. An element with two passages takes these keys for both, or with the name of
+one in front: ``flow``, ``vent_flow``. The times of a valve's drive stand beside the element's own keys.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ..components.flow import FlowElement
+from ..errors import InputError
+from ..quantities import Quantity, declared, parse
+from ..specimens import Specimen
+from .compressor import Compressor
+from .gas import AIR, REFERENCE_TEMPERATURE
+from .leak import REFERENCE_PRESSURE, Leak
+from .orifice import Orifice
+from .tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube
+from .valves import CheckValve, OnOffValve, PressureRegulator, QuickExhaust, Solenoid, SpoolValve, ThreeWayValve
+
+ELEMENTS: dict[str, type[FlowElement]] = {
+    "orifice": Orifice,
+    "leak": Leak,
+    "check_valve": CheckValve,
+    "on_off_valve": OnOffValve,
+    "three_way_valve": ThreeWayValve,
+    "spool_valve": SpoolValve,
+    "pressure_regulator": PressureRegulator,
+    "quick_exhaust": QuickExhaust,
+    "compressor": Compressor,
+    "linear_tube": LinearTube,
+    "quadratic_tube": QuadraticTube,
+    "inertial_tube": InertialTube,
+    "lumped_tube": LumpedTube,
+}
+
+PASSAGES = {
+    "check_valve": ("passage",),
+    "on_off_valve": ("passage",),
+    "three_way_valve": ("fill", "vent"),
+    "spool_valve": ("fill", "vent"),
+    "pressure_regulator": ("fill", "relief"),
+    "quick_exhaust": ("feed", "vent"),
+}
+SIZES = {"conductance": (), "flow": ("flow_pressure",), "hole_diameter": ("discharge",)}  # and what goes with each
+DRIVEN = ("on_off_valve", "three_way_valve")  # those with a solenoid
+
+FLOW = Quantity("m^3/s", (0.0, 10.0), "volume flow of reference air", "q", (1e-5, 1e-1))
+FLOW_PRESSURE = Quantity("Pa", (1.0, 1e8), "gauge pressure at which it flows into the room", "p", (1e5, 1e6))
+DIAMETER = Quantity("m", (1e-6, 0.1), "inner diameter", "D", (1e-4, 1e-2))
+LENGTH = Quantity("m", (1e-4, 100.0), "length", "l", (1e-2, 5.0))
+FRICTION = Quantity("1", (1e-4, 1.0), "friction factor", "f", (0.01, 0.05))
+ENDS = Quantity("1", (0.0, 1e3), "loss of both ends in velocity heads", "K", (0.5, 5.0))
+PRESSURE_ABS = Quantity("Pa", (1.0, 1e8), "absolute pressure at which the turbulent loss is taken", "p", (1e5, 1e6))
+
+
+@dataclasses.dataclass(frozen=True)
+class Way:
+    """One way to state an element besides by its own fields: what it needs, what it may have, and what makes it."""
+
+    needs: Mapping[str, Quantity]
+    may: Mapping[str, Quantity]
+    make: Callable[..., Any]
+
+
+def _of_flow(flow: float, flow_pressure: float, **rest: float) -> Orifice:
+    return Orifice.from_flow(flow, pressure=flow_pressure, **rest)
+
+
+def _of_hole(hole_diameter: float, **rest: float) -> Orifice:
+    return Orifice.of_hole(hole_diameter, **rest)
+
+
+def _leak_of_flow(flow: float, flow_pressure: float) -> Leak:
+    return Leak.from_flow(flow, pressure=flow_pressure)
+
+
+def _pipe(length: float, diameter: float, friction: float, ends: float, at_pressure_abs: float) -> dict[str, Any]:
+    """Constant coefficients of a pipe: laminar by Hagen and Poiseuille, turbulent at one density."""
+    density = AIR.density(at_pressure_abs, REFERENCE_TEMPERATURE)
+    return {
+        "viscous": 32.0 * AIR.viscosity(REFERENCE_TEMPERATURE) * length / diameter**2,
+        "turbulent": 0.5 * density * (friction * length / diameter + ends),
+        "area": 0.25 * 3.141592653589793 * diameter**2,
+    }
+
+
+def _quadratic(
+    *,
+    length: float,
+    diameter: float,
+    friction: float = 0.024,
+    ends: float = 1.5,
+    at_pressure_abs: float = REFERENCE_PRESSURE,
+) -> QuadraticTube:
+    return QuadraticTube(**_pipe(length, diameter, friction, ends, at_pressure_abs))
+
+
+def _inertial(
+    *,
+    length: float,
+    diameter: float,
+    friction: float = 0.024,
+    ends: float = 1.5,
+    at_pressure_abs: float = REFERENCE_PRESSURE,
+) -> InertialTube:
+    return InertialTube(**_pipe(length, diameter, friction, ends, at_pressure_abs), length=length)
+
+
+_ORIFICE = {name: q for name, q in declared(Orifice).items() if name != "conductance"}
+_PIPE = Way(
+    {"length": LENGTH, "diameter": DIAMETER},
+    {"friction": FRICTION, "ends": ENDS, "at_pressure_abs": PRESSURE_ABS},
+    _quadratic,
+)
+PASSAGE_WAYS = (
+    Way({"flow": FLOW, "flow_pressure": FLOW_PRESSURE}, _ORIFICE, _of_flow),
+    Way(
+        {"hole_diameter": DIAMETER},
+        {**_ORIFICE, "discharge": Quantity("1", (0.01, 1.0), "discharge coefficient", "Cd", (0.6, 0.95))},
+        _of_hole,
+    ),
+)
+WAYS: dict[str, tuple[Way, ...]] = {
+    "orifice": PASSAGE_WAYS,
+    "leak": (
+        Way({"flow": FLOW, "flow_pressure": FLOW_PRESSURE}, {}, _leak_of_flow),
+        Way({"length": LENGTH, "diameter": DIAMETER}, {}, Leak.of_capillary),
+    ),
+    "quadratic_tube": (_PIPE,),
+    "inertial_tube": (dataclasses.replace(_PIPE, make=_inertial),),
+}
+
+
+def build_element(
+    kind: str, values: Mapping[str, str | float], *, where: str | None = None, specimen: Specimen | None = None
+) -> FlowElement:
+    """An element from its kind and its values.
+
+    Args:
+        kind: one of `ELEMENTS`.
+        values: words with units, such as ``"600 l/min"``; bare numbers for pure numbers only.
+        where: place used in a complaint.
+        specimen: a valve whose published numbers stand for what the values leave out.
+
+    Raises:
+        InputError: names the element, the key, its value and what is allowed.
+    """
+    if kind not in ELEMENTS:
+        raise InputError("kind", kind, f"known are {', '.join(ELEMENTS)}", where=where)
+    if specimen is not None:
+        return valve_from_specimen(specimen, kind, values=values, where=where)
+    return _build(kind, _numbers(kind, values, where), where)
+
+
+def valve_from_specimen(
+    spec: Specimen,
+    kind: str | None = None,
+    *,
+    effective: bool = False,
+    values: Mapping[str, str | float] | None = None,
+    where: str | None = None,
+) -> FlowElement:
+    """A valve as published.
+
+    Args:
+        spec: what was read from a specimen file.
+        kind: build this element from its flow instead of the one that the file names; what the file states of the other is
+            then left out, but for passages.
+        effective: take the effective flow, which was inferred from experiments, instead of the rated one.
+        values: what to replace or add, as for `build_element`.
+        where: place used in a complaint about the values.
+
+    Raises:
+        InputError: if it is no valve, its file does not state the flow, or a value is refused.
+    """
+    place = spec.where or spec.id
+    if spec.kind != "valve":
+        raise InputError("specimen", spec.id, "it is a muscle; allowed is a valve", where=place)
+    own_kind = spec.element or kind  # a file may leave the element open
+    if own_kind not in ELEMENTS:
+        raise InputError("element", own_kind or "missing", f"known are {', '.join(ELEMENTS)}", where=place)
+    chosen = kind or own_kind
+    if chosen not in ELEMENTS:
+        raise InputError("kind", chosen, f"known are {', '.join(ELEMENTS)}", where=where or place)
+    given = _numbers(chosen, values or {}, where or place)
+    own, wanted = known_keys(own_kind), known_keys(chosen)
+    for key, p in spec.valve.items():
+        if key not in own:
+            raise InputError(f"valve.{key}", "unknown", f"{own_kind} has {', '.join(own)}", where=place)
+        value = p.si(own[key].unit, field=f"valve.{key}", where=place)
+        if isinstance(value, list):
+            raise InputError(f"valve.{key}", str(p.value), "allowed is one number", where=place)
+        own[key].check(f"valve.{key}", value, where=place)
+        if key in wanted and (chosen == own_kind or key in _ORIFICE):
+            given.setdefault(key, value)
+    sized = any(size in given for size in SIZES)
+    if effective and (sized or "flow" not in wanted):
+        raise InputError("effective", "asked for", f"the values state the size, or {chosen} has no flow", where=place)
+    if "flow" in wanted and not sized:
+        given["flow"] = spec.property_si("effective_flow" if effective else "flow", "m^3/s")
+    if "flow" in given:
+        given.setdefault("flow_pressure", spec.property_si("flow_pressure", "Pa"))
+    return _build(chosen, given, where or place)
+
+
+def known_keys(kind: str) -> dict[str, Quantity]:
+    """Every key that an element can be stated by, with its declaration."""
+    known = dict(declared(ELEMENTS[kind]))
+    if kind in DRIVEN:
+        known |= declared(Solenoid)
+    for way in WAYS.get(kind, ()):
+        known |= {**way.needs, **way.may}
+    passages = PASSAGES.get(kind, ())
+    keys = _passage_keys() if passages else {}
+    known |= keys
+    if len(passages) > 1:
+        known |= {f"{passage}_{key}": q for passage in passages for key, q in keys.items()}
+    return known
+
+
+def _passage_keys() -> dict[str, Quantity]:
+    keys = dict(declared(Orifice))
+    for way in PASSAGE_WAYS:
+        keys |= {**way.needs, **way.may}
+    return keys
+
+
+def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[str, float]:
+    """Values in SI by key; unknown keys, missing units and values out of bounds are named."""
+    known = known_keys(kind)
+    found = {}
+    for key, value in values.items():
+        if key not in known:
+            raise InputError(f"{kind}.{key}", "unknown", f"{kind} has {', '.join(known)}", where=where)
+        q, field = known[key], f"{kind}.{key}"
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            raise InputError(field, type(value).__name__, "allowed is a number, or words with a unit", where=where)
+        found[key] = parse(value if isinstance(value, str) else repr(value), q.unit, field=field, where=where)
+        q.check(field, found[key], where=where)
+    return found
+
+
+def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElement:
+    rest = dict(given)
+    parts: dict[str, Any] = {}
+    passages = PASSAGES.get(kind, ())
+    shared = {key: rest.pop(key) for key in _passage_keys() if key in rest} if passages else {}
+    for passage in passages:
+        prefix = f"{passage}_"
+        own = {key: rest.pop(prefix + key) for key in _passage_keys() if prefix + key in rest}
+        # a passage that states its own size drops the shared one, and what goes with another way to state it
+        sizes = [size for size in SIZES if size in own]
+        kept = {*_ORIFICE, *(key for size in sizes for key in SIZES[size])} if sizes else set(shared)
+        common = {k: v for k, v in shared.items() if k in kept}
+        parts[passage] = _one(
+            Orifice, PASSAGE_WAYS, common | own, f"{kind}.{prefix if len(passages) > 1 else ''}", where
+        )
+    if kind in DRIVEN:
+        times = {key: rest.pop(key) for key in declared(Solenoid) if key in rest}
+        parts["drive"] = _one(Solenoid, (), times, f"{kind}.", where)
+    built: FlowElement = _one(ELEMENTS[kind], WAYS.get(kind, ()), rest, f"{kind}.", where, parts)
+    return built
+
+
+def _one(
+    owner: Any, ways: tuple[Way, ...], given: Mapping[str, float], prefix: str, where: str | None, parts: Any = None
+) -> Any:
+    """One thing by its own fields, or by the way whose keys are given; what is missing or does not go together is named."""
+    fields = declared(owner)
+    make, needs, may = owner, _required(owner), fields
+    for way in ways:  # a key that an element also has as a field, such as a tube's length, decides nothing
+        if any(key in given and key not in fields for key in way.needs):
+            make, needs, may = way.make, list(way.needs), {**way.needs, **way.may}
+            break
+    missing = [key for key in needs if key not in given]
+    if missing:
+        others = "".join(f"; or give {' and '.join(way.needs)}" for way in ways if way.make is not make)
+        doc = {**fields, **may}[missing[0]].doc
+        raise InputError(prefix + missing[0], "missing", f"it is the {doc}{others}", where=where)
+    for key in given:
+        if key not in may:
+            raise InputError(prefix + key, "too much", f"with it goes only {', '.join(may)}", where=where)
+    try:
+        return make(**given, **(parts or {}))
+    except InputError as error:
+        raise (error.at(where) if where else error) from None
+
+
+def _required(owner: Any) -> list[str]:
+    missing = dataclasses.MISSING
+    return [f.name for f in dataclasses.fields(owner) if "quantity" in f.metadata and f.default is missing]

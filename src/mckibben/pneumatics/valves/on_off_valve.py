@@ -1,0 +1,46 @@
+"""A switching valve between two ports (2/2, closed without current).
+
+    w = x(t) w_ISO(Pa, Pb)
+
+The opening x follows the command as `mckibben.pneumatics.valves.solenoid` says, w_ISO as ISO 6358-1:2013 says. Range: both
+directions of flow alike; the motion does not depend on the pressures.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+
+from ...components import Scalar
+from ...components.flow import Gases, GasState, TwoPort
+from ..orifice import Orifice, opening_flow, steepest_slope
+from .solenoid import Solenoid
+
+
+class OnOffValve(TwoPort):
+    """Open above a command of 0.5, closed below, after its dead and switching times."""
+
+    commanded: ClassVar[bool] = True
+    passage: Orifice = eqx.field(kw_only=True)
+    drive: Solenoid = eqx.field(kw_only=True)
+
+    def initial(self) -> Any:
+        """Closed."""
+        return self.drive.initial()
+
+    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
+        """Mass flow from a to b [kg/s]."""
+        return opening_flow(self.passage, a, b, self.drive.opening(state))
+
+    def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
+        """Of flux and stroke [1/s]."""
+        return self.drive.rates(state, command)
+
+    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+        """Slope at equal pressures; of the open valve where it is on its way [kg/(s Pa)]."""
+        return (steepest_slope(self.passage, *gas) * self.drive.widest(state, command),)
+
+    def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
+        """Its opening [1]."""
+        return {"opening": self.drive.opening(state)}

@@ -1,0 +1,30 @@
+"""How openings grow from 0 to 1: choices between branches, so that no derivative is halved at a tie."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from ...components import Scalar
+
+
+def share(x: Any) -> Scalar:
+    """A number held to 0 to 1."""
+    x = jnp.asarray(x, float)
+    return jnp.where(x < 0.0, 0.0, jnp.where(x > 1.0, 1.0, x))
+
+
+def eased(x: Any) -> Scalar:
+    """From 0 at x = 0 to 1 at x = 1 without a corner; its slope is at most `EASED_SLOPE`."""
+    y = share(x)
+    return y * y * (3.0 - 2.0 * y)
+
+
+EASED_SLOPE = 1.5
+
+
+def between(x: Any, low: Any, high: Any) -> Scalar:
+    """A number held between two bounds."""
+    x = jnp.asarray(x, float)
+    return jnp.where(x < low, low, jnp.where(x > high, high, x))

@@ -1,0 +1,271 @@
+"""The recording: what happened, as channels over one time.
+
+It is the border of the laboratory: left of it is simulation or hardware, right of it nothing knows which.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import InputError
+from .meta import Frozen, frozen
+from .units import is_si
+
+if TYPE_CHECKING:
+    import xarray
+
+KINDS = ("true", "measured", "command")
+# Of a uniform clock; beyond, a period in the wrong unit is meant.
+_MOST_SAMPLES = 10**8
+_NAME = re.compile(r"\w[^/\\\[\],;\"#]*")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Channel:
+    """One quantity over the time of a recording.
+
+    Args:
+        values: float64 (n,), copied and read-only; NaN is allowed and means that nothing is known there.
+        unit: SI unit in words, without prefixes: ``"Pa"``, ``"kg/s"``, ``"1"`` for a pure number.
+        kind: ``"true"`` for the state of a simulation, ``"measured"`` behind a sensor, ``"command"`` for what was asked.
+        meaning: one phrase for a person.
+
+    Raises:
+        InputError: names what is wrong and what is allowed.
+    """
+
+    values: np.ndarray
+    unit: str = "Pa"
+    kind: str = "true"
+    meaning: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", _column(self.values, "values of a channel"))
+        if not isinstance(self.unit, str) or not is_si(self.unit):
+            raise InputError("unit of a channel", self.unit, "allowed is an SI unit such as 'Pa', 'kg/s' or '1'")
+        if self.kind not in KINDS:
+            raise InputError("kind of a channel", self.kind, f"known are {', '.join(KINDS)}")
+        if not isinstance(self.meaning, str) or not self.meaning.isprintable():
+            raise InputError("meaning of a channel", repr(self.meaning), "allowed is one line of text")
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Channel):
+            return NotImplemented
+        same = (self.unit, self.kind, self.meaning) == (other.unit, other.kind, other.meaning)
+        return same and np.array_equal(self.values, other.values, equal_nan=True)
+
+    __hash__ = None  # type: ignore[assignment]  # arrays have no cheap hash
+
+    def __repr__(self) -> str:
+        return f"Channel({len(self)} values, unit={self.unit!r}, kind={self.kind!r}, meaning={self.meaning!r})"
+
+    def with_values(self, values: Any) -> Channel:
+        """The same quantity with other values (n,) [unit]."""
+        return Channel(values, self.unit, self.kind, self.meaning)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording:
+    """Channels over one time, and what is known about the run. Immutable; every method returns a new one.
+
+    Args:
+        time: (n,) [s], finite and strictly increasing, n at least 1.
+        channels: by dotted name such as ``tank.pressure``; a pressure is gauge unless the name ends in ``_abs``.
+        meta: what JSON can hold, nested. Writers use title, created, result, message, circuit, parameters, specimen,
+            protocol, rig, environment, versions, citations, balance, events. NaN and infinities survive files.
+
+    Raises:
+        InputError: names the channel, the value and what is allowed.
+    """
+
+    time: np.ndarray
+    channels: Mapping[str, Channel]
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        time = _column(self.time, "time")
+        _check_clock(time)
+        if not isinstance(self.channels, Mapping):
+            raise InputError("channels", type(self.channels).__name__, "allowed is a mapping of names to channels")
+        kept: dict[str, Channel] = {}
+        for name, channel in self.channels.items():
+            check_name(name)
+            if not isinstance(channel, Channel):
+                raise InputError(f"channel {name}", type(channel).__name__, "allowed is a Channel")
+            if len(channel) != len(time):
+                raise InputError(f"channel {name}", f"{len(channel)} values", f"the time has {len(time)}")
+            # A meaning that only repeats the name says nothing.
+            said = channel.meaning != name
+            kept[name] = channel if said else Channel(channel.values, channel.unit, channel.kind)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "channels", Frozen(kept))
+        object.__setattr__(self, "meta", frozen(self.meta))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.channels
+
+    # Its length is in samples: a walk over names would not fit to that.
+    __iter__ = None
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Values of a channel (n,) [its unit], or the time under ``"time"``."""
+        return self.time if name == "time" else self._channel(name).values
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Recording):
+            return NotImplemented
+        same = np.array_equal(self.time, other.time) and dict(self.channels) == dict(other.channels)
+        return same and _comparable(self.meta) == _comparable(other.meta)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:.6g} s to {self.time[-1]:.6g} s"
+        return f"Recording({len(self)} samples, {span}: {', '.join(self.channels) or 'no channels'})"
+
+    def _channel(self, name: str) -> Channel:
+        try:
+            return self.channels[name]
+        except (KeyError, TypeError):
+            raise InputError("channel", name, f"the recording has {', '.join(self.channels) or 'none'}") from None
+
+    def names(self, kind: str | None = None) -> list[str]:
+        """Names of the channels, of one kind if given, in their order."""
+        if kind is not None and kind not in KINDS:
+            raise InputError("kind", kind, f"known are {', '.join(KINDS)}")
+        return [name for name, channel in self.channels.items() if kind in (None, channel.kind)]
+
+    def unit(self, name: str) -> str:
+        """SI unit of a channel in words."""
+        return "s" if name == "time" else self._channel(name).unit
+
+    @property
+    def period(self) -> float:
+        """Median interval between samples [s]."""
+        if len(self) < 2:
+            raise InputError("period", f"{len(self)} sample", "allowed are 2 samples or more")
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    def select(self, start: float | None = None, end: float | None = None) -> Recording:
+        """The samples from `start` to `end` [s], both included; an end that is left out is open. The time is kept."""
+        low, high = -math.inf if start is None else float(start), math.inf if end is None else float(end)
+        # Times are sums of periods: 0.30000000000000004 s is meant by 0.3 s.
+        room = 1e-6 * self.period if len(self) > 1 else 0.0
+        keep = (self.time >= low - room) & (self.time <= high + room)
+        if not keep.any():
+            known = f"the recording has {self.time[0]:.6g} s to {self.time[-1]:.6g} s"
+            raise InputError("select", f"{low:.6g} s to {high:.6g} s", f"no sample lies there; {known}")
+        some = {name: channel.with_values(channel.values[keep]) for name, channel in self.channels.items()}
+        return Recording(self.time[keep], some, self.meta)
+
+    def pick(self, names: Iterable[str]) -> Recording:
+        """Some channels, in the order given."""
+        if isinstance(names, str):
+            raise InputError("names", names, "allowed is a list of names")
+        return Recording(self.time, {name: self._channel(name) for name in names}, self.meta)
+
+    def with_channels(self, channels: Mapping[str, Channel]) -> Recording:
+        """The same with channels added or replaced."""
+        return Recording(self.time, {**self.channels, **channels}, self.meta)
+
+    def with_meta(self, meta: Mapping[str, Any] | None = None, /, **more: Any) -> Recording:
+        """The same with keys of the meta added or replaced."""
+        return Recording(self.time, self.channels, {**self.meta, **(meta or {}), **more})
+
+    def uniform(self, period: float | None = None) -> Recording:
+        """On a uniform clock by straight lines between the samples; the start is kept, nothing is extrapolated.
+
+        It smooths nothing: a period much above the old one folds what is faster than it.
+
+        Args:
+            period: of the new clock [s]; the median interval where it is left out.
+        """
+        step = self.period if period is None else float(period)
+        if not (math.isfinite(step) and 0.0 < step and self.duration <= step * _MOST_SAMPLES):
+            raise InputError("period", step, f"allowed is a time [s] above {self.duration / _MOST_SAMPLES:.3g}")
+        count = math.floor(self.duration / step * (1.0 + 1e-12) + 1e-9) + 1
+        time = self.time[0] + step * np.arange(count)
+        moved = {n: c.with_values(np.interp(time, self.time, c.values)) for n, c in self.channels.items()}
+        return Recording(time, moved, self.meta)
+
+    def summary(self) -> dict[str, dict[str, Any]]:
+        """Of each channel: min, max, mean of the samples [its unit], unit and kind. NaN are passed over."""
+        found: dict[str, dict[str, Any]] = {}
+        for name, channel in self.channels.items():
+            known = channel.values[~np.isnan(channel.values)]
+            figures = (known.min(), known.max(), known.mean()) if known.size else (math.nan,) * 3
+            numbers = dict(zip(("min", "max", "mean"), map(float, figures), strict=True))
+            found[name] = {**numbers, "unit": channel.unit, "kind": channel.kind}
+        return found
+
+    def to_dataset(self) -> xarray.Dataset:
+        """The recording as an xarray dataset, as it is stored in netCDF files."""
+        from .store import as_dataset
+
+        return as_dataset(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write to a ``.nc`` (netCDF) or ``.csv`` file; a file of that name is replaced only when all is written."""
+        from .store import save
+
+        return save(self, path)
+
+
+def check_name(name: object, where: str | None = None) -> None:
+    """Refuse a channel name that a file could not hold."""
+    plain = isinstance(name, str) and name.isprintable() and name.strip() == name and _NAME.fullmatch(name)
+    if not plain or name == "time":
+        allowed = "allowed is a name such as 'tank.pressure', without / \\ [ ] , ; \" # and not 'time'"
+        raise InputError("name of a channel", name if isinstance(name, str) else repr(name), allowed, where=where)
+
+
+def _column(values: Any, what: str) -> np.ndarray:
+    try:
+        given = np.asarray(values)
+    except (TypeError, ValueError) as error:
+        raise InputError(what, f"no array ({error})", "allowed are real numbers") from None
+    if given.dtype.kind not in "fiub":
+        raise InputError(what, f"of type {given.dtype}", "allowed are real numbers")
+    if given.ndim != 1:
+        raise InputError(what, f"of shape {given.shape}", "allowed is one dimension")
+    column = np.array(given, dtype=np.float64)
+    column.flags.writeable = False
+    return column
+
+
+def _check_clock(time: np.ndarray) -> None:
+    if not len(time):
+        raise InputError("time", "empty", "allowed is at least one sample")
+    if not np.isfinite(time).all():
+        i = int(np.argmin(np.isfinite(time)))
+        raise InputError(f"time of sample {i}", float(time[i]), "allowed is a finite time")
+    late = np.diff(time) > 0.0
+    if not late.all():
+        i = int(np.argmin(late))
+        raise InputError(
+            f"time of sample {i + 1}", f"{time[i + 1]!s} s after {time[i]!s} s", "allowed are increasing times"
+        )
+
+
+def _comparable(meta: Mapping[str, Any]) -> str:
+    # As text, in which one NaN equals another.
+    return json.dumps(meta, sort_keys=True)

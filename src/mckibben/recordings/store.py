@@ -1,0 +1,217 @@
+"""Recordings on disk: netCDF for work, CSV for other programs. Both give back exactly what was saved.
+
+netCDF: a coordinate ``time`` [s], one variable per channel with the attributes ``units``, ``long_name`` and ``kind``, and
+the global attributes ``schema`` and ``meta`` (JSON). CSV: the lines ``# schema: 1``, ``# channels: {..}`` (kind and
+meaning) and ``# meta: {..}``, each JSON in one line, then the header ``time [s],tank.pressure [Pa],..`` and the numbers in
+the shortest form that reads back exactly.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import secrets
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import InputError
+from .meta import from_json, to_json
+from .recording import Channel, Recording
+
+if TYPE_CHECKING:
+    import xarray
+
+SCHEMA = 1
+_HEAD = "# mckibben recording"
+# What h5py and xarray raise on files that are no netCDF, or broken.
+_BROKEN = (OSError, ValueError, KeyError, RuntimeError, TypeError, AttributeError)
+
+
+def save(recording: Recording, path: str | Path) -> Path:
+    """Write a recording; the suffix, ``.nc`` or ``.csv``, says how. A reader never meets half a file.
+
+    Returns:
+        The path written.
+
+    Raises:
+        InputError: the suffix is unknown, or the file cannot be written.
+    """
+    path = Path(path)
+    write = _known(path, _WRITERS)
+    if not path.parent.is_dir():
+        raise InputError("file", str(path), f"there is no folder {path.parent}")
+    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    try:
+        write(recording, part)
+        with open(part, "rb+") as stream:
+            os.fsync(stream.fileno())
+        os.replace(part, path)
+    except OSError as error:
+        raise InputError("file", str(path), f"it cannot be written ({error.strerror or error})") from None
+    finally:
+        part.unlink(missing_ok=True)
+    return path
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Read a recording that `Recording.save` wrote.
+
+    Raises:
+        InputError: there is no such file, it is no recording, or a newer version wrote it.
+    """
+    path = Path(path)
+    read = _known(path, _READERS)
+    if not path.is_file():
+        raise InputError("file", str(path), "no such file")
+    try:
+        return read(path)
+    except InputError as error:
+        raise error if error.where else error.at(str(path)) from None
+
+
+def as_dataset(recording: Recording) -> xarray.Dataset:
+    """The recording as an xarray dataset: coordinate ``time`` [s], a variable per channel, the meta as attributes."""
+    import xarray as xr
+
+    variables = {
+        name: ("time", c.values, {"units": c.unit, "long_name": c.meaning or name, "kind": c.kind})
+        for name, c in recording.channels.items()
+    }
+    time = ("time", recording.time, {"units": "s", "long_name": "time"})
+    # Title and date once more in plain words, for whoever looks into the file with another program.
+    plain = {key: recording.meta[key] for key in ("title", "created") if _is_line(recording.meta.get(key))}
+    attributes = {**plain, "schema": SCHEMA, "meta": to_json(recording.meta)}
+    return xr.Dataset(variables, coords={"time": time}, attrs=attributes)
+
+
+def _write_netcdf(recording: Recording, path: Path) -> None:
+    dataset = as_dataset(recording)
+    # Nothing is missing: without this, xarray marks every NaN as a hole.
+    dataset.to_netcdf(path, engine="h5netcdf", encoding={name: {"_FillValue": None} for name in dataset.variables})
+
+
+def _read_netcdf(path: Path) -> Recording:
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as opened:
+            dataset = opened.load()
+    except _BROKEN as error:
+        raise InputError("file", "unreadable", f"allowed is a netCDF file ({_line(error)})") from None
+    _check_schema(dataset.attrs.get("schema"))
+    meta = _json(dataset.attrs.get("meta"), "meta")
+    channels: dict[str, Channel] = {}
+    for name, variable in dataset.variables.items():
+        if variable.dims != ("time",):
+            raise InputError(f"variable {name}", f"over {variable.dims}", "allowed is the dimension time")
+        if name != "time":
+            of = {key: str(variable.attrs.get(key, "")) for key in ("units", "kind", "long_name")}
+            meaning = "" if of["long_name"] == name else of["long_name"]
+            channels[str(name)] = Channel(variable.values, of["units"], of["kind"], meaning)
+    if "time" not in dataset.variables:
+        raise InputError("time", "no variable", "a recording has the coordinate time")
+    return Recording(dataset["time"].values, channels, meta)
+
+
+def _write_csv(recording: Recording, path: Path) -> None:
+    told = {name: {"kind": c.kind, "meaning": c.meaning} for name, c in recording.channels.items()}
+    header = ["time [s]", *(f"{name} [{c.unit}]" for name, c in recording.channels.items())]
+    table = np.stack([recording.time, *(c.values for c in recording.channels.values())], axis=1)
+    with open(path, "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(f"{_HEAD}\n# schema: {SCHEMA}\n# channels: {to_json(told)}\n# meta: {to_json(recording.meta)}\n")
+        stream.write(",".join(header) + "\n")
+        for row in table:
+            # repr of a float is the shortest text that reads back to the same bits.
+            stream.write(",".join(map(repr, row.tolist())) + "\n")
+
+
+def _read_csv(path: Path) -> Recording:
+    try:
+        with open(path, encoding="utf-8-sig", newline="\n") as stream:
+            head, header = _csv_head(stream)
+            _check_schema(_json(head.get("schema"), "schema"))
+            table = _csv_numbers(stream, len(head) + 2, header)
+    except UnicodeDecodeError as error:
+        raise InputError("file", "unreadable", f"allowed is a CSV text file ({error})") from None
+    if header[0] != "time [s]":
+        raise InputError("header", header[0], "allowed is 'time [s]' first")
+    told = _json(head.get("channels"), "channels")
+    channels: dict[str, Channel] = {}
+    for i, cell in enumerate(header[1:], 1):
+        name, _, unit = cell.rpartition(" [")
+        of = told.get(name) if isinstance(told, Mapping) else None
+        if not isinstance(of, Mapping) or not unit.endswith("]"):
+            raise InputError("header", cell, "allowed is 'name [unit]' with a name that the line '# channels' knows")
+        channels[name] = Channel(table[:, i], unit[:-1], of.get("kind", ""), of.get("meaning", ""))
+    return Recording(table[:, 0], channels, _json(head.get("meta"), "meta"))
+
+
+def _csv_head(stream: io.TextIOBase) -> tuple[dict[str, str], list[str]]:
+    """The comment lines by their key, and the header's cells; the stream then stands at the numbers."""
+    head: dict[str, str] = {}
+    for number, line in enumerate(stream):
+        line = line.rstrip("\r\n")
+        if number == 0 and line != _HEAD:
+            allowed = f"a recording begins with {_HEAD!r}; read_record reads tables of others"
+            raise InputError("first line", line[:60], allowed)
+        if not line.startswith("#"):
+            return head, next(csv.reader([line]), [""])
+        key, _, text = line[2:].partition(": ")
+        head[key] = text
+    raise InputError("file", "no header", "it ends before its numbers")
+
+
+def _csv_numbers(stream: io.TextIOBase, before: int, header: list[str]) -> np.ndarray:
+    first = stream.readline()
+    if not first.strip():
+        raise InputError("file", "no samples", "allowed is at least one")
+    try:
+        rest = (line for lines in ((first,), stream) for line in lines)
+        table = np.loadtxt(rest, delimiter=",", comments=None, ndmin=2)
+    except ValueError as error:
+        raise InputError("numbers", "unreadable", f"{_line(error)} after the {before} lines of the head") from None
+    if table.shape[1] != len(header):
+        raise InputError("numbers", f"{table.shape[1]} columns", f"the header has {len(header)}")
+    return table
+
+
+def _check_schema(schema: Any) -> None:
+    if schema is None:
+        raise InputError("schema", "not given", "this is no recording of mckibben; read_record reads tables of others")
+    if not isinstance(schema, int | np.integer) or schema < 1:
+        raise InputError("schema", str(schema), f"allowed is a whole number from 1 to {SCHEMA}")
+    if schema > SCHEMA:
+        raise InputError("schema", int(schema), f"this version of mckibben reads up to {SCHEMA}; a newer one wrote it")
+
+
+def _json(text: Any, what: str) -> Any:
+    if text is None:
+        return None
+    try:
+        return from_json(str(text))
+    except (json.JSONDecodeError, ValueError, TypeError, RecursionError) as error:
+        raise InputError(what, str(text)[:60], f"allowed is JSON ({_line(error)})") from None
+
+
+def _is_line(text: Any) -> bool:
+    return isinstance(text, str) and bool(text) and text.isprintable()
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]
+
+
+def _known(path: Path, ways: Mapping[str, Callable[..., Any]]) -> Callable[..., Any]:
+    way = ways.get(path.suffix.lower())
+    if way is None:
+        raise InputError("suffix", path.suffix or str(path), f"known are {', '.join(ways)}", where=str(path))
+    return way
+
+
+_WRITERS = {".nc": _write_netcdf, ".csv": _write_csv}
+_READERS = {".nc": _read_netcdf, ".csv": _read_csv}

@@ -1,0 +1,288 @@
+"""Symbols of pneumatic parts as ISO 1219-1 draws them, as strokes around the place where the line enters.
+
+All lengths are points. A symbol stands on its line, which runs along y = 0 from left to right; y points up. A part
+without a symbol of its own is a box with the name of its type.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.path import Path
+
+from .style import INK, LINE, PANEL, SUNKEN
+
+THIN = 0.9
+LEVEL = 12.0  # between two ports on one side
+Point = tuple[float, float]
+
+
+class Box(NamedTuple):
+    """A rectangle by its left, lower, right and upper side [pt]."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    def moved(self, x: float, y: float) -> Box:
+        """The same at another place."""
+        return Box(self.x0 + x, self.y0 + y, self.x1 + x, self.y1 + y)
+
+    def overlaps(self, other: Box, by: float = 0.0) -> bool:
+        """Whether two rectangles share more than `by` in either direction."""
+        wide = min(self.x1, other.x1) - max(self.x0, other.x0)
+        return wide > by and min(self.y1, other.y1) - max(self.y0, other.y0) > by
+
+
+def around(boxes: Iterable[Box]) -> Box:
+    """The smallest rectangle around some."""
+    found = np.array(list(boxes), float)
+    return Box(*map(float, (*found[:, :2].min(axis=0), *found[:, 2:].max(axis=0))))
+
+
+class Mark(NamedTuple):
+    """One stroke: its path, fill, width [pt], dash in line widths, and what it is drawn over."""
+
+    path: Path
+    fill: str = "none"
+    width: float = LINE
+    colour: str = INK
+    dash: tuple[float, ...] = ()
+
+    def placed(self, x: float, y: float, *, mirrored: bool = False) -> Mark:
+        """The same at another place, left and right exchanged where asked."""
+        sign = -1.0 if mirrored else 1.0
+        return self._replace(path=Path(np.asarray(self.path.vertices, float) * [sign, 1.0] + [x, y], self.path.codes))
+
+
+class Port(NamedTuple):
+    """Where a line meets a symbol, and to which side it leaves: -1 left, 1 right."""
+
+    x: float
+    y: float
+    side: int
+
+
+class Symbol(NamedTuple):
+    """Strokes, the rectangle around them, a port for each of the part's in its order, and where a command arrives."""
+
+    marks: tuple[Mark, ...]
+    box: Box
+    ports: tuple[Port, ...]
+    top: Point
+
+    def mirrored(self) -> Symbol:
+        """Left and right exchanged."""
+        box = Box(-self.box.x1, self.box.y0, -self.box.x0, self.box.y1)
+        ports = tuple(Port(-p.x, p.y, -p.side) for p in self.ports)
+        return Symbol(
+            tuple(m.placed(0.0, 0.0, mirrored=True) for m in self.marks), box, ports, (-self.top[0], self.top[1])
+        )
+
+
+# ---- strokes
+
+
+def line(*points: Point, width: float = LINE, dash: tuple[float, ...] = (), colour: str = INK) -> Mark:
+    """An open line through points."""
+    return Mark(Path(list(points)), width=width, dash=dash, colour=colour)
+
+
+def shape(*points: Point, fill: str = PANEL, width: float = LINE) -> Mark:
+    """A closed polygon."""
+    return Mark(Path([*points, points[0]], closed=True), fill, width)
+
+
+def circle(x: float, y: float, radius: float, fill: str = PANEL) -> Mark:
+    """A circle."""
+    return Mark(Path.circle((x, y), radius), fill)
+
+
+def rectangle(x0: float, y0: float, x1: float, y1: float, fill: str = PANEL) -> Mark:
+    """A rectangle."""
+    return shape((x0, y0), (x1, y0), (x1, y1), (x0, y1), fill=fill)
+
+
+def arrow(start: Point, end: Point, width: float = THIN) -> list[Mark]:
+    """A line with a filled head at its end."""
+    angle = math.atan2(end[1] - start[1], end[0] - start[0])
+
+    def back(length: float, wide: float) -> Point:
+        return (
+            end[0] - length * math.cos(angle) - wide * math.sin(angle),
+            end[1] - length * math.sin(angle) + wide * math.cos(angle),
+        )
+
+    return [line(start, back(4.0, 0.0), width=width), shape(end, back(5.5, 2.2), back(5.5, -2.2), fill=INK, width=0.4)]
+
+
+def spring(x: float, y: float, height: float, width: float = 8.0) -> Mark:
+    """A zigzag that stands on (x, y)."""
+    turns = 5
+    rows = [(x + (width / 2 if i % 2 else -width / 2), y + height * (i + 0.5) / turns) for i in range(turns)]
+    return line((x, y), *rows, (x, y + height), width=THIN)
+
+
+def exhaust(x: float, y: float) -> list[Mark]:
+    """The open triangle of a port to free air that points down from (x, y); 9 pt high."""
+    return [shape((x - 6.0, y), (x + 6.0, y), (x, y - 9.0))]
+
+
+# ---- nodes
+
+
+def source() -> Symbol:
+    """A pressure source: the open triangle of pneumatics that points along its line."""
+    marks = (shape((-20.0, -10.5), (-20.0, 10.5), (0.0, 0.0)),)
+    return Symbol(marks, Box(-21.0, -12.0, 0.0, 12.0), (Port(0.0, 0.0, 1),), (-20.0, 10.5))
+
+
+DOT = circle(0.0, 0.0, 2.6, fill=INK)
+
+
+def tank(volume: float) -> Symbol:
+    """A vessel that hangs from its node, higher the larger its volume [m^3]."""
+    size = 20.0 + 22.0 * min(max((math.log10(volume) + 7.0) / 4.0, 0.0), 1.0)
+    r, top = 8.0, -12.0
+    k = 0.5523 * r
+    upper, lower = top - r, top - size + r
+    vertices = [(-r, lower), (-r, upper), (-r, upper + k), (-k, top), (0, top), (k, top), (r, upper + k), (r, upper)]
+    vertices += [
+        (r, lower),
+        (r, lower - k),
+        (k, lower - r),
+        (0, lower - r),
+        (-k, lower - r),
+        (-r, lower - k),
+        (-r, lower),
+    ]
+    codes = [Path.MOVETO, Path.LINETO, *[Path.CURVE4] * 6, Path.LINETO, *[Path.CURVE4] * 6, Path.CLOSEPOLY]
+    body = Mark(Path([*vertices, vertices[0]], codes), PANEL)
+    return Symbol(
+        (line((0.0, 0.0), (0.0, top)), body, DOT), Box(-9.0, top - size - 1.0, 9.0, 3.5), _ends(0.0), (0.0, 3.5)
+    )
+
+
+def muscle(angle: float | None, *, hanging: bool) -> Symbol:
+    """A McKibben muscle, its braid crossed at an angle from the long axis [rad], plain where that is unknown.
+
+    Args:
+        angle: braid angle, drawn as it is.
+        hanging: below a node that leads on, instead of at the end of a line.
+    """
+    x, y = (8.0, -20.0) if hanging else (12.0, 0.0)
+    long, half, ends = 84.0, 7.5, 11.0
+    xs = np.linspace(0.0, long, 41)
+    bulge = _bulge(xs, long, half)
+    left = x + ends
+    outline = [(left + a, y + b) for a, b in zip(xs, bulge, strict=True)]
+    outline += [(left + a, y - b) for a, b in zip(xs[::-1], bulge[::-1], strict=True)]
+    marks = [line((0.0, 0.0), (0.0, y), (x, y)), shape(*outline, fill=SUNKEN)]
+    if angle is not None:
+        marks += [Mark(thread, width=0.45) for thread in _threads(left, y, long, half, angle)]
+    for end in (x, left + long):
+        marks.append(rectangle(end, y - 5.0, end + ends, y + 5.0))
+        marks += [line((end + i * ends / 4, y - 5.0), (end + i * ends / 4, y + 5.0), width=THIN) for i in (1, 2, 3)]
+    right = left + long + ends
+    return Symbol(
+        (*marks, DOT), Box(-3.5, y - half - 1.0, right + 1.0, max(y + half + 1.0, 3.5)), _ends(0.0), (right, y)
+    )
+
+
+def _bulge(x: np.ndarray, long: float, half: float) -> np.ndarray:
+    """Half the height of the outline along the axis."""
+    return half * (0.6 + 0.4 * np.minimum(np.minimum(x, long - x) / 12.0, 1.0) ** 0.5)
+
+
+def _threads(left: float, y: float, long: float, half: float, angle: float) -> list[Path]:
+    """Threads of both hands between the fittings, as one zigzag each that turns at the outline."""
+    slope = math.tan(min(max(angle, 0.15), 1.4))
+    run = 2.0 * half / slope  # along the axis while a thread crosses from edge to edge
+    gap = min(run, 7.0)
+    parts: list[Path] = []
+    for hand in (1.0, -1.0):
+        start = -run
+        while start < long:
+            low, high = max(start, 0.0), min(start + run, long)
+            if high - low > 1.0:
+                at = np.linspace(low, high, 9)
+                edge = _bulge(at, long, half)
+                across = hand * slope * (at - start - run / 2.0)
+                # A thread stays within the narrowing beside the fittings.
+                parts.append(Path(np.column_stack([left + at, y + np.clip(across, -edge, edge)])))
+            start += gap
+    return parts
+
+
+def _ends(x: float) -> tuple[Port, Port]:
+    return Port(x, 0.0, -1), Port(x, 0.0, 1)
+
+
+# ---- elements
+
+
+def restriction(ports: Sequence[str], driven: bool) -> Symbol:
+    """Two arcs that narrow a line; an arrow across where a command opens it."""
+    arcs = [
+        Mark(Path([(-11.0, s * 9.5), (-5.0, s * 1.2), (5.0, s * 1.2), (11.0, s * 9.5)], _CURVE)) for s in (1.0, -1.0)
+    ]
+    marks = [line((-14.0, 0.0), (14.0, 0.0)), *arcs]
+    if driven:
+        marks += arrow((-12.0, -12.0), (12.0, 13.0))
+    high = 14.0 if driven else 9.0
+    return Symbol(
+        tuple(marks), Box(-15.0, -high, 15.0, high), level_ports(14.0), (12.0, 13.0) if driven else (0.0, 9.0)
+    )
+
+
+_CURVE = [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4]
+
+
+def leak(ports: Sequence[str], driven: bool) -> Symbol:
+    """A restriction that drips."""
+    plain = restriction(ports, driven)
+    drops = []
+    for x, y, s in ((-4.0, -10.0, 1.0), (4.5, -13.0, 0.8)):
+        tip, r = (x, y), 2.6 * s
+        vertices = [tip, (x + r, y - 4 * s), (x + r * 1.3, y - 8 * s), (x, y - 8 * s)]
+        vertices += [(x - r * 1.3, y - 8 * s), (x - r, y - 4 * s), tip]
+        drops.append(Mark(Path(vertices, [Path.MOVETO, *[Path.CURVE4] * 6]), INK, 0.5))
+    return plain._replace(marks=(*plain.marks, *drops), box=plain.box._replace(y0=-21.0))
+
+
+def tube(ports: Sequence[str], driven: bool) -> Symbol:
+    """A flexible tube: a long line that waves."""
+    x = np.linspace(-33.0, 33.0, 97)
+    wave = [(float(a), 4.2 * math.sin(2.0 * math.pi * 5.0 * (a + 33.0) / 66.0)) for a in x]
+    marks = (line((-36.0, 0.0), *wave, (36.0, 0.0), width=1.7),)
+    return Symbol(marks, Box(-36.0, -6.0, 36.0, 6.0), level_ports(36.0), (0.0, 6.0))
+
+
+def compressor(ports: Sequence[str], driven: bool) -> Symbol:
+    """A circle with the open triangle of pneumatics at its outlet."""
+    marks = [circle(0.0, 0.0, 14.0), shape((4.0, -6.5), (4.0, 6.5), (14.0, 0.0))]
+    return Symbol(tuple(marks), Box(-15.0, -15.0, 15.0, 15.0), level_ports(14.0), (0.0, 14.0))
+
+
+def plain_box(name: str, width: float) -> Callable[[Sequence[str], bool], Symbol]:
+    """A box for a part without symbol, `width` wide [pt]; its name is written into it by who lays it out."""
+
+    def box(ports: Sequence[str], driven: bool) -> Symbol:
+        half = max(width / 2.0 + 6.0, 16.0)
+        left = (len(ports) + 1) // 2
+        right = len(ports) - left
+        low = -LEVEL * (max(left, right, 1) - 1) - 13.0
+        at = [Port(-half, -LEVEL * i, -1) for i in range(left)] + [Port(half, -LEVEL * i, 1) for i in range(right)]
+        frame = rectangle(-half, low, half, 13.0)
+        return Symbol((frame,), Box(-half - 1, low - 1, half + 1, 14.0), tuple(at), (0.0, 13.0))
+
+    return box
+
+
+def level_ports(x: float) -> tuple[Port, Port]:
+    """The ports of a part that stands in its line."""
+    return Port(-x, 0.0, -1), Port(x, 0.0, 1)

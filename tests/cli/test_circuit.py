@@ -1,0 +1,130 @@
+"""``circuit show`` and ``circuit run``: one JSON object or a table, files as asked, and the exit codes 0, 1 and 2."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mckibben.cli import main
+from mckibben.recordings import read_recording
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "circuits"
+TANK = str(EXAMPLES / "filling-a-tank.toml")
+
+
+@pytest.fixture
+def run(capsys):
+    def call(*words: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as stop:
+            main(["circuit", *words])
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return call
+
+
+def test_show_says_what_there_is_how_fast_it_is_and_which_method_begins(run):
+    code, out, err = run("show", TANK, "--json")
+    found = json.loads(out)
+    assert code == 0
+    assert err == ""
+    assert set(found) >= {"title", "nodes", "elements", "signals", "sentence", "rates"}
+    assert found["elements"]["tube"]["ports"] == {"a": "source", "b": "tank"}
+    assert found["elements"]["tube"]["parameters"]["length"] == {"value": 0.6, "unit": "m"}
+    assert found["nodes"]["source"]["pressure"] == pytest.approx(5e5)
+    assert found["sentence"].startswith("source (5 bar) -> tube (lumped tube, length 0.6 m")
+    assert found["rates"]["fastest"] > 0.0
+    assert found["rates"]["method"] == "rk4"  # nothing here is faster than 2.78/50 us = 5.6e4 1/s
+
+
+def stiff(folder: Path) -> str:
+    path = folder / "stiff.toml"
+    text = (
+        'schema = 1\n[nodes.a]\nkind = "reservoir"\npressure = "5 bar"\n[nodes.b]\nkind = "volume"\nvolume = "0.1 ml"\n'
+    )
+    text += '[elements.hole]\nkind = "orifice"\nfrom = "a"\nto = "b"\nconductance = "1e-7 m^3/(s*Pa)"\n'
+    path.write_text(text + '[run]\nduration = "10 ms"\n')
+    return str(path)
+
+
+def test_a_small_volume_behind_a_large_orifice_begins_with_the_stiff_method(run, tmp_path):
+    found = json.loads(run("show", stiff(tmp_path), "--json")[1])
+    assert found["rates"]["method"] == "ros2"
+    assert found["rates"]["fastest"] > 5.6e4
+
+
+def test_a_run_that_fails_says_so_with_exit_code_1(run, tmp_path):
+    code, out, err = run("run", stiff(tmp_path), "--set", "run.method=rk4", "--json")
+    assert code == 1
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "stiff.toml: between 0 s and 0.01 s" in err
+    assert "ros2" in err
+
+
+def test_show_draws_the_circuit(run, tmp_path):
+    code, out, _ = run("show", TANK, "--svg", str(tmp_path / "circuit.svg"))
+    assert code == 0
+    assert "Written" in out
+    drawn = (tmp_path / "circuit.svg").read_text()
+    assert "tank" in drawn
+    assert "tube" in drawn
+
+
+def test_run_prints_one_object_and_writes_what_is_asked(run, tmp_path):
+    out_file, figure = tmp_path / "rec.csv", tmp_path / "run.svg"
+    words = ["--set", "elements.tube.length=1.2 m", "--set", "run.duration=0.2 s", "--out", str(out_file)]
+    code, out, err = run("run", TANK, *words, "--figure", str(figure), "--json")
+    found = json.loads(out)
+    assert code == 0
+    assert err == ""
+    assert set(found) == {"result", "message", "file", "summary", "balance", "stiff", "step"}
+    assert found["result"] == "done"
+    assert found["step"] == pytest.approx(50e-6)
+    assert found["balance"]["mass"] < 1e-10  # rounding
+    tank = found["summary"]["tank.pressure"]
+    assert set(tank) == {"min", "max", "mean", "final", "unit"}
+    rec = read_recording(found["file"])
+    assert rec["tank.pressure"][-1] == pytest.approx(tank["final"], rel=1e-9)
+    assert rec.meta["description"]["elements"]["tube"]["length"] == "1.2 m"
+    assert len(rec.time) == 201
+    assert "Mass flow, g/s" in figure.read_text()
+
+
+def test_run_shows_a_person_words_with_units(run):
+    code, out, _ = run("run", TANK, "--set", "run.duration=0.1 s")
+    assert code == 0
+    assert "tank.pressure" in out
+    assert "bar" in out
+    assert "Balance: mass" in out
+    assert "The run reached its end." in out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("run", "no-such.toml"), "no such file"),
+        (("run", TANK, "--out", "rec.xls"), "--out"),
+        (("run", TANK, "--figure", "missing-folder/x.svg"), "no such folder"),
+        (("run", TANK, "--set", "elements.tube.length"), "PATH=VALUE"),
+        (("run", TANK, "--set", "elements.tube.lenght=1 m"), "did you mean length"),
+        (("run", TANK, "--set", "elements.tube.length=1 bar"), "allowed is a length"),
+        (("show", TANK, "--svg", "x.txt"), "--svg"),
+    ],
+)
+def test_bad_words_give_one_line_and_exit_code_2(run, words, says):
+    code, out, err = run(*words)
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert says in err
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys, mckibben.cli.app; print([m for m in ('jax', 'matplotlib', 'pint', 'numpy') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,187 @@
+"""Waveforms: each is its formula, jumps where it says, and is refused by name where it is wrong."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mckibben.errors import InputError
+from mckibben.experiments.waveforms import KINDS, Binary, Noise, read_waveform
+from mckibben.experiments.waveforms.random import TAPS, register_bits, uniform
+
+T = 1e-3 * np.arange(4001)
+TABLES = {
+    "constant": {"value": "3 bar"},
+    "steps": {"times": ["0 s", "0.3 s", "1.1 s"], "values": ["0 bar", "3 bar", "1 bar"]},
+    "pulse": {"start": "0.3 s", "width": "0.4 s", "high": "2 bar", "low": "0 bar"},
+    "square": {"low": "0 bar", "high": "1 bar", "frequency": "2 Hz", "duty": "30 %"},
+    "pwm": {"low": "0 bar", "high": "1 bar", "frequency": "10 Hz", "duty": {"kind": "constant", "value": 0.25}},
+    "prbs": {"low": "0 bar", "high": "1 bar", "hold": "20 ms", "order": 5},
+    "ramp": {"from": "1 bar", "to": "5 bar", "start": "1 s", "duration": "2 s"},
+    "triangle": {"low": "1 bar", "high": "3 bar", "frequency": "1 Hz"},
+    "sine": {"mean": "2 bar", "amplitude": "1 bar", "frequency": "0.5 Hz", "phase": "90 deg"},
+    "chirp": {"amplitude": "1 bar", "from": "1 Hz", "to": "20 Hz", "duration": "2 s"},
+    "multisine": {"amplitude": "0.1 bar", "frequencies": ["1 Hz", "3 Hz", "7 Hz"]},
+    "noise": {"low": "1 bar", "high": "3 bar", "cutoff": "10 Hz", "seed": 4},
+    "table": {"times": ["0 s", "1 s", "2 s"], "values": ["0 bar", "1 bar", "0 bar"]},
+    "sum": {"parts": ["1 bar", {"kind": "sine", "amplitude": "1 bar", "frequency": "1 Hz"}]},
+    "sequence": {
+        "parts": [
+            {"kind": "constant", "value": "1 bar", "lasts": "1 s"},
+            {"kind": "ramp", "from": "1 bar", "to": "2 bar", "duration": "1 s", "lasts": "2 s"},
+        ]
+    },
+}  # fmt: skip
+FORMULAS = {
+    "constant": lambda t: 3e5 + 0 * t,
+    "sine": lambda t: 2e5 + 1e5 * np.cos(np.pi * t),
+    "ramp": lambda t: np.clip(1e5 + 2e5 * (t - 1.0), 1e5, 5e5),
+    "triangle": lambda t: 1e5 + 2e5 * (1 - np.abs(1 - 2 * np.mod(t, 1.0))),
+    "table": lambda t: 1e5 * np.clip(1 - np.abs(t - 1.0), 0.0, 1.0),
+    "sum": lambda t: 1e5 + 1e5 * np.sin(2 * np.pi * t),
+    "sequence": lambda t: 1e5 + 1e5 * np.clip(t - 1.0, 0.0, 1.0),
+    "chirp": lambda t: (
+        1e5 * np.sin(2 * np.pi * np.where(t < 2, t + 9.5 / 2 * t**2, 2 + 9.5 / 2 * 4 + 20.0 * (t - 2.0)))
+    ),
+    "multisine": lambda t: sum(
+        1e4 * np.sin(2 * np.pi * f * t - np.pi * k * (k + 1) / 3) for k, f in enumerate((1.0, 3.0, 7.0))
+    ),
+}
+
+
+def made(kind, **changes):
+    return read_waveform({"kind": kind, **TABLES[kind], **changes}, "Pa", field="signals.x", where="f.toml")
+
+
+def test_every_kind_is_tried_here():
+    assert set(TABLES) == set(KINDS)
+
+
+@pytest.mark.parametrize("kind", FORMULAS)
+def test_waveform_is_its_formula(kind):
+    # rounding of arguments of up to 300 rad, in Pa of 1e5
+    np.testing.assert_allclose(made(kind).at(T), FORMULAS[kind](T), atol=1e-6, rtol=1e-12)
+
+
+def test_a_jump_belongs_to_its_sample_however_the_clock_rounds():
+    # 300 * 1e-3 is not 0.3 in binary, nor is 0.3 + 0.4 = 0.7
+    for period in (1e-3, 1e-4, 1 / 3000):
+        t = period * np.arange(round(1.5 / period) + 1)
+        start, end = round(0.3 / period), round(0.7 / period)
+        pulse = made("pulse").at(t)
+        assert np.flatnonzero(pulse == 2e5).tolist() == list(range(start, end))
+    steps = made("steps").at(T)
+    assert np.flatnonzero(np.diff(steps)).tolist() == [299, 1099]
+    square = made("square").at(T)
+    assert square[:500].sum() == 150 * 1e5
+    np.testing.assert_array_equal(square[:3500], square[500:4000])
+
+
+def test_pulse_width_follows_the_duty_of_each_cycle():
+    ramp = {"kind": "ramp", "from": 0, "to": 1, "duration": "4 s"}
+    wave = made("pwm", duty=ramp).at(T[:-1]).reshape(40, 100).mean(axis=1) * 1e-5
+    # the share at each cycle's beginning, rounded up to whole samples of a hundred
+    np.testing.assert_allclose(wave, np.ceil(np.arange(40) / 40 * 100 - 1e-9) / 100, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", TAPS)
+def test_binary_sequence_has_the_longest_period_and_is_white(order):
+    bits = register_bits(order)
+    length = 2**order - 1
+    assert len(bits) == length
+    assert bits.sum() == 2 ** (order - 1)  # all states but zero occur once, and half of them and one end in 1
+    signs = 2.0 * bits - 1.0
+    spectrum = np.abs(np.fft.fft(signs)) ** 2
+    # two-valued autocorrelation, 2^n - 1 and -1: a flat spectrum of 2^n beside its mean
+    np.testing.assert_allclose(spectrum[1:], 2.0**order, rtol=1e-6)
+
+
+def test_binary_sequence_repeats_and_starts_where_the_seed_says():
+    a = Binary(low=0.0, high=1.0, hold=1e-3, order=5)
+    b = Binary(low=0.0, high=1.0, hold=1e-3, order=5, seed=3)
+    np.testing.assert_array_equal(a.at(T[31:62]), a.at(T[:31]))
+    np.testing.assert_array_equal(b.at(T[:60]), a.at(T[3:63]))
+
+
+def test_chance_is_the_published_hash_and_so_equal_everywhere():
+    # first output of SplitMix64 from a seed of zero, as its authors' programs print it
+    from mckibben.experiments.waveforms.random import _mix
+
+    assert int(_mix(np.asarray(1, np.uint64))) == 0xE220A8397B1DCDAF
+    assert not np.array_equal(uniform(0, np.arange(8)), uniform(1, np.arange(8)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_keeps_its_bounds_and_its_band(seed):
+    from scipy.signal import welch
+
+    wave = Noise(low=-1.0, high=1.0, cutoff=20.0, seed=seed)
+    values = wave.at(1e-3 * np.arange(400_000))
+    assert values.min() >= -1.0
+    assert values.max() <= 1.0
+    assert values.max() - values.min() > 1.7  # the bounds are neared
+    rate, power = welch(values, 1000.0, nperseg=4096)
+
+    def decibel(f):
+        near = np.abs(rate - f) < 1.0
+        return 10 * math.log10(power[near].mean() / power[(rate > 0.5) & (rate < 2.0)].mean())
+
+    # about 200 averages of 9 and 7 bins: 0.3 dB of scatter
+    assert decibel(20.0) == pytest.approx(-3.01, abs=0.9)
+    assert decibel(60.0) < -29.0
+
+
+def test_same_seed_same_noise_at_any_times():
+    wave = made("noise")
+    whole, part = wave.at(T), wave.at(T[1234:1240])
+    np.testing.assert_array_equal(whole[1234:1240], part)
+
+
+def test_held_and_straight_are_told_apart():
+    held = {k for k in TABLES if not made(k).straight}
+    assert held == {"constant", "steps", "pulse", "square", "pwm", "prbs"}
+    assert not made("table", between="held").straight
+    assert not read_waveform({"kind": "sum", "parts": ["1 bar", "2 bar"]}, "Pa", field="x").straight
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_every_waveform_says_what_it_is_in_one_line_and_the_same_again(kind):
+    text = made(kind).sentence("Pa")
+    assert "\n" not in text
+    assert "bar" in text
+    assert text == made(kind).sentence("Pa")
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ({"kind": "rmp"}, "signals.x.kind is 'rmp'; did you mean ramp"),
+        ({}, "signals.x.kind"),
+        ("3", "the unit is missing"),
+        (True, "bool"),
+        ({"kind": "sine", "amplitude": "1 bar"}, "signals.x.frequency is 'missing'"),
+        ({"kind": "sine", "amplitude": "1 bar", "frequency": "0 Hz"}, "signals.x.frequency"),
+        ({"kind": "sine", "amplitude": "1 cm", "frequency": "1 Hz"}, "allowed is a pressure"),
+        ({"kind": "sine", "amplitude": "1 bar", "frequency": "1 Hz", "phse": 0}, "did you mean phase"),
+        ({"kind": "steps", "times": ["0 s", "1 s"], "values": ["1 bar"]}, "one for each"),
+        ({"kind": "steps", "times": ["1 s"], "values": ["1 bar"]}, "0 s as the first"),
+        ({"kind": "steps", "times": ["0 s", "2 s", "1 s"], "values": ["1 bar"] * 3}, "they rise"),
+        ({"kind": "steps", "times": [], "values": []}, "one or more"),
+        ({"kind": "pulse", "width": "-1 s", "high": "1 bar"}, "signals.x.width"),
+        ({"kind": "prbs", "low": "0 bar", "high": "1 bar", "hold": "1 ms", "order": 2}, "3 to 16"),
+        ({"kind": "prbs", "low": "0 bar", "high": "1 bar", "hold": "1 ms", "order": 4.5}, "whole number"),
+        ({"kind": "noise", "low": "0 bar", "high": "1 bar", "cutoff": "1 Hz", "seed": -1}, "signals.x.seed"),
+        ({"kind": "chirp", "amplitude": "1 bar", "from": "1 Hz", "to": "2 Hz", "duration": "1 s", "sweep": "up"}, "log"),
+        ({"kind": "multisine", "amplitude": "1 bar", "frequencies": ["1 Hz"], "phases": ["0 deg", "9 deg"]}, "one per"),
+        ({"kind": "sum", "parts": ["1 bar", "nonsense"]}, "signals.x.parts.2"),
+        ({"kind": "sequence", "parts": [{"kind": "constant", "value": "1 bar"}]}, "signals.x.parts.1.lasts"),
+        ({"kind": "pwm", "frequency": "1 Hz", "duty": "3 bar"}, "signals.x.duty"),
+        ({"kind": "table", "file": "x.csv"}, "no files"),
+        ({"kind": "table", "times": ["0 s"], "values": ["1 bar"], "between": "curved"}, "straight, held"),
+    ],
+)  # fmt: skip
+def test_bad_waveforms_are_refused_by_file_and_dotted_path(entry, says):
+    with pytest.raises(InputError) as error:
+        read_waveform(entry, "Pa", field="signals.x", where="f.toml")
+    assert says in str(error.value)
+    assert str(error.value).startswith("f.toml: signals.x")
