@@ -42,7 +42,7 @@ def flow(p1, t1, p2, t2, opening):
 
 def inertial(p1, t1, p2, t2, w):
     """Chou and Hannaford's third tube, by hand [kg/s^2]."""
-    v = w * R * (t1 if p1 >= p2 else t2) / (0.5 * (p1 + p2) * AREA)
+    v = w * R * (t1 if w >= 0.0 else t2) / (0.5 * (p1 + p2) * AREA)
     return (p1 - p2 - 200.0 * v - 12.0 * v * abs(v)) * AREA / LENGTH
 
 
@@ -160,10 +160,7 @@ def switched(tube, late):
 
 def test_valves_that_switch_on_the_samples():
     run, exact = switched("inertial", 0.0)
-    found = errors(run, exact)
-    # The flow swings after a switch; where the pressures cross, this tube's density jumps to the other end's temperature.
-    assert found.pop("tube.mass_flow") < 2e-3
-    assert max(found.values()) < 2e-4, found
+    assert max(errors(run, exact).values()) < 2e-4
 
 
 LATE = [0.3137e-3, 0.3250e-3, 0.3499e-3]  # 0.3250 ms is 6.5 steps, where the stages of a step see a switch worst
@@ -210,12 +207,10 @@ def test_valves_that_switch_off_the_grid(late):
 
 
 @pytest.mark.parametrize("late", LATE)
-def test_a_switch_inside_a_step_costs_no_more_than_a_third_of_what_two_valves_pass_in_it(late):
-    """480 l/min into a valve block of 15 ml: a step is 1 % of its filling, so that 2e-4 is beyond a fixed step of 50 us."""
+def test_a_valve_block_that_fills_in_a_hundred_steps(late):
+    """480 l/min into 15 ml, where a step is 1 % of the filling; the switch falls anywhere in a step."""
     run, exact = switched("inertial", late)
-    moved = STEP * C * 1.185 * (SUPPLY * np.sqrt(T0 / 310.0) + exact[:, 1].max())  # [kg] in a step, both choked
-    # The stages weigh a command with 1/6, 2/3 and 1/6: at worst half a step's switch is taken for a sixth's.
-    assert np.abs(run.outputs["valve.mass"] - exact[:, 0]).max() < moved / 3.0
+    assert max(errors(run, exact).values()) < 2e-4
 
 
 def muscle_rate(p, length, velocity, fill):

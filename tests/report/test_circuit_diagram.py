@@ -22,7 +22,7 @@ from mckibben.specimens import specimen
 TOUCH = 0.5
 LAW = law_from_specimen(specimen("nylon"), "ideal")
 SUPPLY, AIR, VACUUM = Reservoir(pressure_abs=7e5), Reservoir(), Reservoir(pressure_abs=3e4)
-VALVE, TUBE = Orifice(conductance=1e-8), LumpedTube.of_pipe(length=1.0, diameter=3.2e-3)
+VALVE, TUBE = Orifice(conductance=1e-8), LumpedTube(length=1.0, diameter=3.2e-3)
 
 
 class Silencer(TwoPort):

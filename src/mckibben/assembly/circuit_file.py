@@ -3,7 +3,7 @@
     schema = 1
     title = "A tank that fills"
     [nodes.supply]
-    kind = "reservoir"            # or atmosphere, volume, muscle, junction
+    kind = "reservoir"            # or atmosphere, volume, compliant, muscle, junction
     pressure = "5 bar"            # gauge, as all pressures of nodes and signals
     [nodes.tank]
     kind = "volume"
@@ -19,7 +19,8 @@
     duration = "2 s"              # period = "1 ms", step = "50 us", method = "auto"
 
 Valves name a signal as `command`, reservoirs and muscles as `signal`; [signals.NAME] is a waveform of
-`mckibben.experiments.waveforms`. The pressure of the [environment] is absolute.
+`mckibben.experiments.waveforms`. The pressure of the [environment] is absolute. [fit] says how
+records of the circuit are read, and what is fitted to them.
 """
 
 from __future__ import annotations
@@ -41,10 +42,11 @@ from ..quantities import Quantity, declared
 from .circuit_elements import read_branch
 from .circuit_nodes import PlannedNode, check_length, read_node
 from .circuit_plan import CircuitPlan, PlannedSignal
+from .fit_table import read_fit
 from .words import Entry
 
 SCHEMA = 1
-SECTIONS = ("schema", "title", "note", "environment", "nodes", "elements", "signals", "run")
+SECTIONS = ("schema", "title", "note", "environment", "nodes", "elements", "signals", "run", "fit")
 METHODS = ("auto", "rk4", "ros2")
 TIME = Quantity("s", (1e-9, 1e7), "time", "", (1e-3, 100.0))
 LONGEST = 20_000_000  # samples
@@ -108,6 +110,7 @@ def build_plan(document: Mapping[str, Any], *, where: str, digest: str) -> Circu
         document=dict(document),
         where=where,
         digest=digest,
+        fit=read_fit(top.table("fit")),
     )
     _check_run(plan)
     return plan
@@ -172,8 +175,7 @@ def _uses(
     found: dict[str, list[tuple[str, str]]] = {}
     for name, planned in nodes.items():
         if planned.signal is not None:
-            unit = "Pa" if planned.law is None else "m"
-            found.setdefault(planned.signal, []).append((f"nodes.{name}.signal", unit))
+            found.setdefault(planned.signal, []).append((f"nodes.{name}.signal", planned.unit))
     for name, (signal, unit) in commands.items():
         found.setdefault(str(signal), []).append((f"elements.{name}.command", unit))
     return found
@@ -236,7 +238,11 @@ def _check_run(plan: CircuitPlan) -> None:
             if planned.signal == name and planned.law is not None:
                 for length in (float(values.min()), float(values.max())):
                     check_length(planned.law, length, f"signals.{name} (the length of {muscle})", where)
-            elif planned.signal == name and not float(values.min()) > -float(plan.environment.pressure_abs):
+            elif (
+                planned.signal == name
+                and planned.unit == "Pa"
+                and not float(values.min()) > -float(plan.environment.pressure_abs)
+            ):
                 raise InputError(
                     f"signals.{name}", f"{float(values.min()):.6g} Pa", f"it drives {muscle} below vacuum", where=where
                 )

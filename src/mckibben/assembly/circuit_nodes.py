@@ -13,12 +13,12 @@ from ..muscles import law_from_specimen
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
 from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiabatic
-from ..pneumatics.volume import Chamber, FixedVolume, MovingVolume, Reservoir
+from ..pneumatics.volume import Chamber, CompliantVolume, FixedVolume, MovingVolume, Reservoir
 from ..quantities import declared, with_unit
 from ..specimens import specimen
 from .words import Entry
 
-KINDS = ("reservoir", "atmosphere", "volume", "muscle", "junction")
+KINDS = ("reservoir", "atmosphere", "volume", "compliant", "muscle", "junction")
 HEATS = ("isothermal", "adiabatic", "polytropic", "wall")
 STARTS = ("start_pressure", "heat")
 SMALLEST = declared(FixedVolume)["size"].bounds[0]  # [m^3], of a junction beside what tubes give it
@@ -32,7 +32,8 @@ class PlannedNode:
         node: as the circuit takes it.
         kind: as the file names it.
         start: gauge pressure at the start [Pa].
-        signal: name of the signal that gives its gauge pressure or its length.
+        signal: name of the signal that gives its gauge pressure, its length or its stroke.
+        unit: of that signal.
         length: of a muscle that does not move [m].
         law: of a muscle.
         words: what a sentence says of it.
@@ -43,6 +44,7 @@ class PlannedNode:
     kind: str
     start: float = 0.0
     signal: str | None = None
+    unit: str = "Pa"
     length: float | None = None
     law: TensionLaw | None = None
     words: str = ""
@@ -58,6 +60,8 @@ def read_node(name: str, entry: Entry, room: Environment) -> PlannedNode:
     kind = entry.word("kind", among=KINDS)
     if kind in ("reservoir", "atmosphere"):
         return _reservoir(name, kind, entry, room)
+    if kind == "compliant":
+        return _compliant(name, entry, room)
     if kind == "muscle":
         return _muscle(name, entry, room)
     return _volume(kind, entry, room)
@@ -106,6 +110,28 @@ def _volume(kind: str, entry: Entry, room: Environment) -> PlannedNode:
     )
 
 
+def _compliant(name: str, entry: Entry, room: Environment) -> PlannedNode:
+    entry.only(("kind", "volume", "compliance", "swept", "signal", *STARTS), "a compliant volume has")
+    known = declared(CompliantVolume)
+    size = entry.number("volume", "m^3", declared=known["size"])
+    heat, words = _heat(entry, room)
+    signal = entry.word("signal") if "signal" in entry.values else None
+    if ("swept" in entry.values) != (signal is not None):
+        raise entry.fail("swept", "alone", "a volume that moves needs both: swept, and the signal of its stroke")
+    node = CompliantVolume(
+        size=size,
+        compliance=entry.number("compliance", "m^3/Pa", 0.0, declared=known["compliance"]),
+        swept=entry.number("swept", "m^3", 0.0, declared=known["swept"]),
+        ambient=float(room.pressure_abs),
+        heat=heat,
+        signal=None if signal is None else f"{name}.stroke",
+    )
+    start = start_pressure(entry, "start_pressure", room, 0.0)
+    moves = "" if signal is None else f", moved by {signal}"
+    said = f"{with_unit(size, 'm^3')}, compliant{moves}, {words}"
+    return PlannedNode(node, "compliant", start, signal, "1", words=said)
+
+
 def _muscle(name: str, entry: Entry, room: Environment) -> PlannedNode:
     entry.only(("kind", "specimen", "law", "parameters", "length", "signal", "dead_volume", *STARTS), "a muscle has")
     law, title = _law(entry)
@@ -125,7 +151,7 @@ def _muscle(name: str, entry: Entry, room: Environment) -> PlannedNode:
     place = f"follows {signal}" if length is None else with_unit(length, "m")
     fittings = f", {with_unit(dead, 'm^3')} of fittings" if dead else ""
     start = start_pressure(entry, "start_pressure", room, 0.0)
-    return PlannedNode(node, "muscle", start, signal, length, law, words=f"{title}, {place}{fittings}, {words}")
+    return PlannedNode(node, "muscle", start, signal, "m", length, law, words=f"{title}, {place}{fittings}, {words}")
 
 
 def _law(entry: Entry) -> tuple[TensionLaw, str]:

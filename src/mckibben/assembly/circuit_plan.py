@@ -17,6 +17,7 @@ from ..experiments.waveforms import Waveform, near
 from ..pneumatics.circuit import Circuit
 from ..quantities import parse
 from .circuit_nodes import PlannedNode
+from .fit_table import FitTable
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,7 @@ class CircuitPlan:
         step: largest step of the physics [s].
         method: of the integration.
         document: the file's tables, with what `change` replaced.
+        fit: how records are read, and what is fitted to them.
         overrides: parameters that `change` replaced and no key of the file states [SI].
         where: the file.
         digest: SHA-256 of the file's text.
@@ -66,6 +68,7 @@ class CircuitPlan:
     where: str
     digest: str
     overrides: dict[str, float] = field(default_factory=dict)
+    fit: FitTable = field(default_factory=FitTable)
 
     @property
     def samples(self) -> int:
@@ -86,12 +89,20 @@ class CircuitPlan:
         """Every signal at all samples, in its SI unit, (samples + 1,)."""
         return {name: s.waveform.at(self.times) for name, s in self.signals.items()}
 
-    def inputs(self) -> dict[str, Signal]:
-        """What the circuit is driven by, commands with dead time included; ready for `integrate`."""
-        values, times = self.values(), self.times
+    def inputs(self, times: Any = None, given: Mapping[str, Any] | None = None) -> dict[str, Signal]:
+        """What the circuit is driven by, commands with dead time included; ready for `integrate`.
+
+        Args:
+            times: of the samples, instead of the plan's own [s].
+            given: values of some signals at these times, such as from a recording, instead of their waveforms [SI].
+        """
+        times = self.times if times is None else times
+        values = {name: s.waveform.at(times) for name, s in self.signals.items()} | dict(given or {})
         found = {name: (ramped if s.straight else held)(values[name]) for name, s in self.signals.items()}
         for name, planned in self.nodes.items():
-            if planned.signal is not None and planned.law is None:
+            if planned.signal is not None and planned.unit == "1":
+                found[f"{name}.stroke"] = ramped(values[planned.signal])
+            elif planned.signal is not None and planned.law is None:
                 source = self.signals[planned.signal]
                 absolute = values[planned.signal] + float(self.environment.pressure_abs)
                 found[f"{name}.pressure"] = (ramped if source.straight else held)(absolute)

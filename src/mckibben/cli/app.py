@@ -10,7 +10,7 @@ import typer
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError
-from . import circuit, fit, muscles, reproduce
+from . import circuit_fit, fit, muscles, reproduce, study
 
 app = typer.Typer(
     name="mckibben",
@@ -39,8 +39,9 @@ def options(
 
 muscles.add_to(app)
 fit.add_to(app)
-circuit.add_to(app)
+circuit_fit.add_to(app)
 reproduce.add_to(app)
+study.add_to(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

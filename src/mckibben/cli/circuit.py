@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import InputError
-from .words import Json, print_json, progress, table
+from .words import Json, pairs, print_json, progress, table, writable
 
 if TYPE_CHECKING:
     from ..assembly.circuit_plan import CircuitPlan
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 circuit = typer.Typer(
     name="circuit",
-    help="Pneumatic circuits: show one, run one.",
+    help="Pneumatic circuits: show one, run one, fit one to records.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -25,11 +24,6 @@ Change = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Replace a value, such as elements.tube.length='2 m'."),
 ]
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add these commands to the table."""
-    app.add_typer(circuit)
 
 
 @circuit.command("show")
@@ -42,8 +36,8 @@ def show(
     """Say what a circuit is, how fast its modes are, and which method a run begins with."""
     from ..assembly.sentence import run_sentence, sentence
 
-    _writable("--svg", svg, ".svg", ".png")
-    plan = _plan(file, change)
+    writable("--svg", svg, ".svg", ".png")
+    plan = planned(file, change)
     rate, method = plan.rates()
     if svg is not None:
         _draw(plan, svg)
@@ -93,9 +87,9 @@ def run(
     """Run a circuit, balance its accounts, and save the recording."""
     from ..bench.circuit_run import chunks, run_circuit
 
-    _writable("--out", out, ".nc", ".csv")
-    _writable("--figure", figure, ".svg", ".png")
-    plan = _plan(file, change)
+    writable("--out", out, ".nc", ".csv")
+    writable("--figure", figure, ".svg", ".png")
+    plan = planned(file, change)
     with progress("running", chunks(plan)) as advance:
         recording = run_circuit(plan, progress=advance)
     if out is not None:
@@ -115,30 +109,12 @@ def run(
         raise typer.Exit(130)
 
 
-def _plan(file: Path, change: list[str] | None) -> CircuitPlan:
+def planned(file: Path, change: list[str] | None) -> CircuitPlan:
+    """A circuit's file, with what ``--set`` replaces."""
     from ..assembly.circuit_file import read_circuit
 
     plan = read_circuit(file)
-    return plan.change(_changes(change)) if change else plan
-
-
-def _changes(words: list[str]) -> dict[str, str]:
-    found = {}
-    for word in words:
-        path, equals, value = word.partition("=")
-        if not equals or not path.strip() or not value.strip():
-            raise InputError("--set", word, "allowed is PATH=VALUE, such as elements.tube.length='2 m'")
-        found[path.strip()] = value.strip()
-    return found
-
-
-def _writable(option: str, path: Path | None, *endings: str) -> None:
-    if path is None:
-        return
-    if path.suffix not in endings:
-        raise InputError(option, str(path), f"allowed is a name that ends in {' or '.join(endings)}")
-    if not path.absolute().parent.is_dir():
-        raise InputError(option, str(path), "no such folder")
+    return plan.change(pairs(change, "--set", "elements.tube.length='2 m'")) if change else plan
 
 
 def _nodes(plan: CircuitPlan) -> dict[str, Any]:

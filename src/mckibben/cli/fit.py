@@ -9,7 +9,7 @@ import typer
 
 from ..errors import InputError
 from . import ranking
-from .words import Json, Set, assignments, print_json, progress
+from .words import Json, Set, assignments, pairs, print_json, progress, writable
 
 if TYPE_CHECKING:
     from ..recordings import ForceMap
@@ -59,16 +59,16 @@ def fit(
     if any(f.endswith(".toml") for f in files):
         _constraints(files, as_json)
         return
-    _writable(report, ".html")
-    _writable(save, ".toml")
-    _writable(figure, ".svg", ".png")
+    writable("--report", report, ".html")
+    writable("--save", save, ".toml")
+    writable("--figure", figure, ".svg", ".png")
     rest = None if rest_length is None else parse(rest_length, "m", field="--rest-length")
     below = None if train_below is None else parse(train_below, "Pa", field="--train-below")
     if save is not None and len(files) > 1:
         raise InputError("--save", str(save), "allowed with one table")
     reading = {
-        "columns": _pairs(column, "--column"),
-        "units": _pairs(unit, "--unit"),
+        "columns": pairs(column, "--column", "pressure=p_kPa"),
+        "units": pairs(unit, "--unit", "pressure=kPa"),
         "branch": branch,
         "pressure_zero": 0.0 if pressure_zero is None else parse(pressure_zero, "Pa", field="--pressure-zero"),
     }
@@ -176,23 +176,3 @@ def _known(spec: Specimen | None, change: list[str] | None, laws: list[str] | No
         found[name] = parse(text, fields[name].unit, field=f"--set {name}", bare=True)
         fields[name].check(f"--set {name}", found[name])
     return found
-
-
-def _pairs(words: list[str] | None, option: str) -> dict[str, str]:
-    found = {}
-    for word in words or []:
-        name, equals, value = word.partition("=")
-        if not equals or not value:
-            raise InputError(option, word, "allowed is NAME=VALUE, such as pressure=p_kPa")
-        found[name.strip()] = value.strip()
-    return found
-
-
-def _writable(path: Path | None, *suffixes: str) -> None:
-    """Refuse a place that cannot be written before any work is done."""
-    if path is None:
-        return
-    if path.suffix not in suffixes:
-        raise InputError("file", str(path), f"allowed is a name that ends with {' or '.join(suffixes)}")
-    if not path.absolute().parent.is_dir():
-        raise InputError("file", str(path), "its folder does not exist")

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -41,14 +42,29 @@ def _clean(value: Any) -> Any:
 
 def assignments(words: Iterable[str] | None) -> dict[str, str]:
     """``PATH=VALUE`` words as a table; the path may begin with ``muscle.`` or ``law.``."""
+    found = pairs(words, "--set", "thread_length='16 cm'")
+    return {path.removeprefix("muscle.").removeprefix("law."): value for path, value in found.items()}
+
+
+def pairs(words: Iterable[str] | None, option: str, example: str) -> dict[str, str]:
+    """``NAME=VALUE`` words of an option as a table."""
     found = {}
     for word in words or []:
-        path, equals, value = word.partition("=")
-        if not equals or not path.strip() or not value.strip():
-            raise InputError("--set", word, "allowed is PATH=VALUE, such as thread_length='16 cm'")
-        name = path.strip().removeprefix("muscle.").removeprefix("law.")
-        found[name] = value.strip()
+        name, equals, value = word.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise InputError(option, word, f"allowed is NAME=VALUE, such as {example}")
+        found[name.strip()] = value.strip()
     return found
+
+
+def writable(option: str, path: Path | None, *endings: str) -> None:
+    """Refuse a place that cannot be written before any work is done."""
+    if path is None:
+        return
+    if path.suffix not in endings:
+        raise InputError(option, str(path), f"allowed is a name that ends in {' or '.join(endings)}")
+    if not path.absolute().parent.is_dir():
+        raise InputError(option, str(path), "no such folder")
 
 
 def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
@@ -105,3 +121,16 @@ def progress(what: str, total: int) -> Iterator[Any]:
             bar.update(task, advance=1, description=words)
 
         yield advance
+
+
+@contextmanager
+def told(what: str) -> Iterator[Any]:
+    """A line on standard error that changes, for work of unknown length; yields ``tell(words)``; only for a person."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda words: None
+        return
+    with console.status(what) as status:
+        yield lambda words: status.update(f"{what}: {words}")

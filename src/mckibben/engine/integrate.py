@@ -21,6 +21,8 @@ from .signals import Signal
 from .step import step
 
 STEP = 50e-6  # default step of the physics [s]
+COARSE = 1e-4  # longer steps of the Rosenbrock method, which is stable at any, are compared with half the step [s]
+CHANGE = 0.05  # share of a channel's range by which half the step may change it
 PROBES = 256  # states at which the rates are examined
 
 
@@ -30,6 +32,7 @@ class Result(enum.Enum):
     DONE = "The run reached its end."
     NOT_FINITE = "A state is not finite any more; a parameter or an input is far out of range."
     TOO_STIFF = "A mode of the system is too fast for this step."
+    TOO_COARSE = "Half the step gives another result."
 
 
 class Run(NamedTuple):
@@ -100,6 +103,9 @@ def integrate(
         carry, kept = _run(system, state, memory, dict(signals), period, inner, samples, stiff)
         fastest = _along(system, kept, signals, period, samples)
     result, message = _judge(carry, kept, fastest, h, stiff)
+    if result is Result.DONE and stiff and h > COARSE:
+        half = _run(system, state, memory, dict(signals), period, 2 * inner, samples, stiff)[1]
+        result, message = _compared(kept[2], half[2], h)
     run = Run(
         time=period * np.arange(samples + 1), outputs=kept[2], state=carry[0], memory=carry[1], integrals=carry[2],
         result=result, message=message, fastest=fastest, stiff=stiff,
@@ -142,7 +148,8 @@ def march(
         seen = carry[0], carry[1], system.outputs(carry[0], carry[1], now)
 
         def one(i: Any, c: Any) -> Any:
-            return step(system, c, lambda share: _inputs(signals, index, (i + share) / inner, period), h, stiff)
+            begin, end = i / inner, (i + 1) / inner
+            return step(system, c, lambda share: _within(signals, index, begin, end, share, period), h, stiff)
 
         return jax.lax.fori_loop(0, inner, one, carry), seen
 
@@ -157,6 +164,10 @@ _compiled = jax.jit(march, static_argnums=(5, 6, 7))
 
 def _inputs(signals: Any, index: Any, share: Any, period: Any) -> dict[str, Any]:
     return {name: s.at(index, share, period) for name, s in signals.items()}
+
+
+def _within(signals: Any, index: Any, begin: Any, end: Any, share: Any, period: Any) -> dict[str, Any]:
+    return {name: s.within(index, begin, end, share, period) for name, s in signals.items()}
 
 
 def _samples(signals: Mapping[str, Signal], period: float, step_size: float, method: str) -> int:
@@ -192,3 +203,21 @@ def _judge(carry: Any, kept: Any, fastest: float, h: float, stiff: bool) -> tupl
             f"{Result.TOO_STIFF.value} It needs {need:.3g} s or less instead of {h:.3g} s, or the method ros2.",
         )
     return Result.DONE, Result.DONE.value
+
+
+def _compared(outputs: Mapping[str, Any], halved: Mapping[str, Any], h: float) -> tuple[Result, str]:
+    """A stable method hides a step that is too long for the physics; half of it does not."""
+    worst, channel = 0.0, ""
+    for name, values in outputs.items():
+        size = float(np.ptp(halved[name]))
+        off = float(np.abs(values - halved[name]).max())
+        if size > 1e-9 * float(np.abs(halved[name]).max()) and not off <= worst * size:
+            worst, channel = off / size, name
+    if worst <= CHANGE:
+        return Result.DONE, Result.DONE.value
+    need = h * (CHANGE / worst) ** 0.5 if np.isfinite(worst) else 0.5 * h
+    return (
+        Result.TOO_COARSE,
+        f"{Result.TOO_COARSE.value} {channel} changes by {100 * worst:.0f} % of its range; try {need:.2g} s or less "
+        f"instead of {h:.3g} s.",
+    )

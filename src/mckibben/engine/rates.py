@@ -26,16 +26,22 @@ def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float
         memory: the same for the memory.
         inputs: the same for the inputs.
     """
-
-    def jacobian(state: Any, z: Any, u: Any) -> Any:
-        flat, back = ravel_pytree(state)
-        return jax.jacfwd(lambda v: ravel_pytree(system.rate(back(v), z, u))[0])(flat), system.steepest_rate(
-            state, z, u
-        )
-
-    matrices, bounds = (np.asarray(x) for x in jax.jit(jax.vmap(jacobian))(states, memory, inputs))
+    matrices, bounds = (np.asarray(x) for x in _examined(system, states, memory, inputs))
     sound = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(bounds)
     if not sound.any():
         return float("inf")
     seen = float(np.abs(np.linalg.eigvals(matrices[sound])).max()) if matrices.shape[1] else 0.0
     return max(seen, float(bounds[sound].max()))
+
+
+@jax.jit
+def _examined(system: System, states: Any, memory: Any, inputs: Any) -> tuple[Any, Any]:
+    """Jacobians of the state equation, and the system's own bounds, at each of several states."""
+
+    def one(state: Any, z: Any, u: Any) -> Any:
+        flat, back = ravel_pytree(state)
+        return jax.jacfwd(lambda v: ravel_pytree(system.rate(back(v), z, u))[0])(flat), system.steepest_rate(
+            state, z, u
+        )
+
+    return jax.vmap(one)(states, memory, inputs)

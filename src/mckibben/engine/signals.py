@@ -30,22 +30,41 @@ class Signal(Module):
 
     def at(self, index: Any, share: Any, period: Any) -> Value:
         """Value at a share of the sample interval that begins at `index`; period of the samples [s]."""
-        if self.delay is not None:
-            # In whole samples and a rest, so that a step's last stage still sees its own interval.
-            late = self.delay / period
-            whole = jnp.floor(late + 1e-9)
-            share = share - jnp.maximum(late - whole, 0.0)
-            index = index - whole.astype(int) - jnp.where(share < 0.0, 1, 0)
-            share = jnp.where(index < 0, 0.0, jnp.where(share < 0.0, share + 1.0, share))
-            early = index < 0
-            index = jnp.maximum(index, 0)
+        if self.delay is None:
+            return self._between(index, share, period, True)
+        whole, rest = self._late(period)
+        share = share - rest
+        before = share < 0.0
+        index = index - whole - jnp.where(before, 1, 0)
+        return self._between(jnp.maximum(index, 0), jnp.where(before, share + 1.0, share), period, index >= 0)
+
+    def within(self, index: Any, begin: Any, end: Any, share: Any, period: Any) -> Value:
+        """What a step from `begin` to `end`, shares of the interval at `index`, sees at a share of itself.
+
+        A held signal that is late by a part of a sample may jump inside the step. All stages then see its mean over the
+        step, which keeps the second order; at the instant itself, some stages would see the old value and some the new one.
+        """
+        if self.straight or self.delay is None:
+            return self.at(index, begin + (end - begin) * share, period)
+        whole, rest = self._late(period)
+        old = jnp.clip((rest - begin) / (end - begin), 0.0, 1.0)
+        before, after = (self.values[jnp.maximum(index - whole - n, 0)] for n in (1, 0))
+        mean = after + old * (before - after)
+        return Value(mean, jnp.zeros_like(mean))
+
+    def _late(self, period: Any) -> tuple[Any, Any]:
+        """The delay as whole samples and the share that remains; what is nothing but rounding is nothing."""
+        late = jnp.asarray(self.delay) / period
+        whole = jnp.floor(late + 1e-9)
+        return whole.astype(int), jnp.maximum(late - whole, 0.0)
+
+    def _between(self, index: Any, share: Any, period: Any, started: Any) -> Value:
         begin, end = self.values[index], self.values[index + 1]
         if not self.straight:
             return Value(begin, jnp.zeros_like(begin))
-        rate = (end - begin) / period
-        if self.delay is not None:
-            rate = jnp.where(early, 0.0, rate)
-        return Value(begin + (end - begin) * share, rate)
+        # before its first value a signal rests there
+        moved = jnp.where(started, end - begin, 0.0)
+        return Value(begin + moved * share, moved / period)
 
     def delayed(self, delay: Any) -> Signal:
         """The same signal later by a time [s]."""

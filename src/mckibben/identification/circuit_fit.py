@@ -12,7 +12,7 @@ from ..analysis.timing import time_lead
 from ..engine import STEP
 from ..errors import InputError
 from .circuit_problem import CircuitProblem
-from .trial import Trial
+from .trial import Trial, expand
 from .uncertainty import Estimate, uncertainty
 
 # Half an interval of this share of a parameter says little about it.
@@ -88,6 +88,7 @@ def fit_circuit(
         raise InputError("trials", "none", "allowed is at least one record")
     if not free:
         raise InputError("free", "nothing", "allowed is at least one parameter")
+    _check_together([*trials, *predict], free)
     problem = CircuitProblem.of(trials, free, start or {}, step)
     found = problem.solve(evaluations, progress)
     values = problem.values(found.x)
@@ -98,8 +99,8 @@ def fit_circuit(
     for i, name in enumerate(problem.names):
         q = problem.quantities[i]
         spread = known.quantile * known.standard_error[i]
-        low, high = (problem.value(i, found.x[i] + sign * spread) for sign in (-1.0, 1.0))
-        estimates[name] = Estimate(values[i], low, high, q.unit)
+        ends = np.clip([problem.value(i, found.x[i] + sign * spread) for sign in (-1.0, 1.0)], *q.bounds)
+        estimates[name] = Estimate(values[i], float(ends[0]), float(ends[1]), q.unit)
         if spread > LOOSE:
             warnings.append(f"the data hardly determine {name}")
         for bound, edge in zip(problem.bounds, ("lower", "upper"), strict=True):
@@ -114,9 +115,24 @@ def fit_circuit(
         errors += _errors(trial, predicted[trial.name], fitted=any(trial is t for t in trials))
     return CircuitFit(
         parameters=estimates, paths=problem.paths, errors=tuple(errors), predicted=predicted,
-        correlation=known.correlation, converged=bool(found.status > 0), message=str(found.message).strip("` ."),
+        correlation=known.correlation, converged=bool(found.status > 0), message=str(found.message).replace("`", "").strip(" ."),
         evaluations=int(found.nfev), warnings=tuple(warnings),
     )  # fmt: skip
+
+
+def _check_together(trials: Sequence[Trial], free: Sequence[str]) -> None:
+    """Refuse trials that share no parameters, and two of one name: a record that counts twice makes intervals too narrow."""
+    wanted = expand(free, trials[0])
+    names: set[str] = set()
+    for trial in trials:
+        if trial.name in names:
+            raise InputError("records", trial.name, "it is there twice; allowed is each record once")
+        names.add(trial.name)
+        found = expand(free, trial)
+        if found != wanted:
+            path = next(p for p in wanted if found[p] != wanted[p])
+            told = f"there it is {', '.join(found[path])}, in {trials[0].name} {', '.join(wanted[path])}"
+            raise InputError("free", path, told, where=trial.name)
 
 
 def _errors(trial: Trial, predicted: Mapping[str, np.ndarray], *, fitted: bool) -> list[ChannelError]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import fnmatch
 import functools
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import jax
@@ -29,6 +30,7 @@ class Trial:
         measured: by the name of a circuit's output, such as ``tank.pressure_abs``, one value per sample [SI].
         period: of the samples [s].
         temperature: of all gas at the start [K].
+        follows: signals that come from another one, by its name; what delays that one delays them too.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Trial:
     measured: Mapping[str, np.ndarray]
     period: float
     temperature: float = 293.15
+    follows: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what could not be compared."""
@@ -52,7 +55,11 @@ class Trial:
             if not np.isfinite(values).all():
                 raise InputError(name, "not finite", "allowed are finite values", where=self.name)
             if name.endswith(".pressure_abs") and (np.asarray(values) < 0.0).any():
-                raise InputError(name, float(np.min(values)), "a pressure below vacuum", where=self.name)
+                allowed = "below vacuum; allowed are absolute pressures of 0 Pa or more"
+                raise InputError(name, float(np.min(values)), allowed, where=self.name)
+        for name, signal in self.signals.items():
+            if not np.isfinite(np.asarray(signal.values)).all():
+                raise InputError(name, "not finite", "allowed are finite values", where=self.name)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -64,9 +71,14 @@ class Trial:
         """Intervals of the clock."""
         return len(next(iter(self.measured.values()))) - 1
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the signals that come from no other one."""
+        return tuple(name for name in self.signals if name not in self.follows)
+
     def with_parameters(self, changes: Mapping[str, Any]) -> tuple[Circuit, dict[str, Signal]]:
         """Circuit and signals with values at dotted paths replaced; ``signals.<name>.delay`` delays an input."""
-        return _changed(self.circuit, self.signals, changes)
+        return _changed(self.circuit, self.signals, changes, tuple(self.follows.items()))
 
     def run(self, changes: Mapping[str, Any], *, step: float = STEP, method: str = "auto") -> Run:
         """The run with parameters at dotted paths replaced, checked like any run."""
@@ -77,7 +89,8 @@ class Trial:
     def model(self, names: tuple[tuple[str, ...], ...], inner: int, stiff: bool) -> Model:
         """Prediction and slopes as functions of values, each at one path or several; with a number of steps per sample."""
         leaves = (self.circuit, dict(self.signals), {k: float(v) for k, v in self.initial.items()})
-        static = (names, self.channels, self.period, self.temperature, inner, self.samples, stiff)
+        follows = tuple(self.follows.items())
+        static = (names, self.channels, self.period, self.temperature, inner, self.samples, stiff, follows)
         return Model(
             lambda values: np.asarray(_predict(leaves, jax.numpy.asarray(values), *static)),
             lambda values: np.asarray(_slopes(leaves, jax.numpy.asarray(values), *static)),
@@ -92,14 +105,15 @@ class Model(NamedTuple):
 
 
 def _changed(
-    circuit: Circuit, signals: Mapping[str, Signal], changes: Mapping[str, Any]
+    circuit: Circuit, signals: Mapping[str, Signal], changes: Mapping[str, Any], follows: tuple[tuple[str, str], ...]
 ) -> tuple[Circuit, dict[str, Signal]]:
     changed = paths.put(circuit, {p: v for p, v in changes.items() if not p.startswith("signals.")})
     late = dict(signals)
     for path, value in changes.items():
         if path.startswith("signals."):
-            name = path.split(".")[1]
-            late[name] = late[name].delayed(value)
+            name = path.removeprefix("signals.").removesuffix(".delay")
+            for each in (name, *(other for other, first in follows if first == name)):
+                late[each] = late[each].delayed(value)
     return changed, changed.commands(late)
 
 
@@ -119,16 +133,17 @@ def _outputs(
     inner: int,
     samples: int,
     stiff: bool,
+    follows: Any,
 ) -> Any:
     circuit, signals, initial = leaves
     changes = {path: value for many, value in zip(names, values, strict=True) for path in many}
-    circuit, signals = _changed(circuit, signals, changes)
+    circuit, signals = _changed(circuit, signals, changes, follows)
     state, memory = _start(circuit, signals, initial, period, temperature)
     _, kept = march(circuit, state, memory, signals, period, inner, samples, stiff)
     return jax.numpy.stack([kept[2][name] for name in channels])
 
 
-_STATIC = tuple(range(2, 9))
+_STATIC = tuple(range(2, 10))
 _predict = functools.partial(jax.jit, static_argnums=_STATIC)(_outputs)
 
 
@@ -137,22 +152,36 @@ def _slopes(leaves: Any, values: Any, *static: Any) -> Any:
     return jax.jacfwd(lambda v: _outputs(leaves, v, *static))(values)
 
 
+def matching(pattern: str, circuit: Circuit, signals: Iterable[str]) -> tuple[str, ...]:
+    """The dotted paths that a pattern such as ``elements.valve_*.passage.conductance`` stands for.
+
+    Raises:
+        InputError: if there is none, with the nearest paths; and for paths of different units, which no value serves.
+    """
+    units = {path: q.unit for path, q in paths.parameters(circuit)} | {f"signals.{name}.delay": "s" for name in signals}
+    found = tuple(path for path in units if fnmatch.fnmatchcase(path, pattern))
+    if not found:
+        near = difflib.get_close_matches(pattern, units, n=3) or sorted(units)
+        raise InputError("free", pattern, f"no such parameter; known are {', '.join(near)}")
+    different = [path for path in found if units[path] != units[found[0]]]
+    if different:
+        told = f"one value cannot be {found[0]} [{units[found[0]]}] and {different[0]} [{units[different[0]]}]"
+        raise InputError("free", pattern, told)
+    return found
+
+
 def expand(patterns: Iterable[str], trial: Trial) -> dict[str, tuple[str, ...]]:
-    """The dotted paths that each pattern such as ``elements.valve_*.conductance`` stands for; one value serves all of them.
+    """The dotted paths of every pattern; one value serves all paths of a pattern.
 
     Raises:
         InputError: for a pattern that matches nothing, and for a path that two patterns match.
     """
-    known = [p for p, _ in paths.parameters(trial.circuit)] + [f"signals.{n}.delay" for n in trial.signals]
     found: dict[str, tuple[str, ...]] = {}
     taken: dict[str, str] = {}
     for pattern in patterns:
-        matches = tuple(p for p in known if fnmatch.fnmatchcase(p, pattern))
-        if not matches:
-            paths.declaration(trial.circuit, pattern)  # complains with the nearest paths
-        for path in matches:
+        found[pattern] = matching(pattern, trial.circuit, trial.inputs)
+        for path in found[pattern]:
             if path in taken:
                 raise InputError("free", pattern, f"{path} is free already, by {taken[path]}")
             taken[path] = pattern
-        found[pattern] = matches
     return found

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import functools
+import math
+
 from ..analysis.characteristics import circle_area
 from ..components import Environment
 from ..pneumatics import AIR
 from ..pneumatics.tubes.inertial import inertance
 from ..specimens import specimen
+from ..studies.tube_models import Result, capacity
+from ..studies.tube_records import ACCUMULATORS, DIAMETER, LARGE, LENGTH, SMALL
+from ..studies.tube_study import PAPERS, QUICK_SEEDS, QUICK_THERMALS, TubeStudy, tube_study
 from .rows import reproduces
 
-TUBE_LENGTH, TUBE_DIAMETER = 1.0, 3.175e-3  # 100 cm of 1/8 in tube [m]
-ACCUMULATORS = {"10in3": 164e-6, "3in3": 49e-6}  # [m^3]
+SYNTHETIC = "seed 1 and wall heat of `mckibben study tube`, which has the rest"
 
 
 def capacitance(volume: float) -> float:
@@ -21,25 +26,89 @@ def capacitance(volume: float) -> float:
 @reproduces("tube.capacitance_10in3", "kg/Pa", "at 300 K, which both printed values imply")
 def capacitance_10in3() -> float:
     """The large accumulator."""
-    return capacitance(ACCUMULATORS["10in3"])
+    return capacitance(ACCUMULATORS[LARGE])
 
 
 @reproduces("tube.capacitance_3in3", "kg/Pa", "at 300 K, which both printed values imply")
 def capacitance_3in3() -> float:
     """The small accumulator."""
-    return capacitance(ACCUMULATORS["3in3"])
+    return capacitance(ACCUMULATORS[SMALL])
 
 
 @reproduces("tube.inertance", "1/m")
 def tube_inertance() -> float:
     """l/A of the tube; 1/m is Pa s2/kg."""
-    return float(inertance(length=TUBE_LENGTH, area=circle_area(TUBE_DIAMETER)))
+    return float(inertance(length=LENGTH, area=circle_area(DIAMETER)))
 
 
 @reproduces("tube.inertance_per_cm", "1/m", "l/A is 1260 1/cm: a factor of ten is missing in print")
 def tube_inertance_per_cm() -> float:
     """The same number in 1/cm."""
     return tube_inertance()
+
+
+@functools.cache
+def tube_fits() -> TubeStudy:
+    """The paper's three models on synthetic records, for its pressures are not published."""
+    return tube_study(seeds=QUICK_SEEDS, thermals=QUICK_THERMALS, keys=PAPERS)
+
+
+def _fit(model: str, accumulator: str = LARGE, *, refitted: bool = False) -> Result:
+    return tube_fits().result(QUICK_THERMALS[0], model, accumulator, refitted=refitted)
+
+
+@reproduces("tube.linear_cutoff", "rad/s", SYNTHETIC)
+def linear_cutoff() -> float:
+    """1/(R C) over pi."""
+    return 1.0 / (math.pi * _fit("linear").value("resistance") * capacity(ACCUMULATORS[LARGE]))
+
+
+@reproduces("tube.linear_rms", "Pa", SYNTHETIC)
+def linear_rms() -> float:
+    """Error of the linear model on the large accumulator."""
+    return _fit("linear").rms
+
+
+@reproduces("tube.quadratic_rms_10in3", "Pa", SYNTHETIC)
+def quadratic_rms_10in3() -> float:
+    """Error of the quadratic model on the large accumulator."""
+    return _fit("quadratic").rms
+
+
+@reproduces("tube.quadratic_rms_3in3", "Pa", SYNTHETIC)
+def quadratic_rms_3in3() -> float:
+    """The same on the small one, refitted."""
+    return _fit("quadratic", SMALL, refitted=True).rms
+
+
+@reproduces("tube.inertial_rms_10in3", "Pa", SYNTHETIC)
+def inertial_rms_10in3() -> float:
+    """Error of the inertial model on the large accumulator."""
+    return _fit("inertial").rms
+
+
+@reproduces("tube.inertial_rms_3in3", "Pa", SYNTHETIC)
+def inertial_rms_3in3() -> float:
+    """The same on the small one, its parameters kept."""
+    return _fit("inertial", SMALL).rms
+
+
+@reproduces("tube.quadratic_lead", "s", SYNTHETIC)
+def quadratic_lead() -> float:
+    """Mean lead of the quadratic model."""
+    return _fit("quadratic").lead
+
+
+@reproduces("tube.R1", "Pa*s/m", f"the data hardly determine it; {SYNTHETIC}")
+def viscous_coefficient() -> float:
+    """R1 of the quadratic model."""
+    return _fit("quadratic").value("viscous")
+
+
+@reproduces("tube.R2", "Pa*s^2/m^2", SYNTHETIC)
+def turbulent_coefficient() -> float:
+    """R2 of the quadratic model."""
+    return _fit("quadratic").value("turbulent")
 
 
 def electrical_power(valve: str) -> float:

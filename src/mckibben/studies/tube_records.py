@@ -18,6 +18,7 @@ import numpy as np
 from ..components import Environment
 from ..experiments.waveforms import MultiSine, Table
 from ..experiments.waveforms.random import uniform
+from ..quantities import with_unit
 
 LENGTH, DIAMETER = 1.0, 3.175e-3  # 100 cm of 1/8 in tube [m]
 AREA = 0.25 * np.pi * DIAMETER**2  # its bore [m^2]
@@ -53,9 +54,13 @@ class Record(NamedTuple):
 
     def sentence(self) -> str:
         """In words."""
-        if self.kind == "steps":
-            return f"{self.wave.sentence('Pa')}, edges of {1e3 * EDGE:g} ms, seed {self.seed}"
-        return f"{len(self.wave.frequencies)} sines of random phase up to {CUTOFF:g} Hz, 0 bar to 5 bar, seed {self.seed}"
+        if isinstance(self.wave, Table):
+            levels = ", ".join(with_unit(v, "Pa") for v in self.wave.values[2::4])
+            times = ", ".join(f"{t:.3f}" for t in self.wave.times[1::2])
+            return f"steps from 0 bar to {levels} and back, at {times} s, edges of {1e3 * EDGE:g} ms, seed {self.seed}"
+        count = len(self.wave.frequencies)
+        top = with_unit(TOP, "Pa")
+        return f"noise, {count} sines of random phase up to {CUTOFF:g} Hz, between 0 bar and {top}, seed {self.seed}"
 
 
 def clock() -> np.ndarray:
@@ -81,9 +86,7 @@ def noise(seed: int) -> MultiSine:
     )
     values = wave.at(clock())
     stretch = TOP / (values.max() - values.min())
-    return MultiSine(
-        mean=-stretch * values.min(), amplitude=stretch, frequencies=wave.frequencies, phases=wave.phases
-    )
+    return MultiSine(mean=-stretch * values.min(), amplitude=stretch, frequencies=wave.frequencies, phases=wave.phases)
 
 
 def steps(seed: int) -> Table:

@@ -47,7 +47,7 @@ class Steps(Waveform):
         return np.asarray(self.values, float)[np.maximum(begun, 0)]
 
     def sentence(self, unit: str) -> str:
-        """Such as ``0 bar, 3 bar from 0.1 s``."""
+        """Such as ``steps 0 bar, 3 bar from 100 ms``."""
         first, *rest = zip(self.values, self.times, strict=True)
         return "steps " + ", ".join(
             [words(first[0], unit), *(f"{words(v, unit)} from {time_words(t)}" for v, t in rest)]
@@ -71,7 +71,7 @@ class Pulse(Waveform):
         return np.where((t >= self.start) & (t < self.start + self.width), float(self.high), float(self.low))
 
     def sentence(self, unit: str) -> str:
-        """Such as ``pulse from 0 bar to 3 bar at 0.1 s for 0.5 s``."""
+        """Such as ``pulse from 0 bar to 3 bar at 100 ms for 500 ms``."""
         return f"pulse from {pair(self, unit)} at {time_words(self.start)} for {time_words(self.width)}"
 
 

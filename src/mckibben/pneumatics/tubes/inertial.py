@@ -44,6 +44,6 @@ class InertialTube(TwoPort):
 
     def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
         """dw/dt [kg/s^2]."""
-        speed = state / (mean_density(self.gas, a, b) * self.area)
+        speed = state / (mean_density(self.gas, a, b, state >= 0.0) * self.area)
         loss = self.viscous * speed + self.turbulent * speed * jnp.abs(speed)
         return (a.pressure_abs - b.pressure_abs - loss) / inertance(length=self.length, area=self.area)

@@ -43,11 +43,6 @@ class LumpedTube(TwoPort):
     wall_temperature: Scalar = quantity("K", (200.0, 500.0), "temperature of the wall", symbol="Tw", default=293.15)
     gas: Gas = AIR
 
-    @classmethod
-    def of_pipe(cls, *, length: float, diameter: float, friction: float = 0.0, ends: float = 1.5) -> LumpedTube:
-        """TEMPORARY."""
-        return cls(length=length, diameter=diameter, ends=ends)
-
     @property
     def area(self) -> Scalar:
         """Cross section [m^2]."""

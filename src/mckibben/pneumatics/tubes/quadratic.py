@@ -20,9 +20,9 @@ from ...quantities import quantity
 from ..gas import AIR, Gas
 
 
-def mean_density(gas: Gas, a: GasState, b: GasState) -> Scalar:
-    """Density at the mean pressure of the ends [kg/m^3] (eq. 21), at the temperature of the upstream end."""
-    upstream = jnp.where(a.pressure_abs >= b.pressure_abs, a.temperature, b.temperature)
+def mean_density(gas: Gas, a: GasState, b: GasState, forward: Any) -> Scalar:
+    """Density at the mean pressure of the ends [kg/m^3] (eq. 21), at the temperature of where the gas comes from."""
+    upstream = jnp.where(forward, a.temperature, b.temperature)
     return gas.density(0.5 * (a.pressure_abs + b.pressure_abs), upstream)
 
 
@@ -40,4 +40,4 @@ class QuadraticTube(TwoPort):
         # The root in the form that does not cancel, and whose slope at zero is 1/R1; a little R1 is always there.
         viscous = self.viscous + 1e-3
         speed = 2.0 * drop / (viscous + jnp.sqrt(viscous**2 + 4.0 * self.turbulent * jnp.abs(drop)))
-        return mean_density(self.gas, a, b) * self.area * speed
+        return mean_density(self.gas, a, b, drop >= 0.0) * self.area * speed

@@ -1,6 +1,6 @@
 """What a switching valve does before and while it moves: a coil, and a plunger between two stops.
 
-    dc/dt = (u - c)/tau,   tau = dead time/ln(2/(1 - W))            u = 1 where the command is above 0.5, else 0
+    dc/dt = (u - c)/tau,   tau = dead time/ln(2/(1 - W))            u the command, 0 to 1; of switching on where u > c
     dx/dt = d (1 - S)/T,   d = clip((c - 1/2)/W, -1, 1)             slowed over the last S of the stroke before a stop
 
 The magnetic flux c lags behind the command, and the plunger starts when it has passed half. From rest this is the stated
@@ -51,9 +51,9 @@ class Solenoid(Module):
 
     def rates(self, state: Plunger, command: Any) -> Plunger:
         """Rates of flux and stroke [1/s]."""
-        on = jnp.asarray(command) > 0.5
-        dead = jnp.where(on, self.opening_dead_time, self.closing_dead_time)
-        flux = (jnp.where(on, 1.0, 0.0) - state.flux) * HALF / dead
+        wanted = share(jnp.asarray(command, float))
+        dead = jnp.where(wanted > state.flux, self.opening_dead_time, self.closing_dead_time)
+        flux = (wanted - state.flux) * HALF / dead
         drive = between((state.flux - 0.5) / WIDTH, -1.0, 1.0)
         opens = (1.0 - SEAT) / self.opening_time * share((1.0 - state.stroke) / SEAT)
         closes = (1.0 - SEAT) / self.closing_time * share(state.stroke / SEAT)

@@ -1,0 +1,153 @@
+"""``study``: questions that the laboratory answers as a whole, with fixed inputs and seeds."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..quantities import from_si
+from .words import Json, print_json, progress, table, writable
+
+if TYPE_CHECKING:
+    from ..studies.tube_claims import Claim
+    from ..studies.tube_study import TubeStudy
+
+study = typer.Typer(
+    name="study",
+    help="Questions that the laboratory answers as a whole: tube.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add these commands to the table."""
+    app.add_typer(study)
+
+
+@study.callback()
+def _studies() -> None:
+    """Questions that the laboratory answers as a whole, with fixed inputs and seeds."""
+
+
+@study.command("tube")
+def tube(
+    quick: Annotated[bool, typer.Option("--quick", help="One seed and the reference with wall heat only.")] = False,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the models and their errors, .svg or .png.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Lumped models of a tube against the distributed one: do the claims hold? Exit code 1 when a target is missed."""
+    from ..studies.tube_claims import NOT, PARTLY, claims
+    from ..studies.tube_study import QUICK_SEEDS, QUICK_THERMALS, stages, tube_study
+
+    writable("--figure", figure, ".svg", ".png")
+    options: dict[str, Any] = {"seeds": QUICK_SEEDS, "thermals": QUICK_THERMALS} if quick else {}
+    with progress("tube study", stages(**options)) as advance:
+        found = tube_study(**options, progress=advance)
+    judged = claims(found)
+    if figure is not None:
+        from ..report.figures import style
+        from ..report.figures.tube_figures import tube_figure
+
+        style.save(tube_figure(found), figure, dpi=130.0)
+    if as_json:
+        print_json(_as_json(found, judged))
+    else:
+        _print(found, judged)
+    if any(c.source == "target" and c.verdict in (NOT, PARTLY) for c in judged):
+        raise typer.Exit(1)
+
+
+def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, Any]:
+    rows = []
+    for thermal, results in found.results.items():
+        for r in results:
+            rows.append(
+                {
+                    "thermal": thermal,
+                    "model": r.model,
+                    "accumulator": r.accumulator,
+                    "volume": found.cases[thermal, r.accumulator][0].volume,
+                    "rms": r.rms,
+                    "lead": r.lead,
+                    "fitted": r.fitted,
+                    "vessel": r.vessel,
+                    "parameters": {name: e._asdict() for name, e in r.parameters.items()},
+                    "records": [{"record": c.record, "rms": c.rms, "lead": c.lead} for c in r.comparisons],
+                    "warnings": list(r.warnings),
+                }
+            )
+    return {
+        "claims": [c._asdict() for c in judged],
+        "table": rows,
+        "cost": found.cost._asdict() if found.cost else {},
+        "waveforms": [{"name": r.name, "seed": r.seed, "sentence": r.sentence()} for r in found.records],
+        "hottest": {f"{thermal}, {a}": value for (thermal, a), value in found.hottest.items()},
+    }
+
+
+def _print(found: TubeStudy, judged: list[Claim]) -> None:
+    from ..studies.tube_models import models
+    from ..studies.tube_records import PERIOD
+
+    waves = [[r.name, r.sentence()] for r in found.records]
+    table(f"Gauge pressure in front of the tube, {1.0 / PERIOD:g} samples per second", ["record", "what"], waves)
+    for thermal, results in found.results.items():
+        typer.echo("")
+        rows = [
+            [
+                models()[r.model].title,
+                r.accumulator,
+                "fitted" if r.fitted else "transferred" if r.parameters else "as it is",
+                f"{from_si(r.rms, 'Pa', 'bar'):.3f}",
+                f"{1e3 * r.lead:+.1f}",
+                ", ".join(_parameter(n, e) for n, e in r.parameters.items()) if r.fitted else "",
+            ]
+            for r in results
+        ]
+        table(
+            f"Against the distributed tube, {thermal.replace('_', ' ')}",
+            ["model", "accumulator", "", "rms, bar", "lead, ms", "parameters with 95 % intervals"],
+            rows,
+            right=[3, 4],
+        )
+    typer.echo("")
+    for c in judged:
+        typer.echo(f"{c.verdict.upper()}: {c.claim}" + ("" if c.source == "paper" else f" ({c.source})"))
+        for name, numbers in c.numbers.items():
+            typer.echo(f"  {name.replace('_', ' ')}: {_words(numbers)}")
+
+
+def _parameter(name: str, e: Any) -> str:
+    unit = "" if e.unit == "1" else f" {e.unit}"
+    return f"{name} {e.value:.3g} ({e.low:.3g} to {e.high:.3g}){unit}"
+
+
+def _words(numbers: dict[str, Any]) -> str:
+    return ", ".join(_word(name, value) for name, value in numbers.items())
+
+
+def _word(name: str, value: Any) -> str:
+    """A number of a claim as a person reads it; the beginning of its name says what it is."""
+    if isinstance(value, str):
+        return value
+    kind, _, rest = name.partition("_")
+    rest = rest.replace("_", " ")
+    if not isinstance(value, dict) and not math.isfinite(value):
+        return f"{rest} from zero"
+    if isinstance(value, dict):
+        return f"{rest}: {kind} {value['value']:.3g} ({value['low']:.2g} to {value['high']:.2g}) Pa s/m"
+    if kind == "rms":
+        return f"{rest} {from_si(value, 'Pa', 'bar'):.3f} bar"
+    if kind == "lead":
+        return f"lead {rest} {1e3 * value:+.1f} ms"
+    if kind == "moved":
+        return f"{rest} moves {100.0 * value:+.0f} %"
+    if kind == "cutoff":
+        return f"cut-off {value / math.pi:.2f} pi rad/s"
+    return f"{name.replace('_', ' ')} {value:.2f}"

@@ -1,0 +1,204 @@
+"""The tube study in one picture: pressures behind the tube, the models' errors below, and their rms errors beside."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...quantities import from_si
+from ...studies.tube_models import Case, models
+from ...studies.tube_records import LARGE, PERIOD, SMALL
+from ...studies.tube_study import PAPERS, TubeStudy
+from . import style
+from .style import COLOURS, INK, INK_2, INK_3, PANEL, number
+
+SHOWN = (*PAPERS, "lumped")
+DASHES = dict(zip(SHOWN, ((0, (1.2, 1.8)), (0, (5, 1.7, 1.2, 1.7)), (0, (4, 2.3)), "-"), strict=True))
+WORDS = {"isothermal": "isothermal walls", "adiabatic": "adiabatic walls", "wall_heat": "heat through the walls"}
+BARE = {"facecolor": PANEL, "edgecolor": "none", "pad": 0.6}  # so that lines do not cross words
+TARGET = 0.06  # of the improved model [bar]
+NOISE_SHOWN = 1.4  # of the noise record [s]
+BEFORE, AFTER = 0.1, 0.75  # around the highest step [s]
+HEIGHT, FOOT, TOP, STRIP, GAP = 7.3, 0.55, 0.75, 0.62, 0.17  # [inch]
+LEFT, ACROSS, BETWEEN, BARS = 0.5, (3.55, 2.15), 0.5, 2.0  # [inch]
+
+
+@style.styled()
+def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
+    """Reference and models on one noise record and on the highest step, their errors, and the rms errors of all records.
+
+    Args:
+        study: with the paper's three models and the improved one.
+        accumulator: which one the pressures are shown for; on the small one nothing is refitted.
+    """
+    thermal = study.thermals[-1]
+    fig = style.figure(style.WIDE, HEIGHT)
+    cases = study.cases[thermal, accumulator]
+    noise = next(i for i, c in enumerate(cases) if c.record.kind == "noise")
+    steps = next(i for i, c in enumerate(cases) if c.record.kind == "steps")
+    kept = "parameters of 10 in³" if accumulator == SMALL else "fitted"
+    windows = ((noise, 0.0, NOISE_SHOWN), (steps, *_highest(cases[steps])))
+    left = LEFT
+    limit = _limit(study, thermal, accumulator, windows)
+    for column, ((index, begin, end), width) in enumerate(zip(windows, ACROSS, strict=True)):
+        axes = _column(fig, left, width)
+        _pressures(axes[0], study, thermal, accumulator, index, (begin, end))
+        for ax, model in zip(axes[1:], SHOWN, strict=True):
+            _error(ax, study, thermal, accumulator, model, index, (begin, end), limit)
+            if column == 0:
+                style.note(ax, models()[model].title, x=0.0, y=1.0, dx=3, dy=-5, color=INK, fontweight="bold")
+        title = "Noise to 6 Hz" if column == 0 else "Step of 5 bar"
+        told = f"{_inches(accumulator)}, {kept}" if column == 0 else WORDS[thermal]
+        style.heading(axes[0], title, told, above=24.0)
+        axes[-1].set_xlabel("Time, s", color=INK, fontweight="bold", fontsize=style.SMALL + 0.5, labelpad=3)
+        if column == 0:
+            style.note(axes[1], "Model less reference, bar", y=1.0, dy=8, color=COLOURS["pressure"], fontweight="bold")
+        left += width + BETWEEN
+    _key(axes[0])
+    _rms(fig, study, left + 0.75)
+    return fig
+
+
+def _inches(accumulator: str) -> str:
+    return accumulator.replace("in3", " in³")
+
+
+def _column(fig: Figure, left: float, width: float) -> list[Axes]:
+    """The pressures' axes and one strip per model below, [inch] from the left."""
+    foot, axes = FOOT, []
+    for _ in SHOWN:
+        axes.append(_axes(fig, left, foot, width, STRIP))
+        foot += STRIP + GAP
+    foot += 0.3
+    axes.append(_axes(fig, left, foot, width, HEIGHT - TOP - foot))
+    return axes[::-1]
+
+
+def _axes(fig: Figure, left: float, foot: float, width: float, height: float) -> Axes:
+    return fig.add_axes((left / style.WIDE, foot / HEIGHT, width / style.WIDE, height / HEIGHT))
+
+
+def _highest(case: Case) -> tuple[float, float]:
+    """Time around the rise of the highest step [s]."""
+    rise = int(np.argmax(case.supply == case.supply.max()))
+    start = rise * PERIOD - BEFORE
+    return start, start + AFTER
+
+
+def _part(case: Case, window: tuple[float, float]) -> tuple[slice, np.ndarray]:
+    some = slice(max(round(window[0] / PERIOD), 0), round(window[1] / PERIOD) + 1)
+    return some, PERIOD * np.arange(len(case.supply))[some]
+
+
+def _pressures(
+    ax: Axes, study: TubeStudy, thermal: str, accumulator: str, index: int, window: tuple[float, float]
+) -> None:
+    case = study.cases[thermal, accumulator][index]
+    some, time = _part(case, window)
+    zero, bar = case.supply.min(), from_si(1.0, "Pa", "bar")
+    ax.plot(time, (case.supply - zero)[some] * bar, color=INK_3, lw=0.8, zorder=1)
+    ax.plot(time, (case.vessel - zero)[some] * bar, color=COLOURS["pressure"], lw=3.2, alpha=0.45, zorder=2)
+    for model in SHOWN:
+        predicted = study.result(thermal, model, accumulator).comparisons[index].predicted
+        ax.plot(time, (predicted - zero)[some] * bar, color=INK, ls=DASHES[model], lw=0.9, zorder=3)
+    ax.set_xlim(time[0], time[-1])
+    ax.set_ylim(-0.15, 5.3)
+    style.quantity_axes(ax, x=("", None), y=("Pressure, bar", "pressure"))
+    ax.tick_params(labelbottom=False)
+
+
+def _key(ax: Axes) -> None:
+    """What the lines are, where the step leaves room."""
+    from matplotlib.lines import Line2D
+
+    lines = [
+        Line2D([], [], color=INK_3, lw=0.8, label="in front of the tube"),
+        Line2D([], [], color=COLOURS["pressure"], lw=3.2, alpha=0.45, label="behind it: reference"),
+        *(Line2D([], [], color=INK, ls=DASHES[m], lw=0.9, label=models()[m].title) for m in SHOWN),
+    ]
+    ax.legend(
+        handles=lines, loc="center", bbox_to_anchor=(0.52, 0.46), frameon=False, handlelength=2.4, handletextpad=0.7,
+        labelspacing=0.55, fontsize=style.SMALL, labelcolor=INK_2,
+    )  # fmt: skip
+
+
+def _limit(study: TubeStudy, thermal: str, accumulator: str, windows: tuple[tuple[int, float, float], ...]) -> float:
+    """Of the strips [bar]: the largest error that is shown."""
+    most = 0.0
+    for index, begin, end in windows:
+        case = study.cases[thermal, accumulator][index]
+        some, _ = _part(case, (begin, end))
+        for model in SHOWN:
+            error = study.result(thermal, model, accumulator).comparisons[index].predicted - case.vessel
+            most = max(most, float(np.abs(error[some]).max()))
+    return 1.05 * from_si(most, "Pa", "bar")
+
+
+def _error(
+    ax: Axes, study: TubeStudy, thermal: str, accumulator: str, model: str, index: int, window: tuple[float, float],
+    limit: float,
+) -> None:  # fmt: skip
+    case = study.cases[thermal, accumulator][index]
+    some, time = _part(case, window)
+    compared = study.result(thermal, model, accumulator).comparisons[index]
+    error = (compared.predicted - case.vessel)[some] * from_si(1.0, "Pa", "bar")
+    ax.axhline(0.0, color=INK_2, lw=0.7, zorder=1)
+    ax.fill_between(time, 0.0, error, color=COLOURS["pressure"], alpha=0.25, lw=0, zorder=2)
+    ax.plot(time, error, color=COLOURS["pressure"], lw=1.0, zorder=3)
+    ax.set_xlim(time[0], time[-1])
+    ax.set_ylim(-limit, limit)
+    tick = 0.5 if limit > 0.5 else 0.2
+    ax.set_yticks([-tick, 0.0, tick], [number(-tick, 1, sign=True), "0", number(tick, 1, sign=True)])
+    if model != SHOWN[-1]:
+        ax.tick_params(labelbottom=False)
+    words = f"rms {number(from_si(compared.rms, 'Pa', 'bar'), 3)}, lead {number(1e3 * compared.lead, 1, sign=True)} ms"
+    style.note(ax, words, x=1.0, y=1.0, dx=-3, dy=-5, ha="right", color=INK_2)
+
+
+def _rms(fig: Figure, study: TubeStudy, left: float) -> None:
+    """Bars of the rms error over all records, one pair per reference and model."""
+    ax = _axes(fig, left, FOOT, style.WIDE - left - 0.45, HEIGHT - TOP - FOOT)
+    count = len(study.thermals)
+    each, pause = 1.0, 0.9
+    at, middle = 0.0, []
+    for model in SHOWN:
+        middle.append(at + 0.5 * (count - 1) * each)
+        for thermal in study.thermals:
+            for accumulator, up in ((LARGE, -0.19), (SMALL, 0.19)):
+                rms = from_si(study.result(thermal, model, accumulator).rms, "Pa", "bar")
+                filled = accumulator == LARGE
+                ax.barh(
+                    at + up, rms, 0.32, color=COLOURS["pressure"] if filled else PANEL, edgecolor=COLOURS["pressure"],
+                    linewidth=0.8, zorder=3,
+                )  # fmt: skip
+                ax.annotate(
+                    number(rms, 3), (rms, at + up), (3, 0), textcoords="offset points", va="center_baseline",
+                    fontsize=style.SMALL - 1.0, color=INK_2, bbox=BARE, zorder=5,
+                )  # fmt: skip
+            words = thermal.replace("_", " ")
+            _beside(ax, words, at, dx=-4, ha="right", color=INK_2)
+            at += each
+        at += pause
+    for model, place in zip(SHOWN, middle, strict=True):
+        top = place - 0.5 * count * each - 0.12
+        _beside(ax, models()[model].title, top, dx=1, color=INK, fontweight="bold", bbox=BARE, zorder=5)
+    ax.axvline(TARGET, color=INK, lw=0.9, ls=(0, (4, 2.3)), zorder=4)
+    ax.set_ylim(at - pause - 0.4, -1.0)
+    ax.set_yticks([])
+    ax.grid(axis="y", visible=False)
+    ax.set_xlim(0.0, 1.12 * max(p.get_width() for p in ax.patches))
+    ax.set_xlabel("rms, bar", color=COLOURS["pressure"], fontweight="bold", fontsize=style.SMALL + 0.5, labelpad=3)
+    style.heading(ax, "All records", "■ 10 in³, fitted  □ 3 in³, kept", above=24.0)
+    goal = ax.get_xaxis_transform() + style.shift(ax, 0, 3)
+    ax.text(
+        TARGET, 1.0, f"goal {TARGET:g}", transform=goal, fontsize=style.SMALL, color=INK_3, ha="center", va="bottom"
+    )
+
+
+def _beside(ax: Axes, words: str, y: float, *, dx: float, **options: Any) -> None:
+    """Words at the left edge of axes, at a height in data, shifted by points."""
+    place = ax.get_yaxis_transform() + style.shift(ax, dx, 0)
+    ax.text(0.0, y, words, transform=place, fontsize=style.SMALL, va="center", **options)
