@@ -30,14 +30,19 @@ def time_lead(first: np.ndarray, second: np.ndarray, *, period: float, longest: 
         longest: largest lead or lag looked for [s].
 
     Raises:
-        InputError: if the records differ in length, are shorter than the search, or one of them is constant.
+        InputError: if the records differ in length, are shorter than the search, are not finite, or one is constant; or the times are none.
     """
     a, b = np.asarray(first, float), np.asarray(second, float)
+    for name, value, sound in (("period", period, period > 0.0), ("longest", longest, longest >= 0.0)):
+        if not (sound and np.isfinite(value)):
+            raise InputError(name, value, "allowed is a time [s] above 0")
     reach = round(longest / period)
     if a.shape != b.shape or a.ndim != 1:
         raise InputError("records", f"{a.shape} and {b.shape}", "allowed are two of one length")
     if len(a) < 4 * max(reach, 1):
         raise InputError("records", f"{len(a)} samples", f"needed are {4 * max(reach, 1)} to look {longest:g} s far")
+    if not (np.isfinite(a).all() and np.isfinite(b).all()):
+        raise InputError("records", "not finite", "allowed are finite values")
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
         raise InputError("records", "constant", "a record that never changes has no time lead")
     shifts = np.arange(-reach, reach + 1)

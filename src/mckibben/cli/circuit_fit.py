@@ -67,9 +67,9 @@ def fit(
 
         style.save(circuit_fit_figures.overview(found, [*trials, *others], title=plan.title), figure)
     if as_json:
-        print_json(_as_json(found))
+        print_json(fit_json(found))
         return
-    _print(found, plan)
+    show_fit(found, plan.title)
     if figure is not None:
         typer.echo(f"Written: {figure}")
 
@@ -121,7 +121,8 @@ def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> di
     return found
 
 
-def _as_json(found: CircuitFit) -> dict[str, Any]:
+def fit_json(found: CircuitFit) -> dict[str, Any]:
+    """A fit as one object, SI."""
     return {
         "parameters": {name: e._asdict() for name, e in found.parameters.items()},
         "errors": [e._asdict() for e in found.errors],
@@ -133,14 +134,15 @@ def _as_json(found: CircuitFit) -> dict[str, Any]:
     }
 
 
-def _print(found: CircuitFit, plan: CircuitPlan) -> None:
+def show_fit(found: CircuitFit, title: str) -> None:
+    """Print parameters, the errors of every record, and what is to be noted."""
     from ..quantities import with_unit
 
     rows = [
         [name, with_unit(e.value, e.unit), f"{with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)}"]
         for name, e in found.parameters.items()
     ]
-    table(plan.title, ["parameter", "value", "95 %"], rows, right=[1, 2])
+    table(title, ["parameter", "value", "95 %"], rows, right=[1, 2])
     rows = []
     for e in found.errors:
         lead = "-" if e.lead is None else f"{1e3 * e.lead:+.1f} ms"

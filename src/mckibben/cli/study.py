@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..quantities import from_si
-from .words import Json, print_json, progress, table, writable
+from .words import Json, print_json, progress, table, told, writable
 
 if TYPE_CHECKING:
     from ..studies.tube_claims import Claim
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 study = typer.Typer(
     name="study",
-    help="Questions that the laboratory answers as a whole: tube.",
+    help="Questions that the laboratory answers as a whole: tube, robot.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -61,6 +61,35 @@ def tube(
         _print(found, judged)
     if any(c.source == "target" and c.verdict in (NOT, PARTLY) for c in judged):
         raise typer.Exit(1)
+
+
+@study.command("robot")
+def robot(
+    trials: Annotated[list[Path], typer.Argument(metavar="FOLDER..", help="Trials to fit, a folder each.")],
+    predict: Annotated[
+        list[Path] | None, typer.Option(metavar="FOLDER", help="Trial to predict with what was fitted.")
+    ] = None,
+    free: Annotated[list[str] | None, typer.Option(metavar="PATH", help="Parameter to fit, instead of all 19.")] = None,
+    evaluations: Annotated[int, typer.Option(help="Most evaluations of the circuit.", min=1)] = 40,
+    figure: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw measured and predicted.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Fit the air of a jumping robot to some of its jumps, and predict the pressures of others."""
+    from ..studies.jumping_robot import robot_plan, robot_study
+    from .circuit_fit import fit_json, show_fit
+
+    writable("--figure", figure, ".svg", ".png")
+    with told("fitting") as tell:
+        found, all_trials = robot_study(trials, predict or [], free=free or (), evaluations=evaluations, progress=tell)
+    title = robot_plan().title
+    if figure is not None:
+        from ..report.figures import circuit_fit_figures, style
+
+        style.save(circuit_fit_figures.overview(found, all_trials, title=title), figure)
+    if as_json:
+        print_json(fit_json(found))
+    else:
+        show_fit(found, title)
 
 
 def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, Any]:

@@ -88,6 +88,8 @@ def fit_circuit(
         raise InputError("trials", "none", "allowed is at least one record")
     if not free:
         raise InputError("free", "nothing", "allowed is at least one parameter")
+    if evaluations < 1:
+        raise InputError("evaluations", evaluations, "allowed is at least one")
     _check_together([*trials, *predict], free)
     problem = CircuitProblem.of(trials, free, start or {}, step)
     found = problem.solve(evaluations, progress)
@@ -115,7 +117,8 @@ def fit_circuit(
         errors += _errors(trial, predicted[trial.name], fitted=any(trial is t for t in trials))
     return CircuitFit(
         parameters=estimates, paths=problem.paths, errors=tuple(errors), predicted=predicted,
-        correlation=known.correlation, converged=bool(found.status > 0), message=str(found.message).replace("`", "").strip(" ."),
+        correlation=known.correlation, converged=bool(found.status > 0),
+        message=str(found.message).replace("`", "").strip(" ."),
         evaluations=int(found.nfev), warnings=tuple(warnings),
     )  # fmt: skip
 
@@ -128,6 +131,7 @@ def _check_together(trials: Sequence[Trial], free: Sequence[str]) -> None:
         if trial.name in names:
             raise InputError("records", trial.name, "it is there twice; allowed is each record once")
         names.add(trial.name)
+        trial.check()
         found = expand(free, trial)
         if found != wanted:
             path = next(p for p in wanted if found[p] != wanted[p])

@@ -99,7 +99,8 @@ class CircuitProblem:
             m.predict(values) - np.stack(list(t.measured.values()))
             for m, t in zip(self.models, self.trials, strict=True)
         ]
-        return np.nan_to_num(np.concatenate([o.ravel() for o in off]), nan=1e9, posinf=1e9, neginf=-1e9)
+        # a run that fails may be finite and beyond what can be squared
+        return np.clip(np.nan_to_num(np.concatenate([o.ravel() for o in off]), nan=1e9), -1e9, 1e9)
 
     def split(self, residual: np.ndarray) -> list[np.ndarray]:
         """The residual by trial and channel."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import dataclasses
 import fnmatch
 import functools
 from collections.abc import Callable, Iterable, Mapping
@@ -14,7 +15,7 @@ import numpy as np
 
 from ..components import paths
 from ..engine import STEP, Run, Signal, integrate, march
-from ..errors import InputError
+from ..errors import ConvergenceError, InputError
 from ..pneumatics.circuit import Circuit
 
 
@@ -60,6 +61,26 @@ class Trial:
         for name, signal in self.signals.items():
             if not np.isfinite(np.asarray(signal.values)).all():
                 raise InputError(name, "not finite", "allowed are finite values", where=self.name)
+        self._check_start()
+
+    def _check_start(self) -> None:
+        for name, value, unit in (("period", self.period, "s"), ("temperature", self.temperature, "K")):
+            if not (np.isfinite(value) and value > 0.0):
+                raise InputError(name, float(value), f"allowed is above 0 {unit}", where=self.name)
+        for name in self.circuit.chambers:
+            value = self.initial.get(name, float("nan"))
+            if not (np.isfinite(value) and value > 0.0):
+                told = float(value) if name in self.initial else "missing"
+                raise InputError(f"initial.{name}", told, "allowed is an absolute pressure above 0 Pa", where=self.name)
+        driven = [getattr(node, "signal", None) for node in self.circuit.nodes.values()]
+        for needed in (*driven, *(command for _, command in self.circuit.ends.values())):
+            if needed is not None and needed not in self.signals:
+                known = ", ".join(self.signals) or "none"
+                raise InputError("signals", needed, f"missing; the trial has {known}", where=self.name)
+
+    def replace(self, **changes: Any) -> Trial:
+        """A copy with some fields changed, checked like a new one."""
+        return dataclasses.replace(self, **changes)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -76,6 +97,16 @@ class Trial:
         """Names of the signals that come from no other one."""
         return tuple(name for name in self.signals if name not in self.follows)
 
+    def check(self) -> None:
+        """Refuse channels that the circuit has no output for."""
+        circuit, signals = self.with_parameters({})
+        state, memory = _start(circuit, signals, self.initial, self.period, self.temperature)
+        inputs = {name: s.at(0, 0.0, self.period) for name, s in signals.items()}
+        known = circuit.outputs(state, memory, inputs)
+        for name in self.channels:
+            if name not in known:
+                raise InputError("measured", name, f"no such output; known are {', '.join(known)}", where=self.name)
+
     def with_parameters(self, changes: Mapping[str, Any]) -> tuple[Circuit, dict[str, Signal]]:
         """Circuit and signals with values at dotted paths replaced; ``signals.<name>.delay`` delays an input."""
         return _changed(self.circuit, self.signals, changes, tuple(self.follows.items()))
@@ -84,7 +115,10 @@ class Trial:
         """The run with parameters at dotted paths replaced, checked like any run."""
         circuit, signals = self.with_parameters(changes)
         state, memory = _start(circuit, signals, self.initial, self.period, self.temperature)
-        return integrate(circuit, state, signals, period=self.period, memory=memory, step_size=step, method=method)
+        try:
+            return integrate(circuit, state, signals, period=self.period, memory=memory, step_size=step, method=method)
+        except ConvergenceError as error:
+            raise ConvergenceError(f"{self.name}: {error}") from None
 
     def model(self, names: tuple[tuple[str, ...], ...], inner: int, stiff: bool) -> Model:
         """Prediction and slopes as functions of values, each at one path or several; with a number of steps per sample."""

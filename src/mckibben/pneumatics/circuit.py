@@ -143,7 +143,7 @@ class Circuit(System):
             volume = self._volume(name, state["pressure"][name], inputs)
             rate, heat = node.heat.rates(self.gas, *seen[name], volume, flow)
             out["heat"] += heat
-            out["work"] += seen[name].pressure_abs * (volume.moving + volume.per_pressure * rate)
+            out["work"] += seen[name].pressure_abs * self.swelling(name, state, inputs, rate)
         return {name: jnp.asarray(value) for name, value in out.items()}
 
     def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
@@ -170,6 +170,11 @@ class Circuit(System):
             own = state["elements"][name], _kept(memory, name), self._command(name, inputs)
             out |= {f"{name}.{key}": value for key, value in element.outputs(self._at(name, seen), *own).items()}
         return out
+
+    def swelling(self, name: str, state: Any, inputs: Any, pressure_rate: Any) -> Scalar:
+        """Rate at which a volume grows, by its motion and by its pressure [m^3/s]."""
+        volume = self._volume(name, state["pressure"][name], inputs)
+        return volume.moving + volume.per_pressure * pressure_rate
 
     def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Bound from the steepest slope of each restriction and the capacity of the nodes it joins [1/s].

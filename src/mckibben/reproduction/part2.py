@@ -99,7 +99,11 @@ def quadratic_lead() -> float:
     return _fit("quadratic").lead
 
 
-@reproduces("tube.R1", "Pa*s/m", f"the data hardly determine it; {SYNTHETIC}")
+@reproduces(
+    "tube.R1",
+    "Pa*s/m",
+    f"the data hardly determine it, and it stays near the first guess, the printed value; {SYNTHETIC}",
+)
 def viscous_coefficient() -> float:
     """R1 of the quadratic model."""
     return _fit("quadratic").value("viscous")

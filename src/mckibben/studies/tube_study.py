@@ -8,6 +8,7 @@ Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -86,13 +87,18 @@ def tube_study(
         for accumulator in ACCUMULATORS:
             cases[thermal, accumulator], hottest[thermal, accumulator] = _answers(some, accumulator, thermal, tell)
         both = cases[thermal, LARGE], cases[thermal, SMALL]
-        results[thermal] = tuple(_results(chosen, *both, lambda words, at=thermal: tell(f"{at}: {words}")))
+        results[thermal] = tuple(_results(chosen, *both, functools.partial(_tell_at, tell, thermal)))
     cost = None
     if "lumped" in chosen:
         tell("timing")
-        known = {k: next(r for r in results[thermals[0]] if r.model == k) for k in ("inertial", "lumped")}
-        cost = measure_cost(cases[thermals[0], LARGE][0], known)
+        last = thermals[-1]  # whose walls take heat, which the vessel of the improved model then computes
+        known = {k: next(r for r in results[last] if r.model == k) for k in ("inertial", "lumped")}
+        cost = measure_cost(cases[last, LARGE][0], known)
     return TubeStudy(tuple(some), cases, results, hottest, cost)
+
+
+def _tell_at(tell: Progress, thermal: str, words: str) -> None:
+    tell(f"{thermal}: {words}")
 
 
 def _chosen(keys: Sequence[str] | None) -> dict[str, Model]:

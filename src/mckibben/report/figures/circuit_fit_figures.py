@@ -10,19 +10,20 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from ...errors import InputError
 from ...identification import CircuitFit, Trial
 from ...quantities import from_si
 from . import style
 from .circuit_figures import thinned
-from .style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES, SMALL, SUNKEN
+from .style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES, RULE, SMALL, SUNKEN
 
 PRESSURE = ".pressure_abs"
 MOST_COLUMNS = 3
 FINE = 0.1e5  # residuals within this are shown in mbar [Pa]
 # Of the figure [inch]: margins, the key at the right, panels and what stands between them.
-LEFT, KEY, BETWEEN, TOP, FOOT = 0.62, 1.75, 0.3, 0.92, 0.5
+LEFT, KEY, BETWEEN, TOP, FOOT = 0.62, 1.75, 0.3, 1.0, 0.5
 UPPER, LOWER, GAP, STEP = 2.1, 1.05, 0.42, 1.12
 LETTER = 0.082  # width of a bold letter [inch]
 
@@ -65,7 +66,7 @@ def overview(found: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figur
         _titles(upper, lower, unit, first=column == 0)
         _heading(upper, trial, found, int(own / LETTER))
         if i == columns - 1:
-            _key(upper, channels)
+            _key(upper, channels, grey=not all(_fitted(found, t) for t in shown))
     fig.text(
         LEFT / width, 1.0 - 0.14 / height, title, fontsize=style.NORMAL + 1.5, fontweight="bold", va="top", color=INK
     )
@@ -80,7 +81,7 @@ def _draw(upper: Axes, lower: Axes, trial: Trial, found: CircuitFit, channels: S
             continue
         measured, predicted = np.asarray(trial.measured[channel]), found.predicted[trial.name][channel]
         look = {"color": COLOURS["pressure"], "alpha": _opacity(i, channels), "ls": _dash(i)}
-        upper.plot(*thinned(time, predicted * bar), lw=style.HEAVY, zorder=2.5, **look)
+        upper.plot(*thinned(time, predicted * bar), lw=style.HEAVY + 0.3, zorder=2.5, **look)
         upper.plot(*thinned(time, measured * bar), color=INK, lw=0.6, zorder=3)
         lower.plot(*thinned(time, (predicted - measured) * fine), lw=style.LINE - 0.3, zorder=2.5, **look)
     lower.axhline(0.0, color=INK_3, lw=style.HAIR, zorder=2)
@@ -89,13 +90,12 @@ def _draw(upper: Axes, lower: Axes, trial: Trial, found: CircuitFit, channels: S
     if not _fitted(found, trial):
         for ax in (upper, lower):
             ax.set_facecolor(SUNKEN)
+            ax.grid(color=RULE)
 
 
 def _titles(upper: Axes, lower: Axes, unit: str, *, first: bool) -> None:
     style.quantity_axes(upper, x=("", None), y=("Pressure, bar abs" if first else "", "pressure"))
-    style.quantity_axes(
-        lower, x=("Time, s", None), y=(f"Predicted less measured, {unit}" if first else "", "pressure")
-    )
+    style.quantity_axes(lower, x=("Time, s", None), y=(f"Predicted less measured, {unit}" if first else "", "pressure"))
     lower.yaxis.get_major_locator().set_params(nbins=4)
     for ax in (upper, lower):
         ax.tick_params(labelleft=first)
@@ -108,27 +108,31 @@ def _heading(ax: Axes, trial: Trial, found: CircuitFit, letters: int) -> None:
     errors = [e for e in found.errors if e.trial == trial.name and e.channel.endswith(PRESSURE)]
     rms = float(np.sqrt(np.mean([e.rms**2 for e in errors])))
     largest = max(e.largest for e in errors)
-    word = "fitted" if _fitted(found, trial) else "predicted, not fitted"
+    word = "fitted" if _fitted(found, trial) else "predicted"
     text = f"{word}: rms {_told(rms)}, largest {_told(largest)}"
     style.note(ax, text, y=1.0, dy=20.0, va="bottom", color=INK_2)
 
 
 def _told(pressure: float) -> str:
     unit = "mbar" if pressure < FINE else "bar"
-    return f"{style.number(float(f'{from_si(pressure, 'Pa', unit):.2g}'))}\N{NO-BREAK SPACE}{unit}"
+    rounded = float(f"{from_si(pressure, 'Pa', unit):.2g}")
+    return f"{style.number(rounded)}\N{NO-BREAK SPACE}{unit}"
 
 
-def _key(ax: Axes, channels: Sequence[str]) -> None:
+def _key(ax: Axes, channels: Sequence[str], *, grey: bool) -> None:
     """Channels in the looks of their lines, right of the axes."""
-    handles = [Line2D([], [], color=INK, lw=0.6, label="measured")]
+    handles: list[Line2D | Patch] = [Line2D([], [], color=INK, lw=0.6, label="measured")]
     for i, channel in enumerate(channels):
         name = channel.removesuffix(PRESSURE).replace("_", " ")
         name = name if len(name) <= 17 else name[:16] + "…"
         look = {"color": COLOURS["pressure"], "alpha": _opacity(i, channels), "ls": _dash(i)}
-        handles.append(Line2D([], [], lw=style.HEAVY, label=f"{name}" if i else f"{name}, predicted", **look))
+        handles.append(Line2D([], [], lw=style.HEAVY + 0.3, label=name if i else f"{name}, predicted", **look))
+    colours = [INK, *[COLOURS["pressure"]] * len(channels), INK_2]
+    if grey:
+        handles.append(Patch(fc=SUNKEN, ec=RULE, lw=style.HAIR, label="not seen by the fit"))
     ax.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.03), frameon=False, fontsize=SMALL, handlelength=2.8,
-        labelcolor=[INK, *[COLOURS["pressure"]] * len(channels)], labelspacing=0.35, borderpad=0.2,
+        labelcolor=colours[: len(handles)], labelspacing=0.35, borderpad=0.2,
     )  # fmt: skip
 
 
@@ -160,7 +164,9 @@ def _levels(found: CircuitFit, trials: Sequence[Trial], channels: Sequence[str])
 
 def _limit(found: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) -> float:
     """End of the axes of differences [Pa]: the largest one, but not more than was measured at all."""
-    pairs = [(found.predicted[t.name][c], np.asarray(t.measured[c])) for t in trials for c in channels if c in t.channels]
+    pairs = [
+        (found.predicted[t.name][c], np.asarray(t.measured[c])) for t in trials for c in channels if c in t.channels
+    ]
     largest = max(float(np.abs(predicted - measured).max()) for predicted, measured in pairs)
     highest = max(float(measured.max()) for _, measured in pairs)
     return 1.1 * max(min(largest, highest), 1.0)

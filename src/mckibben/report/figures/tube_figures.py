@@ -163,12 +163,13 @@ def _rms(fig: Figure, study: TubeStudy, left: float) -> None:
     ax = _axes(fig, left, FOOT, style.WIDE - left - 0.45, HEIGHT - TOP - FOOT)
     count = len(study.thermals)
     each, pause = 1.0, 0.9
-    at, middle = 0.0, []
+    at, middle, longest = 0.0, [], 0.0
     for model in SHOWN:
         middle.append(at + 0.5 * (count - 1) * each)
         for thermal in study.thermals:
             for accumulator, up in ((LARGE, -0.19), (SMALL, 0.19)):
                 rms = from_si(study.result(thermal, model, accumulator).rms, "Pa", "bar")
+                longest = max(longest, rms)
                 filled = accumulator == LARGE
                 ax.barh(
                     at + up, rms, 0.32, color=COLOURS["pressure"] if filled else PANEL, edgecolor=COLOURS["pressure"],
@@ -189,7 +190,7 @@ def _rms(fig: Figure, study: TubeStudy, left: float) -> None:
     ax.set_ylim(at - pause - 0.4, -1.0)
     ax.set_yticks([])
     ax.grid(axis="y", visible=False)
-    ax.set_xlim(0.0, 1.12 * max(p.get_width() for p in ax.patches))
+    ax.set_xlim(0.0, 1.12 * longest)
     ax.set_xlabel("rms, bar", color=COLOURS["pressure"], fontweight="bold", fontsize=style.SMALL + 0.5, labelpad=3)
     style.heading(ax, "All records", "■ 10 in³, fitted  □ 3 in³, kept", above=24.0)
     goal = ax.get_xaxis_transform() + style.shift(ax, 0, 3)

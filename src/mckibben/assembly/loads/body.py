@@ -1,0 +1,79 @@
+"""A body that moves in line with its muscles: weight, inertia, spring and damper, together or alone.
+
+    m dv/dt = W + f - k (X - X0) - c v - sum T,   dX/dt = v
+
+X is the span. A dead weight W pulls it longer, and so does a force f from a signal. Range: one direction; no stops but
+those of the muscle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...components import Scalar
+from ...quantities import quantity
+from .load import Load, SpanState
+
+
+class BodyState(NamedTuple):
+    """Position, which is the span [m], and velocity [m/s]."""
+
+    position: Scalar
+    velocity: Scalar
+
+
+class Body(Load):
+    """A mass with a weight, a spring and a damper; any of them may be left out but the mass."""
+
+    held: tuple[str, ...] = eqx.field(static=True, kw_only=True)
+    start: Scalar = quantity("m", (1e-3, 100.0), "span at the start", symbol="X")
+    mass: Scalar = quantity("kg", (1e-4, 1e4), "inertia", symbol="m", typical=(0.1, 100.0))
+    weight: Scalar = quantity("N", (-1e5, 1e5), "constant force that lengthens", symbol="W", default=0.0)
+    stiffness: Scalar = quantity("N/m", (0.0, 1e8), "spring", symbol="k", default=0.0)
+    spring_rest: Scalar = quantity("m", (-10.0, 100.0), "span at which the spring is relaxed", symbol="X0", default=0.0)
+    damping: Scalar = quantity("N*s/m", (0.0, 1e6), "damper", symbol="c", default=0.0)
+    # Name of the signal of a further force that lengthens [N].
+    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+
+    @classmethod
+    def dead_weight(cls, mass: float, *, held: tuple[str, ...], start: float, gravity: float = 9.80665) -> Body:
+        """A mass [kg] that hangs from its muscles; span at the start [m]."""
+        return cls(held=held, start=start, mass=mass, weight=mass * gravity)
+
+    def muscles(self) -> tuple[str, ...]:
+        """Those it hangs from."""
+        return self.held
+
+    def initial(self) -> BodyState:
+        """At rest."""
+        return BodyState(self.start, jnp.zeros(()))
+
+    def spans(self, state: BodyState, inputs: Any) -> dict[str, SpanState]:
+        """The same for all."""
+        return {name: SpanState(state.position, state.velocity) for name in self.held}
+
+    def _outside(self, inputs: Any) -> Scalar:
+        return jnp.zeros(()) if self.signal is None else inputs[self.signal].value
+
+    def rates(self, state: BodyState, tensions: Mapping[str, Any], inputs: Any) -> BodyState:
+        """Velocity and acceleration."""
+        pull = sum((tensions[n] for n in self.held), start=jnp.zeros(()))
+        inner = self.stiffness * (state.position - self.spring_rest) + self.damping * state.velocity
+        return BodyState(state.velocity, (self.weight + self._outside(inputs) - inner - pull) / self.mass)
+
+    def stored_energy(self, state: BodyState) -> Scalar:
+        """Kinetic, elastic, and of the weight's height [J]."""
+        elastic = 0.5 * self.stiffness * (state.position - self.spring_rest) ** 2
+        return 0.5 * self.mass * state.velocity**2 + elastic - self.weight * state.position
+
+    def powers(self, state: BodyState, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+        """Of the signal's force, and lost in the damper [W]."""
+        return self._outside(inputs) * state.velocity, self.damping * state.velocity**2
+
+    def outputs(self, state: BodyState, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+        """Position [m] and velocity [m/s]."""
+        return {"position": state.position, "velocity": state.velocity}

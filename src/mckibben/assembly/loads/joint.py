@@ -1,0 +1,114 @@
+"""A joint with muscles around it, each with its own moment arm.
+
+    J dw/dt = sum r_i(q) T_i - c w - k (q - q0) - m g l sin(q) + M,   dq/dt = w
+    X_i(q) = X_i0 - integral of r_i from 0 to q,   r_i(q) = a_0 + a_1 q + a_2 q^2 + ...
+
+A muscle with a positive moment arm turns the joint to positive angles and gets shorter; an antagonist has a negative one.
+Range: angles within the stops, which are one-sided springs; the moment arm's curve is a polynomial in the angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...components import Module, Scalar
+from ...quantities import quantity
+from .load import Load, SpanState
+
+
+class MomentArm(Module):
+    """Moment arm of a muscle over the joint's angle, and its span where the angle is zero."""
+
+    coefficients: Scalar = quantity("m", (-1.0, 1.0), "a_0, a_1, .. of the curve, per rad^i; shape (n,)", symbol="a")
+    span: Scalar = quantity("m", (1e-3, 100.0), "span at angle zero", symbol="X0")
+
+    def arm(self, angle: Any) -> Scalar:
+        """Moment arm [m] at an angle [rad]."""
+        return _horner([self.coefficients[i] for i in range(self.coefficients.shape[0])], angle)
+
+    def at(self, angle: Any) -> Scalar:
+        """Span [m] at an angle [rad]."""
+        terms = [self.coefficients[i] / (i + 1.0) for i in range(self.coefficients.shape[0])]
+        return self.span - angle * _horner(terms, angle)
+
+
+class JointState(NamedTuple):
+    """Angle [rad] and its rate [rad/s]."""
+
+    angle: Scalar
+    velocity: Scalar
+
+
+class Joint(Load):
+    """A hinge with inertia, and moment arms by the names of its muscles."""
+
+    arms: dict[str, MomentArm]
+    inertia: Scalar = quantity("kg*m^2", (1e-7, 1e3), "inertia about the axis", symbol="J", typical=(1e-4, 1.0))
+    damping: Scalar = quantity("N*m*s", (0.0, 1e4), "viscous loss", symbol="c", default=0.0)
+    stiffness: Scalar = quantity("N*m", (0.0, 1e5), "spring, per rad", symbol="k", default=0.0)
+    spring_rest: Scalar = quantity("rad", (-10.0, 10.0), "angle at which the spring is relaxed", default=0.0)
+    gravity_moment: Scalar = quantity("N*m", (-1e4, 1e4), "m g l of the limb", default=0.0)
+    start: Scalar = quantity("rad", (-10.0, 10.0), "angle at the start", default=0.0)
+    lower_stop: Scalar = quantity("rad", (-10.0, 10.0), "smallest angle", default=-2.0)
+    upper_stop: Scalar = quantity("rad", (-10.0, 10.0), "largest angle", default=2.0)
+    stop_stiffness: Scalar = quantity("N*m", (0.0, 1e6), "of the stops, per rad", default=1e3)
+    # Name of the signal of an outside moment [N m].
+    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+
+    def muscles(self) -> tuple[str, ...]:
+        """Those around it."""
+        return tuple(self.arms)
+
+    def initial(self) -> JointState:
+        """At rest."""
+        return JointState(self.start, jnp.zeros(()))
+
+    def spans(self, state: JointState, inputs: Any) -> dict[str, SpanState]:
+        """From the moment arms."""
+        return {n: SpanState(a.at(state.angle), -a.arm(state.angle) * state.velocity) for n, a in self.arms.items()}
+
+    def _outside(self, inputs: Any) -> Scalar:
+        return jnp.zeros(()) if self.signal is None else inputs[self.signal].value
+
+    def _beyond(self, angle: Any) -> Scalar:
+        """How far the angle is beyond a stop, signed [rad]."""
+        above, below = angle - self.upper_stop, angle - self.lower_stop
+        return jnp.where(above > 0.0, above, jnp.where(below < 0.0, below, 0.0))
+
+    def muscle_moment(self, state: JointState, tensions: Mapping[str, Any]) -> Scalar:
+        """What the muscles turn with [N m]."""
+        return sum((a.arm(state.angle) * tensions[n] for n, a in self.arms.items()), start=jnp.zeros(()))
+
+    def rates(self, state: JointState, tensions: Mapping[str, Any], inputs: Any) -> JointState:
+        """Angular velocity and acceleration."""
+        held = self.stiffness * (state.angle - self.spring_rest) + self.stop_stiffness * self._beyond(state.angle)
+        held = held + self.gravity_moment * jnp.sin(state.angle) + self.damping * state.velocity
+        turning = self.muscle_moment(state, tensions) + self._outside(inputs) - held
+        return JointState(state.velocity, turning / self.inertia)
+
+    def stored_energy(self, state: JointState) -> Scalar:
+        """Kinetic, elastic, of the stops, and of the limb's height [J]."""
+        elastic = 0.5 * self.stiffness * (state.angle - self.spring_rest) ** 2
+        stops = 0.5 * self.stop_stiffness * self._beyond(state.angle) ** 2
+        height = self.gravity_moment * (1.0 - jnp.cos(state.angle))
+        return 0.5 * self.inertia * state.velocity**2 + elastic + stops + height
+
+    def powers(self, state: JointState, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+        """Of the outside moment, and lost in the damper [W]."""
+        return self._outside(inputs) * state.velocity, self.damping * state.velocity**2
+
+    def outputs(self, state: JointState, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+        """Angle [rad], its rate [rad/s], and the muscles' moment [N m]."""
+        moment = self.muscle_moment(state, tensions)
+        return {"angle": state.angle, "angular_velocity": state.velocity, "moment": moment}
+
+
+def _horner(terms: list[Any], x: Any) -> Any:
+    value = terms[-1]
+    for term in reversed(terms[:-1]):
+        value = value * x + term
+    return value

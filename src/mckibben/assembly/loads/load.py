@@ -1,0 +1,48 @@
+"""What a load must offer: where it holds its muscles, how they move it, and its accounts."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from ...components import Module, Scalar
+
+
+class SpanState(NamedTuple):
+    """Span of a muscle, from its fixed anchor to the load [m], and its rate [m/s]."""
+
+    span: Scalar
+    velocity: Scalar
+
+
+class Load(Module):
+    """A mechanism that one muscle or several act on; its inputs are the values of signals at a moment."""
+
+    @abc.abstractmethod
+    def muscles(self) -> tuple[str, ...]:
+        """Names of the muscles that it holds."""
+
+    @abc.abstractmethod
+    def initial(self) -> Any:
+        """The continuous state at the start, a tree of arrays; empty where the motion is given."""
+
+    @abc.abstractmethod
+    def spans(self, state: Any, inputs: Any) -> dict[str, SpanState]:
+        """Span of every muscle."""
+
+    @abc.abstractmethod
+    def rates(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> Any:
+        """Rate of the state under the tensions [N], which pull every span shorter."""
+
+    @abc.abstractmethod
+    def stored_energy(self, state: Any) -> Scalar:
+        """Kinetic, elastic and potential energy [J]."""
+
+    @abc.abstractmethod
+    def powers(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+        """Power that enters from outside, and power that is lost [W]."""
+
+    @abc.abstractmethod
+    def outputs(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+        """What a recording shows of it [SI]."""

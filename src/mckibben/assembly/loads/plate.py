@@ -1,0 +1,52 @@
+"""A plate whose position is given: fixed, as in an isometric test, or moved by whatever holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...components import Scalar
+from ...quantities import quantity
+from .load import Load, SpanState
+
+
+class Plate(Load):
+    """Holds each of its muscles at one span, constant or by a signal."""
+
+    held: tuple[str, ...] = eqx.field(static=True, kw_only=True)
+    span: Scalar = quantity("m", (1e-3, 100.0), "span, where no signal gives it", symbol="X", default=0.14)
+    # Name of the signal that gives the span [m].
+    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+
+    def muscles(self) -> tuple[str, ...]:
+        """Those it holds."""
+        return self.held
+
+    def initial(self) -> Any:
+        """No state."""
+        return ()
+
+    def spans(self, state: Any, inputs: Any) -> dict[str, SpanState]:
+        """The same for all."""
+        at = (self.span, jnp.zeros(())) if self.signal is None else inputs[self.signal]
+        return {name: SpanState(*at) for name in self.held}
+
+    def rates(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> Any:
+        """No state."""
+        return ()
+
+    def stored_energy(self, state: Any) -> Scalar:
+        """None [J]."""
+        return jnp.zeros(())
+
+    def powers(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+        """What moves the plate against the tensions; nothing is lost [W]."""
+        spans = self.spans(state, inputs)
+        return sum((tensions[n] * spans[n].velocity for n in self.held), start=jnp.zeros(())), jnp.zeros(())
+
+    def outputs(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+        """Nothing beside the spans."""
+        return {}

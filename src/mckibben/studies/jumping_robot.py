@@ -1,0 +1,116 @@
+"""Whether a circuit that was fitted to some jumps of a real robot predicts the pressures of another one.
+
+The trials are those of the GTDynamics project (Georgia Tech Research Corp.; BSD-style licence, not shipped): a folder per
+trial with ``pres_filt.txt`` (time, tank and four muscle pressures, kPa gauge), ``t_valve.txt`` (when the four valves were
+opened and closed, s), ``angle_pre.txt`` and ``vid_time.txt`` (joint angles, rad, and the times of the camera's frames, s).
+What the circuit is told of a trial are its first pressures, the commands of its valves and how far its joints have turned;
+the camera's first frame is taken as the start. All the rest is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from ..assembly.circuit_file import read_circuit
+from ..assembly.circuit_plan import CircuitPlan
+from ..errors import InputError, MissingDataError
+from ..identification import CircuitFit, Trial, fit_circuit
+from ..identification.records import trial_from_record
+from ..recordings import Channel, Recording, read_record
+
+MUSCLES = ("knee_right", "hip_right", "hip_left", "knee_left")  # in the order of the files
+PRESSURES, VALVES, ANGLES, FRAMES = "pres_filt.txt", "t_valve.txt", "angle_pre.txt", "vid_time.txt"
+
+
+def robot_plan() -> CircuitPlan:
+    """The robot's air as a circuit, with first guesses and what is free."""
+    with resources.as_file(resources.files(__package__) / "jumping_robot.toml") as path:
+        return read_circuit(path)
+
+
+def read_trial(folder: str | Path) -> Recording:
+    """One trial's folder as a recording: measured pressures, valve commands, and angles turned since the start.
+
+    Raises:
+        MissingDataError: if a file is not there.
+        InputError: names the file and what is wrong with it.
+    """
+    folder = Path(folder)
+    for name in (PRESSURES, VALVES, ANGLES, FRAMES):
+        if not (folder / name).is_file():
+            raise MissingDataError(f"{folder}: no {name}; a trial's folder holds it")
+    names = ("tank", *(f"muscle_{m}" for m in MUSCLES))
+    columns: dict[str, str | int] = {"time": 1} | {f"{n}.pressure": i for i, n in enumerate(names, 2)}
+    units = {f"{n}.pressure": "kPa" for n in names}
+    record = read_record(folder / PRESSURES, columns=columns, units=units)
+    opened, closed = _numbers(folder / VALVES, (2, len(MUSCLES)))
+    angles = _numbers(folder / ANGLES, (None, len(MUSCLES)))
+    frames = _numbers(folder / FRAMES, (None, 1))[:, 0]
+    count = min(len(angles), len(frames))
+    clock = frames[:count] - frames[0]
+    if not (np.diff(clock) > 0.0).all():
+        raise InputError(FRAMES, "times that do not rise", "allowed are rising times", where=str(folder))
+    added = {}
+    for i, m in enumerate(MUSCLES):
+        is_open = (record.time >= opened[i] - 1e-9) & (record.time < closed[i] - 1e-9)
+        added[f"open_{m}"] = Channel(is_open.astype(float), unit="1", kind="command")
+        turned = np.abs(np.interp(record.time, clock, angles[:count, i] - angles[0, i]))
+        added[f"angle_{m}"] = Channel(
+            turned, unit="1", kind="measured", meaning="angle turned since the start, in radians"
+        )
+    return record.with_channels(added).with_meta(title=folder.name)
+
+
+def robot_trial(folder: str | Path, plan: CircuitPlan) -> Trial:
+    """A trial's folder, ready to be compared; valves' lines begin at the pressure of their muscles."""
+    record = read_trial(folder)
+    lines = {f"line_{m}": f"muscle_{m}" for m in MUSCLES}
+    trial = trial_from_record(plan, record, name=Path(folder).name)
+    first = {line: trial.initial[muscle] for line, muscle in lines.items()}
+    return trial.replace(initial={**trial.initial, **first})
+
+
+def robot_study(
+    fitted: Sequence[str | Path],
+    predicted: Sequence[str | Path] = (),
+    *,
+    free: Sequence[str] = (),
+    evaluations: int = 40,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[CircuitFit, list[Trial]]:
+    """Fit tank, tubes, valves and muscle volumes to some trials and predict others with them.
+
+    Args:
+        fitted: folders of the trials that are fitted.
+        predicted: folders of those that are only predicted.
+        free: parameters to fit instead of the circuit's own list.
+        evaluations: most of them.
+        progress: is told a sentence after every evaluation.
+
+    Returns:
+        The fit, and all its trials in that order.
+    """
+    plan = robot_plan()
+    trials, others = ([robot_trial(f, plan) for f in folders] for folders in (fitted, predicted))
+    found = fit_circuit(
+        trials, free or plan.fit.free, predict=others, step=plan.step, progress=progress, evaluations=evaluations
+    )
+    return found, [*trials, *others]
+
+
+def _numbers(path: Path, shape: tuple[int | None, int]) -> np.ndarray:
+    """A table of numbers without a header; lines that begin with # are skipped."""
+    try:
+        values = np.loadtxt(path, delimiter=",", ndmin=2)
+    except ValueError as error:
+        raise InputError("file", "not a table of numbers", str(error), where=str(path)) from None
+    if values.shape[1] != shape[1] or (shape[0] is not None and values.shape[0] != shape[0]) or len(values) < 2:
+        rows = "several" if shape[0] is None else str(shape[0])
+        raise InputError("file", f"{values.shape}", f"allowed are {rows} rows of {shape[1]} numbers", where=str(path))
+    if not np.isfinite(values).all():
+        raise InputError("file", "a value that is not finite", "allowed are numbers", where=str(path))
+    return values
