@@ -33,6 +33,12 @@ def parameters(_: Path) -> str:
     from mckibben.muscles.creep import KelvinVoigtChain, MaxwellChain
     from mckibben.muscles.elements import PassiveSpring, Tendon, Viscous
     from mckibben.muscles.hysteresis import HYSTERESES, FrictionLimit, PlayMap
+    from mckibben.pneumatics.build import ELEMENTS
+    from mckibben.pneumatics.gas import Gas
+    from mckibben.pneumatics.heat import Polytropic, WallHeat
+    from mckibben.pneumatics.orifice import Orifice
+    from mckibben.pneumatics.valves import Solenoid
+    from mckibben.pneumatics.volume import CompliantVolume, FixedVolume
 
     parts = []
     for heading, owners in {
@@ -43,6 +49,14 @@ def parameters(_: Path) -> str:
         "Creep": {"maxwell_chain": MaxwellChain, "kelvin_voigt_chain": KelvinVoigtChain},
         "Elements": {"passive_spring": PassiveSpring, "viscous": Viscous, "tendon": Tendon},
         "Biological muscle": {"biological": BiologicalMuscle},
+        "Pneumatic elements": {"passage (of every valve)": Orifice, "drive (of switching valves)": Solenoid} | ELEMENTS,
+        "Volumes and heat": {
+            "volume": FixedVolume,
+            "compliant": CompliantVolume,
+            "wall": WallHeat,
+            "polytropic": Polytropic,
+            "gas": Gas,
+        },
         "Environment": {"environment": Environment},
     }.items():
         parts.append(f"## {heading}")
@@ -102,12 +116,18 @@ def cli(_: Path) -> str:
 
 
 def commands() -> list[str]:
-    """Names of all commands."""
+    """Names of all commands; those of a group after it, as ``circuit run``."""
     import typer
 
     from mckibben.cli.app import app
 
-    return list(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+    def under(command: Any, prefix: str) -> list[str]:
+        found = []
+        for name, inner in getattr(command, "commands", {}).items():
+            found += [f"{prefix}{name}", *under(inner, f"{prefix}{name} ")]
+        return found
+
+    return under(typer.main.get_command(app), "")
 
 
 def specimens(_: Path) -> str:

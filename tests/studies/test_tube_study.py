@@ -183,7 +183,7 @@ def test_a_figure_that_cannot_be_written_is_refused_first(capsys):
 
 @pytest.mark.slow
 def test_the_whole_study_holds_its_targets_under_every_reference(capsys):
-    with pytest.raises(SystemExit) as stop:
+    with pytest.raises(SystemExit):
         main(["study", "tube", "--json"])
     found = json.loads(capsys.readouterr().out)
     assert {t["thermal"] for t in found["table"]} == {"isothermal", "adiabatic", "wall_heat"}

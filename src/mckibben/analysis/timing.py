@@ -30,7 +30,8 @@ def time_lead(first: np.ndarray, second: np.ndarray, *, period: float, longest: 
         longest: largest lead or lag looked for [s].
 
     Raises:
-        InputError: if the records differ in length, are shorter than the search, are not finite, or one is constant; or the times are none.
+        InputError: if the records differ in length, are shorter than the search, hold what is not finite, or one of them is
+            constant; and for times that are none.
     """
     a, b = np.asarray(first, float), np.asarray(second, float)
     for name, value, sound in (("period", period, period > 0.0), ("longest", longest, longest >= 0.0)):

@@ -103,9 +103,10 @@ class CircuitPlan:
             if planned.signal is not None and planned.unit == "1":
                 found[f"{name}.stroke"] = ramped(values[planned.signal])
             elif planned.signal is not None and planned.law is None:
-                source = self.signals[planned.signal]
+                # what was measured is straight between samples, whatever waveform it replaces
+                straight = self.signals[planned.signal].straight or planned.signal in (given or {})
                 absolute = values[planned.signal] + float(self.environment.pressure_abs)
-                found[f"{name}.pressure"] = (ramped if source.straight else held)(absolute)
+                found[f"{name}.pressure"] = (ramped if straight else held)(absolute)
             elif planned.law is not None:
                 length = np.full(times.shape, planned.length) if planned.signal is None else values[planned.signal]
                 found[f"{name}.length"] = ramped(length)

@@ -51,6 +51,10 @@ class Window(Module):
         """As for the signal."""
         return self.whole.at(self.first + index, share, period)
 
+    def within(self, index: Any, begin: Any, end: Any, share: Any, period: Any) -> Any:
+        """As for the signal."""
+        return self.whole.within(self.first + index, begin, end, share, period)
+
 
 def chunks(plan: CircuitPlan) -> int:
     """In how many parts a run goes: how often `run_circuit` tells of its progress."""

@@ -51,6 +51,7 @@ def main(arguments: list[str] | None = None) -> None:
         arguments: words after the program's name; those of the process where left out.
     """
     command = typer.main.get_command(app)
+    _keep_compilations()
     try:
         code = command.main(args=arguments, prog_name="mckibben", standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
@@ -70,6 +71,16 @@ def main(arguments: list[str] | None = None) -> None:
             raise
         code = _usage(error)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _keep_compilations() -> None:
+    """Let a command find what an earlier one compiled; ``JAX_COMPILATION_CACHE_DIR`` says another place, or none."""
+    if "jax" in sys.modules or "JAX_COMPILATION_CACHE_DIR" in os.environ:
+        return
+    home = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    if os.path.isabs(home):
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = os.path.join(home, "mckibben", "compiled")
+        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
 
 
 def _usage(error: Any) -> int:

@@ -145,7 +145,7 @@ def show_fit(found: CircuitFit, title: str) -> None:
     table(title, ["parameter", "value", "95 %"], rows, right=[1, 2])
     rows = []
     for e in found.errors:
-        lead = "-" if e.lead is None else f"{1e3 * e.lead:+.1f} ms"
+        lead = "-" if e.lead is None else f"{round(1e3 * e.lead, 1) + 0.0:+.1f} ms"
         used = "fitted" if e.fitted else "predicted"
         channel = e.channel.removesuffix(".pressure_abs")
         rows.append([Path(e.trial).name, channel, used, with_unit(e.rms, "Pa"), with_unit(e.largest, "Pa"), lead])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import dataclasses
+import difflib
 import fnmatch
 import functools
 from collections.abc import Callable, Iterable, Mapping

@@ -44,7 +44,8 @@ def read_trial(folder: str | Path) -> Recording:
         if not (folder / name).is_file():
             raise MissingDataError(f"{folder}: no {name}; a trial's folder holds it")
     names = ("tank", *(f"muscle_{m}" for m in MUSCLES))
-    columns: dict[str, str | int] = {"time": 1} | {f"{n}.pressure": i for i, n in enumerate(names, 2)}
+    columns: dict[str, str | int] = {"time": 1}
+    columns.update({f"{n}.pressure": i for i, n in enumerate(names, 2)})
     units = {f"{n}.pressure": "kPa" for n in names}
     record = read_record(folder / PRESSURES, columns=columns, units=units)
     opened, closed = _numbers(folder / VALVES, (2, len(MUSCLES)))

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from ...errors import InputError
 from ...identification import CircuitFit, Trial
@@ -80,7 +82,7 @@ def _draw(upper: Axes, lower: Axes, trial: Trial, found: CircuitFit, channels: S
         if channel not in trial.channels:
             continue
         measured, predicted = np.asarray(trial.measured[channel]), found.predicted[trial.name][channel]
-        look = {"color": COLOURS["pressure"], "alpha": _opacity(i, channels), "ls": _dash(i)}
+        look: Any = {"color": COLOURS["pressure"], "alpha": _opacity(i, channels), "ls": _dash(i)}
         upper.plot(*thinned(time, predicted * bar), lw=style.HEAVY + 0.3, zorder=2.5, **look)
         upper.plot(*thinned(time, measured * bar), color=INK, lw=0.6, zorder=3)
         lower.plot(*thinned(time, (predicted - measured) * fine), lw=style.LINE - 0.3, zorder=2.5, **look)
@@ -96,7 +98,7 @@ def _draw(upper: Axes, lower: Axes, trial: Trial, found: CircuitFit, channels: S
 def _titles(upper: Axes, lower: Axes, unit: str, *, first: bool) -> None:
     style.quantity_axes(upper, x=("", None), y=("Pressure, bar abs" if first else "", "pressure"))
     style.quantity_axes(lower, x=("Time, s", None), y=(f"Predicted less measured, {unit}" if first else "", "pressure"))
-    lower.yaxis.get_major_locator().set_params(nbins=4)
+    lower.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
     for ax in (upper, lower):
         ax.tick_params(labelleft=first)
 
@@ -125,7 +127,7 @@ def _key(ax: Axes, channels: Sequence[str], *, grey: bool) -> None:
     for i, channel in enumerate(channels):
         name = channel.removesuffix(PRESSURE).replace("_", " ")
         name = name if len(name) <= 17 else name[:16] + "…"
-        look = {"color": COLOURS["pressure"], "alpha": _opacity(i, channels), "ls": _dash(i)}
+        look: Any = {"color": COLOURS["pressure"], "alpha": _opacity(i, channels), "ls": _dash(i)}
         handles.append(Line2D([], [], lw=style.HEAVY + 0.3, label=name if i else f"{name}, predicted", **look))
     colours = [INK, *[COLOURS["pressure"]] * len(channels), INK_2]
     if grey:
@@ -144,7 +146,7 @@ def _opacity(i: int, channels: Sequence[str]) -> float:
     return style.graded(len(channels), 0.45)[::-1][i]
 
 
-def _dash(i: int) -> object:
+def _dash(i: int) -> Any:
     return RECORDING_DASHES[i % len(RECORDING_DASHES)]
 
 
