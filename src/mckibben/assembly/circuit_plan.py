@@ -89,12 +89,15 @@ class CircuitPlan:
         """Every signal at all samples, in its SI unit, (samples + 1,)."""
         return {name: s.waveform.at(self.times) for name, s in self.signals.items()}
 
-    def inputs(self, times: Any = None, given: Mapping[str, Any] | None = None) -> dict[str, Signal]:
+    def inputs(
+        self, times: Any = None, given: Mapping[str, Any] | None = None, sensed: bool = False
+    ) -> dict[str, Signal]:
         """What the circuit is driven by, commands with dead time included; ready for `integrate`.
 
         Args:
             times: of the samples, instead of the plan's own [s].
             given: values of some signals at these times, such as from a recording, instead of their waveforms [SI].
+            sensed: those of pressures were measured, and are straight between samples whatever the waveform is.
         """
         times = self.times if times is None else times
         values = {name: s.waveform.at(times) for name, s in self.signals.items()} | dict(given or {})
@@ -103,8 +106,7 @@ class CircuitPlan:
             if planned.signal is not None and planned.unit == "1":
                 found[f"{name}.stroke"] = ramped(values[planned.signal])
             elif planned.signal is not None and planned.law is None:
-                # what was measured is straight between samples, whatever waveform it replaces
-                straight = self.signals[planned.signal].straight or planned.signal in (given or {})
+                straight = self.signals[planned.signal].straight or (sensed and planned.signal in (given or {}))
                 absolute = values[planned.signal] + float(self.environment.pressure_abs)
                 found[f"{name}.pressure"] = (ramped if straight else held)(absolute)
             elif planned.law is not None:

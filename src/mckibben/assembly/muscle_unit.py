@@ -1,19 +1,21 @@
 """A muscle that moves: braid, friction and creep on a small end mass, and a tendon from there to the load.
 
-    m dv/dt = T - F(L, P') - Ff(z) - Fc(e) - c v,   dL/dt = v,   T = tendon(X - L, dX/dt - v)
+    m dv/dt = T - F(L, P') - Ff(z) - Fc(e) - c(L) v,   dL/dt = v,   T = tendon(X - L, dX/dt - v)
 
 L is the braid's length, X the span to the load. The end mass makes tension and slack a state instead of an equation to be
-solved: a slack braid follows its free length, and when the tendon pulls again nothing has to be found. A tendon that is
-wrapped over a bone loses tension where it slides (capstan): the load feels T exp(+-mu phi), more while it lengthens.
+solved: a slack braid follows its free length, and when the tendon pulls again nothing has to be found. Beyond the longest
+length of the law the damping c grows, because a braid that is pulled taut does not bounce. A muscle that lies over a bone
+has a `Wrap`, and the load then feels another tension than the muscle.
 
 Range: below 1 kHz; the mass of 20 g and the tendon's stiffness of 1e5 N/m are of a fitting and a cord, and move the results
-of a 1 N/mm muscle by less than 1 %. Source of the capstan equation: L. Euler, 1762, as in any text on belts.
+of a muscle of 1-10 N/mm by less than a few percent. Creep elements are in parallel with the braid.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from ..components import Hysteresis, MemoryElement, Module, Scalar
@@ -21,9 +23,10 @@ from ..components.element import Advanced
 from ..muscles.elements import Tendon
 from ..muscles.law import TensionLaw
 from ..quantities import quantity
+from .wrap import Wrap
 
-# Speed at which the friction over a bone has 70 % of its direction: it keeps the sign differentiable.
-SLIDING = 1e-3  # [m/s]
+# Stretch beyond the law's longest length at which the damping of the stop is full [m].
+STOP_TRAVEL = 1.3e-3
 
 
 class UnitState(NamedTuple):
@@ -41,6 +44,16 @@ class Ledger(NamedTuple):
     dissipated: Scalar
 
 
+class Path(NamedTuple):
+    """A piece of the motion: changes of length and span [m], gauge pressure at its ends [Pa], tension at its end [N]."""
+
+    length: Scalar
+    span: Scalar
+    start_pressure: Scalar
+    end_pressure: Scalar
+    end_tension: Scalar
+
+
 class MuscleUnit(Module):
     """One muscle as part of a machine; immutable."""
 
@@ -48,82 +61,110 @@ class MuscleUnit(Module):
     tendon: Tendon
     friction: Hysteresis | None = None
     creep: MemoryElement | None = None
+    wrap: Wrap | None = None
     end_mass: Scalar = quantity("kg", (1e-4, 10.0), "mass of the moving fitting", symbol="m", default=0.02)
     viscosity: Scalar = quantity("N*s/m", (0.0, 1e4), "internal damping", symbol="c", default=1.0)
-    wrap_angle: Scalar = quantity("rad", (0.0, 20.0), "angle that it is wrapped over a bone", symbol="phi", default=0.0)
-    wrap_friction: Scalar = quantity("1", (0.0, 2.0), "friction over the bone", symbol="mu", default=0.0)
+    stop_damping: Scalar = quantity(
+        "N*s/m", (0.0, 1e4), "further damping beyond the longest length", symbol="cs", default=100.0
+    )
 
     @property
     def parts(self) -> dict[str, MemoryElement]:
-        """The elements with memory."""
+        """The elements with memory that lie beside the braid."""
         both = {"friction": self.friction, "creep": self.creep}
         return {name: part for name, part in both.items() if part is not None}
 
     def initial_memory(self) -> dict[str, Ledger]:
         """Every element relaxed, nothing taken yet."""
         zero = jnp.zeros(())
-        return {name: Ledger(part.initial(), zero, zero) for name, part in self.parts.items()}
+        states = {name: part.initial() for name, part in self.parts.items()}
+        if self.wrap is not None:
+            states["wrap"] = self.wrap.initial()
+        return {name: Ledger(state, zero, zero) for name, state in states.items()}
 
     def tension(self, state: UnitState, span: Any, span_velocity: Any) -> Scalar:
         """Tension of the tendon at the muscle [N], never negative."""
         return self.tendon.force(span - state.length, span_velocity - state.velocity)
 
-    def load_tension(self, tension: Any, span_velocity: Any) -> Scalar:
+    def load_tension(self, memory: dict[str, Ledger], tension: Any) -> Scalar:
         """What the load feels of it behind the bone [N]."""
-        way = span_velocity / jnp.sqrt(span_velocity * span_velocity + SLIDING * SLIDING)
-        return tension * jnp.exp(self.wrap_friction * self.wrap_angle * way)
+        return tension if self.wrap is None else tension + self.wrap.force(memory["wrap"].state)
 
     def memory_force(self, memory: dict[str, Ledger], state: UnitState, pressure: Any) -> Scalar:
         """Friction and creep together [N], positive when they oppose lengthening."""
         forces = (part.force(memory[name].state, state.velocity, pressure) for name, part in self.parts.items())
         return sum(forces, start=jnp.zeros(()))
 
+    def damping(self, length: Any) -> Scalar:
+        """Damping at a length of the braid [N s/m]."""
+        beyond = (length - self.law.length_range()[1]) / STOP_TRAVEL
+        share = jnp.where(beyond > 1.0, 1.0, jnp.where(beyond > 0.0, beyond * beyond, 0.0))
+        return self.viscosity + self.stop_damping * share
+
     def rate(self, state: UnitState, memory: dict[str, Ledger], pressure: Any, tension: Any) -> UnitState:
         """Rates of length and velocity; gauge pressure [Pa], tension of the tendon [N]."""
         inner = self.law.braid_tension(state.length, pressure) + self.memory_force(memory, state, pressure)
-        push = tension - inner - self.viscosity * state.velocity
+        push = tension - inner - self.damping(state.length) * state.velocity
         return UnitState(state.velocity, push / self.end_mass)
 
-    def slide(
-        self, memory: dict[str, Ledger], displacement: Any, start_pressure: Any, end_pressure: Any, duration: Any
-    ) -> dict[str, Ledger]:
-        """The memory after a piece of path [m] between two gauge pressures [Pa]."""
-        found = {}
-        for name, part in self.parts.items():
-            done: Advanced = part.advance(
-                memory[name].state, displacement,
-                start_pressure=start_pressure, end_pressure=end_pressure, duration=duration,
-            )  # fmt: skip
-            found[name] = Ledger(done.state, memory[name].work + done.work, memory[name].dissipated + done.dissipated)
-        return found
+    def slide(self, memory: dict[str, Ledger], path: Path, duration: Any) -> dict[str, Ledger]:
+        """The memory after a piece of the motion that takes a time [s]."""
+        done: dict[str, Advanced] = {
+            name: part.advance(
+                memory[name].state, path.length,
+                start_pressure=path.start_pressure, end_pressure=path.end_pressure, duration=duration,
+            )
+            for name, part in self.parts.items()
+        }  # fmt: skip
+        if self.wrap is not None:
+            done["wrap"] = self.wrap.advance(memory["wrap"].state, path.span, path.end_tension)
+        return {
+            name: Ledger(new.state, memory[name].work + new.work, memory[name].dissipated + new.dissipated)
+            for name, new in done.items()
+        }
 
     def kinetic_and_elastic(self, state: UnitState, span: Any) -> Scalar:
         """Energy of the end mass and of the tendon [J]."""
         return 0.5 * self.end_mass * state.velocity**2 + self.tendon.stored_energy(span - state.length)
 
     def lost(self, state: UnitState, span: Any, span_velocity: Any) -> Scalar:
-        """Power lost in damper, tendon and over the bone [W]."""
+        """Power lost in damper and tendon [W], never negative; what friction takes stands in its ledger."""
         stretching = span_velocity - state.velocity
         tension = self.tension(state, span, span_velocity)
         in_tendon = (tension - self.tendon.force(span - state.length)) * stretching
-        over_bone = (self.load_tension(tension, span_velocity) - tension) * span_velocity
-        return self.viscosity * state.velocity**2 + in_tendon + over_bone
+        return self.damping(state.length) * state.velocity**2 + in_tendon
 
     def equilibrium(self, span: float, pressure: float) -> UnitState:
-        """The length at which braid and tendon balance at rest, without friction [m]."""
-        import numpy as np
+        """The length at which braid and tendon balance at rest, without friction and creep.
+
+        A slack braid has its free length. Where the law has none, as without pressure or bladder, it lies as long as its
+        span; and none is longer than its law's longest length unless it is pulled there.
+
+        Args:
+            span: from the anchor to the load [m].
+            pressure: gauge pressure [Pa].
+        """
         from scipy.optimize import brentq
 
         def excess(length: float) -> float:
-            pull = self.law.braid_tension(length, pressure) - self.tendon.force(span - length)
-            return float(pull)
+            return float(_excess(self, length, span, pressure))
 
-        low, high = (float(end) for end in self.law.length_range())
-        high = max(low * (1.0 + 1e-9), min(high, span)) if excess(min(high, span)) > 0.0 else high
+        low, longest = (float(end) for end in self.law.length_range())
+        hanging = span - float(self.tendon.slack_length)  # the tendon gets slack here
+        if hanging > low and excess(hanging) >= 0.0:
+            high = hanging
+        else:
+            low, high = max(low, hanging), max(longest, hanging)
         if excess(low) >= 0.0:
             length = low
         elif excess(high) <= 0.0:
             length = high
         else:
-            length = brentq(excess, low, high, xtol=1e-14, rtol=1e-15)
-        return UnitState(jnp.asarray(np.float64(length)), jnp.zeros(()))
+            length = float(brentq(excess, low, high, xtol=1e-15, rtol=1e-14))
+        return UnitState(jnp.asarray(length, float), jnp.zeros(()))
+
+
+@jax.jit
+def _excess(unit: MuscleUnit, length: Any, span: Any, pressure: Any) -> Scalar:
+    """Pull of the braid over that of its tendon [N]."""
+    return unit.law.braid_tension(length, pressure) - unit.tendon.force(span - length)

@@ -12,6 +12,8 @@ from ..pneumatics.volume import Reservoir
 from ..recordings.recording import Recording
 from .trial import Trial
 
+PRESSURES = (".pressure", ".pressure_abs")
+
 
 def trial_from_record(
     plan: CircuitPlan,
@@ -61,7 +63,9 @@ def trial_from_record(
             raise InputError("inputs", signal, f"no such signal; known are {', '.join(plan.signals)}", where=name)
         given[signal] = _raw(record, channel, plan.signals[signal].unit, name)
     times = record.time - record.time[0]
-    signals = plan.inputs(times=times, given=given)
+    # A sensor saw what happened between its samples on either side; what a simulation held, it held.
+    sensed = not {"true", "command"} & {record.channels[n].kind for n in record.names() if n.endswith(PRESSURES)}
+    signals = plan.inputs(times=times, given=given, sensed=sensed)
     # The circuit itself makes the commands that are late by a dead time: that may be fitted.
     late = {f"{n}.command" for n, e in plan.circuit.elements.items() if e.delay() is not None}
     signals = {n: s for n, s in signals.items() if n not in late}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import InputError
-from ..experiments.waveforms import near
+from .waveforms import near
 from ..quantities import Quantity, parse
 
 

@@ -1,0 +1,141 @@
+"""Where the cycles of a driven channel begin, turn and end.
+
+A channel turns where it has crossed from the lowest quarter of its range into the highest and back: an excursion. The turn
+is the extreme sample of its excursion, the middle one where several are equal. So noise below half the range makes no
+turns, and a hold at an end is one turn. The range is that between the 0.5 % and 99.5 % quantiles: single spikes do not
+count. The first and the last excursion are cut by the record; they count only if they reach the level of the others to
+2 % of the range. A cycle is from one turn to the next of its kind.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+
+LEAST_SAMPLES = 8  # in a cycle; below this neither path can be drawn
+_END_LEVEL = 0.02
+
+
+class Cycle(NamedTuple):
+    """Samples at which a cycle starts, turns and ends; it begins at its low end unless `begins_high`."""
+
+    start: int
+    turn: int
+    end: int
+    begins_high: bool = False
+
+
+def turns(values: np.ndarray, *, what: str = "drive") -> tuple[np.ndarray, np.ndarray]:
+    """Samples of the low and of the high turns, each in order (k,).
+
+    Args:
+        values: of the driven channel (n,), finite.
+        what: its name, for complaints.
+
+    Raises:
+        InputError: the channel is constant.
+    """
+    low, high = np.quantile(values, [0.005, 0.995])
+    span = high - low
+    if not span > 0.0:
+        raise InputError(what, "constant", "no full cycle is in it")
+    side = np.where(values > high - 0.25 * span, 1, np.where(values < low + 0.25 * span, -1, 0))
+    beyond = np.flatnonzero(side)
+    groups = np.split(beyond, np.flatnonzero(np.diff(side[beyond])) + 1)
+    found = {kind: [_extreme(values, g, kind) for g in groups if side[g[0]] == kind] for kind in (-1, 1)}
+    for kind, fallback in ((-1, low), (1, high)):
+        inner = [i for g, i in _with_groups(groups, side, found, kind) if g is not groups[0] and g is not groups[-1]]
+        level = float(np.median(values[inner])) if inner else fallback
+        found[kind] = [
+            i
+            for g, i in _with_groups(groups, side, found, kind)
+            if (g is not groups[0] and g is not groups[-1]) or kind * (level - values[i]) <= _END_LEVEL * span
+        ]
+    return np.array(found[-1], int), np.array(found[1], int)
+
+
+def _with_groups(
+    groups: list[np.ndarray], side: np.ndarray, found: dict[int, list[int]], kind: int
+) -> list[tuple[np.ndarray, int]]:
+    return list(zip((g for g in groups if side[g[0]] == kind), found[kind], strict=True))
+
+
+def _extreme(values: np.ndarray, group: np.ndarray, kind: int) -> int:
+    part = kind * values[group[0] : group[-1] + 1]
+    ties = np.flatnonzero(part == part.max())
+    return int(group[0] + ties[len(ties) // 2])
+
+
+def find_cycles(values: np.ndarray, *, skip: int = 0, what: str = "drive") -> tuple[Cycle, ...]:
+    """The full cycles of a channel, from low turn to low turn, or between high turns where these give more.
+
+    Args:
+        values: of the driven channel (n,), finite.
+        skip: cycles left out at the beginning, such as the first after rest.
+        what: its name, for complaints.
+
+    Raises:
+        InputError: there is no full cycle left, or a cycle has fewer than 8 samples.
+    """
+    if skip < 0:
+        raise InputError("skip", skip, "allowed is 0 or more")
+    low, high = turns(values, what=what)
+    ends, others, begins_high = (high, low, True) if len(high) > len(low) else (low, high, False)
+    found = tuple(
+        Cycle(int(a), int(others[np.searchsorted(others, a)]), int(b), begins_high)
+        for a, b in zip(ends[:-1], ends[1:], strict=True)
+    )
+    if len(found) <= skip:
+        raise InputError(
+            what, f"{len(found)} full cycles", f"needed are {skip + 1} or more, each between two equal ends of its range"
+        )
+    for cycle in found:
+        if cycle.end - cycle.start < LEAST_SAMPLES:
+            raise InputError(
+                what,
+                f"{cycle.end - cycle.start} samples in a cycle",
+                f"needed are {LEAST_SAMPLES} or more; is it noise?",
+            )
+    return found[skip:]
+
+
+def cycle_frequency(time: np.ndarray, values: np.ndarray, *, what: str = "drive") -> float:
+    """Cycles per second [Hz]: from the times at which the channel crosses its mid-range in one direction.
+
+    A crossing is that of a straight line through the samples between 35 % and 65 % of the range, at least two, so that
+    counts and noise average out. One cycle alone is timed from turn to turn.
+
+    Args:
+        time: (n,) [s].
+        values: of the driven channel (n,), finite.
+        what: its name, for complaints.
+    """
+    low, high = turns(values, what=what)
+    found = find_cycles(values, what=what)
+    best: list[float] = []
+    for starts, stops in ((low, high), (high, low)):
+        times = []
+        for start in starts:
+            later = stops[stops > start]
+            if later.size:
+                times.append(_crossing(time[start : later[0] + 1], values[start : later[0] + 1]))
+        best = times if len(times) > len(best) else best
+    if len(best) < 2:
+        return 1.0 / float(time[found[0].end] - time[found[0].start])
+    return (len(best) - 1) / (best[-1] - best[0])
+
+
+def _crossing(time: np.ndarray, values: np.ndarray) -> float:
+    """When a monotone part passes the middle between its ends [s]."""
+    first, last = values[0], values[-1]
+    share = (values - first) / (last - first)
+    near = np.flatnonzero(np.abs(share - 0.5) <= 0.15)
+    if len(near) < 2:
+        after = int(np.argmax(share >= 0.5))
+        near = np.array([after - 1, after])
+    centre = time[near].mean()
+    slope, level = np.polyfit(time[near] - centre, share[near], 1)
+    return float(centre + (0.5 - level) / slope)
