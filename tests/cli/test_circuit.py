@@ -108,7 +108,7 @@ def test_run_shows_a_person_words_with_units(run):
         (("run", "no-such.toml"), "no such file"),
         (("run", TANK, "--out", "rec.xls"), "--out"),
         (("run", TANK, "--figure", "missing-folder/x.svg"), "no such folder"),
-        (("run", TANK, "--set", "elements.tube.length"), "PATH=VALUE"),
+        (("run", TANK, "--set", "elements.tube.length"), "NAME=VALUE"),
         (("run", TANK, "--set", "elements.tube.lenght=1 m"), "did you mean length"),
         (("run", TANK, "--set", "elements.tube.length=1 bar"), "allowed is a length"),
         (("show", TANK, "--svg", "x.txt"), "--svg"),

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..quantities import from_si
 from .words import Json, print_json, progress, table, told, writable
 
 if TYPE_CHECKING:
@@ -121,6 +120,7 @@ def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, Any]:
 
 
 def _print(found: TubeStudy, judged: list[Claim]) -> None:
+    from ..quantities import from_si
     from ..studies.tube_models import models
     from ..studies.tube_records import PERIOD
 
@@ -163,6 +163,8 @@ def _words(numbers: dict[str, Any]) -> str:
 
 def _word(name: str, value: Any) -> str:
     """A number of a claim as a person reads it; the beginning of its name says what it is."""
+    from ..quantities import from_si
+
     if isinstance(value, str):
         return value
     kind, _, rest = name.partition("_")

@@ -9,14 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..analysis.timing import time_lead
-from ..engine import STEP
-from ..errors import InputError
+from ..engine import STEP, Run
+from ..errors import ConvergenceError, InputError
 from .circuit_problem import CircuitProblem
 from .trial import Trial, expand
 from .uncertainty import Estimate, uncertainty
 
 # Half an interval of this share of a parameter says little about it.
 LOOSE = 1.0
+HALVINGS = 4  # of the step, before a run with fitted parameters is given up
 
 
 class ChannelError(NamedTuple):
@@ -112,7 +113,7 @@ def fit_circuit(
     errors: list[ChannelError] = []
     predicted: dict[str, dict[str, np.ndarray]] = {}
     for trial in (*trials, *predict):
-        outputs = trial.run(changes, step=step).outputs
+        outputs = _checked_run(trial, changes, step).outputs
         predicted[trial.name] = {c: np.asarray(outputs[c]) for c in trial.channels}
         errors += _errors(trial, predicted[trial.name], fitted=any(trial is t for t in trials))
     return CircuitFit(
@@ -121,6 +122,16 @@ def fit_circuit(
         message=str(found.message).replace("`", "").strip(" ."),
         evaluations=int(found.nfev), warnings=tuple(warnings),
     )  # fmt: skip
+
+
+def _checked_run(trial: Trial, changes: Mapping[str, float], step: float) -> Run:
+    """The run by which a record is judged: fitted parameters may ask for a shorter step than the first guesses did."""
+    for halved in range(HALVINGS):
+        try:
+            return trial.run(changes, step=step / 2**halved)
+        except ConvergenceError:
+            continue
+    return trial.run(changes, step=step / 2**HALVINGS)
 
 
 def _check_together(trials: Sequence[Trial], free: Sequence[str]) -> None:
