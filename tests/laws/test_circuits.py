@@ -201,3 +201,31 @@ def test_bounds_are_checked():
         Orifice(conductance=1e-8, critical_ratio=1.2)
     with pytest.raises(InputError, match="size"):
         FixedVolume(size=0.0)
+
+
+@pytest.mark.parametrize("conductance", [5e-9, 2e-8, 1e-7, 1e-6])
+def test_a_small_pocket_fills_to_its_supply_however_large_the_orifice(conductance):
+    """While it chokes, the slope that the stiff method sees is zero, and a step of 50 us is up to 2500 time constants."""
+    pocket = Circuit.of(
+        {"supply": Reservoir(pressure_abs=6e5), "pocket": FixedVolume(size=1e-7, heat=adiabatic())},
+        {"orifice": Branch(Orifice(conductance=conductance), ("supply", "pocket"))},
+    )
+    start, signals = pocket.initial({"pocket": 1e5}), {"clock": held(np.zeros(11))}
+    run = integrate(pocket, start, signals, period=PERIOD)
+    assert run.stiff and run.step < 5e-5
+    pressure = run.outputs["pocket.pressure_abs"]
+    # It is full within 0.1 ms, and nothing is left of the way there.
+    assert pressure[1:] == pytest.approx(6e5, rel=1e-6)
+    closed = balance(pocket, start, run.state, {}, {}, run.integrals)
+    assert closed.mass < 1e-10 and closed.energy < 1e-10
+
+
+def test_a_pressure_below_vacuum_is_no_result():
+    pocket = Circuit.of(
+        {"supply": Reservoir(pressure_abs=6e5), "pocket": FixedVolume(size=1e-4)},
+        {"tube": Branch(LumpedTube(length=1.0, diameter=4e-3), ("supply", "pocket"))},
+    )
+    state = pocket.initial({"pocket": 1e5})
+    assert bool(pocket.admissible(state))
+    assert not bool(pocket.admissible(state | {"pressure": {"pocket": jnp.asarray(-1.0)}}))
+    assert not bool(pocket.admissible(state | {"mass": {"pocket": jnp.asarray(0.0)}}))

@@ -30,7 +30,9 @@ def finite(values: Any, what: str) -> np.ndarray:
         raise InputError(what, f"of shape {array.shape}", "allowed is one dimension with at least one value")
     if not np.isfinite(array).all():
         i = int(np.argmin(np.isfinite(array)))
-        raise InputError(f"{what}, sample {i}", float(array[i]), "allowed are finite values; select a part without gaps")
+        raise InputError(
+            f"{what}, sample {i}", float(array[i]), "allowed are finite values; select a part without gaps"
+        )
     return array
 
 

@@ -44,29 +44,24 @@ def turns(values: np.ndarray, *, what: str = "drive") -> tuple[np.ndarray, np.nd
         raise InputError(what, "constant", "no full cycle is in it")
     side = np.where(values > high - 0.25 * span, 1, np.where(values < low + 0.25 * span, -1, 0))
     beyond = np.flatnonzero(side)
-    groups = np.split(beyond, np.flatnonzero(np.diff(side[beyond])) + 1)
-    found = {kind: [_extreme(values, g, kind) for g in groups if side[g[0]] == kind] for kind in (-1, 1)}
+    excursions = np.split(beyond, np.flatnonzero(np.diff(side[beyond])) + 1)
+    kinds = np.array([side[e[0]] for e in excursions])
+    extremes = np.array([_extreme(values, e, k) for e, k in zip(excursions, kinds, strict=True)])
+    inner = np.zeros(len(kinds), bool)
+    inner[1:-1] = True
+    kept = []
     for kind, fallback in ((-1, low), (1, high)):
-        inner = [i for g, i in _with_groups(groups, side, found, kind) if g is not groups[0] and g is not groups[-1]]
-        level = float(np.median(values[inner])) if inner else fallback
-        found[kind] = [
-            i
-            for g, i in _with_groups(groups, side, found, kind)
-            if (g is not groups[0] and g is not groups[-1]) or kind * (level - values[i]) <= _END_LEVEL * span
-        ]
-    return np.array(found[-1], int), np.array(found[1], int)
+        whole = values[extremes[inner & (kinds == kind)]]
+        level = float(np.median(whole)) if whole.size else fallback
+        reached = kind * (level - values[extremes]) <= _END_LEVEL * span
+        kept.append(extremes[(kinds == kind) & (inner | reached)])
+    return kept[0], kept[1]
 
 
-def _with_groups(
-    groups: list[np.ndarray], side: np.ndarray, found: dict[int, list[int]], kind: int
-) -> list[tuple[np.ndarray, int]]:
-    return list(zip((g for g in groups if side[g[0]] == kind), found[kind], strict=True))
-
-
-def _extreme(values: np.ndarray, group: np.ndarray, kind: int) -> int:
-    part = kind * values[group[0] : group[-1] + 1]
+def _extreme(values: np.ndarray, excursion: np.ndarray, kind: int) -> int:
+    part = kind * values[excursion[0] : excursion[-1] + 1]
     ties = np.flatnonzero(part == part.max())
-    return int(group[0] + ties[len(ties) // 2])
+    return int(excursion[0] + ties[len(ties) // 2])
 
 
 def find_cycles(values: np.ndarray, *, skip: int = 0, what: str = "drive") -> tuple[Cycle, ...]:
@@ -90,7 +85,9 @@ def find_cycles(values: np.ndarray, *, skip: int = 0, what: str = "drive") -> tu
     )
     if len(found) <= skip:
         raise InputError(
-            what, f"{len(found)} full cycles", f"needed are {skip + 1} or more, each between two equal ends of its range"
+            what,
+            f"{len(found)} full cycles",
+            f"needed are {skip + 1} or more, each between two equal ends of its range",
         )
     for cycle in found:
         if cycle.end - cycle.start < LEAST_SAMPLES:

@@ -76,9 +76,7 @@ def loops(
     return tuple(_loop(x, y, cycle) for cycle in find_cycles(x, skip=skip, what=f"channel {length}"))
 
 
-def loop(
-    record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0
-) -> Loop:
+def loop(record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0) -> Loop:
     """The mean of the loops of all full cycles; arguments and errors as in `loops`."""
     return mean_loop(loops(record, length=length, tension=tension, skip=skip))
 

@@ -86,9 +86,7 @@ def paths_of(length: np.ndarray, tension: np.ndarray, cycle: Cycle) -> Paths:
     return Paths(*(parts[::-1] if cycle.begins_high else parts))
 
 
-def paths(
-    record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0
-) -> Paths:
+def paths(record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0) -> Paths:
     """The paths of all full cycles taken together: the more cycles, the less noise.
 
     Args:

@@ -20,11 +20,12 @@ class Accounts(NamedTuple):
 
     Attributes:
         mass: of gas, over the mass that crossed the border.
-        gas: energy of the gas, over the enthalpy that crossed the border.
-        muscle: energy stored in bladder and braid, over the work exchanged.
-        mechanics: kinetic, elastic and frictional energy, over the work exchanged.
-        energy: of the whole, over the enthalpy that crossed the border.
+        gas: energy of the gas, over the enthalpy that crossed the border; over the work in the muscles where that is more.
+        muscle: energy stored in bladder and braid, over the work exchanged with them both ways.
+        mechanics: kinetic and elastic energy and what friction took, over the work exchanged with braids and outside.
+        energy: of the whole, over the same and the outside work; nothing that passes from part to part enters it.
         friction: work that friction and creep took [J], as their own ledger says.
+        dissipated: what they turned into heat of it [J].
     """
 
     mass: float
@@ -33,6 +34,7 @@ class Accounts(NamedTuple):
     mechanics: float
     energy: float
     friction: float
+    dissipated: float
 
 
 def accounts(
@@ -47,34 +49,41 @@ def accounts(
         first: inputs at the start.
         last: inputs at the end.
     """
-    state, _ = start
-    end, integrals = run.state, {k: float(v) for k, v in run.integrals.items()}
-    seen = [machine.with_lengths(s, i) for s, i in ((state, first), (end, last))]
-    gas = balance(machine.circuit, state["circuit"], end["circuit"], seen[0], seen[1], run.integrals)
-    stored = sum(_muscle_energy(machine, name, state, end) for name in machine.units)
-    exchanged = max(abs(integrals["braid"]), abs(integrals["filling"]), 1e-12)
-    muscle = stored - integrals["braid"] - integrals["filling"]
-    taken = sum(float(led.work) for parts in run.memory["muscles"].values() for led in parts.values())
-    moving = _mechanical(machine, end, last) - _mechanical(machine, state, first)
-    mechanics = moving + taken - (integrals["outside"] - integrals["lost"] - integrals["braid"])
-    # The atmosphere takes P0 dV of what the gas gives; the muscle and its load get the rest.
-    turnover = max(integrals["enthalpy_turnover"], 1e-30)
-    signed = _signed(machine, state["circuit"], end["circuit"], seen, integrals)
+    circuit, (begin, memory), end = machine.joined, start, run.state
+    flow = {k: float(v) for k, v in run.integrals.items()}
+    seen = [machine.with_lengths(s, i) for s, i in ((begin, first), (end, last))]
+    gas = balance(circuit, begin["circuit"], end["circuit"], seen[0], seen[1], run.integrals)
+    (_, before), (_, after) = (circuit.stored(s["circuit"], i) for s, i in zip((begin, end), seen, strict=True))
+    stored = sum(_muscle_energy(machine, name, begin, end) for name in machine.units)
+    taken, dissipated = (_ledger(run.memory, what) - _ledger(memory, what) for what in ("work", "dissipated"))
+    moving = _mechanical(machine, end, last) - _mechanical(machine, begin, first)
+    # The atmosphere takes P0 dV of what the gas does in the muscles; other walls are moved from outside.
+    lifted = sum(_atmosphere(machine, name, begin, end) for name in machine.units)
+    entered = flow["enthalpy"] + flow["heat"] + flow["shaft"] - (flow["work"] - flow["muscle_work"])
+    # With closed valves no enthalpy crosses the border, and the work in the muscles is what there is.
+    crossed = max(flow["enthalpy_turnover"], flow["exchanged"], 1e-12)
+    whole = float(after - before) + stored + lifted + moving + taken - entered - flow["outside"] + flow["lost"]
     return Accounts(
         mass=gas.mass,
-        gas=gas.energy,
-        muscle=abs(muscle) / exchanged,
-        mechanics=abs(mechanics) / max(exchanged, abs(integrals["outside"])),
-        energy=abs(signed + muscle + mechanics) / turnover,
+        gas=abs(float(after - before) - entered + flow["muscle_work"]) / crossed,
+        muscle=abs(stored - flow["braid"] - flow["filling"]) / max(flow["exchanged"], 1e-12),
+        mechanics=abs(moving + taken - (flow["outside"] - flow["lost"] - flow["braid"]))
+        / max(flow["exchanged"] + flow["outside_turnover"], 1e-12),
+        energy=abs(whole) / (crossed + flow["outside_turnover"]),
         friction=taken,
+        dissipated=dissipated,
     )
 
 
-def _signed(machine: Machine, start: Any, end: Any, seen: list[Any], integrals: Mapping[str, float]) -> float:
-    """What the gas's account lacks, with its sign [J]."""
-    (_, before), (_, after) = (machine.circuit.stored(s, i) for s, i in zip((start, end), seen, strict=True))
-    entered = integrals["enthalpy"] + integrals["heat"] + integrals["shaft"] - integrals["work"]
-    return float(after - before - entered)
+def _ledger(memory: Any, what: str) -> float:
+    return sum(float(getattr(led, what)) for parts in memory["muscles"].values() for led in parts.values())
+
+
+def _atmosphere(machine: Machine, name: str, start: Any, end: Any) -> float:
+    """Work done on the surroundings by a muscle that swells [J]."""
+    law = machine.units[name].law
+    v0, v1 = (float(law.braid_volume(s["muscles"][name].length, machine.gauge(s, name))) for s in (start, end))
+    return float(machine.environment.pressure_abs) * (v1 - v0)
 
 
 def _muscle_energy(machine: Machine, name: str, start: Any, end: Any) -> float:

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 from ..errors import InputError
 from ..experiments.waveforms import near
+from ..experiments.words import Entry
 from ..pneumatics.build import ELEMENTS, build_element, known_keys
 from ..pneumatics.circuit import Branch
 from ..pneumatics.valves import PressureRegulator
 from ..specimens import Specimen, specimen
-from .words import Entry
 
 TWO = ("from", "to")  # the two ports of an element that has no more
 

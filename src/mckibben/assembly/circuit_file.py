@@ -37,13 +37,13 @@ from ..components import Environment
 from ..engine import STEP
 from ..errors import InputError
 from ..experiments.waveforms import Waveform, near, read_waveform, time_words
+from ..experiments.words import Entry
 from ..pneumatics.circuit import Branch, Circuit
 from ..quantities import Quantity, declared
 from .circuit_elements import read_branch
 from .circuit_nodes import PlannedNode, check_length, read_node
 from .circuit_plan import CircuitPlan, PlannedSignal
 from .fit_table import read_fit
-from .words import Entry
 
 SCHEMA = 1
 SECTIONS = ("schema", "title", "note", "environment", "nodes", "elements", "signals", "run", "fit")

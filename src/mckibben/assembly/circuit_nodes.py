@@ -9,6 +9,7 @@ from typing import Any
 from ..components import Environment
 from ..errors import InputError
 from ..experiments.waveforms import near
+from ..experiments.words import Entry
 from ..muscles import law_from_specimen
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
@@ -16,7 +17,6 @@ from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiab
 from ..pneumatics.volume import Chamber, CompliantVolume, FixedVolume, MovingVolume, Reservoir
 from ..quantities import declared, with_unit
 from ..specimens import specimen
-from .words import Entry
 
 KINDS = ("reservoir", "atmosphere", "volume", "compliant", "muscle", "junction")
 HEATS = ("isothermal", "adiabatic", "polytropic", "wall")

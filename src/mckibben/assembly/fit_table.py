@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from .words import Entry
+from ..experiments.words import Entry
 
 KEYS = ("free", "start", "columns", "units", "pressure_zero")
 

@@ -11,17 +11,18 @@ from ..components import Environment, Scalar
 from ..components.system import Moment, System
 from ..engine.signals import Value
 from ..errors import InputError
+from ..muscles.law import law_name
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
-from .muscle_unit import MuscleUnit
+from .muscle_unit import MuscleUnit, Path, UnitState
 
 
 class Machine(System):
     """What moves: use `Machine.of`, which checks that its parts fit.
 
-    The circuit's node of a muscle has the muscle's name, and its length is the signal ``<muscle>.length``, which the state
-    gives here. All other inputs are signals by name.
+    The circuit's node of a muscle has the muscle's name; its volume is that of the muscle's own law, and its length, the
+    signal ``<muscle>.length``, comes from the state here. All other inputs are signals by name.
     """
 
     circuit: Circuit
@@ -36,23 +37,71 @@ class Machine(System):
         """Join the parts.
 
         Raises:
-            InputError: if a muscle has no node in the circuit, or the load does not hold exactly these muscles.
+            InputError: if a muscle has no node in the circuit, its law knows no volume, or the load does not hold exactly
+                these muscles.
         """
-        for name in units:
+        if not units:
+            raise InputError("units", "empty", "allowed is one muscle or more", where="machine")
+        for name, unit in units.items():
             node = circuit.nodes.get(name)
             if not isinstance(node, MovingVolume) or node.signal != f"{name}.length":
-                raise InputError(name, "no moving volume", f"the circuit needs a node {name} of its volume and length")
-        if set(load.muscles()) != set(units):
-            raise InputError("load", ", ".join(load.muscles()), f"it must hold {', '.join(units)}")
+                raise InputError(
+                    name, "no moving volume", f"the circuit needs a MovingVolume {name} with the signal {name}.length",
+                    where="machine",
+                )  # fmt: skip
+            if not unit.law.has_volume():
+                raise InputError(
+                    f"{name}.law", law_name(unit.law), "allowed is a law that knows its volume", where="machine"
+                )
+        if sorted(load.muscles()) != sorted(units):
+            raise InputError("load", ", ".join(load.muscles()), f"it must hold {', '.join(units)}", where="machine")
         return cls(circuit, dict(units), load, environment or Environment())
 
+    @property
+    def joined(self) -> Circuit:
+        """The circuit with the muscles' present laws in their nodes: a law is changed in one place, force and volume."""
+        own = {
+            name: self.circuit.nodes[name].replace(of=unit.law.braid_volume, ambient=self.environment.pressure_abs)
+            for name, unit in self.units.items()
+        }
+        return self.circuit.replace(nodes={**self.circuit.nodes, **own})  # type: ignore[no-any-return]
+
+    def signals(self) -> tuple[str, ...]:
+        """Names of all signals that it needs."""
+        own = [f"{name}.length" for name in self.units]
+        needed = [command for _, command in self.circuit.ends.values() if command is not None]
+        for node in self.circuit.nodes.values():
+            name = node.signal
+            needed += [] if name is None or name in own else [name]
+        return tuple(dict.fromkeys([*needed, *self.load.signals()]))
+
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+        """The signals, and beside them the late commands of the elements that have dead time, see `Circuit.commands`."""
+        return self.circuit.commands(signals)
+
     def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Value]) -> tuple[Any, Any]:
-        """State and memory at rest.
+        """State and memory at rest: every braid balances its tendon, friction and creep are relaxed.
 
         Args:
             pressures: absolute pressure of every volume of the circuit [Pa].
             inputs: values of the signals at the start.
+
+        Raises:
+            InputError: names a signal or a pressure that is missing, or a pressure that is none.
         """
+        for name in self.signals():
+            if name not in inputs:
+                raise InputError(
+                    f"signal {name}", "not given", f"needed are {', '.join(self.signals())}", where="machine"
+                )
+        for name in self.circuit.chambers:
+            if name not in pressures:
+                raise InputError(f"pressure of {name}", "not given", "every volume needs one", where="machine")
+            p = float(pressures[name])
+            if not (p > 0.0 and jnp.isfinite(p)):
+                raise InputError(
+                    f"pressure of {name}", p, "allowed is an absolute pressure above 0 Pa", where="machine"
+                )
         load = self.load.initial()
         spans = self.load.spans(load, inputs)
         ambient = float(self.environment.pressure_abs)
@@ -60,10 +109,10 @@ class Machine(System):
             name: unit.equilibrium(float(spans[name].span), float(pressures[name]) - ambient)
             for name, unit in self.units.items()
         }
-        seen = self.with_lengths({"muscles": states}, inputs)
-        circuit = self.circuit.at_rest(pressures, seen, float(self.environment.temperature))
+        seen, joined = self.with_lengths({"muscles": states}, inputs), self.joined
+        circuit = joined.at_rest(pressures, seen, float(self.environment.temperature))
         memory = {
-            "circuit": self.circuit.initial_memory(circuit, seen),
+            "circuit": joined.initial_memory(circuit, seen),
             "muscles": {name: unit.initial_memory() for name, unit in self.units.items()},
         }
         return {"circuit": circuit, "muscles": states, "load": load}, memory
@@ -72,55 +121,73 @@ class Machine(System):
         """The inputs, and beside them the lengths of the muscles, as the circuit needs them."""
         return {**inputs, **{f"{name}.length": Value(*state["muscles"][name]) for name in self.units}}
 
-    def _gauge(self, state: Any, name: str) -> Scalar:
+    def gauge(self, state: Any, name: str) -> Scalar:
+        """Gauge pressure in a muscle [Pa]."""
         return state["circuit"]["pressure"][name] - self.environment.pressure_abs
 
-    def _pulls(self, state: Any, inputs: Any) -> tuple[dict[str, SpanState], dict[str, Scalar], dict[str, Scalar]]:
+    def pulls(
+        self, state: Any, memory: Any, inputs: Any
+    ) -> tuple[dict[str, SpanState], dict[str, Scalar], dict[str, Scalar]]:
         """Spans, tensions at the muscles, and tensions at the load."""
         spans = self.load.spans(state["load"], inputs)
         own = {n: unit.tension(state["muscles"][n], *spans[n]) for n, unit in self.units.items()}
-        return spans, own, {n: unit.load_tension(own[n], spans[n].velocity) for n, unit in self.units.items()}
+        return spans, own, {n: unit.load_tension(memory["muscles"][n], own[n]) for n, unit in self.units.items()}
 
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Rates of gas, muscles and load."""
-        _, own, felt = self._pulls(state, inputs)
+        _, own, felt = self.pulls(state, memory, inputs)
         muscles = {
-            name: unit.rate(state["muscles"][name], memory["muscles"][name], self._gauge(state, name), own[name])
+            name: unit.rate(state["muscles"][name], memory["muscles"][name], self.gauge(state, name), own[name])
             for name, unit in self.units.items()
         }
-        gas = self.circuit.rate(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))
+        gas = self.joined.rate(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))
         return {"circuit": gas, "muscles": muscles, "load": self.load.rates(state["load"], felt, inputs)}
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """The circuit's accounts, and the powers in the mechanics [W]: into the braids, the outside's, and what is lost."""
-        seen = self.with_lengths(state, inputs)
-        out = dict(self.circuit.integrands(state["circuit"], memory["circuit"], seen))
-        gas = self.circuit.rate(state["circuit"], memory["circuit"], seen)["pressure"]
-        spans, _, felt = self._pulls(state, inputs)
+        """The circuit's accounts, and the powers of the mechanics [W].
+
+        ``braid`` goes into the braids by their motion and ``filling`` by the gas, ``exchanged`` is the size of both,
+        ``muscle_work`` is what the gas does in the muscles, the atmosphere's share included; ``outside`` enters the load,
+        ``outside_turnover`` is its size, ``lost`` is turned into heat by dampers.
+        """
+        seen, joined = self.with_lengths(state, inputs), self.joined
+        out = dict(joined.integrands(state["circuit"], memory["circuit"], seen))
+        gas = joined.rate(state["circuit"], memory["circuit"], seen)["pressure"]
+        spans, _, felt = self.pulls(state, memory, inputs)
         outside, lost = self.load.powers(state["load"], felt, inputs)
-        braid, filling = jnp.zeros(()), jnp.zeros(())
+        braid, filling, exchanged, work = (jnp.zeros(()) for _ in range(4))
         for name, unit in self.units.items():
-            at = state["muscles"][name]
-            gauge = self._gauge(state, name)
-            braid = braid + unit.law.braid_tension(at.length, gauge) * at.velocity
-            filling = filling + gauge * self.circuit.swelling(name, state["circuit"], seen, gas[name])
+            at: UnitState = state["muscles"][name]
+            gauge = self.gauge(state, name)
+            swelling = joined.swelling(name, state["circuit"], seen, gas[name])
+            moved, filled = unit.law.braid_tension(at.length, gauge) * at.velocity, gauge * swelling
+            braid, filling = braid + moved, filling + filled
+            exchanged = exchanged + jnp.abs(moved) + jnp.abs(filled)
+            work = work + state["circuit"]["pressure"][name] * swelling
             lost = lost + unit.lost(at, *spans[name])
-        return out | {"braid": braid, "filling": filling, "outside": outside, "lost": lost}
+        own = {"braid": braid, "filling": filling, "exchanged": exchanged, "muscle_work": work}
+        return out | own | {"outside": outside, "outside_turnover": jnp.abs(outside), "lost": lost}
 
     def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Friction and creep along the piece of path, and the memory of valves."""
-        gas = self.circuit.slide(
+        gas = self.joined.slide(
             memory["circuit"],
             Moment(start.state["circuit"], self.with_lengths(start.state, start.inputs)),
             Moment(end.state["circuit"], self.with_lengths(end.state, end.inputs)),
             duration,
         )
+        before = self.load.spans(start.state["load"], start.inputs)
+        after, own, _ = self.pulls(end.state, memory, end.inputs)
         muscles = {
             name: unit.slide(
                 memory["muscles"][name],
-                end.state["muscles"][name].length - start.state["muscles"][name].length,
-                self._gauge(start.state, name),
-                self._gauge(end.state, name),
+                Path(
+                    end.state["muscles"][name].length - start.state["muscles"][name].length,
+                    after[name].span - before[name].span,
+                    self.gauge(start.state, name),
+                    self.gauge(end.state, name),
+                    own[name],
+                ),
                 duration,
             )
             for name, unit in self.units.items()
@@ -129,16 +196,21 @@ class Machine(System):
 
     def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
         """The circuit's bound, and that of each taut tendon on its end mass [1/s]."""
-        bounds = [self.circuit.steepest_rate(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))]
+        seen = self.with_lengths(state, inputs)
+        bounds = [self.joined.steepest_rate(state["circuit"], memory["circuit"], seen)]
         bounds += [jnp.sqrt(unit.tendon.stiffness / unit.end_mass) for unit in self.units.values()]
         return jnp.stack(bounds).max()
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
-        """Of the circuit, of each muscle (span, length, tension, friction, pressure, volume, slack), and of the load."""
-        out = self.circuit.outputs(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))
-        spans, own, felt = self._pulls(state, inputs)
+        """Of the circuit, of each muscle, and of the load.
+
+        A muscle has its span, length and their rates, tension at its end and at the load, friction, gauge pressure, volume
+        and whether it is slack (1 or 0).
+        """
+        out = self.joined.outputs(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))
+        spans, own, felt = self.pulls(state, memory, inputs)
         for name, unit in self.units.items():
-            at, gauge = state["muscles"][name], self._gauge(state, name)
+            at, gauge = state["muscles"][name], self.gauge(state, name)
             out |= {
                 f"{name}.span": spans[name].span + jnp.zeros(()),
                 f"{name}.span_velocity": spans[name].velocity + jnp.zeros(()),

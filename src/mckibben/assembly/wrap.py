@@ -2,10 +2,10 @@
 
     Tx = T + k z,   z' = clip(z + dX, T (exp(-mu phi) - 1)/k, T (exp(mu phi) - 1)/k)
 
-T is the tension on the muscle's side, Tx what the load feels behind the bone, X the span. While it slides, Tx = T exp(mu phi)
-when the load lengthens the muscle and T exp(-mu phi) when the muscle pulls the load; at rest everything between the two is
-possible, which is why a wrapped muscle holds its load. The stiffness k of the contact is constant and only its yield
-follows the tension, so that a rising tension gives no energy back.
+T is the tension on the muscle's side, Tx what the load feels behind the bone, X the span. While it slides, Tx is
+T exp(mu phi) when the load lengthens the muscle and T exp(-mu phi) when the muscle pulls the load; at rest everything
+between the two is possible, which is why a wrapped muscle holds its load. The stiffness k of the contact is constant and
+only its yield follows the tension, so that a rising tension gives no energy back.
 
 Range: a constant wrap angle, a cord without bending stiffness or mass, dry friction.
 Source of the ratio: L. Euler, 1762 (published 1769), as in any text on belts; sticking as in Maxwell-slip friction.

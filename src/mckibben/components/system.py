@@ -46,3 +46,7 @@ class System(Module):
         Zero where the modes at the samples tell enough. A run may cross a steep zone between two samples, again and again.
         """
         return jnp.zeros(())
+
+    def admissible(self, state: Any) -> Scalar:
+        """Whether a state can be at all, such as a pressure above vacuum (bool)."""
+        return jnp.asarray(True)

@@ -171,6 +171,11 @@ class Circuit(System):
             out |= {f"{name}.{key}": value for key, value in element.outputs(self._at(name, seen), *own).items()}
         return out
 
+    def admissible(self, state: Any) -> Any:
+        """Whether every volume holds gas at a pressure above vacuum."""
+        held = [state[what][name] > 0.0 for what in ("mass", "pressure") for name in self.chambers]
+        return jnp.stack(held).all()
+
     def swelling(self, name: str, state: Any, inputs: Any, pressure_rate: Any) -> Scalar:
         """Rate at which a volume grows, by its motion and by its pressure [m^3/s]."""
         volume = self._volume(name, state["pressure"][name], inputs)

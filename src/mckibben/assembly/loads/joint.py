@@ -3,6 +3,7 @@
     J dw/dt = sum r_i(q) T_i - c w - k (q - q0) - m g l sin(q) + M,   dq/dt = w
     X_i(q) = X_i0 - integral of r_i from 0 to q,   r_i(q) = a_0 + a_1 q + a_2 q^2 + ...
 
+r_i is the moment arm, X_i the span, m g l sin(q) the moment of a limb that hangs down at angle zero, M from a signal.
 A muscle with a positive moment arm turns the joint to positive angles and gets shorter; an antagonist has a negative one.
 Range: angles within the stops, which are one-sided springs; the moment arm's curve is a polynomial in the angle.
 """

@@ -23,6 +23,11 @@ class Load(Module):
     def muscles(self) -> tuple[str, ...]:
         """Names of the muscles that it holds."""
 
+    def signals(self) -> tuple[str, ...]:
+        """Names of the signals that drive it."""
+        name = getattr(self, "signal", None)
+        return () if name is None else (name,)
+
     @abc.abstractmethod
     def initial(self) -> Any:
         """The continuous state at the start, a tree of arrays; empty where the motion is given."""

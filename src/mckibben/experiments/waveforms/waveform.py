@@ -14,6 +14,7 @@ from ...quantities import with_unit
 
 VALUE, TIME, RATE, SHARE, ANGLE = "value", "s", "1/s", "1", "rad"  # VALUE: in the unit of the signal
 WORD, WHOLE, PARTS, TIMED = "word", "whole", "parts", "timed"  # neither: text, integers, waveforms, and pieces of time
+RELATIVE = {"L0": "m", "L0/s": "m/s"}  # a muscle's own units, and what they are once its rest length is known
 JUMP = 1e-9  # [s]; a sample so close before a jump stands for it: 0.3 is no whole number of milliseconds in binary
 
 
@@ -48,7 +49,9 @@ class Waveform(abc.ABC):
 
 
 def words(value: float, unit: str) -> str:
-    """A value as a person reads it."""
+    """A value as a person reads it; in rest lengths where the unit is one of `RELATIVE`."""
+    if unit in RELATIVE:
+        return f"{float(value):.4g} {unit}"
     return with_unit(float(value), unit)
 
 

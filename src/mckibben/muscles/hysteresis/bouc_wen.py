@@ -21,15 +21,15 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ...components import Scalar
-from ...components.element import Advanced, Hysteresis
+from ...components.element import Advanced
 from ...errors import InputError
 from ...quantities import quantity
 from .dahl import LEAST_TRAVEL
 from .limit import FrictionLimit
-from .slip import advanced, contact_energy, contact_force, per_contact, slip
+from .slip import Contacts, advanced, per_contact, slip
 
 
-class BoucWen(Hysteresis):
+class BoucWen(Contacts):
     """Bouc-Wen friction; the state is the deflection of its one contact [m]."""
 
     limit: FrictionLimit
@@ -70,10 +70,6 @@ class BoucWen(Hysteresis):
             limit=limit, stiffness=jnp.asarray(stiffness), share=jnp.asarray(beta / (beta + gamma)), exponent=exponent
         )
 
-    def initial(self) -> Scalar:
-        """No deflection, shape (1,) [m]."""
-        return jnp.zeros(1)
-
     def advance(
         self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
     ) -> Advanced:
@@ -94,23 +90,3 @@ class BoucWen(Hysteresis):
         if self.exponent == 1:
             return 2.0 * ahead * right / (1.0 + relative)
         return 4.0 * ahead * right / (1.0 + jnp.sqrt(1.0 + 4.0 * relative * jnp.abs(right) / travel))
-
-    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
-        """Force of the contact [N]."""
-        return contact_force(self.stiffness, state)
-
-    def stored_energy(self, state: Scalar) -> Scalar:
-        """Elastic energy of the contact [J]."""
-        return contact_energy(self.stiffness, state)
-
-    def travel(self, pressure: Any) -> Scalar:
-        """Yield travel d(P') [m], with a last axis of one."""
-        return per_contact(self.limit.force(pressure) / self.stiffness)
-
-    def largest_force(self, pressure: Any) -> Scalar:
-        """Fc(P') [N]."""
-        return self.limit.force(pressure)
-
-    def lubricated(self, factor: float = 0.9) -> BoucWen:
-        """The same with its limit scaled."""
-        return self.replace(limit=self.limit.scaled(factor))

@@ -18,16 +18,16 @@ from typing import Any
 import jax.numpy as jnp
 
 from ...components import Scalar
-from ...components.element import Advanced, Hysteresis
+from ...components.element import Advanced
 from ...quantities import quantity
 from .limit import FrictionLimit
-from .slip import advanced, contact_energy, contact_force, per_contact, slip
+from .slip import Contacts, advanced, per_contact, slip
 
 # A yield travel below this [m] is none: it keeps a friction of zero, and its derivative, finite.
 LEAST_TRAVEL = 1e-12
 
 
-class Dahl(Hysteresis):
+class Dahl(Contacts):
     """Dahl's friction with exponent one; the state is the deflection of its one contact [m]."""
 
     limit: FrictionLimit
@@ -37,10 +37,6 @@ class Dahl(Hysteresis):
 
     title = "Dahl"
     cites = ("dahl1976",)
-
-    def initial(self) -> Scalar:
-        """No deflection, shape (1,) [m]."""
-        return jnp.zeros(1)
 
     def advance(
         self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
@@ -52,23 +48,3 @@ class Dahl(Hysteresis):
         half = 0.5 * jnp.abs(dx)
         relaxed = (state * (travel - half) + dx * travel) / (travel + half)
         return advanced(self.stiffness, state, dx, slip(relaxed, 0.0, end))
-
-    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
-        """Force of the contact [N]."""
-        return contact_force(self.stiffness, state)
-
-    def stored_energy(self, state: Scalar) -> Scalar:
-        """Elastic energy of the contact [J]."""
-        return contact_energy(self.stiffness, state)
-
-    def travel(self, pressure: Any) -> Scalar:
-        """Yield travel d(P') [m], with a last axis of one."""
-        return per_contact(self.limit.force(pressure) / self.stiffness)
-
-    def largest_force(self, pressure: Any) -> Scalar:
-        """Fc(P') [N]."""
-        return self.limit.force(pressure)
-
-    def lubricated(self, factor: float = 0.9) -> Dahl:
-        """The same with its limit scaled."""
-        return self.replace(limit=self.limit.scaled(factor))

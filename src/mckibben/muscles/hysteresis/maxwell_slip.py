@@ -19,14 +19,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...components import Scalar
-from ...components.element import Advanced, Hysteresis
+from ...components.element import Advanced
 from ...errors import InputError
 from ...quantities import quantity
 from .limit import FrictionLimit
-from .slip import advanced, contact_energy, contact_force, per_contact, slip
+from .slip import Contacts, advanced, per_contact, slip
 
 
-class MaxwellSlip(Hysteresis):
+class MaxwellSlip(Contacts):
     """Elements in parallel; the state is the deflection of each [m], shape (..., elements)."""
 
     limit: FrictionLimit
@@ -64,33 +64,9 @@ class MaxwellSlip(Hysteresis):
         share = limit.scaled(np.full(elements, 1.0 / elements))
         return cls(limit=share, stiffness=share.force(at_pressure) / travel)
 
-    def initial(self) -> Scalar:
-        """No deflections, shape (elements,) [m]."""
-        return jnp.zeros(jnp.broadcast_shapes(self.limit.constant.shape, self.stiffness.shape, (1,)))
-
     def advance(
         self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
     ) -> Advanced:
         """Move along a straight piece of path, then limit once with the yield at its end."""
         dx = per_contact(displacement)
         return advanced(self.stiffness, state, dx, slip(state, dx, self.travel(end_pressure)))
-
-    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
-        """Sum of the elements' forces [N]."""
-        return contact_force(self.stiffness, state)
-
-    def stored_energy(self, state: Scalar) -> Scalar:
-        """Elastic energy of the elements [J]."""
-        return contact_energy(self.stiffness, state)
-
-    def travel(self, pressure: Any) -> Scalar:
-        """Yield travel d_i(P') of each element [m]."""
-        return self.limit.force(per_contact(pressure)) / self.stiffness
-
-    def largest_force(self, pressure: Any) -> Scalar:
-        """Sum of the elements' limits [N]."""
-        return contact_force(self.stiffness, self.travel(pressure))
-
-    def lubricated(self, factor: float = 0.9) -> MaxwellSlip:
-        """The same with every limit scaled."""
-        return self.replace(limit=self.limit.scaled(factor))

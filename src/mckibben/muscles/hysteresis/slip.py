@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from ...components import Scalar
-from ...components.element import Advanced
+from ...components.element import Advanced, Hysteresis
+from .limit import FrictionLimit
 
 
 def slip(deflection: Any, displacement: Any, travel: Any) -> Scalar:
@@ -54,3 +56,35 @@ def advanced(stiffness: Any, before: Any, displacement: Any, after: Any) -> Adva
 def per_contact(value: Any) -> Scalar:
     """A number per muscle as one per contact: with a last axis of one."""
     return jnp.asarray(value, float)[..., None]
+
+
+class Contacts(Hysteresis):
+    """Friction of one contact or several; the state is the deflection of each [m], shape (..., contacts)."""
+
+    limit: eqx.AbstractVar[FrictionLimit]
+    stiffness: eqx.AbstractVar[Scalar]
+
+    def initial(self) -> Scalar:
+        """No deflections, shape (contacts,) [m]."""
+        return jnp.zeros(jnp.broadcast_shapes(self.limit.constant.shape, self.stiffness.shape, (1,)))
+
+    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
+        """Sum of the contacts' forces [N]."""
+        return contact_force(self.stiffness, state)
+
+    def stored_energy(self, state: Scalar) -> Scalar:
+        """Elastic energy of the contacts [J]."""
+        return contact_energy(self.stiffness, state)
+
+    def travel(self, pressure: Any) -> Scalar:
+        """Yield travel d(P') of each contact [m]."""
+        return self.limit.force(per_contact(pressure)) / self.stiffness
+
+    def largest_force(self, pressure: Any) -> Scalar:
+        """Sum of the contacts' limits [N]."""
+        return jnp.sum(jnp.broadcast_to(self.limit.force(per_contact(pressure)), self.travel(pressure).shape), axis=-1)
+
+    def lubricated(self, factor: float = 0.9) -> Hysteresis:
+        """The same with every limit scaled."""
+        changed: Hysteresis = self.replace(limit=self.limit.scaled(factor))
+        return changed

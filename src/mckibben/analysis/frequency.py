@@ -1,0 +1,151 @@
+"""Frequency response between two channels: over a band by Welch's method, and at known frequencies by sines.
+
+    H1 = Sxy/Sxx          coherence = |Sxy|^2/(Sxx Syy)
+H1 does not see noise of the output that is independent of the input; noise of the input makes it too small by the
+coherence. The phase is that of the output before the input, unwrapped over the excited frequencies. Source: P. D. Welch,
+IEEE Trans. Audio and Electroacoustics 15(2), 1967.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..recordings import Recording
+from .channels import finite, known, positive, uniform_period
+
+_EXCITED = 1e-4  # of the largest input density; below, leakage and rounding answer instead of the system
+
+
+class FrequencyResponse(NamedTuple):
+    """Response at frequencies (k,)."""
+
+    frequency: np.ndarray  # [Hz]
+    magnitude: np.ndarray  # [unit of the output per unit of the input]
+    phase: np.ndarray  # [rad], unwrapped
+    coherence: np.ndarray  # [1], 0 to 1
+    segments: int  # averaged, overlapping by half
+
+    @property
+    def complex(self) -> np.ndarray:
+        """Magnitude and phase as one complex number (k,)."""
+        return self.magnitude * np.exp(1j * self.phase)
+
+    def cutoff(self, reference: float | None = None) -> float:
+        """First frequency at which the magnitude has fallen by 3 dB [Hz]; NaN where it has not.
+
+        Args:
+            reference: the magnitude it has fallen from; that of the lowest frequency where it is left out.
+        """
+        level = (self.magnitude[0] if reference is None else reference) / np.sqrt(2.0)
+        fallen = np.flatnonzero(self.magnitude < level)
+        if not fallen.size or fallen[0] == 0:
+            return float("nan")
+        i = int(fallen[0])
+        # Straight over logarithms: first-order slopes are straight there.
+        m, f = np.log(self.magnitude[i - 1 : i + 1]), np.log(self.frequency[i - 1 : i + 1])
+        return float(np.exp(f[0] + (np.log(level) - m[0]) / (m[1] - m[0]) * (f[1] - f[0])))
+
+
+def frequency_response(
+    record: Recording,
+    *,
+    source: str,
+    response: str,
+    resolution: float | None = None,
+    band: tuple[float, float] | None = None,
+) -> FrequencyResponse:
+    """From a chirp, noise or many sines: Hann windows, overlapping by half, each less its straight trend.
+
+    Args:
+        record: on a uniform clock.
+        source: name of the input channel.
+        response: name of the output channel.
+        resolution: distance of the frequencies [Hz], the inverse of a segment; eight over the duration if left out.
+        band: frequencies kept [Hz]; else all at which the input has more than 1e-4 of its largest density.
+
+    Returns:
+        A delay t takes about t over the segment off the magnitude: keep segments long against it. A response whose
+        resonance is narrower than the resolution is flattened.
+
+    Raises:
+        InputError: a channel is missing or constant, the clock is uneven, or there are fewer than two segments.
+    """
+    from scipy import signal
+
+    x, y = known(record, source), known(record, response)
+    period = uniform_period(record)
+    for name, values in ((source, x), (response, y)):
+        if np.ptp(values) == 0.0:
+            raise InputError(f"channel {name}", "constant", "it has no frequency response")
+    total = len(x) * period
+    wish = 8.0 / total if resolution is None else positive("resolution", resolution, "Hz")
+    samples = round(1.0 / (wish * period))
+    if samples < 8 or 3 * samples > 2 * len(x):
+        raise InputError(
+            "resolution",
+            wish,
+            f"allowed is {1.5 / total:.4g} to {1.0 / (8.0 * period):.4g} Hz: two segments of 8 samples",
+        )
+    setting = {"fs": 1.0 / period, "window": "hann", "nperseg": samples, "noverlap": samples // 2, "detrend": "linear"}
+    f, cross = signal.csd(x, y, **setting)
+    inputs, outputs = (np.asarray(signal.welch(v, **setting)[1]) for v in (x, y))
+    low, high = (f[1], f[-1]) if band is None else band
+    keep = (
+        (f > 0.0) & (f >= low) & (f <= high) & (inputs > _EXCITED * inputs[1:].max() if band is None else inputs > 0.0)
+    )
+    if not keep.any():
+        raise InputError("band", f"{low:g} to {high:g} Hz", f"no frequency lies there; the distance is {f[1]:.4g} Hz")
+    gain = cross[keep] / inputs[keep]
+    scale = inputs[keep] * outputs[keep]
+    coherence = np.where(scale > 0.0, np.abs(cross[keep]) ** 2 / np.where(scale > 0.0, scale, 1.0), 0.0)
+    segments = 1 + (len(x) - samples) // (samples - samples // 2)
+    return FrequencyResponse(f[keep], np.abs(gain), np.unwrap(np.angle(gain)), np.clip(coherence, 0.0, 1.0), segments)
+
+
+def sine_response(
+    record: Recording, frequencies: Sequence[float] | np.ndarray, *, source: str, response: str
+) -> FrequencyResponse:
+    """At the frequencies of one or many sines, by least squares of sines in both channels with mean and trend.
+
+    Exact for any length of record and any clock once the transient has gone. The coherence is the share of the output's
+    motion that all sines together explain, the same at every frequency.
+
+    Args:
+        record: any clock, without its transient.
+        frequencies: of the input [Hz], (k,).
+        source: name of the input channel.
+        response: name of the output channel.
+
+    Raises:
+        InputError: frequencies the record cannot tell apart, or at which the input has nothing.
+    """
+    f = finite(frequencies, "frequencies")
+    x, y, time = known(record, source), known(record, response), record.time
+    nyquist = 0.5 / record.period
+    if f.min() <= 0.0 or f.max() >= nyquist:
+        raise InputError(
+            "frequencies", f"{f.min():g} to {f.max():g} Hz", f"allowed is above 0 and below {nyquist:g} Hz"
+        )
+    if 2 * f.size + 2 > len(x):
+        raise InputError("frequencies", f.size, f"{len(x)} samples are too few for them")
+    angle = 2.0 * np.pi * np.outer(time - time[0], f)
+    base = np.stack([np.ones_like(time), np.linspace(-1.0, 1.0, len(time))], axis=1)
+    matrix = np.concatenate([np.cos(angle), np.sin(angle), base], axis=1)
+    found, _, rank, strength = np.linalg.lstsq(matrix, np.stack([x, y], axis=1), rcond=None)
+    if rank < matrix.shape[1] or strength[-1] < 1e-6 * strength[0]:
+        raise InputError("frequencies", f"{f.size} in {record.duration:g} s", "they cannot be told apart in this time")
+    inputs, outputs = (found[: f.size, i] - 1j * found[f.size : 2 * f.size, i] for i in (0, 1))
+    if np.abs(inputs).min() <= 1e-9 * np.abs(inputs).max():
+        worst = float(f[np.abs(inputs).argmin()])
+        raise InputError("frequencies", worst, f"channel {source} has nothing there")
+    still = base @ np.linalg.lstsq(base, y, rcond=None)[0]
+    moved = float(np.sum((y - still) ** 2))
+    if moved == 0.0:
+        raise InputError(f"channel {response}", "constant", "it has no frequency response")
+    explained = 1.0 - float(np.sum((y - matrix @ found[:, 1]) ** 2)) / moved
+    gain = outputs / inputs
+    return FrequencyResponse(f, np.abs(gain), np.unwrap(np.angle(gain)), np.full(f.size, max(explained, 0.0)), 1)

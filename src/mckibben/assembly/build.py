@@ -1,0 +1,289 @@
+"""Machines from specimens: single muscles, antagonist pairs on a joint, any number on a shared supply.
+
+What no source prints is inferred, and stands in `INFERRED` with its range. Each muscle has its own line: a valve between
+supply, its port and the room, and a tube from the port to the muscle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from ..components import Environment, MemoryElement
+from ..components.flow import FlowElement
+from ..errors import InputError
+from ..muscles.build import from_specimen
+from ..muscles.elements import Tendon
+from ..muscles.hysteresis import Coulomb, MaxwellSlip
+from ..muscles.muscle import Muscle
+from ..pneumatics.circuit import Branch, Circuit
+from ..pneumatics.heat import HeatModel, WallHeat
+from ..pneumatics.orifice import Orifice
+from ..pneumatics.tubes import LumpedTube
+from ..pneumatics.valves import PressureRegulator, SpoolValve, ThreeWayValve
+from ..pneumatics.volume import Chamber, FixedVolume, MovingVolume, Reservoir
+from ..specimens import Specimen, specimen
+from .loads import Joint, Load, MomentArm
+from .machine import Machine
+from .muscle_unit import MuscleUnit
+from .wrap import Wrap
+
+
+class Inferred(NamedTuple):
+    """A number that no source prints: value [SI], the range in which it may lie, and where it comes from."""
+
+    value: float
+    range: tuple[float, float]
+    note: str
+
+
+INFERRED: dict[str, Inferred] = {
+    "end_mass": Inferred(0.02, (0.005, 0.1), "kg; a fitting of a muscle of 1 cm diameter"),
+    "viscosity": Inferred(1.0, (0.1, 10.0), "N s/m; small beside the friction"),
+    "stop_damping": Inferred(100.0, (10.0, 300.0), "N s/m; a braid pulled taut does not bounce"),
+    "tendon_stiffness": Inferred(1e5, (3e4, 1e6), "N/m; a cord of 20 cm and the frame"),
+    "tendon_toe": Inferred(5e-4, (1e-4, 2e-3), "m; the stretch over which a cord stiffens"),
+    "tendon_loss": Inferred(0.2, (0.0, 1.0), "s/m; a taut cord hardly rings"),
+    "port_volume": Inferred(2e-6, (1e-6, 1e-5), "m^3; the valve's outlet and fittings"),
+    "heat_conductance": Inferred(0.2, (0.05, 1.0), "W/K; between adiabatic and isothermal"),
+    "tube_length": Inferred(0.5, (0.1, 2.0), "m; what the printed times of the nylon muscle allow"),
+    "tube_diameter": Inferred(3.175e-3, (2e-3, 6e-3), "m; 1/8 inch"),
+    "valve_flow": Inferred(
+        105e-3 / 60.0, (1.6e-3, 2.1e-3), "m^3/s at 6.9 bar; printed delay and rise of the nylon muscle"
+    ),
+    "valve_flow_pressure": Inferred(6.9e5, (6e5, 7e5), "Pa; where that flow is meant"),
+}
+PORTED: tuple[type[FlowElement], ...] = (ThreeWayValve, SpoolValve, PressureRegulator)  # supply, work, exhaust
+Valve = FlowElement | tuple[Orifice, Orifice]
+
+
+def _usual(name: str) -> float:
+    return INFERRED[name].value
+
+
+def unit_from_specimen(
+    spec: Specimen | str,
+    *,
+    law: str | None = None,
+    friction: str | None = None,
+    rubs: bool = True,
+    creep: MemoryElement | None = None,
+    tendon: Tendon | None = None,
+    wrap: Wrap | None = None,
+    changes: Mapping[str, Any] | None = None,
+    **mechanics: float,
+) -> MuscleUnit:
+    """A muscle with tendon and end mass from a specimen; what the specimen does not state is `INFERRED`.
+
+    Args:
+        spec: a McKibben specimen, or its id.
+        law: one of the laws it states; its default law where left out.
+        friction: one of the frictions it states; where left out Maxwell-slip, and if only Coulomb's is stated, Maxwell-slip
+            elements with its limit, since a friction without memory chatters at rest.
+        rubs: False for a muscle without friction.
+        creep: viscoelastic elements beside the braid.
+        tendon: between the muscle and the load.
+        wrap: a bone that the muscle lies over.
+        changes: parameters of the law to replace, by field name [SI].
+        **mechanics: ``end_mass`` [kg], ``viscosity`` and ``stop_damping`` [N s/m].
+
+    Raises:
+        InputError: if the specimen is no McKibben muscle, or states something else than what was asked for.
+    """
+    stated = specimen(spec) if isinstance(spec, str) else spec
+    if stated.kind != "mckibben":
+        raise InputError(
+            "specimen", stated.id, f"it is {stated.kind}; allowed is a McKibben muscle", where=stated.where
+        )
+    known = ("end_mass", "viscosity", "stop_damping")
+    for name in mechanics:
+        if name not in known:
+            raise InputError(name, "unknown", f"known are {', '.join(known)}", where=stated.where or stated.id)
+    chosen = friction or ("maxwell_slip" if "maxwell_slip" in stated.friction else None)
+    muscle: Muscle = from_specimen(stated, law, chosen, changes=changes)
+    rubbing = muscle.friction
+    if isinstance(rubbing, Coulomb) and friction is None:
+        rubbing = MaxwellSlip.geometric(rubbing.limit)
+    cord = tendon or Tendon(
+        stiffness=_usual("tendon_stiffness"), toe_length=_usual("tendon_toe"), loss=_usual("tendon_loss")
+    )
+    return MuscleUnit(
+        law=muscle.law, tendon=cord, friction=rubbing if rubs else None, creep=creep, wrap=wrap,
+        **{name: mechanics.get(name, _usual(name)) for name in known},
+    )  # fmt: skip
+
+
+class Line(NamedTuple):
+    """What lies between the supply and one muscle; what is left out is `INFERRED`.
+
+    Attributes:
+        valve: an element with the ports supply, work and exhaust, driven by the signal ``<muscle>.valve``; or two
+            restrictions, fill and vent, driven by ``<muscle>.fill`` and ``<muscle>.vent``.
+        tube: between the valve's port and the muscle.
+        port_volume: at the valve [m^3].
+        heat: of the gas in port and muscle.
+        dead: volume of the muscle's fittings [m^3].
+    """
+
+    valve: Valve | None = None
+    tube: FlowElement | None = None
+    port_volume: float | None = None
+    heat: HeatModel | None = None
+    dead: float = 0.0
+
+
+def circuit_for(
+    units: Mapping[str, MuscleUnit],
+    *,
+    supply: Reservoir | float,
+    line: Line | Mapping[str, Line] = Line(),  # noqa: B008
+    environment: Environment | None = None,
+    tank: Chamber | None = None,
+    feed: FlowElement | None = None,
+) -> Circuit:
+    """A supply, and a line to each muscle.
+
+    The nodes are ``supply``, ``room``, ``<muscle>.port`` and ``<muscle>``, and ``tank`` where there is one.
+
+    Args:
+        units: the muscles by name.
+        supply: a reservoir, or its gauge pressure [Pa].
+        line: of every muscle, or by the name of each.
+        environment: the room.
+        tank: a volume behind the supply that the muscles share, so that they feel each other.
+        feed: from the supply to the tank, needed with one.
+
+    Raises:
+        InputError: if a muscle has no line, a valve has other ports, or tank and feed do not come together.
+    """
+    room = environment or Environment()
+    source = supply
+    if not isinstance(source, Reservoir):
+        source = Reservoir(pressure_abs=supply + room.pressure_abs, temperature=room.temperature)
+    if (tank is None) != (feed is None):
+        missing, other = ("feed", "tank") if feed is None else ("tank", "feed")
+        raise InputError(missing, "not given", f"it goes together with {other}", where="circuit")
+    nodes: dict[str, Reservoir | Chamber] = {
+        "supply": source,
+        "room": Reservoir(pressure_abs=room.pressure_abs, temperature=room.temperature),
+    }
+    branches: dict[str, Branch] = {}
+    if tank is not None and feed is not None:
+        nodes["tank"] = tank
+        branches["feed"] = Branch(feed, ("supply", "tank"))
+    for name, unit in units.items():
+        own = line if isinstance(line, Line) else line.get(name)
+        if own is None:
+            raise InputError(f"line of {name}", "not given", f"given are {', '.join(line)}", where="circuit")
+        _add(nodes, branches, name, unit, own, room, "supply" if tank is None else "tank")
+    return Circuit.of(nodes, branches)
+
+
+def _add(
+    nodes: dict[str, Reservoir | Chamber], branches: dict[str, Branch], name: str, unit: MuscleUnit, line: Line,
+    room: Environment, source: str,
+) -> None:  # fmt: skip
+    port = f"{name}.port"
+    wall = WallHeat(conductance=_usual("heat_conductance"), wall_temperature=room.temperature)
+    heat = wall if line.heat is None else line.heat
+    size = _usual("port_volume") if line.port_volume is None else line.port_volume
+    nodes[port] = FixedVolume(size=size, heat=heat)
+    nodes[name] = MovingVolume(
+        of=unit.law.braid_volume, ambient=room.pressure_abs, dead=line.dead, heat=heat, signal=f"{name}.length"
+    )
+    valve = line.valve
+    if valve is None:
+        usual = Orifice.from_flow(_usual("valve_flow"), pressure=_usual("valve_flow_pressure"))
+        valve = (usual, usual)
+    if isinstance(valve, tuple):
+        branches[f"{name}.fill"] = Branch(valve[0], (source, port), f"{name}.fill")
+        branches[f"{name}.vent"] = Branch(valve[1], (port, "room"), f"{name}.vent")
+    elif isinstance(valve, PORTED):
+        branches[f"{name}.valve"] = Branch(valve, (source, port, "room"), f"{name}.valve")
+    else:
+        kinds = ", ".join(kind.__name__ for kind in PORTED)
+        raise InputError(
+            f"valve of {name}", type(valve).__name__, f"allowed is {kinds}, or two orifices", where="circuit"
+        )
+    tube = line.tube or LumpedTube(
+        length=_usual("tube_length"), diameter=_usual("tube_diameter"), wall_temperature=room.temperature
+    )
+    branches[f"{name}.tube"] = Branch(tube, (port, name))
+
+
+def single_muscle(
+    unit: MuscleUnit | Specimen | str,
+    load: Load,
+    *,
+    supply: Reservoir | float,
+    environment: Environment | None = None,
+    **line: Any,
+) -> Machine:
+    """One muscle, which the load calls by whatever one name it holds; the other arguments are those of `Line`."""
+    names = load.muscles()
+    if len(names) != 1:
+        raise InputError("load", ", ".join(names), "it must hold one muscle", where="single muscle")
+    return several({names[0]: unit}, load, supply=supply, line=_line(line), environment=environment)
+
+
+def antagonist_pair(
+    flexor: MuscleUnit | Specimen | str,
+    extensor: MuscleUnit | Specimen | str,
+    *,
+    supply: Reservoir | float,
+    flexor_arm: MomentArm,
+    extensor_arm: MomentArm,
+    inertia: float,
+    joint: Mapping[str, Any] | None = None,
+    environment: Environment | None = None,
+    **line: Any,
+) -> Machine:
+    """Two muscles ``flexor`` and ``extensor`` around a joint.
+
+    Args:
+        flexor: turns the joint to positive angles.
+        extensor: turns it back.
+        supply: a reservoir, or its gauge pressure [Pa].
+        flexor_arm: moment arm, positive at angle zero.
+        extensor_arm: moment arm, negative at angle zero.
+        inertia: about the axis [kg m^2].
+        joint: what else `Joint` has, by name.
+        environment: the room.
+        **line: as `Line` has it, for both.
+
+    Raises:
+        InputError: if the moment arms do not have opposite signs.
+    """
+    for name, arm, sign in (("flexor", flexor_arm, 1.0), ("extensor", extensor_arm, -1.0)):
+        at = float(arm.arm(0.0))
+        if not sign * at > 0.0:
+            words = "a positive" if sign > 0.0 else "a negative"
+            raise InputError(
+                f"{name}_arm", at, f"allowed is {words} moment arm at angle zero [m]", where="antagonist pair"
+            )
+    load = Joint(arms={"flexor": flexor_arm, "extensor": extensor_arm}, inertia=inertia, **dict(joint or {}))
+    units = {"flexor": flexor, "extensor": extensor}
+    return several(units, load, supply=supply, line=_line(line), environment=environment)
+
+
+def several(
+    units: Mapping[str, MuscleUnit | Specimen | str],
+    load: Load,
+    *,
+    supply: Reservoir | float,
+    line: Line | Mapping[str, Line] = Line(),  # noqa: B008
+    environment: Environment | None = None,
+    tank: Chamber | None = None,
+    feed: FlowElement | None = None,
+) -> Machine:
+    """Any number of muscles on one supply; the arguments are those of `circuit_for` and `unit_from_specimen`."""
+    built = {n: u if isinstance(u, MuscleUnit) else unit_from_specimen(u) for n, u in units.items()}
+    circuit = circuit_for(built, supply=supply, line=line, environment=environment, tank=tank, feed=feed)
+    return Machine.of(circuit, built, load, environment)
+
+
+def _line(given: Mapping[str, Any]) -> Line:
+    for name in given:
+        if name not in Line._fields:
+            raise InputError(name, "unknown", f"a line has {', '.join(Line._fields)}", where="line")
+    return Line(**given)

@@ -1,0 +1,111 @@
+"""Stiffness of a muscle and of a joint at a point: of a short, quick stretch or a relaxed one, with gas shut in or held.
+
+    k = dF/dL + dF/dP' dP'/dL + k_z         in series with the tendon: k k_t/(k + k_t)
+
+Shut in, the gas answers with its heat model (P V^n constant, n = gamma for a quick stretch with a wall); held, the pressure
+stays. A short stretch finds the elements of friction and creep stuck, each with its spring k_z; in a long and slow one they
+slip and relax, and only the braid is left. For a joint K = dM/dq of what resists: sum r_i^2 k_i - sum dr_i/dq T_i, and the
+joint's own springs, stops and weight. Range: taut muscles; the gas in the muscle with its half of
+the tube is shut in; a bone that it lies over is left out.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from ..components import Scalar, slope
+from ..errors import InputError
+from ..pneumatics.heat import Inflow, VolumeState
+from .loads import Joint
+from .machine import Machine
+from .muscle_unit import MuscleUnit
+
+
+class Stiffness(NamedTuple):
+    """Four stiffnesses [N/m] of a muscle, or [N m/rad] of a joint."""
+
+    short_at_mass: float
+    short_at_pressure: float
+    relaxed_at_mass: float
+    relaxed_at_pressure: float
+
+
+def memory_stiffness(unit: MuscleUnit, pressure: Any) -> Scalar:
+    """Stiffness of friction and creep while no element slips or relaxes [N/m]; gauge pressure [Pa]."""
+
+    def force(part: Any, dx: Any) -> Any:
+        at = {"start_pressure": pressure, "end_pressure": pressure, "duration": 0.0}
+        return part.force(part.advance(part.initial(), dx, **at).state, 0.0, pressure)
+
+    return sum((slope(lambda dx, p=p: force(p, dx), 0.0) for p in unit.parts.values()), start=jnp.zeros(()))
+
+
+def braid_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, name: str, *, mass: bool) -> Scalar:
+    """Stiffness of the braid with its gas [N/m], with the mass of the gas constant or with its pressure."""
+    unit = machine.units[name]
+    length, gauge = state["muscles"][name].length, machine.gauge(state, name)
+    stiff = unit.law.braid_stiffness(length, gauge)
+    if not mass:
+        return stiff
+    per_pressure = slope(lambda p: unit.law.braid_tension(length, p), gauge)
+    return stiff + per_pressure * _pressure_slope(machine, state, memory, inputs, name)
+
+
+def _pressure_slope(machine: Machine, state: Any, memory: Any, inputs: Any, name: str) -> Scalar:
+    """dP/dL of the gas shut into a muscle and stretched quickly, by its heat model [Pa/m]."""
+    circuit, seen = machine.joined, machine.with_lengths(state, inputs)
+    node: Any = circuit.nodes[name]
+    p, m = state["circuit"]["pressure"][name], state["circuit"]["mass"][name]
+    temperature = circuit.outputs(state["circuit"], memory["circuit"], seen)[f"{name}.temperature"]
+    moved = node.volume(p, state["muscles"][name].length, 1.0)
+    whole = m * circuit.gas.gas_constant * temperature / p  # with the fittings and the tube's share
+    closed = Inflow(jnp.zeros(()), jnp.zeros(()))
+
+    def rate(moving: Any) -> Scalar:
+        return node.heat.rates(circuit.gas, p, temperature, VolumeState(whole, moved.per_pressure, moving), closed)[0]
+
+    return rate(moved.moving) - rate(jnp.zeros(()))  # without what a wall's heat does meanwhile
+
+
+def muscle_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, name: str) -> Stiffness:
+    """Stiffness of a muscle with its tendon at a point [N/m], zero where the tendon is slack.
+
+    Raises:
+        InputError: if there is no such muscle.
+    """
+    if name not in machine.units:
+        raise InputError("muscle", name, f"known are {', '.join(machine.units)}", where="stiffness")
+    unit = machine.units[name]
+    spans = machine.load.spans(state["load"], inputs)
+    cord = slope(unit.tendon.force, spans[name].span - state["muscles"][name].length)
+    stuck = memory_stiffness(unit, machine.gauge(state, name))
+
+    def seen(short: bool, mass: bool) -> float:
+        own = braid_stiffness(machine, state, memory, inputs, name, mass=mass) + (stuck if short else 0.0)
+        return float(jnp.where(cord > 0.0, own * cord / jnp.where(cord > 0.0, own + cord, 1.0), 0.0))
+
+    return Stiffness(seen(True, True), seen(True, False), seen(False, True), seen(False, False))
+
+
+def joint_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any) -> Stiffness:
+    """Stiffness of a joint against turning at a point [N m/rad], with all its muscles and what the joint itself has.
+
+    Raises:
+        InputError: if the machine's load is no joint.
+    """
+    load = machine.load
+    if not isinstance(load, Joint):
+        raise InputError("load", type(load).__name__, "allowed is a Joint", where="stiffness")
+    _, _, felt = machine.pulls(state, memory, inputs)
+    angle = state["load"].angle
+
+    def moment(q: Any) -> Any:
+        return load.inertia * load.rates(state["load"]._replace(angle=q), felt, inputs).velocity
+
+    own = -jax.jvp(moment, (angle,), (jnp.ones_like(angle),))[1]  # arms that change under the tensions are in it
+    parts = [muscle_stiffness(machine, state, memory, inputs, name) for name in load.arms]
+    arms = [float(arm.arm(angle)) ** 2 for arm in load.arms.values()]
+    return Stiffness(*(float(own) + sum(a * k[i] for a, k in zip(arms, parts, strict=True)) for i in range(4)))

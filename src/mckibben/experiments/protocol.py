@@ -1,0 +1,185 @@
+"""A protocol: what to do, as an immutable value that prints itself, saves itself, and has one hash for one experiment."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, is_dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .bind import Part, bind
+from .steps import Step
+from .waveforms.random import uniform
+
+if TYPE_CHECKING:
+    from .plan import Plan
+
+SCHEMA = 1
+ORDERS = ("as listed", "random")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number or word of a protocol that has a name; with several values the steps are done for each of them.
+
+    Values are the words of the file; `inferred` are those that no source prints, and `source` says why they were chosen.
+    """
+
+    name: str
+    unit: str
+    values: tuple[Any, ...]
+    about: str = ""
+    bounds: tuple[str, ...] = ()
+    inferred: tuple[Any, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A word that sets parameters, such as ``range = "small"``; several words are done one after the other."""
+
+    name: str
+    values: tuple[str, ...]
+    options: tuple[tuple[str, tuple[tuple[str, Any], ...]], ...]
+    about: str = ""
+    inferred: tuple[str, ...] = ()
+    note: str = ""
+
+    def sets(self, option: str) -> dict[str, Any]:
+        """The parameters that an option sets."""
+        return dict(dict(self.options)[option])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Protocol:
+    """What is done to a muscle: `first` once, then `steps` for every case and repeat, then `last`.
+
+    A case is one value of every parameter and choice. `needs` are sensors and parts that a rig must have beside those that
+    the steps ask for. `sample_rate` [1/s].
+    """
+
+    name: str
+    title: str
+    steps: tuple[Part, ...]
+    first: tuple[Part, ...] = ()
+    last: tuple[Part, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    choices: tuple[Choice, ...] = ()
+    needs: tuple[str, ...] = ()
+    sample_rate: float = 1000.0
+    order: str = "as listed"
+    seed: int = 0
+    repeat: int = 1
+    source: str = ""
+    note: str = ""
+
+    def variables(self) -> dict[str, tuple[Any, ...]]:
+        """The values of every choice and parameter by name; those that choices set are empty."""
+        return {v.name: v.values for v in (*self.choices, *self.parameters)}
+
+    def cases(self) -> list[dict[str, Any]]:
+        """Every case in the order in which it is done: the value of each name."""
+        varied = {name: values for name, values in self.variables().items() if values}
+        listed = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
+        cases = [self._with_choices(case) for _ in range(self.repeat) for case in listed]
+        if self.order == "random":
+            chance = uniform(self.seed, np.arange(len(cases)))
+            cases = [cases[i] for i in np.argsort(chance, kind="stable")]
+        return cases
+
+    def blocks(self) -> Iterator[tuple[dict[str, Any], list[tuple[str, Step]]]]:
+        """The case and the steps of each, with their dotted paths: `first`, every case, `last`."""
+        cases = self.cases()
+        if self.first:
+            yield {}, bind(self.first, cases[0], "first")
+        for case in cases:
+            yield case, bind(self.steps, case, "steps")
+        if self.last:
+            yield {}, bind(self.last, cases[-1], "last")
+
+    def required(self) -> tuple[str, ...]:
+        """Sensors and parts that a rig must have, sorted: those stated and those that steps use."""
+        found = set(self.needs)
+        for _, steps in self.blocks():
+            for _, step in steps:
+                found |= _used(step)
+        return tuple(sorted(found))
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what is done, however its numbers are written: equal for ``5 bar`` and ``500 kPa``, on every machine."""
+        body = [[_shared(case), [_plain(s) for _, s in steps]] for case, steps in self.blocks()]
+        meaning = {"schema": SCHEMA, "rate": _plain(self.sample_rate), "needs": sorted(self.needs), "blocks": body}
+        return hashlib.sha256(json.dumps(meaning, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+    def sentence(self) -> str:
+        """The whole protocol in words, with all its numbers."""
+        from .sentence import protocol_sentence
+
+        return protocol_sentence(self)
+
+    def document(self) -> dict[str, Any]:
+        """As tables of words: what `read.build_protocol` takes, and what is saved with a recording."""
+        from .write import document
+
+        return document(self)
+
+    def toml(self) -> str:
+        """As the text of a file."""
+        import tomlkit
+
+        return tomlkit.dumps(self.document())
+
+    def expand(self, *, rest_length: float, start_span: float | None = None) -> Plan:
+        """The flat plan on the sample clock; see `plan.expand`."""
+        from .plan import expand
+
+        return expand(self, rest_length=rest_length, start_span=start_span)
+
+    def _with_choices(self, case: Mapping[str, Any]) -> dict[str, Any]:
+        full = dict(case)
+        for choice in self.choices:
+            full |= choice.sets(case[choice.name])
+        return full
+
+
+def _used(step: Step) -> set[str]:
+    from .steps import Follow, Go, Shut
+    from .waveforms import Constant
+
+    found = set()
+    if isinstance(step.pressure, Shut):
+        found.add("shut-off")
+    elif step.pressure is not None:
+        found.add("valve")
+    if step.mode in ("tension", "velocity") or isinstance(step.motor, Go):
+        found.add("motor")
+    if isinstance(step.motor, Follow) and not isinstance(step.motor.waveform, Constant):
+        found.add("motor")
+    if step.mode == "tension":
+        found.add("tension sensor")
+    if step.until is not None:
+        found.add(f"{'span' if step.until.channel == 'velocity' else step.until.channel} sensor")
+    return found
+
+
+def _shared(case: Mapping[str, Any]) -> list[str]:
+    """Words of a case that its steps may not show, such as a lubricant; numbers are in the steps."""
+    return sorted(f"{k}={v}" for k, v in case.items() if isinstance(v, str) and not v[:1].isdigit() and v[:1] not in "-+.")
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it; numbers with 12 digits, so that the way through a unit leaves no trace."""
+    if is_dataclass(value) and not isinstance(value, type):
+        kind = getattr(value, "kind", "")
+        named = {k: getattr(value, k) for k in asdict(value)}
+        return [type(value).__name__, str(kind), {k: _plain(v) for k, v in named.items()}]
+    if isinstance(value, tuple | list):
+        return [_plain(v) for v in value]
+    if isinstance(value, bool) or value is None or isinstance(value, str):
+        return value
+    return f"{float(value) + 0.0:.12g}"

@@ -1,0 +1,269 @@
+"""A protocol from a TOML file (schema 1): one of the shipped ones with its values, or one of its own; all errors by path.
+
+    protocol = "quasi-static"          # a whole file: what is not said is as the library has it
+    pressure = ["1 bar", "3 bar"]      # several values: the steps are done for each
+    frequency = "0.25 Hz"
+    order = "random"
+
+or
+
+    schema = 1
+    name = "hold"
+    [parameters.load]                  # `about`, `low`, `high`, `inferred`, `note` if wanted
+    unit = "N"
+    value = ["10 N", "20 N"]
+    [[steps]]                          # [[first]] and [[last]] are done once
+    pressure = { to = "3 bar", in = "1 s" }
+    tension = "$load"                  # or span, velocity: what the motor controls
+    until = "span settled within 0.1 mm for 0.2 s"
+    for = "5 s"                        # at most
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from .amounts import read_amount
+from .bind import Part, names_in, whole
+from .protocol import ORDERS, SCHEMA, Choice, Parameter, Protocol
+from .words import Entry, shown
+
+SETTINGS = ("title", "note", "sample_rate", "order", "seed", "repeat")
+SECTIONS = ("schema", "name", "source", "needs", "parameters", "choices", "first", "steps", "last", *SETTINGS)
+NEEDS = (
+    "valve", "motor", "shut-off", "accumulators", "plate", "person",
+    "pressure sensor", "span sensor", "tension sensor",
+)  # fmt: skip
+MOST_CASES = 10_000
+RATES = (1.0, 1e6)
+
+
+def read_protocol(path: str | os.PathLike[str]) -> Protocol:
+    """Read a protocol.
+
+    Args:
+        path: a TOML file.
+
+    Raises:
+        InputError: names the file, the dotted path, the value and what is allowed.
+    """
+    where = os.fspath(path)
+    try:
+        text = Path(path).read_bytes().decode("utf-8")
+    except IsADirectoryError:
+        raise InputError("protocol", where, "it is a folder; allowed is a TOML file") from None
+    except OSError:
+        raise InputError("protocol", where, "no such file") from None
+    except UnicodeDecodeError as error:
+        raise InputError("protocol", "not TOML", str(error), where=where) from None
+    return parse_protocol(text, where=where)
+
+
+def parse_protocol(text: str, *, where: str) -> Protocol:
+    """The protocol of a file's text; raises as `read_protocol` does."""
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError("protocol", "not TOML", str(error), where=where) from None
+    return build_protocol(document, where=where)
+
+
+def build_protocol(document: Mapping[str, Any], *, where: str) -> Protocol:
+    """The protocol of tables of words; raises as `read_protocol` does."""
+    top = Entry(document, "", where)
+    schema = document.get("schema", SCHEMA if "protocol" in document else "missing")
+    if schema != SCHEMA or isinstance(schema, bool):
+        raise top.fail("schema", schema, f"this version reads schema {SCHEMA}")
+    if "protocol" in document:
+        from .library import shipped
+
+        base = shipped(top.word("protocol"), where=where)
+        given = {k: v for k, v in document.items() if k not in ("protocol", "schema")}
+        return with_values(base, given, where=where)
+    top.only(SECTIONS, "a protocol has")
+    name = top.word("name")
+    protocol = Protocol(
+        name=name,
+        title=top.word("title", name),
+        steps=_parts(top, "steps", needed=True),
+        first=_parts(top, "first"),
+        last=_parts(top, "last"),
+        parameters=tuple(_parameter(n, e) for n, e in _named(top, "parameters")),
+        choices=tuple(_choice(n, e) for n, e in _named(top, "choices")),
+        needs=_needs(top),
+        source=_text(top, "source"),
+        note=_text(top, "note"),
+    )
+    return checked(_set(protocol, {k: document[k] for k in SETTINGS if k in document}, top), where)
+
+
+def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | None = None) -> Protocol:
+    """The same protocol with other values of its parameters, choices and settings.
+
+    Args:
+        protocol: what is changed.
+        given: words by name, a list for several values.
+        where: file, for complaints.
+
+    Raises:
+        InputError: names what is unknown, out of bounds or in the wrong unit.
+    """
+    top = Entry(given, "", where or "")
+    names = protocol.variables()
+    top.only([*names, *SETTINGS], f"{protocol.name} has")
+    parameters = tuple(
+        dataclasses.replace(p, values=_values(p, given[p.name], top.field(p.name), where)) if p.name in given else p
+        for p in protocol.parameters
+    )
+    choices = []
+    for c in protocol.choices:
+        values = _options(Entry(given, "", where or ""), c.name, dict(c.options)) if c.name in given else c.values
+        kept = tuple((o, tuple((k, v) for k, v in sets if k not in given)) for o, sets in c.options)
+        choices.append(dataclasses.replace(c, values=values, options=kept))
+    changed = dataclasses.replace(protocol, parameters=parameters, choices=tuple(choices))
+    return checked(_set(changed, {k: given[k] for k in SETTINGS if k in given}, top), where)
+
+
+def checked(protocol: Protocol, where: str | None) -> Protocol:
+    """The protocol, if every one of its cases can be read; raises `InputError` by path."""
+    count = protocol.repeat
+    for values in protocol.variables().values():
+        count *= len(values) or 1
+    if count > MOST_CASES:
+        raise InputError("cases", count, f"allowed are {MOST_CASES}", where=where)
+    used = names_in((protocol.first, protocol.steps, protocol.last))
+    set_by = {k for c in protocol.choices for _, sets in c.options for k, _ in sets}
+    for p in protocol.parameters:
+        if p.name not in used:
+            raise InputError(f"parameters.{p.name}", "unused", f"no step refers to ${p.name}", where=where)
+        if not p.values and p.name not in set_by:
+            raise InputError(f"parameters.{p.name}.value", "missing", "it is required", where=where)
+    try:
+        done = [s for _, steps in protocol.blocks() for s in steps]
+    except InputError as error:
+        raise InputError(error.field, error.value, error.allowed, where=where) from None
+    if not done:
+        raise InputError("steps", "none", "all of them are repeated 0 times", where=where)
+    for part, key in ((protocol.first, "first"), (protocol.last, "last")):
+        varied = {n for n, v in protocol.variables().items() if len(v) > 1}
+        for name in sorted(names_in(part) & varied):
+            raise InputError(key, f"${name}", "allowed is a parameter with one value: it is done once", where=where)
+    return protocol
+
+
+def _set(protocol: Protocol, given: Mapping[str, Any], top: Entry) -> Protocol:
+    changes: dict[str, Any] = {}
+    for key in ("title", "note"):
+        if key in given:
+            changes[key] = top.word(key)
+    if "order" in given:
+        changes["order"] = top.word("order", among=ORDERS)
+    if "seed" in given:
+        changes["seed"] = whole(top, "seed", given["seed"], 0, 2**32 - 1)
+    if "repeat" in given:
+        changes["repeat"] = whole(top, "repeat", given["repeat"], 1, MOST_CASES)
+    if "sample_rate" in given:
+        field, where = top.field("sample_rate"), top.where or None
+        changes["sample_rate"] = read_amount(given["sample_rate"], "1/s", field=field, where=where, bounds=RATES).value
+    return dataclasses.replace(protocol, **changes)
+
+
+def _parts(top: Entry, key: str, *, needed: bool = False) -> tuple[Part, ...]:
+    raw = top.values.get(key, [])
+    if not isinstance(raw, list | tuple) or (needed and not raw):
+        raise top.fail(key, shown(raw) if raw else "missing", f"allowed is a list of steps, [[{key}]]")
+    return tuple(Part(Entry.of(one, f"{key}.{i}", top.where).values) for i, one in enumerate(raw, 1))
+
+
+def _named(top: Entry, section: str) -> list[tuple[str, Entry]]:
+    table = top.table(section)
+    for name in table.values:
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+            raise table.fail(name, name, "allowed are small letters, digits and _")
+        if name in (*SECTIONS, "protocol"):
+            raise table.fail(name, name, "that name says something else in a protocol; allowed is another one")
+        if section == "choices" and name in top.table("parameters").values:
+            raise table.fail(name, name, "a parameter has that name; allowed is another one")
+    return [(name, table.table(name)) for name in table.values]
+
+
+def _parameter(name: str, entry: Entry) -> Parameter:
+    entry.only(("unit", "value", "about", "low", "high", "inferred", "note"), "a parameter has")
+    bounds = tuple(str(entry.values[k]) for k in ("low", "high")) if {"low", "high"} <= set(entry.values) else ()
+    if not bounds and {"low", "high"} & set(entry.values):
+        raise entry.fail("low", "beside nothing", "bounds are low and high, both")
+    unit = entry.word("unit")
+    bare = Parameter(name, unit, (), _text(entry, "about"), bounds, (), _text(entry, "note"))
+    if unit != "word":
+        for key in ("low", "high"):
+            if bounds:
+                read_amount(entry.values[key], unit, field=entry.field(key), where=entry.where or None)
+        if not bounds:
+            read_amount(f"1 {unit}" if unit != "1" else "1", unit, field=entry.field("unit"), where=entry.where or None)
+    place, where = entry.field("value"), entry.where or None
+    values = _values(bare, entry.values["value"], place, where) if "value" in entry.values else ()
+    inferred = entry.values.get("inferred", False)
+    if isinstance(inferred, bool):
+        flagged = values if inferred else ()
+    else:
+        flagged = _values(bare, inferred, entry.field("inferred"), where)
+    return dataclasses.replace(bare, values=values, inferred=flagged)
+
+
+def _values(p: Parameter, raw: Any, field: str, where: str | None) -> tuple[Any, ...]:
+    values = tuple(raw) if isinstance(raw, list | tuple) else (raw,)
+    if not values:
+        raise InputError(field, "none", "allowed is a value or a list of one or more", where=where)
+    for value in values:
+        if p.unit == "word":
+            if not isinstance(value, str) or not value.strip() or "$" in value:
+                raise InputError(field, shown(value), "allowed is a word", where=where)
+            continue
+        amount = read_amount(value, p.unit, field=field, where=where)
+        low, high = (read_amount(b, p.unit, field=field, where=where) for b in p.bounds) if p.bounds else (None, None)
+        if low is None or high is None or low.unit != amount.unit:
+            continue
+        if not low.value <= amount.value <= high.value:
+            raise InputError(field, value, f"allowed is {p.bounds[0]} to {p.bounds[1]}", where=where)
+    return values
+
+
+def _choice(name: str, entry: Entry) -> Choice:
+    entry.only(("value", "about", "options", "inferred", "note"), "a choice has")
+    table = entry.table("options")
+    options = []
+    for option in table.values:
+        sets = table.table(option).values
+        for key, value in sets.items():
+            if isinstance(value, bool) or not isinstance(value, str | int | float):
+                raise table.fail(f"{option}.{key}", value, "allowed is a word or a number")
+        options.append((option, tuple(sets.items())))
+    if not options:
+        raise entry.fail("options", "none", "allowed is a table of one or more")
+    inferred = _options(entry, "inferred", dict(options)) if "inferred" in entry.values else ()
+    values = _options(entry, "value", dict(options))
+    return Choice(name, values, tuple(options), _text(entry, "about"), inferred, _text(entry, "note"))
+
+
+def _options(entry: Entry, key: str, options: Mapping[str, Any]) -> tuple[str, ...]:
+    raw = entry.values.get(key)
+    values = raw if isinstance(raw, list) and raw else [raw]
+    return tuple(Entry({key: v} if v is not None else {}, entry.path, entry.where).word(key, among=options) for v in values)
+
+
+def _needs(top: Entry) -> tuple[str, ...]:
+    raw = top.values.get("needs", [])
+    if not isinstance(raw, list):
+        raise top.fail("needs", raw, "allowed is a list of words")
+    return tuple(Entry({"needs": v}, top.path, top.where).word("needs", among=NEEDS) for v in raw)
+
+
+def _text(entry: Entry, key: str) -> str:
+    return entry.word(key) if key in entry.values else ""

@@ -1,0 +1,140 @@
+"""A protocol as one paragraph: the cases, the steps with all their numbers, and what of it no source prints."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from .amounts import read_amount
+from .bind import Part, read_step, repeats, substituted
+from .protocol import Parameter, Protocol
+from .words import Entry
+
+_UNITS = r"bar/s|bar|L0/s|L0|cm/s|cm|m/s\^2|m/s|mm|m|N/s|N|Hz|us|ms|s|deg|cycles|cycle"
+_NUMBER = r"[-+]?(?<![\w.])\d[\d.]*(?:e[-+]?\d+)?"
+_TOKENS = re.compile(rf"{_NUMBER}(?: (?:{_UNITS})(?![\w/]))?|\w+|\s+|.")
+
+
+def protocol_sentence(protocol: Protocol) -> str:
+    """Title; what is varied; first, the steps, last; sampling and needs; what is inferred."""
+    cases = protocol.cases()
+    varied = _varied(cases)
+    said = [f"{protocol.title}."]
+    if protocol.first:
+        said.append(f"First {_parts(protocol.first, cases[0], 'first')}.")
+    each = [
+        f"each {_named(v.name)} of {_listed(protocol, v.name)}"
+        for v in (*protocol.choices, *protocol.parameters)
+        if len(v.values) > 1
+    ]
+    times = f"{protocol.repeat} times" if protocol.repeat > 1 else ""
+    order = f"in random order (seed {protocol.seed})" if protocol.order == "random" else ""
+    how = " ".join(w for w in (f"For {' and '.join(each)}" if each else "", times, order) if w)
+    body = _marked(protocol.steps, cases[0], varied)
+    said.append(f"{how[:1].upper()}{how[1:]}: {body}." if how else f"{body[:1].upper()}{body[1:]}.")
+    if protocol.last:
+        said.append(f"Last {_parts(protocol.last, cases[-1], 'last')}.")
+    said.append(_sampled(protocol))
+    inferred = _inferred(protocol, cases)
+    if inferred:
+        said.append(f"Inferred, not printed: {'; '.join(inferred)}.")
+    return " ".join(said)
+
+
+def case_words(case: Mapping[str, Any]) -> str:
+    """A case in words, such as ``pressure 5 bar, frequency 1 Hz``."""
+    return ", ".join(f"{_named(k)} {v}" for k, v in case.items())
+
+
+def is_inferred(p: Parameter, value: Any) -> bool:
+    """Whether a value of a parameter is one that no source prints."""
+    if p.unit == "word":
+        return value in p.inferred
+    amount = read_amount(value, p.unit, field=p.name)
+    return any(amount == read_amount(v, p.unit, field=p.name) for v in p.inferred)
+
+
+def _named(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _varied(cases: list[dict[str, Any]]) -> dict[str, list[Any]]:
+    """Names with more than one value in all the cases, with these values."""
+    found: dict[str, list[Any]] = {}
+    for case in cases:
+        for name, value in case.items():
+            known = found.setdefault(name, [])
+            if value not in known:
+                known.append(value)
+    return {name: values for name, values in found.items() if len(values) > 1}
+
+
+def _listed(protocol: Protocol, name: str) -> str:
+    """The values of a name: ``0, 1, 5 bar``, with a flag at inferred ones; options of a choice with what they set."""
+    for choice in protocol.choices:
+        if choice.name == name:
+            return ", ".join(_option(choice.sets(o), o) for o in choice.values)
+    (p,) = (p for p in protocol.parameters if p.name == name)
+    words = [str(v).split(None, 1) for v in p.values]
+    flags = [" (inferred)" if is_inferred(p, v) else "" for v in p.values]
+    if p.unit == "word":
+        return ", ".join(f"{v}{f}" for v, f in zip(p.values, flags, strict=True))
+    same = len({w[1] if len(w) > 1 else "" for w in words}) == 1 and len(words[0]) > 1
+    shown = [f"{w[0] if same else ' '.join(w)}{f}" for w, f in zip(words, flags, strict=True)]
+    return ", ".join(shown) + (f" {words[0][1]}" if same else "")
+
+
+def _option(sets: Mapping[str, Any], option: str) -> str:
+    return f"{option} ({case_words(sets)})" if sets else option
+
+
+def _parts(parts: tuple[Part, ...], case: Mapping[str, Any], path: str) -> str:
+    said = []
+    for i, part in enumerate(parts, 1):
+        place = f"{path}.{i}"
+        entry = Entry(substituted(part, case, place, None), place, "")
+        times = repeats(entry)
+        if times == 0:
+            continue
+        if "steps" in part:
+            label = f"{part['label']}: " if "label" in part else ""
+            text = f"{label}[{_parts(part['steps'], case, f'{place}.steps')}]"
+        else:
+            text = read_step(entry).sentence()
+        said.append(f"{text} (done {times} times)" if times > 1 else text)
+    return "; ".join(said)
+
+
+def _marked(parts: tuple[Part, ...], case: Mapping[str, Any], varied: Mapping[str, list[Any]]) -> str:
+    """The steps of one case; a number that changes with a name is called after it: ``at this frequency``."""
+    base = _TOKENS.findall(_parts(parts, case, "steps"))
+    marked = list(base)
+    for name, values in varied.items():
+        for value in values:
+            other = _TOKENS.findall(_parts(parts, {**case, name: value}, "steps"))
+            if len(other) != len(base):
+                continue
+            for i, (a, b) in enumerate(zip(base, other, strict=True)):
+                if a != b:
+                    marked[i] = f"this {_named(name)}"
+    return "".join(marked)
+
+
+def _sampled(protocol: Protocol) -> str:
+    rate = protocol.sample_rate
+    shown = f"{rate / 1e3:.6g} kHz" if rate >= 1e3 else f"{rate:.6g} Hz"
+    return f"Sampled at {shown}; needs {', '.join(protocol.required())}."
+
+
+def _inferred(protocol: Protocol, cases: list[dict[str, Any]]) -> list[str]:
+    said = []
+    for c in protocol.choices:
+        options = [o for o in c.values if o in c.inferred]
+        if options:
+            said.append(f"{_named(c.name)} {', '.join(_option(c.sets(o), o) for o in options)}")
+    for p in protocol.parameters:
+        values = dict.fromkeys(case[p.name] for case in cases if is_inferred(p, case[p.name]))
+        if values:
+            said.append(f"{_named(p.name)} {', '.join(str(v) for v in values)}")
+    return said

@@ -1,0 +1,106 @@
+"""What ends a step before its time: a test on measured channels, in words and as a pure step on the sample clock.
+
+    tension >= 60 N
+    span <= 0.8 L0 for 10 ms
+    pressure settled within 0.02 bar for 0.2 s        it has kept still
+    pressure within 0.02 bar of its set-point for 0.2 s
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import InputError
+from .amounts import CHANNELS, Amount, read_amount
+from .waveforms import near, time_words
+
+_COMPARE = re.compile(r"(\w+)\s*(>=|<=|>|<)\s*(.+?)(?:\s+for\s+(.+))?")
+_STILL = re.compile(r"(\w+)\s+settled\s+within\s+(.+?)\s+for\s+(.+)")
+_CLOSE = re.compile(r"(\w+)\s+within\s+(.+?)\s+of\s+its\s+set-point(?:\s+for\s+(.+))?")
+_ALLOWED = (
+    "allowed is such as 'tension >= 60 N', 'span <= 0.8 L0 for 10 ms', 'pressure settled within 0.02 bar for 0.2 s', "
+    "'pressure within 0.02 bar of its set-point for 0.2 s'"
+)
+
+
+@dataclass(frozen=True)
+class Until:
+    """One test on one measured channel.
+
+    ``kind`` is ``>=`` or ``<=`` (a threshold), ``settled`` (it has stayed within `amount` of where it was when it last left
+    that band) or ``close`` (within `amount` of its set-point). It holds once it was true for `lasting` [s] without a break.
+    """
+
+    channel: str
+    kind: str
+    amount: Amount
+    lasting: float = 0.0
+
+    def start(self) -> tuple[float, float]:
+        """The state before the first sample: where the channel was, and for how long it has been true [s]."""
+        return (float("inf"), 0.0)
+
+    def step(self, state: Any, measured: Mapping[str, Any], command: Any, dt: float, rest_length: float) -> Any:
+        """One sample later: the new state, and whether the step ends. Straight-line; for floats, arrays and traces.
+
+        Args:
+            state: of `start` or of the sample before.
+            measured: channels by name [SI].
+            command: set-point of this channel [SI]; only ``close`` looks at it.
+            dt: sampling period [s].
+            rest_length: of the muscle [m].
+        """
+        import jax.numpy as jnp
+
+        place, held = state
+        x, limit = measured[self.channel], self.amount.si(rest_length)
+        if self.kind == ">=":
+            true = x >= limit
+        elif self.kind == "<=":
+            true = x <= limit
+        elif self.kind == "close":
+            true = jnp.abs(x - command) <= limit
+        else:
+            true = jnp.abs(x - place) <= limit
+            place = jnp.where(true, place, x)
+        held = jnp.where(true, held + dt, 0.0)
+        # a single true sample does where nothing is said; else the samples between the first and the last true one count
+        long_enough = held >= self.lasting + dt * (0.5 if self.lasting else 0.0)
+        return (place, held), jnp.logical_and(true, long_enough)
+
+    def sentence(self) -> str:
+        """In words."""
+        lasting = f" for {time_words(self.lasting)}" if self.lasting else ""
+        if self.kind == "settled":
+            return f"{self.channel} settled within {self.amount.sentence()}{lasting}"
+        if self.kind == "close":
+            return f"{self.channel} within {self.amount.sentence()} of its set-point{lasting}"
+        return f"{self.channel} {self.kind} {self.amount.sentence()}{lasting}"
+
+
+def read_until(raw: Any, *, field: str, where: str | None = None) -> Until:
+    """The test that words state.
+
+    Raises:
+        InputError: names the field, the words and what is allowed.
+    """
+    text = raw.strip() if isinstance(raw, str) else ""
+    still, close, compare = _STILL.fullmatch(text), _CLOSE.fullmatch(text), _COMPARE.fullmatch(text)
+    if still:
+        channel, amount, lasting, kind = still[1], still[2], still[3], "settled"
+    elif close:
+        channel, amount, lasting, kind = close[1], close[2], close[3], "close"
+    elif compare:
+        channel, amount, lasting, kind = compare[1], compare[3], compare[4], compare[2][0] + "="
+    else:
+        raise InputError(field, raw if isinstance(raw, str) else f"{type(raw).__name__} {raw}", _ALLOWED, where=where)
+    if channel not in CHANNELS:
+        known = f"{near(channel, CHANNELS)}measured are {', '.join(CHANNELS)}"
+        raise InputError(field, channel, known, where=where)
+    band = None if kind in (">=", "<=") else (0.0, float("inf"))
+    value = read_amount(amount, CHANNELS[channel], field=field, where=where, bounds=band)
+    seconds = read_amount(lasting, "s", field=field, where=where, bounds=(0.0, 1e6)).value if lasting else 0.0
+    return Until(channel, kind, value, seconds)

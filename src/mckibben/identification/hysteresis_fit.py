@@ -1,0 +1,321 @@
+"""Friction of a muscle from a loop of pressure and stroke, and how well it predicts the part that the fit did not see.
+
+The muscle lifts a load while its pressure rises and falls slowly. Along the path, sample by sample,
+
+    F(L, P' - P0) + f(z) = W + K (L0 - L),      stroke = L0 - L
+
+is solved for the length L, with F the tension law, f a friction with memory (positive while lengthening), W the load
+and K a spring beside it. Where no law is known, a smooth monotone curve takes its place, (P' - G(stroke)) A, whose
+area A only states the friction as a force. A loop is taken as settled: the path is run twice and the second is read.
+Range: slow motion, so that every sample is an equilibrium; creep during the record counts as hysteresis.
+Friction in a force balance: T. Vo-Minh, T. Tjahjowidodo, H. Ramon and H. Van Brussel, IEEE/ASME Trans. Mechatronics
+16(1), 2011.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..components import Hysteresis
+from ..errors import InputError
+from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
+from ..muscles.law import TensionLaw
+from .path_record import PathRecord
+from .uncertainty import Estimate, uncertainty, widening
+
+# Area by which a curve's pressure becomes a force [m^2]; near that of a 10 mm muscle, and of no effect on the stroke.
+AREA = 1e-3
+# Halvings of the length interval: 2^-48 of half a metre is below any rounding that matters.
+HALVINGS = 48
+
+
+class Free(NamedTuple):
+    """A parameter to fit: start, bounds and unit [unit]; it is searched in its logarithm where `log`."""
+
+    start: float
+    low: float
+    high: float
+    unit: str
+    log: bool = False
+
+
+_LIMIT = {
+    "constant": Free(10.0, 1e-6, 1e3, "N"),
+    "per_pressure": Free(1e-5, 0.0, 1e-3, "m^2"),
+}
+_TRAVEL = {"shortest": Free(5e-4, 1e-6, 5e-2, "m", log=True), "spread": Free(10.0, 1.0, 1e3, "1", log=True)}
+_STIFFNESS = {"stiffness": Free(1e4, 1e2, 1e7, "N/m", log=True)}
+
+
+def _maxwell_slip(p: Mapping[str, Any]) -> Hysteresis:
+    limit = FrictionLimit(constant=p["constant"], per_pressure=p["per_pressure"])
+    return MaxwellSlip.geometric(limit, elements=6, shortest=p["shortest"], longest=p["shortest"] * p["spread"])
+
+
+def _dahl(p: Mapping[str, Any]) -> Hysteresis:
+    limit = FrictionLimit(constant=p["constant"], per_pressure=p["per_pressure"])
+    return Dahl(limit=limit, stiffness=p["stiffness"])
+
+
+def _bouc_wen(p: Mapping[str, Any]) -> Hysteresis:
+    limit = FrictionLimit(constant=p["constant"], per_pressure=p["per_pressure"])
+    return BoucWen(limit=limit, stiffness=p["stiffness"], share=p["share"])
+
+
+# Frictions that a loop can identify. Coulomb's knows no force at rest and leaves the solved balance without a slope.
+MODELS: dict[str, tuple[Callable[[Mapping[str, Any]], Hysteresis], dict[str, Free]]] = {
+    "maxwell_slip": (_maxwell_slip, {**_LIMIT, **_TRAVEL}),
+    "dahl": (_dahl, {**_LIMIT, **_STIFFNESS}),
+    "bouc_wen": (_bouc_wen, {**_LIMIT, **_STIFFNESS, "share": Free(0.6, 0.5, 20.0, "1")}),
+}
+
+
+@dataclass(frozen=True)
+class LoopFit:
+    """What is known of a friction after a fit to a loop; errors in metres of stroke, prediction less measurement."""
+
+    model: str
+    law: bool
+    parameters: dict[str, Estimate]
+    curve: np.ndarray  # pressures of the anhysteretic curve at its knots [Pa]; empty with a law
+    record: PathRecord
+    train: np.ndarray  # bool (n,): what the fit saw
+    predicted: np.ndarray  # stroke along the whole record (n,) [m]
+    converged: bool
+    warnings: tuple[str, ...]
+
+    @property
+    def error(self) -> np.ndarray:
+        """Error of every sample (n,) [m]."""
+        return self.predicted - self.record.stroke
+
+    def rmse(self, *, seen: bool) -> float:
+        """Root mean square error of the samples that the fit saw, or of those that it did not [m]; NaN where none."""
+        some = self.error[self.train == seen]
+        return float(np.sqrt(np.mean(some**2))) if some.size else float("nan")
+
+    def max_error(self, *, seen: bool) -> float:
+        """Largest of those errors [m]; NaN where there are none."""
+        some = self.error[self.train == seen]
+        return float(np.abs(some).max()) if some.size else float("nan")
+
+    @property
+    def aicc(self) -> float:
+        """Akaike's criterion of the seen samples with the correction for small samples."""
+        n, k = int(self.train.sum()), len(self.parameters) + len(self.curve) + 1
+        variance = max(self.rmse(seen=True) ** 2, 1e-30)
+        return n * float(np.log(variance)) + 2.0 * k * n / (n - k - 1.0) if n > k + 1 else float("inf")
+
+    def width(self, pressure: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Width of the loop at gauge pressures [Pa], predicted and measured [m]; negative where the branches swap."""
+        return self.record.with_stroke(self.predicted).width(pressure), self.record.width(pressure)
+
+    def friction(self) -> Hysteresis:
+        """The fitted friction."""
+        return MODELS[self.model][0]({n: e.value for n, e in self.parameters.items()})
+
+
+def fit_loop(
+    record: PathRecord,
+    *,
+    model: str = "maxwell_slip",
+    law: TensionLaw | None = None,
+    train: np.ndarray | None = None,
+    known: Mapping[str, float] | None = None,
+    knots: int = 6,
+) -> LoopFit:
+    """Fit a friction to a loop of pressure and stroke.
+
+    Args:
+        record: the loop; it turns at least once.
+        model: one of `MODELS`.
+        law: tension law of the muscle at its own length; where left out, a monotone curve is fitted in its place.
+        train: which samples the fit sees, bool (n,); all where left out. The pressure is read along the whole path.
+        known: parameters that are not fitted, by name [SI]; ``spring`` and ``pressure_zero`` are zero where left out.
+            ``pressure_zero=float("nan")`` or ``spring=float("nan")`` frees them.
+        knots: of the monotone curve.
+
+    Raises:
+        InputError: names the field and what is allowed.
+    """
+    from scipy import optimize
+
+    if model not in MODELS:
+        raise InputError("model", model, f"allowed is {', '.join(MODELS)}")
+    seen = record.chosen(train)
+    free, fixed = _parameters(record, model, law, dict(known or {}), knots)
+    if seen.sum() < len(free) + 3:
+        raise InputError("train", f"{int(seen.sum())} samples", f"{len(free)} parameters need {len(free) + 3} or more")
+    names, predict, slopes = tuple(free), *_predictor(record, model, law, fixed, tuple(free.items()), knots)
+    low = np.array([_scaled(f, f.low) for f in free.values()])
+    high = np.array([_scaled(f, f.high) for f in free.values()])
+    scale = max(float(np.ptp(record.stroke)), 1e-9)
+
+    def misfit(x: np.ndarray) -> np.ndarray:
+        return np.nan_to_num((predict(x) - record.stroke)[seen] / scale, nan=1e3)
+
+    found = [
+        optimize.least_squares(
+            misfit, np.clip(x, low + 1e-9, high - 1e-9), jac=lambda x: np.nan_to_num(slopes(x)[seen] / scale),
+            bounds=(low, high), x_scale="jac", max_nfev=150, ftol=1e-9, xtol=1e-9, gtol=1e-9,
+        )
+        for x in _starts(free)
+    ]  # fmt: skip
+    best = min(found, key=lambda f: f.cost)
+    error = (predict(best.x) - record.stroke)[seen]
+    spread = uncertainty(slopes(best.x)[seen], error, names)
+    half = spread.quantile * spread.standard_error * widening([error])
+    estimates = {
+        n: Estimate(_plain(f, v), _plain(f, v - h), _plain(f, v + h), f.unit)
+        for (n, f), v, h in zip(free.items(), best.x, half, strict=True)
+    }
+    bound = [f"{n} lies on its bound" for n, v, a, b in zip(names, best.x, low, high, strict=True) if min(v - a, b - v) < 1e-6]
+    curve = np.cumsum([estimates.pop(n).value for n in names if n.startswith("rise_")]) if law is None else np.zeros(0)
+    lost = () if best.status > 0 else (f"did not converge: {best.message}",)
+    return LoopFit(
+        model, law is not None, estimates, curve, record, seen, predict(best.x), best.status > 0,
+        (*lost, *spread.warnings, *bound),
+    )  # fmt: skip
+
+
+def fit_loops(record: PathRecord, *, models: Iterable[str] = tuple(MODELS), **options: Any) -> list[LoopFit]:
+    """Fit several frictions, best first by `LoopFit.aicc`: the choice sees no sample that the fit did not see."""
+    return sorted((fit_loop(record, model=m, **options) for m in models), key=lambda f: (not f.converged, f.aicc))
+
+
+def _parameters(
+    record: PathRecord, model: str, law: TensionLaw | None, known: dict[str, float], knots: int
+) -> tuple[dict[str, Free], dict[str, float]]:
+    """What is free, and what is fixed, by name."""
+    every = dict(MODELS[model][1])
+    settled = {"spring": 0.0, "pressure_zero": 0.0} if law is not None else {}
+    if law is not None:
+        low, high = (float(x) for x in law.length_range())
+        load = float(law.tension(0.5 * (low + high), float(record.pressure.max()) * 0.5))
+        every["load"] = Free(max(load, 10.0), 0.0, 1e4, "N")
+        every["start_length"] = Free(high, 0.8 * high, 1.2 * high, "m")
+        every["spring"] = Free(0.0, -1e5, 1e5, "N/m")
+        every["pressure_zero"] = Free(0.0, -1e5, 1e5, "Pa")
+    elif knots < 3:
+        raise InputError("knots", knots, "allowed is 3 or more")
+    else:
+        step = float(np.ptp(record.pressure)) / (knots - 1)
+        every["rise_0"] = Free(float(record.pressure.min()), -1e6, 1e6, "Pa")
+        every |= {f"rise_{i}": Free(step, 1e-3 * step, 100.0 * step, "Pa", log=True) for i in range(1, knots)}
+    for name in known:
+        if name not in every:
+            raise InputError(f"known.{name}", "unknown", f"{model} has {', '.join(every)}")
+    fixed = settled | known
+    fixed = {n: v for n, v in fixed.items() if np.isfinite(v)}
+    return {n: f for n, f in every.items() if n not in fixed}, fixed
+
+
+def _predictor(
+    record: PathRecord, model: str, law: TensionLaw | None, fixed: dict[str, float], free: Any, knots: int
+) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
+    """Stroke of every sample, and its derivatives, of the scaled parameters."""
+    import jax
+    import jax.numpy as jnp
+
+    make = MODELS[model][0]
+    reach = float(np.ptp(record.stroke))
+    place = float(record.stroke.min()) + reach * np.linspace(0.0, 1.0, knots)
+    pressure = jnp.asarray(np.concatenate([record.pressure, record.pressure]))
+
+    def stroke(x: Any) -> Any:
+        p = fixed | {n: jnp.exp(x[i]) if f.log else x[i] * _size(f) for i, (n, f) in enumerate(free)}
+        friction = make(p)
+        origin = p["start_length"] if law is not None else 0.0
+        rises = None if law is not None else jnp.cumsum(jnp.stack([p[f"rise_{i}"] for i in range(knots)]))
+
+        def balance(length: Any, at: Any) -> Any:
+            if law is not None:
+                return law.braid_tension(length, at - p["pressure_zero"]) - p["load"] - p["spring"] * (origin - length)
+            return AREA * (at - _curve(-length, place, rises))
+
+        start = origin - float(record.stroke[0])
+
+        def step(carry: tuple[Any, Any, Any], at: Any) -> tuple[Any, Any]:
+            before, state, was = carry
+
+            def excess(length: Any, state: Any, before: Any) -> Any:
+                moved = friction.advance(state, length - before, start_pressure=was, end_pressure=at)
+                return balance(length, at) + friction.force(moved.state, pressure=at)
+
+            length = _root(excess, state, before, start - 2.0 * reach, start + reach)
+            moved = friction.advance(state, length - before, start_pressure=was, end_pressure=at)
+            return (length, moved.state, at), length
+
+        state = friction.initial() + 0.0 * x[0]
+        _, length = jax.lax.scan(step, (jnp.asarray(start) + 0.0 * x[0], state, pressure[0]), pressure)
+        return (origin - length)[len(record.pressure) :]
+
+    value, slope = jax.jit(stroke), jax.jit(jax.jacfwd(stroke))
+    return (lambda x: np.asarray(value(x))), (lambda x: np.asarray(slope(x)))
+
+
+def _root(excess: Any, state: Any, before: Any, low: Any, high: Any) -> Any:
+    """The length where a rising force passes zero; a Newton step after the halvings carries the derivative."""
+    import jax
+    import jax.numpy as jnp
+
+    held = jax.lax.stop_gradient((state, before, low + 0.0 * before, high + 0.0 * before))
+
+    def halve(_: int, ends: tuple[Any, Any]) -> tuple[Any, Any]:
+        middle = 0.5 * (ends[0] + ends[1])
+        above = jax.lax.stop_gradient(excess(middle, held[0], held[1])) > 0.0
+        return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
+
+    ends = jax.lax.fori_loop(0, HALVINGS, halve, (held[2], held[3]))
+    middle = jax.lax.stop_gradient(0.5 * (ends[0] + ends[1]))
+    _, slope = jax.jvp(lambda x: excess(x, held[0], held[1]), (middle,), (jnp.ones_like(middle),))
+    slope = jax.lax.stop_gradient(slope)
+    inside = (jnp.abs(slope) > 0.0) & (middle > held[2] + 1e-9) & (middle < held[3] - 1e-9)
+    return middle - jnp.where(inside, excess(middle, state, before) / jnp.where(inside, slope, 1.0), 0.0)
+
+
+def _curve(at: Any, place: np.ndarray, rises: Any) -> Any:
+    """Monotone cubic through the knots (Fritsch and Butland's harmonic slopes), straight beyond them."""
+    import jax.numpy as jnp
+
+    step = place[1] - place[0]
+    chord = (rises[1:] - rises[:-1]) / step
+    inner = 2.0 * chord[1:] * chord[:-1] / (chord[1:] + chord[:-1])
+    slope = jnp.concatenate([chord[:1], inner, chord[-1:]])
+    u = (at - place[:-1]) / step
+    t = jnp.clip(u, 0.0, 1.0)
+    # Every interval contributes its rise up to the point; intervals passed contribute all of it.
+    rise = step * ((t**3 - 2.0 * t**2 + t) * slope[:-1] + (t**3 - t**2) * slope[1:]) + chord * step * (3.0 - 2.0 * t) * t**2
+    beyond = chord[0] * jnp.minimum(at - place[0], 0.0) + chord[-1] * jnp.maximum(at - place[-1], 0.0)
+    return rises[0] + jnp.sum(rise) + beyond
+
+
+def _starts(free: Mapping[str, Free]) -> list[np.ndarray]:
+    """Three starting points: as declared, with less friction, with stiffer contacts."""
+    base = np.array([_scaled(f, f.start) for f in free.values()])
+    names = list(free)
+    less, stiffer = base.copy(), base.copy()
+    for name in ("constant", "per_pressure"):
+        if name in free:
+            less[names.index(name)] *= 0.2
+    for name, factor in (("shortest", 0.2), ("stiffness", 10.0)):
+        if name in free:
+            stiffer[names.index(name)] += np.log(factor)
+    return [base, less, stiffer]
+
+
+def _size(f: Free) -> float:
+    return max(abs(f.start), 1e-3 * (f.high - f.low))
+
+
+def _scaled(f: Free, value: float) -> float:
+    return float(np.log(value)) if f.log else value / _size(f)
+
+
+def _plain(f: Free, scaled: float) -> float:
+    with np.errstate(over="ignore"):
+        return float(np.exp(scaled)) if f.log else float(scaled * _size(f))

@@ -1,0 +1,124 @@
+"""A measured loop of pressure and stroke in the order of its path, with its turning points, branches and width."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+
+# A reversal smaller than this share of the range is noise and no turning point.
+NOISE = 0.05
+FEWEST = 12
+SPLITS = ("all", "odd", "blocks", "up", "down", "low", "high")
+
+
+@dataclass(frozen=True)
+class PathRecord:
+    """Gauge pressure [Pa] and stroke [m], both (n,), along one path that turns at least once."""
+
+    pressure: np.ndarray
+    stroke: np.ndarray
+    name: str = "record"
+
+    def __post_init__(self) -> None:
+        """Refuse what holds no loop."""
+        for field in ("pressure", "stroke"):
+            try:
+                value = np.asarray(getattr(self, field), float)
+            except (TypeError, ValueError):
+                raise InputError(field, "no numbers", "allowed is one number per sample", where=self.name) from None
+            if value.ndim != 1 or not np.isfinite(value).all():
+                raise InputError(field, "not finite or no row", "allowed is one finite number per sample", where=self.name)
+            object.__setattr__(self, field, value)
+        if len(self.pressure) != len(self.stroke):
+            told = f"{len(self.pressure)} and {len(self.stroke)}"
+            raise InputError("pressure, stroke", told, "allowed are as many of one as of the other", where=self.name)
+        if len(self.pressure) < FEWEST:
+            raise InputError("samples", len(self.pressure), f"allowed is {FEWEST} or more", where=self.name)
+        if not np.ptp(self.stroke) > 0.0:
+            raise InputError("stroke", "constant", "allowed is a stroke that follows the pressure", where=self.name)
+        if not len(self.turning_points):
+            raise InputError("pressure", "no turning point", "a loop rises and falls", where=self.name)
+
+    def with_stroke(self, stroke: np.ndarray) -> PathRecord:
+        """The same path of pressure with another stroke [m]."""
+        return replace(self, stroke=stroke)
+
+    @property
+    def turning_points(self) -> np.ndarray:
+        """Samples at which the pressure turns, but for the ends and for noise."""
+        least, p = NOISE * float(np.ptp(self.pressure)), self.pressure
+        if least == 0.0:
+            return np.zeros(0, int)
+        turns, top, bottom, way = [], 0, 0, 0
+        for i in range(1, len(p)):
+            top, bottom = (i if p[i] > p[top] else top), (i if p[i] < p[bottom] else bottom)
+            if way >= 0 and p[top] - p[i] > least:
+                turns += [top] if way > 0 else []
+                way, bottom = -1, i
+                top = i
+            elif way <= 0 and p[i] - p[bottom] > least:
+                turns += [bottom] if way < 0 else []
+                way, top = 1, i
+                bottom = i
+        return np.array(turns, int)
+
+    @property
+    def branch(self) -> np.ndarray:
+        """+1 while the pressure rises and -1 while it falls, (n,); a turning point ends its branch."""
+        way = np.empty(len(self.pressure), int)
+        ends = [0, *(self.turning_points + 1), len(self.pressure)]
+        for a, b in zip(ends[:-1], ends[1:], strict=True):
+            way[a:b] = 1 if self.pressure[b - 1] >= self.pressure[a] else -1
+        return way
+
+    def width(self, pressure: Any) -> np.ndarray:
+        """Stroke while falling less stroke while rising at gauge pressures [Pa], of the largest branches [m].
+
+        NaN where a branch does not reach; each branch is read by straight lines between samples in order of pressure.
+        """
+        rising, falling = (self._read(way, np.asarray(pressure, float)) for way in (1, -1))
+        return falling - rising
+
+    def _read(self, way: int, at: np.ndarray) -> np.ndarray:
+        some = self.branch == way
+        p, s = self.pressure[some], self.stroke[some]
+        if not p.size:
+            return np.full(at.shape, np.nan)
+        level, place = np.unique(p, return_inverse=True)
+        mean = np.bincount(place, weights=s) / np.bincount(place)
+        return np.interp(at, level, mean, left=np.nan, right=np.nan)
+
+    def chosen(self, train: np.ndarray | None) -> np.ndarray:
+        """A selection of samples as bool (n,); all where left out."""
+        seen = np.ones(len(self.pressure), bool) if train is None else np.asarray(train)
+        if seen.shape != self.pressure.shape or seen.dtype != bool:
+            raise InputError("train", f"{seen.dtype} {seen.shape}", f"allowed is bool ({len(self.pressure)},)", where=self.name)
+        return seen
+
+    def split(self, how: str, *, block: int = 10) -> np.ndarray:
+        """Samples to fit, bool (n,).
+
+        Args:
+            how: ``all``; ``odd`` every other sample; ``blocks`` every other run of `block` samples; ``up`` or ``down`` one
+                branch; ``low`` or ``high`` the samples below or above the middle of the pressures, on both branches.
+            block: samples in a block.
+        """
+        number, middle = np.arange(len(self.pressure)), 0.5 * (self.pressure.min() + self.pressure.max())
+        if block < 1:
+            raise InputError("block", block, "allowed is 1 or more", where=self.name)
+        kinds = {
+            "all": number >= 0,
+            "odd": number % 2 == 1,
+            "blocks": (number // block) % 2 == 0,
+            "up": self.branch == 1,
+            "down": self.branch == -1,
+            "low": self.pressure <= middle,
+            "high": self.pressure > middle,
+        }
+        if how not in kinds:
+            raise InputError("train", how, f"allowed is {', '.join(SPLITS)}", where=self.name)
+        return kinds[how]
