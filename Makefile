@@ -35,6 +35,9 @@ lint: $(VENV)/.test ## Style, types and the import order of the house
 	$(RUN) mypy
 	$(BIN)/lint-imports --no-logo
 
+bench: $(VENV)/.test ## Compare speed and pressure with other programs, on an idle machine
+	$(BIN)/python benchmarks/fonsim_tank.py
+
 docs: $(VENV)/.docs ## Build the documentation; its examples are executed
 	$(BIN)/python docs/build.py
 

@@ -61,7 +61,7 @@ def test_the_delays_of_valve_pressure_and_tension_add_up():
 
 
 def test_at_one_kilohertz_and_eight_bits_times_stay_within_a_sample():
-    """A count is 0.39 N of 90 N: 0.2 % of the step half a count; the slope at 90 % is 0.1/12 ms: 0.3 ms, at the onset 0.03 ms.
+    """Half a count is 0.2 % of 90 N; the slope at 90 % is 0.1/12 ms: 0.3 ms, and at the onset 0.03 ms.
     Straight lines over 1 ms add (1/12)^2/8 of 12 ms; the corner inside a sample up to half of one.
     """
     for r, tau in zip(step_responses(isometric(1000.0, count=COUNT)), (UP, DOWN, UP), strict=True):
@@ -71,8 +71,8 @@ def test_at_one_kilohertz_and_eight_bits_times_stay_within_a_sample():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_moves_the_passings_by_noise_over_slope(seed):
-    """1 N of noise, 0.55 N behind the median: the threshold rises to four deviations, 2.4 %, and is reported. At 90 % the first
-    of some 3 N of samples below the level comes early: 2 x 0.55 N over 90 N x 0.1/12 ms = 1.5 ms; falling slower, 2.7 ms.
+    """1 N of noise, 0.55 N behind the median: the threshold rises to four deviations, 2.4 %, and is reported. At 90 % the
+    first sample that noise lifts comes early: 2 x 0.55 N over 90 N x 0.1/12 ms = 1.5 ms; falling, which is slower, 2.7 ms.
     """
     found = step_responses(isometric(noise=1.0, seed=seed))
     for r, tau in zip(found, (UP, DOWN, UP), strict=True):
@@ -152,8 +152,8 @@ def test_contraction_and_half_relaxation_of_a_critically_damped_twitch(tau):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_twitch_in_noise(seed):
-    """0.2 N of 20 N, 0.11 N behind the median: the onset threshold is 2.2 % of the peak, 0.4 N on a slope of 1.8 N/ms. The cubic
-    over 180 samples finds a top of curvature 20/tau^2 to 2 x 0.2/sqrt(180)/(0.8 x 20 N/tau): below 4 % of tau.
+    """0.2 N of 20 N, 0.11 N behind the median: the onset threshold is 2.2 % of the peak, 0.4 N on a slope of 1.8 N/ms. The
+    cubic over 180 samples finds a top of curvature 20/tau^2 to 2 x 0.2/sqrt(180)/(0.8 x 20 N/tau): below 4 % of tau.
     """
     found = twitch(falling_twitch(noise=0.2, seed=seed), stimulus=0.1)
     assert found.peak == pytest.approx(20.0, abs=0.1)
@@ -164,8 +164,21 @@ def test_a_twitch_in_noise(seed):
 
 def test_what_is_no_twitch_is_refused():
     run = falling_twitch()
-    for stimulus, part, says in ((0.0, run, "before it"), (0.9, run, "after it"), (0.1, run.select(0.0, 0.15), "not relaxing")):
+    for stimulus, part, says in (
+        (0.0, run, "before it"),
+        (0.9, run, "after it"),
+        (0.1, run.select(0.0, 0.15), "not relaxing"),
+    ):
         with pytest.raises(InputError, match=says):
             twitch(part, stimulus=stimulus)
     with pytest.raises(InputError, match="twitch of 12 times"):
         twitch(record(clock(1.0), tension=np.random.default_rng(1).normal(0.0, 1.0, 1001)), stimulus=0.5)
+
+
+def test_a_pulse_and_noise_are_no_steps():
+    time = clock(1.0)
+    pulse = np.where(np.arange(1001) == 500, 1.0, 0.0)
+    with pytest.raises(InputError, match="without a step"):
+        find_steps(record(time, command=pulse), "valve.command")
+    one = np.where(time > 0.7, 1.0, 0.0) + 0.02 * pulse
+    assert len(find_steps(record(time, command=one), "valve.command")) == 1

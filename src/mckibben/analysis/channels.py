@@ -11,6 +11,8 @@ from ..recordings import Recording
 
 # Clocks of real loops jitter; a local fit over uneven samples would need the times themselves beyond this share.
 _JITTER = 1e-2
+# Squares and products of sums must stay within float64; no quantity of a laboratory is near it.
+_LARGEST = 1e100
 
 
 def known(record: Recording, name: str) -> np.ndarray:
@@ -28,8 +30,9 @@ def finite(values: Any, what: str) -> np.ndarray:
     array = np.asarray(values, float)
     if array.ndim != 1 or not array.size:
         raise InputError(what, f"of shape {array.shape}", "allowed is one dimension with at least one value")
-    if not np.isfinite(array).all():
-        i = int(np.argmin(np.isfinite(array)))
+    sound = np.abs(array) <= _LARGEST
+    if not sound.all():
+        i = int(np.argmin(sound))
         raise InputError(
             f"{what}, sample {i}", float(array[i]), "allowed are finite values; select a part without gaps"
         )

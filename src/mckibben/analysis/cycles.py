@@ -135,4 +135,5 @@ def _crossing(time: np.ndarray, values: np.ndarray) -> float:
         near = np.array([after - 1, after])
     centre = time[near].mean()
     slope, level = np.polyfit(time[near] - centre, share[near], 1)
-    return float(centre + (0.5 - level) / slope)
+    # A level held in the middle has no slope: its middle is as good as any.
+    return float(centre + (0.5 - level) / slope) if slope > 0.0 else float(centre)

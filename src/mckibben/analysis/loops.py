@@ -109,7 +109,7 @@ def _slope(path: Path, middle: float, half: float) -> float:
     near = np.abs(path.length - middle) <= half
     if np.count_nonzero(near) < 3 or not np.ptp(path.length[near]) > 0.0:
         return path.read(middle)[1]
-    return float(np.polyfit(path.length[near] - middle, path.tension[near], 1)[0])
+    return float(np.polyfit((path.length[near] - middle) / half, path.tension[near], 1)[0]) / half
 
 
 def closed_area(length: np.ndarray, tension: np.ndarray) -> float:

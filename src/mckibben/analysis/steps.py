@@ -83,8 +83,12 @@ def find_steps(record: Recording, command: str, *, share: float = 0.1) -> tuple[
     found = []
     for group, following in zip(groups, starts[1:], strict=True):
         before, after = float(u[group[0]]), float(u[group[-1] + 1])
+        if abs(after - before) <= share * span:  # there and back within a few samples: a pulse or noise, no step
+            continue
         found.append(Step(_moment(time, u, group, 0.5 * (before + after)), before, after, float(time[following])))
-    return tuple(step for step in found if step.before != step.after)
+    if not found:
+        raise InputError(f"channel {command}", "without a step that lasts", "needed is a level held after it")
+    return tuple(found)
 
 
 def _moment(time: np.ndarray, u: np.ndarray, group: np.ndarray, half: float) -> float:
