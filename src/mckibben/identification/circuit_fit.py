@@ -13,7 +13,7 @@ from ..engine import STEP, Run
 from ..errors import ConvergenceError, InputError
 from .circuit_problem import CircuitProblem
 from .trial import Trial, expand
-from .uncertainty import Estimate, uncertainty
+from .uncertainty import Estimate, uncertainty, widening
 
 # Half an interval of this share of a parameter says little about it.
 LOOSE = 1.0
@@ -97,7 +97,7 @@ def fit_circuit(
     values = problem.values(found.x)
     jacobian = problem.jacobian(found.x)
     residual = problem.residual(found.x)
-    known = uncertainty(jacobian, residual * _widening(problem.split(residual)), problem.names)
+    known = uncertainty(jacobian, residual * widening(problem.split(residual)), problem.names)
     estimates, warnings = {}, list(known.warnings)
     for i, name in enumerate(problem.names):
         q = problem.quantities[i]
@@ -164,11 +164,3 @@ def _errors(trial: Trial, predicted: Mapping[str, np.ndarray], *, fitted: bool) 
             ChannelError(trial.name, channel, fitted, float(np.sqrt(np.mean(off**2))), float(np.abs(off).max()), lead)
         )
     return found
-
-
-def _widening(residuals: Sequence[np.ndarray]) -> float:
-    """Factor on standard errors for residuals that follow one another: sqrt((1 + r)/(1 - r)), r at a lag of one sample."""
-    top = sum(float(r[1:] @ r[:-1]) for r in residuals)
-    bottom = sum(float(r @ r) for r in residuals)
-    r = min(max(top / bottom, 0.0), 0.9999) if bottom > 0.0 else 0.0
-    return float(np.sqrt((1.0 + r) / (1.0 - r)))

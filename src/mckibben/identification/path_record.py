@@ -31,7 +31,9 @@ class PathRecord:
             except (TypeError, ValueError):
                 raise InputError(field, "no numbers", "allowed is one number per sample", where=self.name) from None
             if value.ndim != 1 or not np.isfinite(value).all():
-                raise InputError(field, "not finite or no row", "allowed is one finite number per sample", where=self.name)
+                raise InputError(
+                    field, "not finite or no row", "allowed is one finite number per sample", where=self.name
+                )
             object.__setattr__(self, field, value)
         if len(self.pressure) != len(self.stroke):
             told = f"{len(self.pressure)} and {len(self.stroke)}"
@@ -96,7 +98,8 @@ class PathRecord:
         """A selection of samples as bool (n,); all where left out."""
         seen = np.ones(len(self.pressure), bool) if train is None else np.asarray(train)
         if seen.shape != self.pressure.shape or seen.dtype != bool:
-            raise InputError("train", f"{seen.dtype} {seen.shape}", f"allowed is bool ({len(self.pressure)},)", where=self.name)
+            allowed = f"allowed is bool ({len(self.pressure)},)"
+            raise InputError("train", f"{seen.dtype} {seen.shape}", allowed, where=self.name)
         return seen
 
     def split(self, how: str, *, block: int = 10) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -75,6 +76,14 @@ def uncertainty(
                     f"the data can hardly tell {names[j]} and {names[i]} apart (correlation {correlation[i, j]:+.4f})"
                 )
     return Uncertainty(error, correlation, float(stats.t.ppf(0.5 + confidence / 2.0, degrees)), tuple(warnings))
+
+
+def widening(residuals: Sequence[np.ndarray]) -> float:
+    """Factor on standard errors for residuals that follow one another: sqrt((1 + r)/(1 - r)), r at a lag of one sample."""
+    top = sum(float(r[1:] @ r[:-1]) for r in residuals)
+    bottom = sum(float(r @ r) for r in residuals)
+    r = min(max(top / bottom, 0.0), 0.9999) if bottom > 0.0 else 0.0
+    return float(np.sqrt((1.0 + r) / (1.0 - r)))
 
 
 def _listed(names: list[str]) -> str:

@@ -1,0 +1,214 @@
+"""Creep of a muscle from its stroke after a step of pressure, and how well the first part predicts the rest.
+
+Under a constant force F the elements of a `KelvinVoigtChain` follow it in time, so that from any state at t = 0
+
+    stroke(t) = s0 + g (P'(t) - P'(0)) + sum a_i (1 - exp(-t/tau_i)),      a_i = J_i F >= 0 after a rise, <= 0 after a fall
+
+with time constants of fixed, logarithmic spacing. Only the s0, a_i are fitted, which is a linear problem: what the
+elements took up before t = 0 is not in a_i. With `law` "logarithmic" all a_i are one, which is a creep of equal steps
+per decade of time and the only one of the two that says something about times beyond the record. The pressure of a
+held step still drifts; its share is taken off with a slope g of the quasi-static loop, which is not fitted.
+Range: one held step; elements slower than the record are not in the data.
+Source: W. N. Findley, J. S. Lai and K. Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials, North-Holland
+1976, chapter 5 (generalised Kelvin model).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..muscles.creep import KelvinVoigtChain
+from .uncertainty import Estimate, uncertainty, widening
+
+LAWS = ("free", "logarithmic")
+FEWEST = 8
+
+
+@dataclass(frozen=True)
+class CreepFit:
+    """What is known of the creep after a step; errors in metres of stroke, prediction less measurement."""
+
+    law: str
+    amplitudes: tuple[Estimate, ...]  # a_i [m], signed
+    start: Estimate  # s0 [m]
+    time_constants: np.ndarray  # [s]
+    pressure_slope: float  # g [m/Pa]
+    time: np.ndarray  # since the first sample (n,) [s]
+    stroke: np.ndarray  # measured (n,) [m]
+    train: np.ndarray  # bool (n,): what the fit saw
+    predicted: np.ndarray  # (n,) [m]
+    warnings: tuple[str, ...]
+
+    @property
+    def error(self) -> np.ndarray:
+        """Error of every sample (n,) [m]."""
+        return self.predicted - self.stroke
+
+    def rmse(self, *, seen: bool) -> float:
+        """Root mean square error of the samples that the fit saw, or of those that it did not [m]; NaN where none."""
+        some = self.error[self.train == seen]
+        return float(np.sqrt(np.mean(some**2))) if some.size else float("nan")
+
+    def max_error(self, *, seen: bool) -> float:
+        """Largest of those errors [m]; NaN where there are none."""
+        some = self.error[self.train == seen]
+        return float(np.abs(some).max()) if some.size else float("nan")
+
+    @property
+    def aicc(self) -> float:
+        """Akaike's criterion of the seen samples with the correction for small samples."""
+        n, k = int(self.train.sum()), (1 if self.law == "logarithmic" else len(self.amplitudes)) + 2
+        variance = max(self.rmse(seen=True) ** 2, 1e-30)
+        return n * float(np.log(variance)) + 2.0 * k * n / (n - k - 1.0) if n > k + 1 else float("inf")
+
+    def predict(self, time: Any, pressure_change: Any = 0.0) -> np.ndarray:
+        """Stroke at times since the first sample [s], with the pressure so much above that of the first sample [Pa]."""
+        steps = np.array([a.value for a in self.amplitudes])
+        creep = _growth(np.asarray(time, float), self.time_constants) @ steps
+        return self.start.value + self.pressure_slope * np.asarray(pressure_change, float) + creep
+
+    def chain(self, force: float) -> KelvinVoigtChain:
+        """The creep element whose extension under a constant force [N] is this creep; elements without a step left out.
+
+        A muscle that creeps shorter follows a force that pulls it shorter: its sign goes with the step's.
+        """
+        if not (np.isfinite(force) and force > 0.0):
+            raise InputError("force", force, "allowed is a force above 0 N")
+        steps = np.abs([a.value for a in self.amplitudes])
+        used = steps / force >= 1e-12  # the smallest compliance that a chain takes
+        if not used.any():
+            raise InputError("creep", "none", "allowed is a record that creeps")
+        return KelvinVoigtChain(compliance=steps[used] / force, time_constant=self.time_constants[used])
+
+
+def fit_creep(
+    time: Any,
+    stroke: Any,
+    *,
+    train: np.ndarray | None = None,
+    law: str = "free",
+    shortest: float | None = None,
+    longest: float | None = None,
+    per_decade: int = 2,
+    pressure: Any = None,
+    pressure_slope: float = 0.0,
+    name: str = "record",
+) -> CreepFit:
+    """Fit a chain of creep elements to the stroke after a step.
+
+    Args:
+        time: of the samples (n,), rising [s]; the first is t = 0.
+        stroke: (n,) [m].
+        train: which samples the fit sees, bool (n,); all where left out. The first half is ``creep_half(time)``.
+        law: ``free``, an amplitude for each element, or ``logarithmic``, one amplitude for all.
+        shortest: shortest time constant [s]; three sampling intervals where left out.
+        longest: longest time constant [s]; the span of the seen samples where left out.
+        per_decade: elements per decade of time.
+        pressure: gauge pressure of the samples (n,) [Pa]; taken as held where left out.
+        pressure_slope: stroke per pressure of the branch that the step ended on [m/Pa].
+        name: of the record, for complaints.
+
+    Returns:
+        Intervals of 95 %, widened for residuals that follow one another. An amplitude on its bound of zero has none of
+        its own: its interval is what the others leave it.
+
+    Raises:
+        InputError: names the field and what is allowed.
+    """
+    from scipy import optimize
+
+    t, s, p, seen = _checked(time, stroke, pressure, train, name)
+    if law not in LAWS:
+        raise InputError("law", law, f"allowed is {', '.join(LAWS)}", where=name)
+    if not np.isfinite(pressure_slope):
+        raise InputError("pressure_slope", pressure_slope, "allowed is a finite slope [m/Pa]", where=name)
+    tau = _spread(t, seen, shortest, longest, per_decade, name)
+    drift = pressure_slope * (p - p[0])
+    columns = _growth(t, tau)
+    if law == "logarithmic":
+        columns = columns.sum(axis=1, keepdims=True)
+    wanted = s - drift
+    some = wanted[seen]
+    tail = max(1, len(some) // 4)
+    sign = 1.0 if some[-tail:].mean() >= some[:tail].mean() else -1.0
+    matrix = np.column_stack([np.ones(len(t)), sign * columns])
+    if seen.sum() < matrix.shape[1] + 2:
+        allowed = f"{matrix.shape[1]} parameters need {matrix.shape[1] + 2} or more"
+        raise InputError("train", f"{int(seen.sum())} samples", allowed, where=name)
+    low = np.array([-np.inf] + [0.0] * columns.shape[1])
+    found = optimize.lsq_linear(matrix[seen], some, bounds=(low, np.inf), method="bvls", tol=1e-12)
+    residual = (matrix @ found.x - wanted)[seen]
+    names = ("start", *(f"a_{i}" for i in range(columns.shape[1])))
+    spread = uncertainty(matrix[seen], residual, names)
+    half = spread.quantile * spread.standard_error * widening([residual])
+    start, *steps = (
+        Estimate(float(v * g), float(v * g - h), float(v * g + h), "m")
+        for v, g, h in zip(found.x, [1.0] + [sign] * columns.shape[1], half, strict=True)
+    )
+    amplitudes = tuple(steps * len(tau)) if law == "logarithmic" else tuple(steps)
+    zero = ["no creep of this sign is in the data"] if not np.any(found.x[1:] > 0.0) else []
+    return CreepFit(
+        law, amplitudes, start, tau, float(pressure_slope), t, s, seen, matrix @ found.x + drift, (*spread.warnings, *zero)
+    )  # fmt: skip
+
+
+def creep_half(time: Any) -> np.ndarray:
+    """The samples of the first half of the time, bool (n,)."""
+    t = np.asarray(time, float)
+    return t <= 0.5 * (t[0] + t[-1])
+
+
+def _growth(time: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Extension of elements of unit compliance under a unit force (..., elements)."""
+    chain = KelvinVoigtChain(compliance=np.ones(len(tau)), time_constant=tau)
+    return np.asarray(chain.advance(chain.initial(), np.ones(time.shape), duration=time).state)
+
+
+def _spread(
+    t: np.ndarray, seen: np.ndarray, shortest: float | None, longest: float | None, per_decade: int, name: str
+) -> np.ndarray:
+    low = 3.0 * float(np.median(np.diff(t))) if shortest is None else float(shortest)
+    high = float(np.ptp(t[seen])) if longest is None else float(longest)
+    if not (np.isfinite(low) and low >= 1e-4):
+        raise InputError("shortest", low, "allowed is 1e-4 s or more", where=name)
+    if not (np.isfinite(high) and low < high <= 1e6):
+        raise InputError("longest", high, f"allowed is above the shortest, {low:g} s, up to 1e6 s", where=name)
+    if per_decade < 1:
+        raise InputError("per_decade", per_decade, "allowed is 1 or more", where=name)
+    elements = 1 + max(1, round(per_decade * float(np.log10(high / low))))
+    return np.asarray(
+        KelvinVoigtChain.geometric(compliance=1.0, shortest=low, longest=high, elements=elements).time_constant
+    )
+
+
+def _checked(
+    time: Any, stroke: Any, pressure: Any, train: np.ndarray | None, name: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    found: dict[str, np.ndarray] = {}
+    for field, value in {"time": time, "stroke": stroke, "pressure": pressure}.items():
+        if field == "pressure" and value is None:
+            value = np.zeros_like(found["time"])
+        try:
+            row = np.asarray(value, float)
+        except (TypeError, ValueError):
+            raise InputError(field, "no numbers", "allowed is one number per sample", where=name) from None
+        if row.ndim != 1 or not np.isfinite(row).all():
+            raise InputError(field, "not finite or no row", "allowed is one finite number per sample", where=name)
+        found[field] = row
+    t, s, p = found["time"], found["stroke"], found["pressure"]
+    if not len(t) == len(s) == len(p):
+        raise InputError(
+            "samples", f"{len(t)}, {len(s)}, {len(p)}", "time, stroke and pressure have as many", where=name
+        )
+    if len(t) < FEWEST:
+        raise InputError("samples", len(t), f"allowed is {FEWEST} or more", where=name)
+    if not (np.diff(t) > 0.0).all():
+        raise InputError("time", "does not rise", "allowed is a time that rises from sample to sample", where=name)
+    seen = np.ones(len(t), bool) if train is None else np.asarray(train)
+    if seen.shape != t.shape or seen.dtype != bool:
+        raise InputError("train", f"{seen.dtype} {seen.shape}", f"allowed is bool ({len(t)},)", where=name)
+    return t - t[0], s, p, seen
