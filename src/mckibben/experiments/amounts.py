@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -57,6 +58,8 @@ def read_amount(
         raise InputError(field, raw, f"allowed is a value in {unit} or a unit of the same dimension", where=where)
     else:
         found = Amount(parse(str(raw), unit, field=field, where=where), unit)
+    if not math.isfinite(found.value):
+        raise InputError(field, raw, "allowed is a finite number", where=where)
     low, high = bounds or (float("-inf"), float("inf"))
     if not low <= found.value <= high:
         allowed = Quantity(unit, (low, high), "", "", (low, high)).allowed()

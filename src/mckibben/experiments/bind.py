@@ -17,6 +17,7 @@ STEP_KEYS = ("label", "ask", "pressure", *MODES, "for", "cycles", "until", "othe
 GROUP_KEYS = ("label", "steps", "repeat")
 _NAME = re.compile(r"\$([a-z][a-z0-9_]*)")
 _OPEN = (1e-9, 1e7)
+MOST_STEPS = 200_000
 
 
 class Part(Mapping[str, Any]):
@@ -45,7 +46,9 @@ class Part(Mapping[str, Any]):
         return {k: _thawed(v) for k, v in self._words.items()}
 
 
-def bind(parts: tuple[Part, ...], case: Mapping[str, Any], path: str, where: str | None = None) -> list[tuple[str, Step]]:
+def bind(
+    parts: tuple[Part, ...], case: Mapping[str, Any], path: str, where: str | None = None
+) -> list[tuple[str, Step]]:
     """Steps with the values of a case, groups and repeats unrolled, each with its dotted path.
 
     Raises:
@@ -63,9 +66,12 @@ def bind(parts: tuple[Part, ...], case: Mapping[str, Any], path: str, where: str
                 raise entry.fail("steps", _thawed(inner), "allowed is a list of one or more")
             for i_inner, one in enumerate(inner, 1):
                 Entry.of(one, f"{place}.steps.{i_inner}", where or "")
-            done += bind(inner, case, f"{place}.steps", where) * times
+            group = bind(inner, case, f"{place}.steps", where)
         else:
-            done += [(place, read_step(entry))] * times
+            group = [(place, read_step(entry))]
+        if len(done) + len(group) * times > MOST_STEPS:
+            raise entry.fail("repeat", times, f"allowed are {MOST_STEPS} steps in all")
+        done += group * times
     return done
 
 
@@ -181,7 +187,9 @@ def _command(entry: Entry, channel: str) -> Any:
 def _go(entry: Entry, unit: str) -> Go:
     entry.only(("to", "in", "at"), "a line has")
     if ("in" in entry.values) == ("at" in entry.values):
-        raise entry.fail("in", "missing" if "in" not in entry.values else "beside at", "a line has a time in, or a speed at")
+        raise entry.fail(
+            "in", "missing" if "in" not in entry.values else "beside at", "a line has a time in, or a speed at"
+        )
     to = read_amount(entry.values["to"], unit, field=entry.field("to"), where=entry.where or None)
     if "in" in entry.values:
         return Go(to, seconds=_number(entry, "in", "s", _OPEN))

@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -79,7 +79,7 @@ class Protocol:
 
     def variables(self) -> dict[str, tuple[Any, ...]]:
         """The values of every choice and parameter by name; those that choices set are empty."""
-        return {v.name: v.values for v in (*self.choices, *self.parameters)}
+        return {c.name: c.values for c in self.choices} | {p.name: p.values for p in self.parameters}
 
     def cases(self) -> list[dict[str, Any]]:
         """Every case in the order in which it is done: the value of each name."""
@@ -106,13 +106,13 @@ class Protocol:
         found = set(self.needs)
         for _, steps in self.blocks():
             for _, step in steps:
-                found |= _used(step)
+                found |= used_by(step)
         return tuple(sorted(found))
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what is done, however its numbers are written: equal for ``5 bar`` and ``500 kPa``, on every machine."""
-        body = [[_shared(case), [_plain(s) for _, s in steps]] for case, steps in self.blocks()]
+        """SHA-256 of what is done, however it is written: equal for ``5 bar`` and ``500 kPa``, on every machine."""
+        body = [[_plain(s) for _, s in steps] for _, steps in self.blocks()]
         meaning = {"schema": SCHEMA, "rate": _plain(self.sample_rate), "needs": sorted(self.needs), "blocks": body}
         return hashlib.sha256(json.dumps(meaning, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
@@ -140,6 +140,10 @@ class Protocol:
 
         return expand(self, rest_length=rest_length, start_span=start_span)
 
+    def varied(self) -> tuple[str, ...]:
+        """Names of the parameters and choices with more than one value: what tells the cases apart."""
+        return tuple(name for name, values in self.variables().items() if len(values) > 1)
+
     def _with_choices(self, case: Mapping[str, Any]) -> dict[str, Any]:
         full = dict(case)
         for choice in self.choices:
@@ -147,7 +151,8 @@ class Protocol:
         return full
 
 
-def _used(step: Step) -> set[str]:
+def used_by(step: Step) -> set[str]:
+    """Sensors and parts that a step cannot do without, in the words of `read.NEEDS`."""
     from .steps import Follow, Go, Shut
     from .waveforms import Constant
 
@@ -162,21 +167,18 @@ def _used(step: Step) -> set[str]:
         found.add("motor")
     if step.mode == "tension":
         found.add("tension sensor")
+    if step.ask:
+        found.add("person")
     if step.until is not None:
         found.add(f"{'span' if step.until.channel == 'velocity' else step.until.channel} sensor")
     return found
-
-
-def _shared(case: Mapping[str, Any]) -> list[str]:
-    """Words of a case that its steps may not show, such as a lubricant; numbers are in the steps."""
-    return sorted(f"{k}={v}" for k, v in case.items() if isinstance(v, str) and not v[:1].isdigit() and v[:1] not in "-+.")
 
 
 def _plain(value: Any) -> Any:
     """A value as JSON has it; numbers with 12 digits, so that the way through a unit leaves no trace."""
     if is_dataclass(value) and not isinstance(value, type):
         kind = getattr(value, "kind", "")
-        named = {k: getattr(value, k) for k in asdict(value)}
+        named = {f.name: getattr(value, f.name) for f in fields(value)}
         return [type(value).__name__, str(kind), {k: _plain(v) for k, v in named.items()}]
     if isinstance(value, tuple | list):
         return [_plain(v) for v in value]

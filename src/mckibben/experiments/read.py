@@ -33,6 +33,7 @@ from ..errors import InputError
 from .amounts import read_amount
 from .bind import Part, names_in, whole
 from .protocol import ORDERS, SCHEMA, Choice, Parameter, Protocol
+from .waveforms import near
 from .words import Entry, shown
 
 SETTINGS = ("title", "note", "sample_rate", "order", "seed", "repeat")
@@ -138,6 +139,7 @@ def checked(protocol: Protocol, where: str | None) -> Protocol:
         count *= len(values) or 1
     if count > MOST_CASES:
         raise InputError("cases", count, f"allowed are {MOST_CASES}", where=where)
+    _check_choices(protocol, where)
     used = names_in((protocol.first, protocol.steps, protocol.last))
     set_by = {k for c in protocol.choices for _, sets in c.options for k, _ in sets}
     for p in protocol.parameters:
@@ -151,11 +153,24 @@ def checked(protocol: Protocol, where: str | None) -> Protocol:
         raise InputError(error.field, error.value, error.allowed, where=where) from None
     if not done:
         raise InputError("steps", "none", "all of them are repeated 0 times", where=where)
+    cases = protocol.cases()
     for part, key in ((protocol.first, "first"), (protocol.last, "last")):
-        varied = {n for n, v in protocol.variables().items() if len(v) > 1}
-        for name in sorted(names_in(part) & varied):
+        for name in sorted(n for n in names_in(part) if len({case[n] for case in cases}) > 1):
             raise InputError(key, f"${name}", "allowed is a parameter with one value: it is done once", where=where)
     return protocol
+
+
+def _check_choices(protocol: Protocol, where: str | None) -> None:
+    """What choices set are parameters, and values that these allow."""
+    parameters = {p.name: p for p in protocol.parameters}
+    for c in protocol.choices:
+        for option, sets in c.options:
+            for key, value in sets:
+                field = f"choices.{c.name}.options.{option}.{key}"
+                if key not in parameters:
+                    known = f"{near(key, parameters)}parameters are {', '.join(parameters)}"
+                    raise InputError(field, "unknown", known, where=where)
+                _values(parameters[key], value, field, where)
 
 
 def _set(protocol: Protocol, given: Mapping[str, Any], top: Entry) -> Protocol:
@@ -255,7 +270,9 @@ def _choice(name: str, entry: Entry) -> Choice:
 def _options(entry: Entry, key: str, options: Mapping[str, Any]) -> tuple[str, ...]:
     raw = entry.values.get(key)
     values = raw if isinstance(raw, list) and raw else [raw]
-    return tuple(Entry({key: v} if v is not None else {}, entry.path, entry.where).word(key, among=options) for v in values)
+    return tuple(
+        Entry({key: v} if v is not None else {}, entry.path, entry.where).word(key, among=options) for v in values
+    )
 
 
 def _needs(top: Entry) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from ..errors import InputError
 from .amounts import read_amount
 from .bind import Part, read_step, repeats, substituted
 from .protocol import Parameter, Protocol
@@ -23,15 +24,11 @@ def protocol_sentence(protocol: Protocol) -> str:
     said = [f"{protocol.title}."]
     if protocol.first:
         said.append(f"First {_parts(protocol.first, cases[0], 'first')}.")
-    each = [
-        f"each {_named(v.name)} of {_listed(protocol, v.name)}"
-        for v in (*protocol.choices, *protocol.parameters)
-        if len(v.values) > 1
-    ]
+    each = [f"each {_named(name)} of {_listed(protocol, name)}" for name in protocol.varied()]
     times = f"{protocol.repeat} times" if protocol.repeat > 1 else ""
     order = f"in random order (seed {protocol.seed})" if protocol.order == "random" else ""
     how = " ".join(w for w in (f"For {' and '.join(each)}" if each else "", times, order) if w)
-    body = _marked(protocol.steps, cases[0], varied)
+    body = _marked(protocol.steps, _told(protocol, cases[0]), varied)
     said.append(f"{how[:1].upper()}{how[1:]}: {body}." if how else f"{body[:1].upper()}{body[1:]}.")
     if protocol.last:
         said.append(f"Last {_parts(protocol.last, cases[-1], 'last')}.")
@@ -89,6 +86,17 @@ def _option(sets: Mapping[str, Any], option: str) -> str:
     return f"{option} ({case_words(sets)})" if sets else option
 
 
+def _told(protocol: Protocol, case: Mapping[str, Any]) -> dict[str, Any]:
+    """The case with words such as ``this lubricant`` where a parameter is a word: they stand in sentences only."""
+    words = {p.name: f"this {_named(p.name)}" for p in protocol.parameters if p.unit == "word" and len(p.values) > 1}
+    told = {**case, **words}
+    try:
+        _parts(protocol.steps, told, "steps")
+    except InputError:  # it is a word that means something, such as a kind of waveform
+        return dict(case)
+    return told
+
+
 def _parts(parts: tuple[Part, ...], case: Mapping[str, Any], path: str) -> str:
     said = []
     for i, part in enumerate(parts, 1):
@@ -111,7 +119,7 @@ def _marked(parts: tuple[Part, ...], case: Mapping[str, Any], varied: Mapping[st
     base = _TOKENS.findall(_parts(parts, case, "steps"))
     marked = list(base)
     for name, values in varied.items():
-        for value in values:
+        for value in () if str(case[name]).startswith("this ") else values:
             other = _TOKENS.findall(_parts(parts, {**case, name: value}, "steps"))
             if len(other) != len(base):
                 continue
@@ -134,6 +142,8 @@ def _inferred(protocol: Protocol, cases: list[dict[str, Any]]) -> list[str]:
         if options:
             said.append(f"{_named(c.name)} {', '.join(_option(c.sets(o), o) for o in options)}")
     for p in protocol.parameters:
+        if len(p.values) > 1:
+            continue  # flagged where they are listed
         values = dict.fromkeys(case[p.name] for case in cases if is_inferred(p, case[p.name]))
         if values:
             said.append(f"{_named(p.name)} {', '.join(str(v) for v in values)}")

@@ -13,6 +13,7 @@ from .until import Until
 from .waveforms import Constant, Sine, Table, Triangle, Waveform, time_words
 from .waveforms.waveform import RELATIVE
 
+MOST_CYCLES = 100_000
 MODES = ("span", "velocity", "tension")
 
 
@@ -50,7 +51,7 @@ class Go:
 
     def sentence(self, channel: str) -> str:
         """Such as ``pressure to 5 bar in 1 s``."""
-        way = f"in {time_words(self.seconds)}" if self.speed is None else f"at {self.speed.sentence()}"
+        way = f"at {self.speed.sentence()}" if self.speed is not None else f"in {time_words(self.seconds or 0.0)}"
         return f"{channel} to {self.to.sentence()} {way}"
 
 
@@ -77,6 +78,10 @@ class Phased:
         if self.ramp >= period * min(share, 1.0 - share):
             stroke = time_words(period * min(share, 1.0 - share))
             raise InputError("ramp", time_words(self.ramp), f"allowed is less than the shorter stroke, {stroke}")
+        if duration > MOST_CYCLES * period:
+            raise InputError(
+                "cycles", f"{duration / period:.6g}", f"allowed are {MOST_CYCLES} with pressure by direction"
+            )
         changes = []
         for k in range(-1, math.ceil(duration / period) + 2):
             rise, fall = start + k * period, start + (k + share) * period
@@ -115,8 +120,8 @@ class Step:
     """One step. A channel without a command keeps its last set-point; `mode` says what the motor controls.
 
     It ends after `duration` [s] or `cycles` of its waveform, or earlier by `until`; with neither it lasts as long as its
-    lines. `otherwise` says what follows when a test did not come true within the time: ``stop`` or ``go on``. `ask` is what a
-    person has to do before it begins. Only recorded steps are kept.
+    lines. `otherwise` says what follows when a test did not come true within the time: ``stop`` or ``go on``. `ask` is
+    what a person has to do before it begins. Only recorded steps are kept.
     """
 
     label: str = ""

@@ -1,9 +1,9 @@
 """What ends a step before its time: a test on measured channels, in words and as a pure step on the sample clock.
 
-    tension >= 60 N
-    span <= 0.8 L0 for 10 ms
-    pressure settled within 0.02 bar for 0.2 s        it has kept still
-    pressure within 0.02 bar of its set-point for 0.2 s
+tension >= 60 N
+span <= 0.8 L0 for 10 ms
+pressure settled within 0.02 bar for 0.2 s        it has kept still
+pressure within 0.02 bar of its set-point for 0.2 s
 """
 
 from __future__ import annotations

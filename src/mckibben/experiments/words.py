@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import InputError
-from .waveforms import near
 from ..quantities import Quantity, parse
+from .waveforms import near
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,8 @@ class Triangle(Waveform):
 
     def sentence(self, unit: str) -> str:
         """Such as ``triangle from 0 bar to 5 bar at 0.5 Hz``."""
-        return f"triangle from {pair(self, unit)} at {self.frequency:g} Hz"
+        rising = f", rising for {self.rising:g} of each cycle" if self.rising != 0.5 else ""
+        return f"triangle from {pair(self, unit)} at {self.frequency:g} Hz{rising}"
 
     @property
     def fastest(self) -> float:
@@ -83,7 +84,8 @@ class Sine(Waveform):
 
     def sentence(self, unit: str) -> str:
         """Such as ``sine 2 bar +- 1 bar at 0.5 Hz``."""
-        return f"sine {_swing(self.mean, self.amplitude, unit)} at {self.frequency:g} Hz"
+        phase = f", phase {words(self.phase, 'rad')}" if self.phase else ""
+        return f"sine {_swing(self.mean, self.amplitude, unit)} at {self.frequency:g} Hz{phase}"
 
     @property
     def fastest(self) -> float:
