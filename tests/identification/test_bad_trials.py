@@ -131,9 +131,11 @@ def test_a_fit_refuses_records_that_do_not_go_together() -> None:
 
 
 def test_a_start_from_which_nothing_runs_is_said() -> None:
-    """Half a second is no step for a tank that follows in 5 ms."""
-    steep = trial(period=1.0, signals={"p": ramped(np.where(np.arange(N) % 2, 1e5, 1e7))})
-    refusal(lambda: fit_circuit([steep], [FREE], step=0.5), "one: ", "Half the step", kind=ConvergenceError)
+    """Half a second is no step for a tank that follows in 6 us, not even a 256th part of it."""
+    slow = trial(period=1.0)
+    refusal(
+        lambda: fit_circuit([slow], [FREE], start={FREE: 1e4}, step=0.5), "one: ", "too fast", kind=ConvergenceError
+    )
 
 
 @pytest.fixture

@@ -8,18 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..engine import Run
-from ..pneumatics.circuit import balance
 from .machine import Machine
 
 # Nodes of the quadrature of a law's elastic tension over a piece of length; its kinks are parabolas, met within 1e-8.
 NODES, PIECES = 8, 256
+LEAST = 1e-6  # [J]; of less work than this, rounding of what is stored is all that an account shows
 
 
 class Accounts(NamedTuple):
     """What is missing in each account, over what went through; zero is perfect.
 
     Attributes:
-        mass: of gas, over the mass that crossed the border.
+        mass: of gas, over the mass that crossed the border; over the mass at the start where that is more.
         gas: energy of the gas, over the enthalpy that crossed the border; over the work in the muscles where that is more.
         muscle: energy stored in bladder and braid, over the work exchanged with them both ways.
         mechanics: kinetic and elastic energy and what friction took, over the work exchanged with braids and outside.
@@ -52,8 +52,9 @@ def accounts(
     circuit, (begin, memory), end = machine.joined, start, run.state
     flow = {k: float(v) for k, v in run.integrals.items()}
     seen = [machine.with_lengths(s, i) for s, i in ((begin, first), (end, last))]
-    gas = balance(circuit, begin["circuit"], end["circuit"], seen[0], seen[1], run.integrals)
-    (_, before), (_, after) = (circuit.stored(s["circuit"], i) for s, i in zip((begin, end), seen, strict=True))
+    (mass, before), (mass_after, after) = (
+        circuit.stored(s["circuit"], i) for s, i in zip((begin, end), seen, strict=True)
+    )
     stored = sum(_muscle_energy(machine, name, begin, end) for name in machine.units)
     taken, dissipated = (_ledger(run.memory, what) - _ledger(memory, what) for what in ("work", "dissipated"))
     moving = _mechanical(machine, end, last) - _mechanical(machine, begin, first)
@@ -61,14 +62,14 @@ def accounts(
     lifted = sum(_atmosphere(machine, name, begin, end) for name in machine.units)
     entered = flow["enthalpy"] + flow["heat"] + flow["shaft"] - (flow["work"] - flow["muscle_work"])
     # With closed valves no enthalpy crosses the border, and the work in the muscles is what there is.
-    crossed = max(flow["enthalpy_turnover"], flow["exchanged"], 1e-12)
+    crossed = max(flow["enthalpy_turnover"], flow["exchanged"], LEAST)
     whole = float(after - before) + stored + lifted + moving + taken - entered - flow["outside"] + flow["lost"]
     return Accounts(
-        mass=gas.mass,
+        mass=abs(mass_after - mass - flow["mass"]) / max(flow["mass_turnover"], mass),
         gas=abs(float(after - before) - entered + flow["muscle_work"]) / crossed,
-        muscle=abs(stored - flow["braid"] - flow["filling"]) / max(flow["exchanged"], 1e-12),
+        muscle=abs(stored - flow["braid"] - flow["filling"]) / max(flow["exchanged"], LEAST),
         mechanics=abs(moving + taken - (flow["outside"] - flow["lost"] - flow["braid"]))
-        / max(flow["exchanged"] + flow["outside_turnover"], 1e-12),
+        / max(flow["exchanged"] + flow["outside_turnover"], LEAST),
         energy=abs(whole) / (crossed + flow["outside_turnover"]),
         friction=taken,
         dissipated=dissipated,

@@ -174,7 +174,7 @@ def circuit_for(
     for name, unit in units.items():
         own = line if isinstance(line, Line) else line.get(name)
         if own is None:
-            raise InputError(f"line of {name}", "not given", f"given are {', '.join(line)}", where="circuit")
+            raise InputError(f"line of {name}", "not given", "every muscle needs one", where="circuit")
         _add(nodes, branches, name, unit, own, room, "supply" if tank is None else "tank")
     return Circuit.of(nodes, branches)
 

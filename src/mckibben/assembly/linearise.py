@@ -231,11 +231,17 @@ def settle(
     names = state_names(state)
     brake = BEAT * np.array([name.endswith("velocity") for name in names])
     still = {name: Value(jnp.asarray(v.value, float), jnp.zeros(())) for name, v in inputs.items()}
-    rate, slope = (lambda x, f=f: np.asarray(f(machine, back(x), memory, still)) for f in (_rate, _jacobian))
+
+    def rate(at: np.ndarray) -> np.ndarray:
+        return np.asarray(_rate_and_slope(machine, back(jnp.asarray(at)), memory, still)[0])
+
+    def slope(at: np.ndarray) -> np.ndarray:
+        return np.asarray(_rate_and_slope(machine, back(jnp.asarray(at)), memory, still)[1]) - np.diag(brake)
+
     size = np.maximum(np.abs(np.asarray(flat)), FLOOR)
     run = solve_ivp(
         lambda t, x: rate(x) - brake * x, (0.0, longest), np.asarray(flat), method="BDF", rtol=1e-8, atol=1e-9 * size,
-        jac=lambda t, x: slope(x) - np.diag(brake),
+        jac=lambda t, x: slope(x),
     )  # fmt: skip
     x = run.y[:, -1]
 
@@ -246,8 +252,7 @@ def settle(
         if float(residual(x).max()) <= 1e-3 * tolerance:
             break
         for _ in range(3):
-            jacobian = slope(x) - np.diag(brake)
-            ahead = x + np.linalg.solve(np.eye(x.size) / duration - jacobian, rate(x) - brake * x)
+            ahead = x + np.linalg.solve(np.eye(x.size) / duration - slope(x), rate(x) - brake * x)
             if np.isfinite(ahead).all() and residual(ahead).max() < residual(x).max():
                 x = ahead
     left = residual(x)
@@ -258,14 +263,15 @@ def settle(
 
 
 @jax.jit
-def _rate(machine: Machine, state: Any, memory: Any, inputs: Any) -> Any:
-    return ravel_pytree(machine.rate(state, memory, inputs))[0]
-
-
-@jax.jit
-def _jacobian(machine: Machine, state: Any, memory: Any, inputs: Any) -> Any:
+def _rate_and_slope(machine: Machine, state: Any, memory: Any, inputs: Any) -> Any:
     flat, back = ravel_pytree(state)
-    return jax.jacfwd(lambda v: _rate(machine, back(v), memory, inputs))(flat)
+
+    def rate(v: Any) -> Any:
+        found = ravel_pytree(machine.rate(back(v), memory, inputs))[0]
+        return found, found
+
+    slope, found = jax.jacfwd(rate, has_aux=True)(flat)
+    return found, slope
 
 
 def _find(name: str, known: Sequence[str], what: str) -> int:

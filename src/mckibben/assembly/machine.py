@@ -64,7 +64,7 @@ class Machine(System):
             name: self.circuit.nodes[name].replace(of=unit.law.braid_volume, ambient=self.environment.pressure_abs)
             for name, unit in self.units.items()
         }
-        return self.circuit.replace(nodes={**self.circuit.nodes, **own})  # type: ignore[no-any-return]
+        return self.circuit.replace(nodes={**self.circuit.nodes, **own})
 
     def signals(self) -> tuple[str, ...]:
         """Names of all signals that it needs."""
@@ -193,6 +193,10 @@ class Machine(System):
             for name, unit in self.units.items()
         }
         return {"circuit": gas, "muscles": muscles}
+
+    def admissible(self, state: Any) -> Scalar:
+        """Whether every volume holds gas above vacuum."""
+        return self.joined.admissible(state["circuit"])
 
     def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
         """The circuit's bound, and that of each taut tendon on its end mass [1/s]."""

@@ -35,12 +35,13 @@ class Stiffness(NamedTuple):
 
 def memory_stiffness(unit: MuscleUnit, pressure: Any) -> Scalar:
     """Stiffness of friction and creep while no element slips or relaxes [N/m]; gauge pressure [Pa]."""
+    at = {"start_pressure": pressure, "end_pressure": pressure, "duration": 0.0}
 
-    def force(part: Any, dx: Any) -> Any:
-        at = {"start_pressure": pressure, "end_pressure": pressure, "duration": 0.0}
-        return part.force(part.advance(part.initial(), dx, **at).state, 0.0, pressure)
+    def force(dx: Any) -> Any:
+        moved = (p.force(p.advance(p.initial(), dx, **at).state, 0.0, pressure) for p in unit.parts.values())
+        return sum(moved, start=jnp.zeros(()))
 
-    return sum((slope(lambda dx, p=p: force(p, dx), 0.0) for p in unit.parts.values()), start=jnp.zeros(()))
+    return slope(force, 0.0)
 
 
 def braid_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, name: str, *, mass: bool) -> Scalar:

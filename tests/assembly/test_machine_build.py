@@ -1,0 +1,124 @@
+"""Machines from specimens: what is refused, and that what is built has the parts that were asked for."""
+
+import jax.numpy as jnp
+import pytest
+
+from mckibben.assembly.build import (
+    INFERRED,
+    Line,
+    antagonist_pair,
+    circuit_for,
+    several,
+    single_muscle,
+    unit_from_specimen,
+)
+from mckibben.assembly.loads import Body, MomentArm, Plate
+from mckibben.assembly.machine import Machine
+from mckibben.engine.signals import Value
+from mckibben.errors import InputError
+from mckibben.muscles.build import build_law
+from mckibben.muscles.hysteresis import Coulomb, MaxwellSlip
+from mckibben.pneumatics.build import build_element
+from mckibben.pneumatics.tubes import LumpedTube
+from mckibben.specimens import specimen
+
+SUPPLY = 6e5
+PLATE = Plate(held=("m",), span=0.14)
+VALVES = {
+    "spool_valve": {"flow": "600 l/min", "flow_pressure": "6.9 bar", "lag": "5 ms"},
+    "pressure_regulator": {"flow": "600 l/min", "flow_pressure": "6.9 bar", "band": "0.2 bar"},
+}
+
+
+def test_a_muscle_has_what_its_specimen_states_and_what_is_inferred():
+    unit = unit_from_specimen("nylon")
+    assert isinstance(unit.friction, MaxwellSlip)
+    assert float(unit.law.threshold_pressure) == pytest.approx(0.903e5)
+    for name, value in {"end_mass": unit.end_mass, "tendon_stiffness": unit.tendon.stiffness}.items():
+        assert float(value) == INFERRED[name].value
+    for name, inferred in INFERRED.items():
+        low, high = inferred.range
+        assert low <= inferred.value <= high, name
+    assert float(unit_from_specimen("nylon", end_mass=0.05).end_mass) == 0.05
+    assert unit_from_specimen("nylon", rubs=False).friction is None
+    assert isinstance(unit_from_specimen("nylon", friction="coulomb").friction, Coulomb)
+
+
+def test_only_coulomb_friction_stated_becomes_one_with_memory():
+    nylon = specimen("nylon")
+    stated = nylon.model_copy(update={"friction": {"coulomb": nylon.friction["coulomb"]}})
+    rubbing = unit_from_specimen(stated).friction
+    assert isinstance(rubbing, MaxwellSlip)
+    assert float(rubbing.largest_force(3e5)) == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize("kind", VALVES)
+def test_a_valve_with_three_ports_is_one_element_of_the_line(kind):
+    machine = single_muscle("nylon", PLATE, supply=SUPPLY, valve=build_element(kind, VALVES[kind]))
+    assert "m.valve" in machine.signals()
+    assert machine.circuit.ends["m.valve"][0] == ("supply", "m.port", "room")
+
+
+def test_an_own_line_for_each_muscle():
+    load = Plate(held=("a", "b"), span=0.14)
+    lines = {"a": Line(), "b": Line(tube=LumpedTube(length=2.0, diameter=4e-3))}
+    machine = several({"a": "nylon", "b": "nylon"}, load, supply=SUPPLY, line=lines)
+    assert float(machine.circuit.elements["b.tube"].length) == 2.0
+    assert machine.signals() == ("a.fill", "a.vent", "b.fill", "b.vent")
+
+
+ARM, BACK = (MomentArm(coefficients=jnp.array([a]), span=0.14) for a in (0.02, -0.02))
+HOLE = build_element("orifice", {"hole_diameter": "2 mm"})
+SPRING = build_law(
+    "gas_spring", {"stiffness_per_pressure": 5e-3, "shortest_length": 0.1, "rest_length": 0.14, "upper_length": 0.154}
+)
+REFUSED = {
+    "valve's specimen": lambda: unit_from_specimen("MPP-3-1-8"),
+    "biological": lambda: unit_from_specimen("fast-fibre"),
+    "unknown law": lambda: unit_from_specimen("nylon", law="tondu_lopez"),
+    "unknown mechanics": lambda: unit_from_specimen("nylon", weight=3.0),
+    "negative mass": lambda: unit_from_specimen("nylon", end_mass=-1.0),
+    "unknown part of a line": lambda: single_muscle("nylon", PLATE, supply=SUPPLY, hose=1.0),
+    "two muscles as one": lambda: single_muscle("nylon", Plate(held=("a", "b")), supply=SUPPLY),
+    "another muscle": lambda: several({"n": "nylon"}, PLATE, supply=SUPPLY),
+    "no muscle": lambda: several({}, Plate(held=()), supply=SUPPLY),
+    "no line": lambda: several({"m": "nylon"}, PLATE, supply=SUPPLY, line={}),
+    "no tank": lambda: circuit_for({"m": unit_from_specimen("nylon")}, supply=SUPPLY, feed=HOLE),
+    "a leak as a valve": lambda: single_muscle(
+        "nylon", PLATE, supply=SUPPLY, valve=build_element("leak", {"length": "1 m", "diameter": "1 mm"})
+    ),
+    "arms of one sign": lambda: antagonist_pair(
+        "nylon", "nylon", supply=SUPPLY, flexor_arm=ARM, extensor_arm=ARM, inertia=1e-3
+    ),
+    "arms crossed": lambda: antagonist_pair(
+        "nylon", "nylon", supply=SUPPLY, flexor_arm=BACK, extensor_arm=ARM, inertia=1e-3
+    ),
+    "a law without volume": lambda: single_muscle(unit_from_specimen("nylon").replace(law=SPRING), PLATE, supply=SUPPLY),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_cannot_be_built_is_refused_in_a_line(what):
+    with pytest.raises(InputError) as error:
+        REFUSED[what]()
+    assert "\n" not in str(error.value)
+
+
+def test_a_machine_says_which_signal_or_pressure_is_missing():
+    machine = single_muscle("nylon", Body(held=("m",), start=0.14, mass=1.0, signal="push"), supply=SUPPLY)
+    shut = {name: Value(jnp.zeros(()), jnp.zeros(())) for name in machine.signals()}
+    full = dict.fromkeys(machine.circuit.chambers, 2e5)
+    with pytest.raises(InputError, match="signal push"):
+        machine.initial(full, {n: v for n, v in shut.items() if n != "push"})
+    with pytest.raises(InputError, match="pressure of m is 'not given'"):
+        machine.initial({"m.port": 2e5}, shut)
+    for bad in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(InputError, match="above 0 Pa"):
+            machine.initial(full | {"m": bad}, shut)
+
+
+def test_a_muscle_without_its_node_is_refused():
+    unit = unit_from_specimen("nylon")
+    circuit = circuit_for({"other": unit}, supply=SUPPLY)
+    with pytest.raises(InputError, match=r"m\.length"):
+        Machine.of(circuit, {"m": unit}, PLATE)

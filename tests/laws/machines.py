@@ -1,0 +1,106 @@
+"""Machines that several tests share: every structure is compiled once, whatever its parameters and signals."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from mckibben.assembly.accounts import accounts
+from mckibben.assembly.build import Line, antagonist_pair, several, single_muscle, unit_from_specimen
+from mckibben.assembly.loads import Body, MomentArm, Plate
+from mckibben.assembly.wrap import Wrap
+from mckibben.engine import Result, Run, held, march
+from mckibben.engine.signals import Value
+from mckibben.pneumatics.heat import WallHeat
+from mckibben.pneumatics.orifice import Orifice
+from mckibben.pneumatics.volume import FixedVolume
+
+PERIOD, SAMPLES, STEP = 1e-3, 250, 50e-6
+ROOM, SUPPLY = 101325.0, 6e5
+ADIABATIC = WallHeat(conductance=0.0)
+WALL = WallHeat(conductance=0.2)
+compiled = jax.jit(march, static_argnums=(6, 7))  # the number of steps is an argument: one compilation for all
+
+
+@functools.cache
+def unit(rubs=True, wrapped=False):
+    return unit_from_specimen("nylon", rubs=rubs, wrap=Wrap(angle=0.0, friction=0.3) if wrapped else None)
+
+
+def plate(heat=ADIABATIC):
+    """One nylon muscle with friction, whose other end moves as the signal x says."""
+    return single_muscle(unit(), Plate(held=("m",), signal="x"), supply=SUPPLY, heat=heat)
+
+
+def body(heat=ADIABATIC, wrap_angle=0.0, **load):
+    """One nylon muscle with friction, over a bone, on a body."""
+    wrapped = unit(wrapped=True)
+    wrapped = wrapped.replace(wrap=wrapped.wrap.replace(angle=jnp.asarray(wrap_angle, float)))
+    return single_muscle(wrapped, Body(held=("m",), signal="push", **load), supply=SUPPLY, heat=heat)
+
+
+def pair(heat=ADIABATIC, **joint):
+    """Two nylon muscles on a joint, with moment arms that depend on the angle."""
+    return antagonist_pair(
+        unit(), unit(), supply=SUPPLY, heat=heat, inertia=2e-3, joint={"signal": "push", **joint},
+        flexor_arm=MomentArm(coefficients=jnp.array([0.02, -0.004, -0.003]), span=0.14),
+        extensor_arm=MomentArm(coefficients=jnp.array([-0.02, -0.004, 0.003]), span=0.14),
+    )  # fmt: skip
+
+
+def shared(heat=ADIABATIC):
+    """Four muscles behind one tank, two with lines of their own, on one plate; without friction."""
+    names = ("a", "b", "c", "d")
+    lines = {
+        "a": Line(heat=heat),
+        "b": Line(heat=heat, port_volume=4e-6),
+        "c": Line(heat=heat, dead=1e-6),
+        "d": Line(heat=heat),
+    }
+    return several(
+        {n: unit(rubs=False) for n in names}, Plate(held=names, signal="x"), supply=SUPPLY, line=lines,
+        tank=FixedVolume(size=1e-4, heat=heat), feed=Orifice(conductance=4e-9),
+    )  # fmt: skip
+
+
+def smooth():
+    """One muscle without friction on a body; its gas flows one way through restrictions, so nothing has a kink."""
+    valve = Orifice(conductance=4e-9)
+    load = Body(
+        held=("m",), signal="push", start=0.14, mass=3.0, weight=22.0, stiffness=500.0, spring_rest=0.14, damping=8.0
+    )
+    return single_muscle(
+        unit(rubs=False), load, supply=5e5, valve=(valve, valve), tube=Orifice(conductance=5e-10), port_volume=2e-5,
+        heat=WALL,
+    )  # fmt: skip
+
+
+def constant(**values):
+    return {name: Value(jnp.asarray(float(v)), jnp.zeros(())) for name, v in values.items()}
+
+
+def at(signals, index, share=0.0):
+    return {name: s.at(index, share, PERIOD) for name, s in signals.items()}
+
+
+def go(machine, pressure, signals, *, step=STEP, samples=SAMPLES, start=None):
+    """A run from rest at one absolute pressure [Pa] in all volumes, with its accounts."""
+    first = at(signals, 0)
+    pressures = pressure if isinstance(pressure, dict) else dict.fromkeys(machine.circuit.chambers, pressure)
+    begin = machine.initial(pressures, first) if start is None else start
+    carry, kept = compiled(machine, *begin, signals, PERIOD, round(PERIOD / step), samples, False)
+    carry, kept = jax.tree.map(np.asarray, (carry, kept))
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((carry, kept)))
+    known = {
+        "time": PERIOD * np.arange(samples + 1), "outputs": kept[2], "state": carry[0], "memory": carry[1],
+        "integrals": carry[2], "result": Result.DONE, "stiff": False, "step": step,
+    }  # fmt: skip
+    run = Run(*(known.get(name) for name in Run._fields))
+    return run, accounts(machine, begin, run, first, at(signals, samples - 1, 1.0))
+
+
+def switched(opening, begin, end, samples=SAMPLES):
+    """A held command that is open between two samples."""
+    index = np.arange(samples + 1)
+    return held(np.where((index >= begin) & (index < end), opening, 0.0))
