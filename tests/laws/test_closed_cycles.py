@@ -97,9 +97,15 @@ def polygon(law: TensionLaw, seed: int, longest: float = 0.99) -> np.ndarray:
     return corners
 
 
-def assert_no_work(law: TensionLaw, seed: int, longest: float = 0.99) -> None:
+def assert_no_work(
+    law: TensionLaw, seed: int, longest: float = 0.99, *, require: Callable[[bool], object] | None = None
+) -> None:
+    """`require` says what happens to a cycle that does not work at all: an example fails, a random law is drawn anew."""
     load, gas, exchanged, moved = works(unilateral(law), polygon(law, seed, longest), threshold_levels(law))
-    assert exchanged > 1e-3 * moved > 0.0  # else the cycle did not work at all
+    worked = exchanged > 1e-3 * moved > 0.0
+    if require is not None:
+        require(worked)
+    assert worked
     # The limit that the project promises. The quadrature itself closes to about 1e-11.
     assert abs(load - gas) <= 1e-8 * exchanged, (load - gas) / exchanged
 
@@ -131,7 +137,8 @@ def test_closed_cycles_yield_no_work_for_random_parameters(law: str) -> None:
     def check(draw: list[float], seed: int) -> None:
         muscle = muscle_like(law, draw)
         assume(one_equilibrium(muscle))
-        assert_no_work(muscle, seed)
+        # A weak braid with a stiff wall may never pull; where most draws are of that kind, hypothesis itself fails.
+        assert_no_work(muscle, seed, require=assume)
 
     check()
 
