@@ -40,8 +40,6 @@ class Machine(System):
             InputError: if a muscle has no node in the circuit, its law knows no volume, or the load does not hold exactly
                 these muscles.
         """
-        if not units:
-            raise InputError("units", "empty", "allowed is one muscle or more", where="machine")
         for name, unit in units.items():
             node = circuit.nodes.get(name)
             if not isinstance(node, MovingVolume) or node.signal != f"{name}.length":

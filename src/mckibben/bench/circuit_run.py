@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
-import platform
-import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -15,7 +12,7 @@ import numpy as np
 
 from ..assembly.circuit_plan import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
-from ..components import Module, Scalar, paths
+from ..components import Module, Scalar
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
 from ..pneumatics.circuit import balance
@@ -23,19 +20,11 @@ from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
 from ..pneumatics.volume import MovingVolume
 from ..recordings.recording import Channel, Recording
 from ..specimens import specimen
+from .channels import described
+from .provenance import created, resolved, versions
 
 CHUNK = 400_000  # steps of a part; each part costs some seconds beside, for its rates are examined
 
-# Outputs of the circuit by the last part of their name: unit and meaning.
-OUTPUTS = {
-    "pressure_abs": ("Pa", "absolute pressure"),
-    "temperature": ("K", "temperature of the gas"),
-    "mass": ("kg", "mass of the gas"),
-    "mass_flow": ("kg/s", "mass flow, positive from the first port to the second"),
-    "set_pressure": ("Pa", "set-point after its lag"),
-    "sensed_pressure": ("Pa", "pressure that the piston senses"),
-    "shaft_power": ("W", "power of the shaft"),
-}
 OF_THE_PAPER = (LinearTube, QuadraticTube, InertialTube)
 DRIVES = {"Pa": "gauge pressure asked for", "m": "length of a muscle", "1": "command"}
 
@@ -129,7 +118,7 @@ def _record(
         "run": run_sentence(plan),
         "description": plan.document,
         "source_sha256": plan.digest,
-        "parameters": {p: {"value": _value(plan, p), "unit": q.unit} for p, q in paths.parameters(plan.owner)},
+        "parameters": resolved(plan.owner),
         "environment": {
             "pressure_abs": float(plan.environment.pressure_abs),
             "temperature": float(plan.environment.temperature),
@@ -140,21 +129,11 @@ def _record(
         "stiff": any(r.stiff for r in done),
         "fastest_rate": max(r.fastest for r in done),
         "step": plan.inner_step,
-        "versions": _versions(),
+        "versions": versions(),
         "citations": citations(plan),
-        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "created": created(),
     }
     return Recording(plan.times[:count], _channels(plan, outputs, signals, count), meta)
-
-
-def _versions() -> dict[str, str]:
-    # The package's root gathers the verbs of all rooms, so a room cannot import it.
-    root = sys.modules[__name__.partition(".")[0]]
-    return {"mckibben": root.__version__, "jax": jax.__version__, "python": platform.python_version()}
-
-
-def _value(plan: CircuitPlan, path: str) -> Any:
-    return np.asarray(paths.get(plan.owner, path)).tolist()
 
 
 def _channels(
@@ -166,9 +145,8 @@ def _channels(
         gauge = outputs[f"{name}.pressure_abs"] - room
         found[f"{name}.pressure"] = Channel(gauge, unit="Pa", kind="true", meaning=f"gauge pressure of {name}")
     for name, values in outputs.items():
-        owner, _, last = name.rpartition(".")
-        unit, meaning = OUTPUTS.get(last, ("1", last.replace("_", " ")))
-        found[name] = Channel(np.broadcast_to(values, (count,)), unit=unit, kind="true", meaning=f"{meaning}, {owner}")
+        unit, meaning = described(name)
+        found[name] = Channel(np.broadcast_to(values, (count,)), unit=unit, kind="true", meaning=meaning)
     found |= _muscles(plan, outputs, signals, count)
     for name, s in plan.signals.items():
         values = s.waveform.at(plan.times[:count])

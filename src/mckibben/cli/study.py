@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 study = typer.Typer(
     name="study",
-    help="Questions that the laboratory answers as a whole: tube, robot.",
+    help="Questions that the laboratory answers as a whole: tube, robot, loops.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -89,6 +89,40 @@ def robot(
         print_json(fit_json(found))
     else:
         show_fit(found, title)
+
+
+@study.command("loops")
+def loops(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Folder with the loop and the steps of a DMSP-10-250.")
+    ],
+    friction: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Friction to try: maxwell_slip, dahl, bouc_wen; the last two if left out."),
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw loop, width and creep, .svg or .png.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Predict half of a muscle's loop and creep from the other half. Exit code 1 when width or branch order is missed."""
+    from ..studies.muscle_loops import SMOOTH, STAGES, loop_study
+    from .study_loops import loops_json, show_loops
+
+    writable("--figure", figure, ".svg", ".png")
+    with progress("loops", STAGES) as advance:
+        found = loop_study(folder, frictions=friction or SMOOTH, progress=advance)
+    if figure is not None:
+        from ..report.figures import style
+        from ..report.figures.loop_figures import loops_figure
+
+        style.save(loops_figure(found), figure)
+    if as_json:
+        print_json(loops_json(found))
+    else:
+        show_loops(found)
+    if found.swapped or not found.width_holds:
+        raise typer.Exit(1)
 
 
 def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, Any]:

@@ -1,0 +1,70 @@
+"""Names, units and meanings of what a recording shows of a circuit and of a test machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+# Outputs by the last part of their name: unit and meaning.
+OUTPUTS = {
+    "pressure_abs": ("Pa", "absolute pressure"),
+    "pressure": ("Pa", "gauge pressure"),
+    "temperature": ("K", "temperature of the gas"),
+    "mass": ("kg", "mass of the gas"),
+    "mass_flow": ("kg/s", "mass flow, positive from the first port to the second"),
+    "set_pressure": ("Pa", "set-point after its lag"),
+    "sensed_pressure": ("Pa", "pressure that the piston senses"),
+    "shaft_power": ("W", "power of the shaft"),
+    "span": ("m", "span, from the anchor to the load"),
+    "span_velocity": ("m/s", "rate of the span"),
+    "length": ("m", "length of the braid"),
+    "velocity": ("m/s", "velocity, positive lengthening"),
+    "tension": ("N", "tension at the muscle"),
+    "load_tension": ("N", "tension at the load"),
+    "friction": ("N", "friction and creep, positive against lengthening"),
+    "volume": ("m^3", "volume of the gas"),
+    "slack": ("1", "1 while it is slack"),
+    "position": ("m", "position of the pulley's rim"),
+    "current": ("A", "current of the motor"),
+    "deflection": ("m", "what the frame yields"),
+}
+RENAMED = {
+    "load.position": "motor.position",
+    "load.velocity": "motor.velocity",
+    "load.current": "motor.current",
+    "load.deflection": "frame.deflection",
+}
+CONSTANT = ("supply", "room")  # nodes whose state is given, and not recorded
+
+MEASURED = {
+    "pressure": ("Pa", "gauge pressure at the muscle, measured"),
+    "valve_pressure": ("Pa", "gauge pressure at the valve, measured"),
+    "tension": ("N", "tension, measured"),
+    "span": ("m", "span by the encoder, measured"),
+}
+COMMANDS = {
+    "command.pressure": ("Pa", "set-point of the pressure"),
+    "command.span": ("m", "set-point of the span"),
+    "command.velocity": ("m/s", "set-point of the velocity"),
+    "command.tension": ("N", "set-point of the tension"),
+    "valve.command": ("Pa", "pressure asked of the valve"),
+    "motor.command": ("N", "force asked of the motor"),
+    "shut_off.command": ("1", "1 while the shut-off is asked to be open"),
+}
+INPUTS = {"valve": "valve.command", "motor": "motor.command", "open": "shut_off.command"}
+
+
+def described(name: str) -> tuple[str, str]:
+    """Unit and meaning of a true channel by its dotted name."""
+    owner, _, last = name.rpartition(".")
+    unit, meaning = OUTPUTS.get(last, ("1", last.replace("_", " ")))
+    return unit, f"{meaning}, {owner}"
+
+
+def kinds(outputs: Iterable[str]) -> dict[str, tuple[str, str, str]]:
+    """Unit, kind and meaning of every channel of a test machine with some true outputs."""
+    found = {name: (unit, "measured", meaning) for name, (unit, meaning) in MEASURED.items()}
+    found |= {name: (unit, "command", meaning) for name, (unit, meaning) in COMMANDS.items()}
+    for name in outputs:
+        unit, meaning = described(name)
+        found[name] = (unit, "true", meaning)
+    return found

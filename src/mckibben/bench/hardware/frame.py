@@ -1,0 +1,133 @@
+"""The testing frame with the motor: what the muscle is mounted on, as the load of an `assembly.Machine`.
+
+    X = x - u,   m_f du'/dt = T - k u - c u',   m dv/dt = (pull of the motor) - T
+
+The muscle's anchor on the frame yields by u towards the motor, so that its span X is shorter than what the encoder makes of
+the pulley's position x; at rest u = T/k. Without a motor the other end is fixed to a plate and x is constant. Range: one
+mode of the frame; the cord between pulley and muscle is the muscle's tendon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...assembly.loads import Load, SpanState
+from ...components import Module, Scalar
+from ...errors import InputError
+from ...quantities import quantity
+from .motor import Motor
+
+
+class Frame(Module):
+    """How stiff the machine itself is; the defaults are of a plate of steel, and inferred."""
+
+    stiffness: Scalar = quantity("N/m", (1e3, 1e9), "of the anchor", symbol="k", typical=(1e5, 1e7), default=1e6)
+    mass: Scalar = quantity("kg", (1e-2, 1e4), "that swings with the anchor", symbol="m", default=2.0)
+    damping: Scalar = quantity("N*s/m", (0.0, 1e6), "of the anchor's motion", symbol="c", default=140.0)
+
+
+class FrameState(NamedTuple):
+    """Without a motor: the anchor's deflection towards the muscle's other end [m] and its rate [m/s]."""
+
+    deflection: Scalar
+    deflection_velocity: Scalar
+
+
+class StandState(NamedTuple):
+    """Position of the pulley's rim [m] and velocity [m/s], current [A], deflection of the frame [m] and its rate [m/s]."""
+
+    position: Scalar
+    velocity: Scalar
+    current: Scalar
+    deflection: Scalar
+    deflection_velocity: Scalar
+
+
+class TestStand(Load):
+    """A frame that holds a muscle, or none, with a motor or a fixed plate at the other end."""
+
+    __test__: ClassVar[bool] = False  # test runners: its name begins like a test's, and it is none
+
+    held: tuple[str, ...] = eqx.field(static=True, kw_only=True)
+    frame: Frame = eqx.field(kw_only=True, default_factory=Frame)
+    motor: Motor | None = eqx.field(kw_only=True, default=None)
+    start: Scalar = quantity("m", (1e-3, 100.0), "span at the start, and position of a fixed end", symbol="x")
+    # Name of the signal of the force asked of the motor [N], positive where it lengthens; unused without a motor.
+    signal: str | None = eqx.field(static=True, kw_only=True, default="motor")
+
+    def __check_init__(self) -> None:
+        """Refuse more muscles than one, and a motor that nothing drives."""
+        if len(self.held) > 1:
+            raise InputError("held", ", ".join(self.held), "allowed is one muscle or none", where="TestStand")
+        if self.motor is not None and self.signal is None:
+            raise InputError("signal", "none", "a motor needs the name of one", where="TestStand")
+
+    def muscles(self) -> tuple[str, ...]:
+        """The one it holds, or none."""
+        return self.held
+
+    def signals(self) -> tuple[str, ...]:
+        """The motor's, where there is one."""
+        return () if self.motor is None or self.signal is None else (self.signal,)
+
+    def initial(self) -> StandState | FrameState:
+        """At rest, the frame relaxed and the motor without current."""
+        zero = jnp.zeros(())
+        if self.motor is None:
+            return FrameState(zero, zero)
+        return StandState(self.start, zero, zero, zero, zero)
+
+    def position(self, state: Any) -> Scalar:
+        """Of the end that the frame does not carry, which an encoder sees [m]."""
+        return self.start if self.motor is None else state.position
+
+    def spans(self, state: Any, inputs: Any) -> dict[str, SpanState]:
+        """Less what the frame yields."""
+        velocity = jnp.zeros(()) if self.motor is None else state.velocity
+        span = SpanState(self.position(state) - state.deflection, velocity - state.deflection_velocity)
+        return {name: span for name in self.held}
+
+    def asked_current(self, inputs: Any) -> Scalar:
+        """Set-point of the motor's current loop [A]; nothing without a motor."""
+        if self.motor is None or self.signal is None:
+            return jnp.zeros(())
+        return self.motor.force_to_current(inputs[self.signal].value)
+
+    def rates(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> Any:
+        """Of frame and motor."""
+        pull = sum((tensions[n] for n in self.held), start=jnp.zeros(()))
+        own = self.frame
+        held = own.stiffness * state.deflection + own.damping * state.deflection_velocity
+        frame = FrameState(state.deflection_velocity, (pull - held) / own.mass)
+        if self.motor is None:
+            return frame
+        push = (self.motor.pull(state.current, state.velocity) - pull) / self.motor.mass
+        current = self.motor.rates(state.current, state.velocity, self.asked_current(inputs))
+        return StandState(state.velocity, push, current, *frame)
+
+    def stored_energy(self, state: Any) -> Scalar:
+        """Kinetic of frame and motor, elastic of the frame [J]; the coil's is before the border of `powers`."""
+        own = self.frame
+        frame = 0.5 * own.mass * state.deflection_velocity**2 + 0.5 * own.stiffness * state.deflection**2
+        return frame if self.motor is None else frame + 0.5 * self.motor.mass * state.velocity**2
+
+    def powers(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+        """What the motor makes of electrical power, k i w, and what its friction and the frame lose [W]."""
+        lost = self.frame.damping * state.deflection_velocity**2
+        if self.motor is None:
+            return jnp.zeros(()), lost
+        motor = self.motor.powers(state.current, state.velocity, self.asked_current(inputs))
+        return motor.mechanical, lost + motor.friction
+
+    def outputs(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+        """Deflection of the frame [m]; with a motor position [m], velocity [m/s] and current [A] too."""
+        if self.motor is None:
+            return {"deflection": state.deflection}
+        return {
+            "position": state.position, "velocity": state.velocity, "current": state.current,
+            "deflection": state.deflection,
+        }  # fmt: skip

@@ -1,0 +1,122 @@
+"""The machine behind its converters: circuit, muscle and stand, and the sensors that are all the software sees of them.
+
+Measured are ``pressure`` at the muscle and ``valve_pressure`` at the valve (gauge) [Pa], ``tension`` [N] and ``span`` [m],
+as far as the rig has the sensors. The software commands ``valve`` [Pa], ``motor`` [N at the pulley] and, where there is a
+shut-off, ``open`` (1 or 0).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...assembly.machine import Machine
+from ...components import Scalar
+from ...components.sampled import Plant
+from ...components.system import Moment
+from .analogue import AnalogOut, Sensor
+from .motor import Encoder
+from .pneumatics import PORT
+
+ANALOGUE = ("pressure", "valve_pressure", "tension")
+
+
+class Rigged(Plant):
+    """A machine with sensors and output converters.
+
+    Its state holds the machine's and the conditioned signal of every analogue sensor. A row of a sample has ``draws``, a
+    normal draw per analogue sensor, and ``lost``, 1 where its wire is open; the encoder has ``lost`` only.
+    """
+
+    machine: Machine
+    tested: str = eqx.field(static=True)
+    sensors: dict[str, Sensor]
+    encoder: Encoder | None
+    valve_out: AnalogOut
+    motor_out: AnalogOut | None
+    mounted: Scalar  # span at which the encoder was zeroed [m]
+
+    def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
+        """State and memory at rest, at absolute pressures [Pa]."""
+        state, memory = self.machine.initial(pressures, inputs)
+        seen = self._seen(state, memory, inputs)
+        return {"machine": state, "sensors": {n: s.initial(seen[n]) for n, s in self.sensors.items()}}, memory
+
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+        """As the machine has it."""
+        return self.machine.commands(signals)
+
+    def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+        """What the output converters hold."""
+        held = {"valve": self.valve_out.output(commands["valve"])}
+        needed = self.machine.signals()
+        if "motor" in needed:
+            out = self.motor_out
+            held["motor"] = commands["motor"] if out is None else out.output(commands["motor"])
+        if "open" in needed:
+            held["open"] = jnp.where(commands["open"] > 0.5, 1.0, 0.0)
+        return held
+
+    def _seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
+        """What the sensors are put to [SI]; the tension is that at the load, behind whatever the muscle lies over."""
+        machine = self.machine
+        room = machine.environment.pressure_abs
+        at = state["circuit"]["pressure"]
+        seen = {"pressure": at[self.tested] - room, "valve_pressure": at[PORT] - room}
+        if machine.units:
+            _, _, felt = machine.pulls(state, memory, inputs)
+            seen["tension"] = sum(felt.values(), start=jnp.zeros(()))
+        else:
+            seen["tension"] = jnp.zeros(())
+        return seen
+
+    def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+        """The measured channels, and beside each analogue one ``<channel>.code``, what its converter counted."""
+        seen = self._seen(state["machine"], memory, inputs)
+        found = {}
+        for name, sensor in self.sensors.items():
+            value, code = sensor.reading(state["sensors"][name], seen[name], row["draws"][name], row["lost"][name])
+            found |= {name: value, f"{name}.code": code}
+        if self.encoder is not None:
+            position = self.machine.load.position(state["machine"]["load"])
+            # a lost encoder counts nothing any more
+            count = jnp.where(row["lost"]["span"] > 0.5, 0.0, self.encoder.count(position, self.mounted))
+            found["span"] = self.encoder.span(count, self.mounted)
+        return found
+
+    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """Of the machine, and of the filters before the converters."""
+        seen = self._seen(state["machine"], memory, inputs)
+        return {
+            "machine": self.machine.rate(state["machine"], memory, inputs),
+            "sensors": {n: s.rate(state["sensors"][n], seen[n]) for n, s in self.sensors.items()},
+        }
+
+    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """Of the machine."""
+        return self.machine.integrands(state["machine"], memory, inputs)
+
+    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+        """Of the machine."""
+        return self.machine.slide(
+            memory, Moment(start.state["machine"], start.inputs), Moment(end.state["machine"], end.inputs), duration
+        )
+
+    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+        """Of the machine."""
+        return self.machine.outputs(state["machine"], memory, inputs)
+
+    def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+        """Of the machine, its motor's current loop, and the sensors' filters [1/s]."""
+        bounds = [self.machine.steepest_rate(state["machine"], memory, inputs)]
+        bounds += [2.0 * jnp.pi * s.cutoff for s in self.sensors.values()]
+        motor = getattr(self.machine.load, "motor", None)
+        bounds += [] if motor is None else [2.0 * jnp.pi * motor.current_bandwidth]
+        return jnp.stack([jnp.asarray(b) for b in bounds]).max()
+
+    def admissible(self, state: Any) -> Scalar:
+        """Whether every volume holds gas above vacuum."""
+        return self.machine.admissible(state["machine"])

@@ -1,0 +1,297 @@
+"""Rigs as TOML files (schema 1): one table per part, every value in words with its unit.
+
+    schema = 1
+    name = "paper"
+    [computer]
+    latency = "1 ms"
+    [sensors.pressure]              # and valve_pressure, tension: transducer, filter, converter
+    low = "0 bar"
+    high = "6.8 bar"
+    cutoff = "500 Hz"
+    [sensors.pressure.converter]
+    bits = 8
+    low = "0 bar"
+    high = "6.8 bar"
+    [plumbing.direct]               # one table for each way to join the pneumatic parts, the usual one first
+    ...
+
+Every key is a declared parameter of the part that it belongs to; ``inferred`` lists the dotted paths of those that no source
+states.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from ..components import Environment
+from ..errors import InputError
+from ..experiments.waveforms import near
+from ..experiments.words import Entry
+from ..pneumatics.build import build_element, known_keys
+from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
+from ..quantities import Quantity, declared, parse
+from ..specimens import specimen
+from .hardware.analogue import AnalogOut, Converter, Sensor
+from .hardware.computer import Computer
+from .hardware.frame import Frame
+from .hardware.motor import Encoder, Motor
+from .hardware.pneumatics import Plumbing
+from .rig import Hand, Rig
+from .software.controllers import ForceControl, PositionControl, PressureControl
+from .software.interlocks import Interlocks
+from .software.motion import MotionEstimate
+
+SCHEMA = 1
+UNITS = {"pressure": "Pa", "valve_pressure": "Pa", "tension": "N"}
+SECTIONS = (
+    "schema", "name", "title", "source", "note", "inferred", "computer", "sensors", "encoder", "outputs", "motor",
+    "frame", "plumbing", "control", "interlocks", "environment", "hands",
+)  # fmt: skip
+LENGTH = Quantity("m", (1e-3, 100.0), "span that the frame takes", "", (0.05, 1.0))
+
+
+def rig_names() -> list[str]:
+    """Of the rigs that ship with the package, sorted."""
+    folder = resources.files(__package__) / "rigs"
+    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) -> Rig:
+    """A rig by its name or by the path of a ``.toml`` file.
+
+    Args:
+        name: ``paper``, ``modern``, or a path.
+        changes: words by dotted path of the file, such as ``{"plumbing.direct.tube.length": "1 m"}``.
+
+    Raises:
+        InputError: names the file, the dotted path, the value and what is allowed.
+    """
+    text = os.fspath(name)
+    if text.lower().endswith(".toml") or os.sep in text:
+        path = Path(text)
+        try:
+            raw, where = path.read_bytes(), str(path)
+        except OSError as error:
+            raise InputError("rig", text, f"it cannot be read ({error.strerror})") from None
+    else:
+        if text not in rig_names():
+            known = rig_names()
+            raise InputError(
+                "rig", text, f"{near(text, known)}known are {', '.join(known)}, or the path of a .toml file"
+            )
+        raw, where = (resources.files(__package__) / "rigs" / f"{text}.toml").read_bytes(), f"{text}.toml"
+    try:
+        document = tomllib.loads(raw.decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError("file", where, f"no TOML: {error}") from None
+    for path_, value in (changes or {}).items():
+        _put(document, path_, value, where)
+    return read_rig(document, where=where)
+
+
+def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
+    """A rig from the tables of its file.
+
+    Raises:
+        InputError: names the file, the dotted path, the value and what is allowed.
+    """
+    top = Entry.of(document, "", where)
+    top.only(SECTIONS)
+    if document.get("schema") != SCHEMA:
+        raise top.fail("schema", document.get("schema", "missing"), f"this version reads schema {SCHEMA}")
+    sensors, outputs, control = top.table("sensors"), top.table("outputs"), top.table("control")
+    sensors.only(UNITS)
+    outputs.only(("valve", "motor"))
+    control.only(("motion", "pressure", "position", "force"))
+    frame = top.table("frame")
+    motor = _module(top.table("motor"), Motor) if "motor" in document else None
+    bounds = [frame.number(key, "m", declared=LENGTH) for key in ("shortest", "longest")]
+    room = _module(top.table("environment"), Environment)
+    layouts = top.table("plumbing")
+    if not layouts.values:
+        raise top.fail("plumbing", "missing", "allowed is one table for each way to join the pneumatic parts")
+    if not bounds[0] < bounds[1]:
+        raise frame.fail("longest", frame.values["longest"], f"allowed is more than {frame.values['shortest']}")
+    if motor is not None and "motor" not in outputs.values:
+        raise outputs.fail("motor", "missing", "a motor needs the converter that drives it")
+    return Rig(
+        name=top.word("name"), title=top.word("title"), source=top.word("source", " ").strip() if "source" in document else "",
+        note=top.word("note") if "note" in document else "", inferred=_words(top, "inferred"),
+        computer=_module(top.table("computer"), Computer),
+        sensors={name: _sensor(sensors.table(name), UNITS[name]) for name in sensors.values},
+        encoder=_module(top.table("encoder"), Encoder) if "encoder" in document else None,
+        valve_out=_module(outputs.table("valve"), AnalogOut, unit="Pa"),
+        motor_out=_module(outputs.table("motor"), AnalogOut, unit="N") if motor is not None else None,
+        motor=motor, frame=_module(frame, Frame, beside=("shortest", "longest")),
+        shortest=bounds[0], longest=bounds[1],
+        plumbing={name: _plumbing(layouts.table(name), room) for name in layouts.values},
+        motion=_module(control.table("motion"), MotionEstimate),
+        pressure=_module(control.table("pressure"), PressureControl),
+        position=_module(control.table("position"), PositionControl),
+        force=_module(control.table("force"), ForceControl),
+        interlocks=_module(top.table("interlocks"), Interlocks, shortest=bounds[0], longest=bounds[1]), environment=room,
+        hands=_hands(top, tuple(layouts.values)), document=document, where=where,
+    )  # fmt: skip
+
+
+def _module(entry: Entry, kind: Any, *, unit: str = "", beside: tuple[str, ...] = (), **parts: Any) -> Any:
+    """A part from the words of its table; numbers of a channel have its unit."""
+    known, counts = declared(kind), _counts(kind)
+    entry.only([*known, *counts, *beside], f"{kind.__name__} has")
+    found: dict[str, Any] = dict(parts)
+    for key in entry.values:
+        if key in beside:
+            continue
+        if key in counts:
+            value = entry.values[key]
+            if isinstance(value, bool) or not isinstance(value, int):
+                raise entry.fail(key, value, "allowed is a whole number")
+            found[key] = value
+            continue
+        q = known[key]
+        own = unit if unit and q.unit == "1" and key in ("low", "high", "offset", "noise") else q.unit
+        found[key] = entry.number(key, own, declared=q if own == q.unit else None)
+    missing = [k for k in _required(kind) if k not in found]
+    if missing:
+        doc = known[missing[0]].doc if missing[0] in known else "whole number"
+        raise entry.fail(missing[0], "missing", f"it is the {doc}")
+    try:
+        return kind(**found)
+    except InputError as error:
+        raise InputError(entry.field(error.field), error.value, error.allowed, where=entry.where) from None
+
+
+def _counts(kind: Any) -> list[str]:
+    """Fields that are whole numbers."""
+    import dataclasses
+
+    return [f.name for f in dataclasses.fields(kind) if f.type in (int, "int")]
+
+
+def _required(kind: Any) -> list[str]:
+    import dataclasses
+
+    nothing = dataclasses.MISSING
+    return [f.name for f in dataclasses.fields(kind) if f.default is nothing and f.default_factory is nothing]
+
+
+def _sensor(entry: Entry, unit: str) -> Sensor:
+    converter = _module(entry.table("converter"), Converter, unit=unit)
+    own = Entry({k: v for k, v in entry.values.items() if k != "converter"}, entry.path, entry.where)
+    sensor: Sensor = _module(own, Sensor, unit=unit, converter=converter)
+    return sensor
+
+
+_PLUMBING = ("supply_pressure", "port_volume", "valve_accumulator", "muscle_accumulator")
+_PARTS = ("valve", "tube", "shut_off", "leak")
+
+
+def _plumbing(entry: Entry, room: Environment) -> Plumbing:
+    entry.only((*_PLUMBING, *_PARTS, "heat", "muscle", "about"))
+    muscle = entry.values.get("muscle", True)
+    if not isinstance(muscle, bool):
+        raise entry.fail("muscle", muscle, "allowed are true, false")
+    parts = {
+        "valve": _element(entry.table("valve"), "pressure_regulator"),
+        "tube": _element(entry.table("tube"), "lumped_tube"),
+    }
+    if "shut_off" in entry.values:
+        parts["shut_off"] = _element(entry.table("shut_off"), "on_off_valve")
+    if "leak" in entry.values:
+        parts["leak"] = _element(entry.table("leak"), "leak")
+    plain = Entry({k: v for k, v in entry.values.items() if k in _PLUMBING}, entry.path, entry.where)
+    made: Plumbing = _module(plain, Plumbing, heat=_heat(entry, room), has_muscle=muscle, **parts)
+    if not muscle and not float(made.muscle_accumulator) > 0.0:
+        raise entry.fail("muscle_accumulator", "missing", "without a muscle it takes its place")
+    return made
+
+
+def _element(entry: Entry, kind: str) -> Any:
+    spec = None
+    if "specimen" in entry.values:
+        try:
+            spec = specimen(entry.word("specimen"))
+        except InputError as error:
+            raise entry.fail("specimen", entry.values["specimen"], error.allowed) from None
+    values = {k: v for k, v in entry.values.items() if k != "specimen"}
+    try:
+        return build_element(kind, values, where=entry.where, specimen=spec)
+    except InputError as error:
+        key = error.field.removeprefix(f"{kind}.")
+        hint = near(key, known_keys(kind)) if error.value == "unknown" else ""
+        raise InputError(entry.field(key), error.value, hint + error.allowed, where=entry.where) from None
+
+
+def _heat(entry: Entry, room: Environment) -> HeatModel:
+    """``isothermal``, ``adiabatic``, or the conductance to the walls of each volume."""
+    word = entry.word("heat", "0.2 W/K")
+    if word == "isothermal":
+        return Isothermal()
+    if word == "adiabatic":
+        return WallHeat(conductance=0.0, wall_temperature=room.temperature)
+    q = declared(WallHeat)["conductance"]
+    try:
+        value = parse(word, q.unit, field=entry.field("heat"), where=entry.where)
+    except InputError:
+        raise entry.fail("heat", word, "allowed is isothermal, adiabatic, or a conductance such as '0.2 W/K'") from None
+    q.check(entry.field("heat"), value, where=entry.where)
+    return WallHeat(conductance=value, wall_temperature=room.temperature)
+
+
+def _hands(top: Entry, layouts: tuple[str, ...]) -> tuple[Hand, ...]:
+    raw = top.values.get("hands", [])
+    if not isinstance(raw, list):
+        raise top.fail("hands", raw, "allowed is a list of tables")
+    found = []
+    for i, table in enumerate(raw):
+        entry = Entry.of(table, f"hands.{i + 1}", top.where)
+        entry.only(("ask", "plumbing", "friction"))
+        layout = entry.word("plumbing", among=layouts) if "plumbing" in entry.values else ""
+        friction = entry.number("friction", "1", 1.0, declared=Quantity("1", (0.0, 10.0), "friction", "", (0.5, 1.5)))
+        found.append(Hand(entry.word("ask"), layout, friction))
+    return tuple(found)
+
+
+def _words(entry: Entry, key: str) -> tuple[str, ...]:
+    raw = entry.values.get(key, [])
+    if not isinstance(raw, list) or not all(isinstance(v, str) for v in raw):
+        raise entry.fail(key, raw, "allowed is a list of dotted paths")
+    for path in raw:
+        at: Any = entry.values
+        for part in path.split("."):
+            if not isinstance(at, Mapping) or part not in at:
+                raise entry.fail(key, path, "nothing of that path is stated in the file")
+            at = at[part]
+    return tuple(raw)
+
+
+def _put(document: dict[str, Any], path: str, value: str, where: str) -> None:
+    """Replace a value of the file; whole numbers and truth values may be written as words."""
+    *tables, last = path.split(".")
+    at: Any = document
+    for part in tables:
+        at = at.setdefault(part, {})
+        if not isinstance(at, dict):
+            raise InputError(path, value, f"{part} is no table", where=where)
+    at[last] = _plain(value)
+
+
+def _plain(text: str) -> Any:
+    if text in ("true", "false"):
+        return text == "true"
+    try:
+        return int(text)
+    except ValueError:
+        return text
+
+
+@functools.cache
+def shipped_rigs() -> dict[str, Rig]:
+    """All rigs that ship with the package."""
+    return {name: rig(name) for name in rig_names()}

@@ -1,0 +1,246 @@
+"""What stops the machine: limits of the muscle and the motor, and sensors that no longer tell the truth.
+
+A step sees what the software measures and asks for. The first code that it finds stays: the caller stops the motor and vents
+the muscle. Limits count from the first sample. A reading at the upper end of its converter tells nothing about the quantity:
+it is an open wire, or more than the sensor reads, and counts as lost after `patience`. So do a reading below that of any
+intact sensor, no pressure while the valve is asked for some (for `implausible_after`), and a span that keeps the very
+same count though a full force is asked that no tension balances. A reading that is no number counts at once.
+Straight-line; which channels there are is decided once, by their names.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...components import Module, Scalar
+from ...quantities import quantity, with_unit
+
+ASKED = 0.1  # share of the valve's range above which a pressure must show
+NOTHING_READ = 0.02  # share of it below which there is none
+FULL = 0.999  # share of the motor's force from which it counts as full
+UNBALANCED = 0.5  # share of the motor's force that no tension balances: then something must move
+_DONE = "stopped and vented"
+
+
+class Trip(IntEnum):
+    """Codes of what stopped the machine; at the same sample the lowest counts."""
+
+    NOTHING = 0
+    OVER_PRESSURE = 1
+    OVER_FORCE = 2
+    TOO_SHORT = 3
+    TOO_LONG = 4
+    OVER_SPEED = 5
+    LOST_PRESSURE = 6
+    LOST_TENSION = 7
+    LOST_SPAN = 8
+
+
+class InterlockState(NamedTuple):
+    """The code that stays, for how long sensors have been doubtful [s], and the span of the sample before [m]."""
+
+    code: Any
+    pressure_lost: Scalar
+    pressure_silent: Scalar
+    tension_lost: Scalar
+    span_still: Scalar
+    span: Scalar
+
+
+class Interlocks(Module):
+    """Limits of one rig with one muscle; pressures are gauge.
+
+    A rail is what a sensor reads at the highest code of its converter, a floor the least that an intact one reads; their
+    defaults are never met. `watch_tension` is off where it was accepted that the cell saturates: then tension is neither
+    limited nor lost at its rail.
+    """
+
+    burst_pressure: Scalar = quantity("Pa", (1.0, 1e9), "largest pressure of the muscle", typical=(1e5, 1e6))
+    most_tension: Scalar = quantity("N", (1e-3, 1e7), "largest tension", typical=(10.0, 1000.0))
+    shortest: Scalar = quantity("m", (-100.0, 100.0), "shortest span", typical=(0.05, 0.5))
+    longest: Scalar = quantity("m", (-100.0, 100.0), "longest span", typical=(0.1, 0.6))
+    most_speed: Scalar = quantity("m/s", (1e-6, 1e3), "largest speed", typical=(0.1, 10.0))
+    patience: Scalar = quantity("s", (0.0, 100.0), "time for which a sensor may be doubtful", default=0.01)
+    implausible_after: Scalar = quantity("s", (0.0, 1e3), "time until a pressure must show", default=1.0)
+    pressure_rail: Scalar = quantity("Pa", (1.0, 1e12), "pressure at the highest code", default=1e12)
+    pressure_floor: Scalar = quantity("Pa", (-1e12, 1e9), "least pressure that an intact sensor reads", default=-1e12)
+    tension_rail: Scalar = quantity("N", (1e-3, 1e12), "tension at the highest code", default=1e12)
+    tension_floor: Scalar = quantity("N", (-1e12, 1e7), "least tension that an intact cell reads", default=-1e12)
+    valve_range: Scalar = quantity("Pa", (1.0, 1e9), "full scale of the valve", default=1e6)
+    motor_force: Scalar = quantity("N", (1e-3, 1e7), "full force of the motor", default=264.0)
+    watch_tension: bool = eqx.field(static=True, kw_only=True, default=True)
+
+    def initial(self) -> InterlockState:
+        """Nothing found, nothing doubtful; the first span equals no span before it."""
+        zero = jnp.zeros(())
+        return InterlockState(jnp.zeros((), jnp.int32), zero, zero, zero, zero, jnp.asarray(jnp.inf))
+
+    def step(
+        self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], velocity: Any, dt: Any
+    ) -> tuple[InterlockState, Any]:
+        """One sample: the new state and the code of `Trip` that stays, int32.
+
+        Args:
+            state: of `initial` or of the sample before.
+            measured: those of pressure [Pa] (else valve_pressure), tension [N] and span [m] that the rig measures.
+            asked: those of valve [Pa] and motor [N] that the rig has, as asked at the sample before.
+            velocity: of the measured span [m/s]; not looked at without a span.
+            dt: sampling period [s].
+        """
+        pressure_times, pressure_found = self._pressure(state, measured, asked, dt)
+        tension_time, tension_found = self._tension(state, measured, dt)
+        span_state, span_found = self._span(state, measured, asked, velocity, dt)
+        tripped = pressure_found | tension_found | span_found
+        found: Any = jnp.zeros((), jnp.int32)
+        for trip in sorted(tripped, reverse=True):
+            found = jnp.where(tripped[trip], jnp.int32(trip), found)
+        code = jnp.where(state.code != Trip.NOTHING, state.code, found)
+        return InterlockState(code, *pressure_times, tension_time, *span_state), code
+
+    def _pressure(
+        self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], dt: Any
+    ) -> tuple[tuple[Any, Any], dict[Trip, Any]]:
+        x = _pressure_of(measured)
+        if x is None:
+            return (state.pressure_lost, state.pressure_silent), {}
+        railed = _at(x, self.pressure_rail)
+        lost_for, lost = _lasting(railed | (x < self.pressure_floor), state.pressure_lost, dt, self.patience)
+        silent_for, silent = state.pressure_silent, False
+        if "valve" in asked:
+            nothing = (asked["valve"] > ASKED * self.valve_range) & (x < NOTHING_READ * self.valve_range)
+            silent_for, silent = _lasting(nothing, silent_for, dt, self.implausible_after)
+        found = {
+            Trip.OVER_PRESSURE: (x > self.burst_pressure) & ~railed,
+            Trip.LOST_PRESSURE: lost | silent | ~jnp.isfinite(x),
+        }
+        return (lost_for, silent_for), found
+
+    def _tension(self, state: InterlockState, measured: Mapping[str, Any], dt: Any) -> tuple[Any, dict[Trip, Any]]:
+        if "tension" not in measured:
+            return state.tension_lost, {}
+        x = measured["tension"]
+        railed = _at(x, self.tension_rail) & self.watch_tension
+        lost_for, lost = _lasting(railed | (x < self.tension_floor), state.tension_lost, dt, self.patience)
+        found = {Trip.LOST_TENSION: lost | ~jnp.isfinite(x)}
+        if self.watch_tension:
+            found[Trip.OVER_FORCE] = (x > self.most_tension) & ~railed
+        return lost_for, found
+
+    def _span(
+        self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], velocity: Any, dt: Any
+    ) -> tuple[tuple[Any, Any], dict[Trip, Any]]:
+        if "span" not in measured:
+            return (state.span_still, state.span), {}
+        x = jnp.asarray(measured["span"], float)
+        still_for, stuck = state.span_still, False
+        if "motor" in asked:
+            force = asked["motor"]
+            # a muscle against its stop may well hold the full force
+            left = jnp.abs(force - measured.get("tension", 0.0)) > UNBALANCED * self.motor_force
+            full = jnp.abs(force) >= FULL * self.motor_force
+            still_for, stuck = _lasting(full & left & (x == state.span), still_for, dt, self.patience)
+        found = {
+            Trip.TOO_SHORT: (x < self.shortest) & jnp.isfinite(x),
+            Trip.TOO_LONG: (x > self.longest) & jnp.isfinite(x),
+            Trip.OVER_SPEED: jnp.abs(velocity) > self.most_speed,
+            Trip.LOST_SPAN: stuck | ~jnp.isfinite(x),
+        }
+        return (still_for, x), found
+
+    def reason(self, code: int, measured: Mapping[str, float], time: float) -> str:
+        """What happened, what is allowed and what was done, in one sentence; empty for no code.
+
+        Args:
+            code: of `step`.
+            measured: channels of the sample that stopped the machine [SI]; may hold velocity [m/s].
+            time: of that sample [s].
+        """
+        trip = Trip(int(code))
+        if trip is Trip.NOTHING:
+            return ""
+        said = {
+            Trip.OVER_PRESSURE: lambda: _over("pressure", _pressure_of(measured), "Pa", self.burst_pressure),
+            Trip.OVER_FORCE: lambda: _over("tension", measured.get("tension"), "N", self.most_tension),
+            Trip.TOO_SHORT: lambda: _over("span", measured.get("span"), "m", self.shortest, "or more"),
+            Trip.TOO_LONG: lambda: _over("span", measured.get("span"), "m", self.longest),
+            Trip.OVER_SPEED: lambda: _over("speed", _size(measured.get("velocity")), "m/s", self.most_speed),
+            Trip.LOST_PRESSURE: lambda: self._lost_pressure(_pressure_of(measured)),
+            Trip.LOST_TENSION: lambda: self._lost_tension(measured.get("tension")),
+            Trip.LOST_SPAN: lambda: self._lost_span(measured.get("span")),
+        }[trip]()
+        return f"{trip.name.lower().replace('_', ' ')} at {time:.6g} s: {said}; {_DONE}"
+
+    def _lost_pressure(self, x: float | None) -> str:
+        said = _doubtful("pressure", x, "Pa", self.pressure_rail, self.pressure_floor, self.patience)
+        if said is not None:
+            return said
+        asked = with_unit(ASKED * float(self.valve_range), "Pa")
+        reads = _value(x, "Pa")
+        return (
+            f"the pressure sensor reads {reads} though the valve was asked for more than {asked} for "
+            f"{with_unit(float(self.implausible_after), 's')}: no sensor, no supply or a muscle that is cut off"
+        )
+
+    def _lost_tension(self, x: float | None) -> str:
+        said = _doubtful("tension", x, "N", self.tension_rail, self.tension_floor, self.patience)
+        return said or f"the tension sensor reads {_value(x, 'N')}, which is doubtful"
+
+    def _lost_span(self, x: float | None) -> str:
+        if x is not None and not math.isfinite(x):
+            return "the span sensor reads no number"
+        return (
+            f"the span stayed at {_value(x, 'm')} for {with_unit(float(self.patience), 's')} though the motor was asked for "
+            f"its full {with_unit(float(self.motor_force), 'N')}: no encoder, or the motor is blocked"
+        )
+
+
+def _pressure_of(measured: Mapping[str, Any]) -> Any:
+    """At the muscle; where nothing measures there, at the valve."""
+    return measured.get("pressure", measured.get("valve_pressure"))
+
+
+def _at(x: Any, rail: Any) -> Any:
+    """Whether a reading is that of the highest code; the room is for rounding only, a code is far wider."""
+    return x >= rail * (1.0 - 1e-9)
+
+
+def _lasting(true: Any, held: Any, dt: Any, limit: Any) -> tuple[Any, Any]:
+    """For how long something has been true [s], and whether that is for `limit` [s] or more."""
+    held = jnp.where(true, held + dt, 0.0)
+    return held, true & (held > limit - 0.5 * dt)
+
+
+def _value(x: float | None, unit: str) -> str:
+    return "unknown" if x is None else with_unit(float(x), unit)
+
+
+def _size(x: float | None) -> float | None:
+    return None if x is None else abs(float(x))
+
+
+def _over(what: str, x: float | None, unit: str, limit: Any, side: str = "or less") -> str:
+    return f"the {what} is {_value(x, unit)}, allowed is {with_unit(float(limit), unit)} {side}"
+
+
+def _doubtful(what: str, x: float | None, unit: str, rail: Any, floor: Any, patience: Any) -> str | None:
+    """Why a reading alone shows that its sensor is lost, if it does."""
+    if x is None:
+        return None
+    if not math.isfinite(x):
+        return f"the {what} sensor reads no number"
+    lasting = f"for {with_unit(float(patience), 's')}"
+    if bool(_at(x, float(rail))):
+        top = with_unit(float(rail), unit)
+        return (
+            f"the {what} sensor is at the end of its range of {top} {lasting}: an open wire, or more than it can read"
+        )
+    if x < float(floor):
+        least = with_unit(float(floor), unit)
+        return f"the {what} sensor reads {with_unit(float(x), unit)} {lasting}, an intact one reads {least} or more"
+    return None

@@ -1,0 +1,110 @@
+"""The sampled loop: once per sample it reads the channels, generates set-points, closes the feedback loops, and watches.
+
+It is a pure step, so a simulation scans it and a loop by the wall clock calls it. When an interlock trips, or a test did
+not come true in its time, the valve vents and the motor only brakes; that stays so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...components import Scalar
+from ...components.sampled import Software
+from ...quantities import quantity
+from .controllers import ForceControl, PositionControl, PressureControl
+from .interlocks import Interlocks
+from .motion import MotionEstimate
+from .sequencer import SPAN, TENSION, VELOCITY, Sequencer, SetPoints
+
+CHANNELS = ("pressure", "valve_pressure", "tension", "span")
+
+
+class BenchSoftware(Software):
+    """Sequencer, controllers and interlocks of one run."""
+
+    sequencer: Sequencer
+    motion: MotionEstimate
+    pressure: PressureControl
+    position: PositionControl
+    force: ForceControl
+    interlocks: Interlocks
+    start_pressure: Any = 0.0
+    start_motor: Any = 0.0
+    has_motor: bool = eqx.field(static=True, kw_only=True, default=True)
+    brake: Scalar = quantity("N*s/m", (0.0, 1e4), "damping by the motor once it is stopped", default=50.0)
+
+    def initial(self, measured: Mapping[str, Any]) -> Any:
+        """At the first sample of the protocol."""
+        span = measured.get("span", jnp.zeros(()))
+        return {
+            "place": self.sequencer.initial(self.start_pressure, self.start_motor),
+            "motion": self.motion.initial(span),
+            "pressure": self.pressure.initial(),
+            "position": self.position.initial(),
+            "force": self.force.initial(),
+            "interlocks": self.interlocks.initial(),
+            "driven": jnp.asarray(span, float),
+            "stopped": jnp.asarray(False),
+        }
+
+    def step(
+        self, state: Any, measured: Mapping[str, Any], row: Any, dt: Any
+    ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
+        """One sample: commands ``valve`` [Pa], ``motor`` [N] and ``open``; shown are set-points, place and code."""
+        read = {name: measured[name] for name in CHANNELS if name in measured}
+        nothing = jnp.zeros(())
+        tension, span = read.get("tension", nothing), read.get("span", nothing)
+        motion, velocity = self.motion.step(state["motion"], span, dt)
+        asked = self.sequencer.set_points(state["place"], dt)
+        going = ~state["stopped"]
+        pressure, valve = self.pressure.step(
+            state["pressure"], asked.pressure, read.get("pressure", asked.pressure), dt, jnp.where(going, 1.0, 0.0)
+        )
+        # a set velocity is a set-point of the span that grows
+        driven = jnp.where(asked.mode == SPAN, asked.motor, state["driven"])
+        driven = jnp.where(asked.mode == TENSION, span, driven)
+        driven = jnp.where(asked.mode == VELOCITY, driven + asked.motor * dt, driven)
+        position, holding = self.position.step(
+            state["position"], driven, jnp.where(asked.mode == VELOCITY, asked.motor, asked.velocity),
+            asked.acceleration, span, velocity, tension, dt, jnp.where(going & (asked.mode != TENSION), 1.0, 0.0),
+        )  # fmt: skip
+        force, pulling = self.force.step(
+            state["force"], asked.motor, tension, velocity, dt, jnp.where(going & (asked.mode == TENSION), 1.0, 0.0)
+        )
+        motor = jnp.where(asked.mode == TENSION, pulling, holding)
+        commands = {"valve": valve, "motor": motor if self.has_motor else nothing}
+        watching, code = self.interlocks.step(state["interlocks"], read, commands, velocity, dt)
+        stopped = state["stopped"] | (code > 0) | state["place"].missed
+        place = self.sequencer.advance(
+            state["place"], asked, {**read, "velocity": velocity}, (span, velocity, tension), dt
+        )
+        place = place._replace(step=jnp.where(stopped, state["place"].step, place.step))
+        commands = {
+            "valve": jnp.where(stopped, 0.0, commands["valve"]),
+            "motor": jnp.where(stopped, -self.brake * velocity, commands["motor"]) if self.has_motor else nothing,
+            "open": jnp.where(stopped, 1.0, asked.open),
+        }
+        new = {
+            "place": place, "motion": motion, "pressure": pressure, "position": position, "force": force,
+            "interlocks": watching, "driven": driven, "stopped": stopped,
+        }  # fmt: skip
+        return new, commands, self._shown(asked, velocity, code, state["place"].missed, stopped)
+
+    def _shown(self, asked: SetPoints, velocity: Any, code: Any, missed: Any, stopped: Any) -> dict[str, Scalar]:
+        mode = asked.mode
+        return {
+            "command.pressure": asked.pressure,
+            "command.span": jnp.where(mode == SPAN, asked.motor, jnp.nan),
+            "command.velocity": jnp.where(mode == VELOCITY, asked.motor, jnp.nan),
+            "command.tension": jnp.where(mode == TENSION, asked.motor, jnp.nan),
+            "velocity": velocity,
+            "step": asked.step,
+            "record": asked.record,
+            "running": asked.running & ~stopped,
+            "code": code,
+            "missed": missed,
+        }

@@ -1,0 +1,237 @@
+"""The protocol on the sample clock: which step is under way, its set-points, and the tests that end it early.
+
+A plan becomes tables that a pure step reads, so that the same program runs in a simulation and by the wall clock. The
+sample at which a test comes true is the last of its step. Set-points that nobody knows beforehand begin where the machine
+is: at the last set-point while the motor's mode stays, else at the measured channel of the new mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ...components import Module
+from ...experiments.plan import Deferred, PlannedStep
+from ...experiments.steps import MODES
+from ...experiments.until import Until
+
+SPAN, VELOCITY, TENSION = range(3)
+assert MODES == ("span", "velocity", "tension")
+LEAST_STEPS, LEAST_SAMPLES = 16, 4096  # tables are padded to these or a power of two, so that few sizes are compiled
+
+
+class Place(NamedTuple):
+    """Where a protocol is.
+
+    Attributes:
+        step: its index, as large as the count of steps when all is done.
+        sample: within the step.
+        tests: state of every test.
+        pressure: set-point at the step's beginning [Pa].
+        motor: the same of the motor [unit of its mode].
+        missed: whether a test did not come true in a step that then has to stop.
+    """
+
+    step: Any
+    sample: Any
+    tests: Any
+    pressure: Any
+    motor: Any
+    missed: Any
+
+
+class SetPoints(NamedTuple):
+    """What a sample asks for.
+
+    Attributes:
+        pressure: [Pa]; as it was while the muscle is shut off.
+        open: 0 while the muscle is shut off, else 1.
+        mode: of the motor, see `MODES`.
+        motor: [m, m/s or N].
+        velocity: rate of a set-point of the span [m/s].
+        acceleration: of it [m/s^2].
+        step: index of the step.
+        record: whether the sample is kept (bool).
+        running: whether the protocol still goes on (bool).
+        fresh: whether it is the first sample of a step (bool).
+    """
+
+    pressure: Any
+    open: Any
+    mode: Any
+    motor: Any
+    velocity: Any
+    acceleration: Any
+    step: Any
+    record: Any
+    running: Any
+    fresh: Any
+
+
+class Line(NamedTuple):
+    """How a channel goes in every step, (steps,): a table from `offset` on, or a line from the beginning to `to`."""
+
+    tabled: Any
+    to: Any
+    seconds: Any
+
+
+class Sequencer(Module):
+    """A program of steps; built by `Sequencer.of`."""
+
+    count: Any
+    total: Any
+    offset: Any
+    mode: Any
+    shut: Any
+    record: Any
+    test: Any
+    must: Any
+    pressure: Line
+    motor: Line
+    table: dict[str, Any]
+    tests: tuple[Until, ...] = eqx.field(static=True)
+    rest_length: Any
+
+    @classmethod
+    def of(cls, steps: Sequence[PlannedStep], *, rest_length: float, period: float) -> Sequencer:
+        """The program of some steps that follow each other.
+
+        Args:
+            steps: of a plan.
+            rest_length: of the muscle [m].
+            period: of the samples [s].
+        """
+        tests = tuple(dict.fromkeys(s.until for s in steps if s.until is not None))
+        size = _padded(len(steps), LEAST_STEPS)
+        offset = np.concatenate([[0], np.cumsum([s.count for s in steps])])
+        samples = _padded(int(offset[-1]), LEAST_SAMPLES)
+        table = {name: np.zeros(samples) for name in ("pressure", "motor", "velocity", "acceleration")}
+        for s, begin in zip(steps, offset, strict=False):
+            part = slice(begin, begin + s.count)
+            if isinstance(s.pressure, np.ndarray):
+                table["pressure"][part] = s.pressure
+            if isinstance(s.motor, np.ndarray):
+                table["motor"][part] = s.motor
+                if s.mode == "span":
+                    table["velocity"][part], table["acceleration"][part] = _motion(s, period)
+
+        def each(of: Any, kind: Any, pad: Any = 0) -> Any:
+            return jnp.asarray(np.array([*map(of, steps), *[pad] * (size - len(steps))]), kind)
+
+        return cls(
+            count=each(lambda s: s.count, int, 1), total=jnp.asarray(len(steps)),
+            offset=jnp.asarray(np.pad(offset[:-1], (0, size - len(steps)))),
+            mode=each(lambda s: MODES.index(s.mode), int), shut=each(lambda s: s.pressure is None, bool),
+            record=each(lambda s: s.record, bool),
+            test=each(lambda s: -1 if s.until is None else tests.index(s.until), int, -1),
+            must=each(lambda s: s.until is not None and s.step.otherwise == "stop", bool),
+            pressure=_lines([s.pressure for s in steps], size), motor=_lines([s.motor for s in steps], size),
+            table={name: jnp.asarray(values) for name, values in table.items()}, tests=tests,
+            rest_length=jnp.asarray(float(rest_length)),
+        )  # fmt: skip
+
+    def initial(self, pressure: Any, motor: Any) -> Place:
+        """Before the first sample, where the set-points are [Pa; unit of the first step's mode]."""
+        zero = jnp.zeros((), int)
+        return Place(
+            zero, zero, self._fresh_tests(), jnp.asarray(pressure, float), jnp.asarray(motor, float),
+            jnp.asarray(False),
+        )  # fmt: skip
+
+    def _fresh_tests(self) -> tuple[Any, ...]:
+        return tuple(tuple(jnp.asarray(float(x)) for x in test.start()) for test in self.tests)
+
+    def set_points(self, place: Place, period: Any) -> SetPoints:
+        """What the sample at a place asks for; after the end what the last step asked for."""
+        running = place.step < self.total
+        j = jnp.where(running, place.step, self.total - 1)
+        i = jnp.where(running, place.sample, self.count[j] - 1)
+        at = self.offset[j] + i
+        seconds = i * period
+        pressure = jnp.where(
+            self.shut[j], place.pressure, self._value(self.pressure, "pressure", j, at, place.pressure, seconds)
+        )
+        motor = self._value(self.motor, "motor", j, at, place.motor, seconds)
+        line = self.motor
+        going = ~line.tabled[j] & (seconds < line.seconds[j]) & jnp.isfinite(line.seconds[j])
+        rate = jnp.where(going, (line.to[j] - place.motor) / line.seconds[j], self.table["velocity"][at])
+        return SetPoints(
+            pressure=pressure, open=jnp.where(self.shut[j], 0.0, 1.0), mode=self.mode[j], motor=motor,
+            velocity=jnp.where(self.mode[j] == SPAN, rate, 0.0), acceleration=self.table["acceleration"][at],
+            step=j, record=jnp.logical_and(self.record[j], running), running=running,
+            fresh=jnp.logical_and(place.sample == 0, running),
+        )  # fmt: skip
+
+    def _value(self, line: Line, name: str, j: Any, at: Any, start: Any, seconds: Any) -> Any:
+        share = jnp.clip(seconds / line.seconds[j], 0.0, 1.0)
+        return jnp.where(line.tabled[j], self.table[name][at], start + (line.to[j] - start) * share)
+
+    def advance(
+        self, place: Place, asked: SetPoints, measured: Mapping[str, Any], motor_at: Sequence[Any], period: Any
+    ) -> Place:
+        """The place of the next sample.
+
+        Args:
+            place: of this sample.
+            asked: its set-points.
+            measured: channels by name, with ``velocity`` [SI].
+            motor_at: where the motor's channel is in each mode, for a change of mode [m, m/s, N].
+            period: of the samples [s].
+        """
+        j = asked.step
+        ended, tests = jnp.asarray(False), []
+        for k, (test, state) in enumerate(zip(self.tests, place.tests, strict=True)):
+            command = asked.pressure if test.channel == "pressure" else asked.motor
+            new, true = test.step(state, measured, command, period, self.rest_length)
+            tests.append(new)
+            ended = jnp.logical_or(ended, jnp.logical_and(self.test[j] == k, true))
+        late = place.sample + 1 >= self.count[j]
+        over = jnp.logical_and(asked.running, jnp.logical_or(ended, late))
+        missed = asked.running & late & ~ended & self.must[j] & (self.test[j] >= 0)
+        after = jnp.where(over, place.step + 1, place.step)
+        coming = jnp.where(after < self.total, after, self.total - 1)
+        same = self.mode[coming] == asked.mode
+        where = jnp.stack([jnp.asarray(x, float) for x in motor_at])[self.mode[coming]]
+        motor = jnp.where(over, jnp.where(same, asked.motor, where), place.motor)
+        fresh = self._fresh_tests()
+        kept = tuple(
+            tuple(jnp.where(over, begin, now) for begin, now in zip(a, b, strict=True))
+            for a, b in zip(fresh, tests, strict=True)
+        )
+        return Place(
+            after, jnp.where(over, 0, place.sample + jnp.where(asked.running, 1, 0)), kept,
+            jnp.where(over, asked.pressure, place.pressure), motor, jnp.logical_or(place.missed, missed),
+        )  # fmt: skip
+
+
+def _padded(count: int, least: int) -> int:
+    size = least
+    while size < count:
+        size *= 2
+    return size
+
+
+def _lines(commands: Sequence[Any], size: int) -> Line:
+    tabled, to, seconds = np.ones(size, bool), np.zeros(size), np.ones(size)
+    for i, command in enumerate(commands):
+        if isinstance(command, Deferred):
+            tabled[i] = False
+            held = command.to is None or command.seconds is None
+            # one that stays is a line that takes for ever
+            to[i], seconds[i] = (0.0, np.inf) if held else (command.to, max(command.seconds, 1e-12))
+    return Line(jnp.asarray(tabled), jnp.asarray(to), jnp.asarray(seconds))
+
+
+def _motion(step: PlannedStep, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity and acceleration of a tabled span; a jump at its beginning has none."""
+    assert isinstance(step.motor, np.ndarray)
+    x = step.motor
+    if len(x) < 3:
+        return np.zeros(len(x)), np.zeros(len(x))
+    velocity = np.gradient(x, period)
+    return velocity, np.gradient(velocity, period)

@@ -1,0 +1,104 @@
+"""What a run keeps: chunks of samples, and at the end, or where it was interrupted, one recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...recordings.recording import Channel, Recording
+
+LONGEST_GAP = 1.5  # samples; further apart are samples between which something was left out
+
+
+class Chunks:
+    """Collects the samples that are to be kept; plain NumPy.
+
+    Args:
+        period: of the samples [s].
+        kinds: of every channel that may come: SI unit, kind (``"true"``, ``"measured"``, ``"command"``) and meaning.
+
+    Raises:
+        InputError: if the period is no time above zero.
+    """
+
+    def __init__(self, period: float, kinds: Mapping[str, tuple[str, str, str]]) -> None:
+        if not (math.isfinite(period) and period > 0.0):
+            raise InputError("period", float(period), "allowed is a time [s] above zero")
+        self.period, self.kinds = float(period), dict(kinds)
+        self._times: list[np.ndarray] = []
+        self._arrays: list[dict[str, np.ndarray]] = []
+
+    def __len__(self) -> int:
+        """Samples kept so far."""
+        return sum(len(t) for t in self._times)
+
+    def add(self, times: Any, arrays: Mapping[str, Any], keep: Any = True) -> None:
+        """Take the next samples; they are copied.
+
+        Args:
+            times: rising [s], (n,), after those that were kept before.
+            arrays: channels by name, (n,) each [their units]. A channel may be missing in some chunks.
+            keep: which samples to keep, (n,) or one for all.
+
+        Raises:
+            InputError: names the channel that is unknown or has another shape, or the time that does not rise.
+        """
+        t = np.asarray(times, np.float64)
+        if t.ndim != 1:
+            raise InputError("times", f"of shape {t.shape}", "allowed is one dimension")
+        kept = np.asarray(keep, bool)
+        if kept.shape not in ((), t.shape):
+            raise InputError("keep", f"of shape {kept.shape}", f"allowed is {t.shape}")
+        kept = np.broadcast_to(kept, t.shape)
+        chosen: dict[str, np.ndarray] = {}
+        for name, values in arrays.items():
+            column = np.asarray(values)
+            if name not in self.kinds:
+                raise InputError("channel", name, f"its unit is not known; known are {', '.join(self.kinds) or 'none'}")
+            if column.shape != t.shape:
+                raise InputError(f"channel {name}", f"of shape {column.shape}", f"the times have {t.shape}")
+            chosen[name] = np.array(column[kept], np.float64)
+        if kept.any():
+            self._append(t[kept], chosen)
+
+    def _append(self, times: np.ndarray, chosen: dict[str, np.ndarray]) -> None:
+        before = self._times[-1][-1:] if self._times else times[:0]
+        steps = np.diff(np.concatenate([before, times]))
+        if not (np.isfinite(times).all() and np.all(steps > 0.0)):
+            raise InputError(
+                "times", f"from {times[0]:.6g} s", "allowed are finite times that rise from chunk to chunk"
+            )
+        self._times.append(times)
+        self._arrays.append(chosen)
+
+    def recording(self, meta: Mapping[str, Any] | None = None) -> Recording:
+        """What was kept so far; a channel is NaN where a chunk did not have it.
+
+        The meta gets ``gaps``, the times [s] before and after each place where samples were left out, if there are any.
+
+        Raises:
+            InputError: if nothing was kept.
+        """
+        if not self._times:
+            raise InputError("recording", "empty", "no sample was kept; allowed is a run that records at least one")
+        time = np.concatenate(self._times)
+        present = {name for chunk in self._arrays for name in chunk}
+        channels = {
+            name: Channel(np.concatenate(self._column(name)), *self.kinds[name])
+            for name in self.kinds
+            if name in present
+        }
+        gaps = self._gaps(time)
+        return Recording(time, channels, {**(meta or {}), **({"gaps": gaps} if gaps else {})})
+
+    def _column(self, name: str) -> list[np.ndarray]:
+        pairs = zip(self._times, self._arrays, strict=True)
+        return [chunk[name] if name in chunk else np.full(times.shape, np.nan) for times, chunk in pairs]
+
+    def _gaps(self, time: np.ndarray) -> list[list[float]]:
+        places = np.flatnonzero(np.diff(time) > LONGEST_GAP * self.period)
+        return [[float(time[i]), float(time[i + 1])] for i in places]

@@ -1,0 +1,232 @@
+"""``protocols``: the experiments that ship or stand in a file: what they do, with which numbers, for how long."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import InputError
+from .words import Json, pairs, print_json, table
+
+if TYPE_CHECKING:
+    from ..experiments.protocol import Choice, Parameter, Protocol
+
+REST_LENGTH = 0.14  # of the muscle for which a duration is told [m]
+_TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
+_EXAMPLE = "pressure='1 bar, 3 bar'"
+
+Name = Annotated[
+    str | None, typer.Argument(metavar="[NAME]", help="A shipped protocol or a .toml file; all shipped where left out.")
+]
+Values = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PARAMETER=VALUE", help=f"Other values, several by commas, such as {_EXAMPLE}."),
+]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add this command to the table."""
+    app.command("protocols")(protocols)
+
+
+def protocols(
+    name: Name = None,
+    change: Values = None,
+    toml: Annotated[bool, typer.Option("--toml", help="Print the text of its file, and nothing else.")] = False,
+    as_json: Json = False,
+) -> None:
+    """List the protocols, or say what one of them does, with all its numbers."""
+    if name is None:
+        for option, given in (("--set", change), ("--toml", toml)):
+            if given:
+                raise InputError(option, "without a protocol", "allowed after the name of one")
+        _list(as_json)
+        return
+    chosen = chosen_protocol(name, change)
+    if as_json:
+        print_json(_described(chosen, _text(name, chosen, change)))
+    elif toml:
+        typer.echo(_text(name, chosen, change).rstrip("\n"))
+    else:
+        _print(chosen)
+
+
+def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
+    """A shipped protocol or that of a ``.toml`` file, with the values that ``--set`` gives.
+
+    Raises:
+        InputError: names what is unknown, out of bounds or in the wrong unit.
+    """
+    from ..experiments.library import shipped
+    from ..experiments.read import read_protocol, with_values
+
+    found = read_protocol(name) if name.endswith(".toml") else shipped(name)
+    given = {key: _several(key, words) for key, words in pairs(change, "--set", _EXAMPLE).items()}
+    if not given:
+        return found
+    try:
+        return with_values(found, given)
+    except InputError as error:
+        # a parameter is called as it was typed; the path of a step that it spoils is not
+        field = f"--set {error.field}" if error.field in given else error.field
+        raise InputError(field, error.value, error.allowed, where=error.where) from None
+
+
+def _several(key: str, words: str) -> Any:
+    values = [w.strip() for w in words.split(",") if w.strip()] if key not in _TEXTS else []
+    return values if len(values) > 1 else words
+
+
+def _list(as_json: bool) -> None:
+    from ..experiments.library import protocol_names, shipped
+
+    known = [shipped(name) for name in protocol_names()]
+    if as_json:
+        print_json({"protocols": [{"name": p.name, "title": p.title, "source": p.source} for p in known]})
+        return
+    table("Protocols", ["name", "what is done", "source"], [[p.name, p.title, p.source] for p in known])
+
+
+def _text(name: str, protocol: Protocol, change: list[str] | None) -> str:
+    """The file as it stands; that of the same protocol with other values where some were given."""
+    from importlib import resources
+
+    if change:
+        return protocol.toml()
+    if name.endswith(".toml"):
+        return Path(name).read_text(encoding="utf-8")
+    return (resources.files("mckibben.experiments") / "protocols" / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def _described(protocol: Protocol, text: str) -> dict[str, Any]:
+    from ..citations import known_keys, reference
+
+    key = protocol.source.split(",")[0]
+    return {
+        "name": protocol.name,
+        "title": protocol.title,
+        "source": protocol.source,
+        "reference": reference(key) if key in known_keys() else None,
+        "note": protocol.note,
+        "sentence": protocol.sentence(),
+        "choices": {c.name: _choice(c) for c in protocol.choices},
+        "parameters": {p.name: _parameter(protocol, p) for p in protocol.parameters},
+        "varied": list(protocol.varied()),
+        "needs": list(protocol.required()),
+        "sample_rate": protocol.sample_rate,
+        "order": protocol.order,
+        "seed": protocol.seed,
+        "repeat": protocol.repeat,
+        "duration": _duration(protocol),
+        "hash": protocol.digest,
+        "document": protocol.document(),
+        "toml": text,
+    }
+
+
+def _choice(choice: Choice) -> dict[str, Any]:
+    return {
+        "values": list(choice.values),
+        "inferred": [v for v in choice.values if v in choice.inferred],
+        "options": {option: dict(sets) for option, sets in choice.options},
+        "about": choice.about,
+        "note": choice.note,
+    }
+
+
+def _parameter(protocol: Protocol, p: Parameter) -> dict[str, Any]:
+    from ..experiments.amounts import read_amount
+    from ..experiments.sentence import is_inferred
+
+    def entry(value: Any) -> dict[str, Any]:
+        if p.unit == "word":
+            return {"value": value, "unit": "word", "words": value, "inferred": is_inferred(p, value)}
+        amount = read_amount(value, p.unit, field=p.name)
+        words = {"value": amount.value, "unit": amount.unit, "words": str(value)}
+        return words | {"inferred": is_inferred(p, value) or _by_inferred(protocol, p, value)}
+
+    return {
+        "unit": p.unit,
+        "values": [entry(v) for v in _values(protocol, p)],
+        "bounds": [entry(b) | {"inferred": False} for b in p.bounds] or None,
+        "set_by": None if p.values else _setter(protocol, p),
+        "about": p.about,
+        "note": p.note,
+    }
+
+
+def _values(protocol: Protocol, p: Parameter) -> list[Any]:
+    """Its own values, or those that a choice gives it."""
+    return list(p.values or dict.fromkeys(case[p.name] for case in protocol.cases()))
+
+
+def _setter(protocol: Protocol, p: Parameter) -> str:
+    return next(c.name for c in protocol.choices if any(p.name in dict(sets) for _, sets in c.options))
+
+
+def _by_inferred(protocol: Protocol, p: Parameter, value: Any) -> bool:
+    """Whether it stems from an option of a choice that no source prints."""
+    return not p.values and any(
+        c.sets(o).get(p.name) == value for c in protocol.choices for o in c.values if o in c.inferred
+    )
+
+
+def _duration(protocol: Protocol) -> dict[str, Any]:
+    """Longest time [s] for a usual muscle; none where it depends on what nobody knows beforehand."""
+    about: dict[str, Any] = {"rest_length": REST_LENGTH}
+    try:
+        plan = protocol.expand(rest_length=REST_LENGTH)
+    except InputError as error:
+        return about | {"longest": None, "samples": None, "steps": None, "note": str(error)}
+    until = any(step.until is not None for step in plan.steps)
+    note = "the longest: steps may end earlier" if until else ""
+    return about | {"longest": plan.duration, "samples": plan.samples, "steps": len(plan.steps), "note": note}
+
+
+def _print(protocol: Protocol) -> None:
+    found = _described(protocol, "")
+    typer.echo(found["sentence"] + "\n")
+    rows = []
+    for name, c in found["choices"].items():
+        values = [f"{v} (inferred)" if v in c["inferred"] else v for v in c["values"]]
+        rows.append([name, ", ".join(values), f"one of {', '.join(c['options'])}", _said(c)])
+    for name, p in found["parameters"].items():
+        values = [f"{v['words']} (inferred)" if v["inferred"] else str(v["words"]) for v in p["values"]]
+        # a bound is stated, a unit shows what else is allowed
+        allowed = " to ".join(b["words"] for b in p["bounds"]) if p["bounds"] else _kind(p["unit"])
+        rows.append([name, ", ".join(values), allowed, _said(p)])
+    if rows:
+        table("", ["parameter", "value", "allowed", ""], rows)
+    lines = [f"Needs: {', '.join(found['needs'])}."]
+    length = found["duration"]
+    if length["longest"] is None:
+        lines.append(f"Duration not known beforehand: {length['note']}.")
+    else:
+        at_most = "at most " if length["note"] else ""
+        lines.append(
+            f"Duration: {at_most}{_time(length['longest'])} in {length['steps']} steps, for a rest length of "
+            f"{100 * REST_LENGTH:g} cm."
+        )
+    if found["note"]:
+        lines.append(f"Note: {found['note'].rstrip('.')}.")
+    if found["source"]:
+        lines.append(f"Source: {found['source']}." + (f" {found['reference']}" if found["reference"] else ""))
+    lines.append(f"Hash: {found['hash']}")
+    typer.echo("\n" + "\n".join(lines))
+
+
+def _said(entry: dict[str, Any]) -> str:
+    by = f"set by {entry['set_by']}" if entry.get("set_by") else ""
+    return "; ".join(w for w in (by, entry["about"], entry["note"]) if w)
+
+
+def _kind(unit: str) -> str:
+    words = {"m": "a length, or in L0", "m/s": "a velocity, or in L0/s", "1": "a number", "word": "a word"}
+    return words.get(unit, f"a value in {unit}")
+
+
+def _time(seconds: float) -> str:
+    minutes, rest = divmod(seconds, 60.0)
+    return f"{minutes:.0f} min {rest:.3g} s" if minutes else f"{rest:.4g} s"

@@ -1,0 +1,266 @@
+"""``record``: what a recording holds, and pictures of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import InputError
+from .words import Json, pairs, print_json, table, writable
+
+if TYPE_CHECKING:
+    from ..recordings import Recording
+
+SENTENCE = 280  # characters of a protocol's sentence that a person is shown
+STEPS = 40  # rows of steps that a person is shown
+
+record = typer.Typer(
+    name="record",
+    help="Recordings: show what one holds, plot it.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+File = Annotated[Path, typer.Argument(metavar="FILE", help="A recording of mckibben, .nc or .csv.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add these commands to the table."""
+    app.add_typer(record)
+
+
+@record.command("show")
+def show(file: File, as_json: Json = False) -> None:
+    """Say what a recording is: protocol, muscle, rig, steps, channels, balance, events."""
+    from ..recordings import read_recording
+
+    found = _described(file, read_recording(file))
+    if as_json:
+        print_json(found)
+    else:
+        _print(found)
+
+
+@record.command("plot")
+def plot(
+    file: File,
+    out: Annotated[Path, typer.Option(metavar="PICTURE", help="An .svg, .png or .pdf file.")],
+    channels: Annotated[str | None, typer.Option(metavar="A,B", help="Channels to draw, parted by commas.")] = None,
+    against: Annotated[
+        str | None, typer.Option(metavar="CHANNEL", help="Draw over this channel instead of time, such as span.")
+    ] = None,
+    label: Annotated[str | None, typer.Option(help="Only steps of this label.")] = None,
+    case: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Only steps of this case, such as pressure='5 bar'.")
+    ] = None,
+    start: Annotated[str | None, typer.Option("--from", metavar="TIME", help="From this time on [s].")] = None,
+    end: Annotated[str | None, typer.Option("--to", metavar="TIME", help="Up to this time [s].")] = None,
+    title: Annotated[str | None, typer.Option(help="Instead of the recording's own title.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Draw a recording over time, or one channel over another."""
+    from ..recordings import read_recording
+
+    writable("--out", out, ".svg", ".png", ".pdf")
+    known = read_recording(file)
+    parts = _parts(_between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
+    names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
+    if names == []:
+        raise InputError("--channels", channels, "allowed are names of channels, parted by commas")
+    from ..report.figures import recording_figures as figures
+
+    if against is None:
+        drawn = figures.time_figure(parts, channels=names, title=title)
+    else:
+        drawn = figures.against_figure(parts, against, channels=names, title=title)
+    figures.write(drawn, out)
+    if as_json:
+        print_json(
+            {
+                "file": str(out),
+                "segments": len(parts),
+                "samples": sum(len(p) for p in parts),
+                "start": float(parts[0].time[0]),
+                "end": float(parts[-1].time[-1]),
+            }
+        )
+    else:
+        typer.echo(f"Written: {out}")
+
+
+def _between(known: Recording, start: str | None, end: str | None) -> Recording:
+    from ..quantities import parse
+
+    if start is None and end is None:
+        return known
+    first = None if start is None else parse(start, "s", field="--from", bare=True)
+    last = None if end is None else parse(end, "s", field="--to", bare=True)
+    try:
+        return known.select(first, last)
+    except InputError as error:
+        raise InputError("--from, --to", error.value, error.allowed) from None
+
+
+def _parts(known: Recording, label: str | None, case: Mapping[str, str], apart: bool) -> list[Recording]:
+    """The steps that are asked for; where none are, all of them if they shall be told apart, else the whole."""
+    from ..analysis.segments import segments
+
+    if label is not None or case or (apart and known.meta.get("steps")):
+        return segments(known, label, **case)
+    return [known]
+
+
+def _described(file: Path, known: Recording) -> dict[str, Any]:
+    import numpy as np
+
+    meta, several = known.meta, len(known) > 1
+    period = known.period if several else None
+    gaps = int((np.diff(known.time) > 1.5 * period).sum()) if period else 0
+    document = meta.get("protocol")
+    return {
+        "file": str(file),
+        "title": meta.get("title"),
+        "created": meta.get("created"),
+        "protocol": document.get("name") if isinstance(document, Mapping) else document,
+        "sentence": meta.get("sentence") or meta.get("run") or meta.get("circuit"),
+        "specimen": meta.get("specimen"),
+        "rig": meta.get("rig"),
+        "result": meta.get("result"),
+        "message": meta.get("message"),
+        "start": float(known.time[0]),
+        "end": float(known.time[-1]),
+        "duration": known.duration,
+        "samples": len(known),
+        "sample_rate": 1.0 / period if period else None,
+        "gaps": gaps,
+        "steps": _steps(known),
+        "varied": _varied(known),
+        "channels": _channels(known),
+        "balance": meta.get("balance"),
+        "saturation": meta.get("saturation") or {},
+        "events": meta.get("events") or [],
+        "warnings": meta.get("warnings") or [],
+        "citations": _citations(meta.get("citations")),
+    }
+
+
+def _steps(known: Recording) -> list[dict[str, Any]]:
+    from ..analysis.segments import steps_of
+
+    return steps_of(known) if known.meta.get("steps") else []
+
+
+def _varied(known: Recording) -> dict[str, list[str]]:
+    from ..analysis.segments import varied
+
+    return varied(known) if known.meta.get("steps") else {}
+
+
+def _channels(known: Recording) -> dict[str, dict[str, Any]]:
+    import numpy as np
+
+    return {
+        name: {**s, "known": float(np.isfinite(known[name]).mean()), "meaning": known.channels[name].meaning}
+        for name, s in known.summary().items()
+    }
+
+
+def _citations(keys: Any) -> list[dict[str, str]]:
+    from ..citations import known_keys, reference
+
+    listed = [str(key) for key in keys] if isinstance(keys, list) else []
+    # a newer version may cite what this one does not know
+    return [{"key": key, "reference": reference(key) if key in known_keys() else ""} for key in listed]
+
+
+def _print(found: dict[str, Any]) -> None:
+    typer.echo(f"{found['title'] or found['file']}")
+    if found["sentence"]:
+        typer.echo(_shortened(str(found["sentence"]).removeprefix(f"{found['title']}. ")))
+    about = [[key, _named(found[key])] for key in ("protocol", "specimen", "rig", "created") if found[key]]
+    rate = found["sample_rate"]
+    clock = f"{found['samples']} samples from {found['start']:.6g} s to {found['end']:.6g} s"
+    about.append(["time", clock + (f", every {_time(1.0 / rate)} ({rate:.6g} Hz)" if rate else "")])
+    if found["gaps"]:
+        about[-1][1] += f", {found['gaps']} gap{'s' if found['gaps'] > 1 else ''}"
+    if found["result"]:
+        about.append(["result", ": ".join(str(w) for w in (found["result"], found["message"]) if w)])
+    if isinstance(found["balance"], Mapping):
+        closed = [f"{k} {v:.1e}" for k, v in found["balance"].items() if isinstance(v, int | float)]
+        about.append(["balance", f"{', '.join(closed)} of what went through"])
+    typer.echo("")
+    table("", ["", ""], about)
+    _print_steps(found)
+    _print_channels(found["channels"])
+    _print_remarks(found)
+
+
+def _print_steps(found: dict[str, Any]) -> None:
+    steps, varied = found["steps"], found["varied"]
+    if not steps:
+        return
+    rows = []
+    for s in steps[:STEPS]:
+        case = ", ".join(f"{name} {s['case'][name]}" for name in varied if name in s["case"])
+        times = [f"{s[key]:.6g}" for key in ("start", "end")]
+        rows.append([str(s["index"]), s["label"], case, *times, s["ended_by"], "" if s["recorded"] else "not recorded"])
+    typer.echo("")
+    table("", ["step", "label", "case", "from, s", "to, s", "ended by", ""], rows, right=[0, 3, 4])
+    if len(steps) > STEPS:
+        typer.echo(f"... and {len(steps) - STEPS} more; --json lists all.")
+
+
+def _print_channels(channels: dict[str, dict[str, Any]]) -> None:
+    from ..quantities import from_si, shown_unit
+
+    rows = []
+    units = {"kg/s": "g/s", "kg": "g"}
+    for name, s in channels.items():
+        unit = units.get(s["unit"], shown_unit(s["unit"]))
+        nothing = s["known"] == 0.0
+        numbers = ["" if nothing else f"{from_si(s[k], s['unit'], unit):.4g}" for k in ("min", "mean", "max")]
+        share = "" if s["known"] == 1.0 else "nothing known" if nothing else f"known {100.0 * s['known']:.3g} %"
+        rows.append(
+            [name, s["kind"], *numbers, "" if unit == "1" else unit, "; ".join(w for w in (s["meaning"], share) if w)]
+        )
+    typer.echo("")
+    table("", ["channel", "kind", "min", "mean", "max", "unit", ""], rows, right=[2, 3, 4])
+
+
+def _print_remarks(found: dict[str, Any]) -> None:
+    lines = [f"Warning: {_named(w)}" for w in found["warnings"]]
+    for name, s in found["saturation"].items() if isinstance(found["saturation"], Mapping) else ():
+        if isinstance(s, Mapping):
+            told = [f"{100.0 * s['share']:.3g} % of its samples"] if _is_number(s.get("share")) else []
+            told += [f"first at {s['first']:.6g} s"] if _is_number(s.get("first")) else []
+            told += [f"at most {_time(s['longest'])} on end"] if _is_number(s.get("longest")) else []
+            lines.append(f"At the end of its range: {name}, {', '.join(told)}.")
+    for event in found["events"]:
+        if isinstance(event, Mapping) and _is_number(event.get("time")):
+            lines.append(f"{event['time']:>9.3f} s  {event.get('text', '')}")
+    lines += [f"[{c['key']}] {c['reference']}".rstrip() for c in found["citations"]]
+    if lines:
+        typer.echo("\n" + "\n".join(lines))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _time(seconds: float) -> str:
+    from ..experiments.waveforms import time_words
+
+    return time_words(seconds)
+
+
+def _named(value: Any) -> str:
+    """What a table of the meta is called, or the word itself."""
+    if isinstance(value, Mapping):
+        return str(next((value[key] for key in ("title", "name", "id", "text") if value.get(key)), ", ".join(value)))
+    return str(value)
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= SENTENCE else text[:SENTENCE].rsplit(" ", 1)[0] + " ..."

@@ -1,0 +1,47 @@
+"""What acts once per sample: a machine that can be measured, and the software that commands it."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Mapping
+from typing import Any
+
+from .module import Module, Scalar
+from .system import System
+
+
+class Plant(System):
+    """A system behind converters: software sees its measured channels only, and sets its inputs once per sample."""
+
+    @abc.abstractmethod
+    def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+        """Measured channels by name [SI].
+
+        Args:
+            state: of the system.
+            memory: of the system.
+            inputs: in force.
+            row: what this sample brings from outside, such as draws of the noise.
+        """
+
+    @abc.abstractmethod
+    def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+        """The inputs that the output converters hold, by signal, for the commands of the software by name [SI]."""
+
+    @abc.abstractmethod
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+        """The signals, and beside them the late ones of parts that have dead time."""
+
+
+class Software(Module):
+    """A pure step on the sample clock: what a controller, a protocol and its interlocks do with measured channels."""
+
+    @abc.abstractmethod
+    def initial(self, measured: Mapping[str, Any]) -> Any:
+        """State before the first sample, a tree of arrays."""
+
+    @abc.abstractmethod
+    def step(
+        self, state: Any, measured: Mapping[str, Any], row: Any, dt: Any
+    ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
+        """One sample: the new state, the commands by name [SI], and what a recording shows of it."""

@@ -1,0 +1,186 @@
+"""A machine and its software on one clock: the software acts once per sample, the physics takes whole steps between.
+
+`sample` is one sample as a pure function. A simulation scans it, a loop by the wall clock calls it. Commands are held; they
+act `latency` after the sample that computed them, and parts with dead time see them later still: a short history of each
+command is kept on the sample clock, of which every step sees the mean over itself (see `Signal.within`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..components.sampled import Plant, Software
+from ..errors import ConvergenceError
+from .integrate import MOST_PARTS, ROS2_LIMIT
+from .rates import RK4_LIMIT
+from .signals import Signal, Value
+from .step import step
+
+MOST_SPLIT = 8  # parts of a step up to which Runge-Kutta is cheaper than the stiff method
+
+
+class Carry(NamedTuple):
+    """Everything that goes from one sample to the next.
+
+    Attributes:
+        state: of the plant.
+        memory: of the plant.
+        integrals: independent integrals of the plant since the start.
+        software: state of the software.
+        history: of each input, oldest first, (n,); the last one is the newest command.
+    """
+
+    state: Any
+    memory: Any
+    integrals: Any
+    software: Any
+    history: dict[str, Any]
+
+
+class Seen(NamedTuple):
+    """One sample as it was seen.
+
+    Attributes:
+        outputs: of the plant, true.
+        measured: channels that the software saw.
+        commands: inputs that its commands became.
+        shown: by the software.
+        steepest: the plant's own bound of its fastest mode [1/s].
+        sound: whether the state can be at all and is finite (bool).
+    """
+
+    outputs: dict[str, Any]
+    measured: dict[str, Any]
+    commands: dict[str, Any]
+    shown: dict[str, Any]
+    steepest: Any
+    sound: Any
+
+
+def begin(
+    plant: Plant, software: Software, start: tuple[Any, Any], commands: Mapping[str, float], row: Any, depth: int
+) -> Carry:
+    """What goes into the first sample.
+
+    Args:
+        plant: the machine.
+        software: what commands it.
+        start: state and memory of the plant.
+        commands: by name, in force until the first sample's act [SI].
+        row: as the first sample's.
+        depth: of the history, in samples: enough for latency and dead times, at least 2.
+    """
+    history = {name: jnp.full((depth,), value) for name, value in plant.convert(commands).items()}
+    now = _inputs(plant, history, 0.0, 1.0, 1.0)
+    sums = jax.tree.map(jnp.zeros_like, plant.integrands(*start, now))
+    return Carry(*start, sums, software.initial(plant.sense(*start, now, row)), history)
+
+
+def sample(
+    plant: Plant, software: Software, carry: Carry, row: Any, *, period: Any, inner: Any, latency: Any, stiff: bool
+) -> tuple[Carry, Seen]:
+    """One sample, and the physics until the next one.
+
+    Args:
+        plant: the machine.
+        software: what commands it.
+        carry: from the sample before.
+        row: what the sample brings from outside.
+        period: of the samples [s].
+        inner: whole steps of the physics per sample.
+        latency: from a sample to the action of its commands [s].
+        stiff: use the Rosenbrock method.
+    """
+    now = _inputs(plant, carry.history, latency, 1.0, period)
+    measured = plant.sense(carry.state, carry.memory, now, row)
+    own, commands, shown = software.step(carry.software, measured, row, period)
+    newest = plant.convert(commands)
+    history = {name: jnp.append(past[1:], newest[name]) for name, past in carry.history.items()}
+    finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((carry.state, carry.memory))]).all()
+    seen = Seen(
+        plant.outputs(carry.state, carry.memory, now), measured, newest, shown,
+        plant.steepest_rate(carry.state, carry.memory, now), plant.admissible(carry.state) & finite,
+    )  # fmt: skip
+    signals = _signals(plant, history, latency)
+    last = len(next(iter(history.values()))) - 1
+    h = period / inner
+
+    def one(i: Any, physics: Any) -> Any:
+        first, then = i / inner, (i + 1) / inner
+
+        def inputs(share: Any) -> dict[str, Any]:
+            return {n: s.within(last, first, then, share, period) for n, s in signals.items()}
+
+        return step(plant, physics, inputs, h, stiff)
+
+    physics = jax.lax.fori_loop(0, inner, one, (carry.state, carry.memory, carry.integrals))
+    return Carry(*physics, own, history), seen
+
+
+def march(
+    plant: Plant, software: Software, carry: Carry, rows: Any, period: Any, inner: Any, latency: Any, stiff: bool
+) -> tuple[Carry, Seen]:
+    """Many samples, one per row: the carry afterwards, and what was seen at every sample."""
+
+    def one(carry: Carry, row: Any) -> tuple[Carry, Seen]:
+        return sample(plant, software, carry, row, period=period, inner=inner, latency=latency, stiff=stiff)
+
+    return jax.lax.scan(one, carry, rows)
+
+
+_marched = jax.jit(march, static_argnums=(7,))
+
+
+def advance(
+    plant: Plant, software: Software, carry: Carry, rows: Any, *, period: float, inner: int, latency: float
+) -> tuple[Carry, Seen, int]:
+    """Many samples with steps that the plant's own rates allow.
+
+    Conservation does not show an unstable step that a saturation hides, so the plant's bound is watched at every sample;
+    where the steps were too long, the samples are done again with shorter ones, or by the stiff method.
+
+    Returns:
+        The carry afterwards, what was seen as NumPy arrays, and the steps per sample that were taken.
+
+    Raises:
+        ConvergenceError: if a state is not finite or impossible, or no step is short enough.
+    """
+    split, stiff = 1, False
+    while True:
+        after, seen = _marched(plant, software, carry, rows, period, inner * split, latency, stiff)
+        seen = jax.tree.map(np.asarray, seen)
+        h = period / (inner * split)
+        fastest = float(np.max(seen.steepest))
+        fits = np.isfinite(fastest) and fastest * h <= (ROS2_LIMIT if stiff else RK4_LIMIT) * (1.0 + 1e-9)
+        if fits and bool(seen.sound.all()):
+            return after, seen, inner * split
+        needed = math.ceil(fastest * period / (RK4_LIMIT * inner)) if np.isfinite(fastest) else MOST_SPLIT + 1
+        if needed <= split and not bool(seen.sound.all()):
+            raise ConvergenceError(f"A state is not finite, or not possible, with steps of {h:.3g} s.")
+        if stiff or split >= MOST_PARTS:
+            raise ConvergenceError(f"A mode of the system is too fast ({fastest:.3g} 1/s) for steps of {h:.3g} s.")
+        if needed <= MOST_SPLIT:
+            split = max(needed, split + 1)
+        else:
+            needed = math.ceil(fastest * period / (ROS2_LIMIT * inner)) if np.isfinite(fastest) else MOST_SPLIT
+            split, stiff = min(needed, MOST_PARTS), True
+
+
+def inputs_of(plant: Plant, carry: Carry, latency: float, period: float) -> dict[str, Value]:
+    """The inputs in force at the end of the sample before."""
+    return _inputs(plant, carry.history, latency, 1.0, period)
+
+
+def _signals(plant: Plant, history: Mapping[str, Any], latency: Any) -> dict[str, Signal]:
+    return plant.commands({name: Signal(past, delay=latency) for name, past in history.items()})
+
+
+def _inputs(plant: Plant, history: Mapping[str, Any], latency: Any, share: Any, period: Any) -> dict[str, Value]:
+    last = len(next(iter(history.values()))) - 1
+    return {n: s.at(last, share, period) for n, s in _signals(plant, history, latency).items()}

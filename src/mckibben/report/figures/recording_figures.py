@@ -1,0 +1,351 @@
+"""A recording over time, its channels stacked by quantity, and one channel over another, told apart by case.
+
+Over time a measured channel is a line, the true one of a simulation a thin line on it, a command dashed. A line ends where
+samples are missing. Over another channel each case has its own shade and its words at the line's end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...analysis.segments import amount_of, steps_of
+from ...errors import InputError
+from ...recordings.recording import Recording
+from . import style
+from .recording_panels import Panel, checked_names, envelope, panels, path, usual_channels
+from .style import DASHES, INK_2, PANEL, RECORDING_DASHES, SMALL, SUNKEN
+
+WIDTH = 8.4  # [inch]
+MOST_LABELS = 16
+MOST_LETTERS = 26  # of a key; more would leave the page
+_SAID = ("pressure", "pressure_abs", "mass_flow", "tension", "length")
+_UNITS = {"Pa": "pressure", "N": "tension", "m": "length"}
+
+
+class Family(NamedTuple):
+    """Parts of a recording that belong together, and what tells them from the others."""
+
+    words: str
+    parts: list[Recording]
+
+
+@style.styled()
+def time_figure(
+    parts: Sequence[Recording], *, channels: Sequence[str] | None = None, title: str | None = None
+) -> Figure:
+    """Channels over time, one pair of axes per quantity and unit.
+
+    Args:
+        parts: of one recording, by time, such as `analysis.segments.segments` gives; or the whole.
+        channels: names; `recording_panels.usual_channels` where left out.
+        title: instead of the recording's own.
+
+    Raises:
+        InputError: there is no such channel, or nothing to draw.
+    """
+    record = parts[0]
+    names = usual_channels(parts) if channels is None else checked_names(record, channels)
+    _check_known(parts, names)
+    drawn = panels(record, names)
+    steps = _lane_steps(parts)
+    top, each, gap, foot = 0.72 + (0.3 if steps else 0.0), 1.3, 0.42, 0.5  # [inch]
+    heights = [0.75 * each if p.quantity == "valve" else each for p in drawn]
+    height = top + sum(heights) + gap * (len(drawn) - 1) + foot
+    fig = style.figure(WIDTH, height)
+    limits = (float(parts[0].time[0]), float(parts[-1].time[-1]))
+    y = height - top
+    for i, (panel, own) in enumerate(zip(drawn, heights, strict=True)):
+        ax = fig.add_axes((0.065, (y - own) / height, 0.715, own / height))
+        y -= own + gap
+        _draw(ax, parts, panel)
+        ax.set_xlim(*limits if limits[1] > limits[0] else (limits[0] - 0.5, limits[1] + 0.5))
+        last = i == len(drawn) - 1
+        style.quantity_axes(ax, x=("Time, s" if last else "", None), y=(panel.heading, panel.quantity))
+        if not last:
+            ax.tick_params(labelbottom=False)
+        if i == 0:
+            _head(ax, record, title, above=24.0 + (22.0 if steps else 0.0))
+            if steps:
+                _lane(ax, steps, limits)
+    return fig
+
+
+@style.styled()
+def against_figure(
+    parts: Sequence[Recording], against: str, *, channels: Sequence[str] | None = None, title: str | None = None
+) -> Figure:
+    """Channels over another channel, the parts of each case in a shade of their own.
+
+    Args:
+        parts: of one recording, as for `time_figure`.
+        against: name of the channel on the horizontal axis.
+        channels: names; the measured tension where left out.
+        title: instead of the recording's own.
+
+    Raises:
+        InputError: there is no such channel, or nothing to draw.
+    """
+    record = parts[0]
+    (across,) = checked_names(record, [against], field="--against")
+    names = _upright(record, across) if channels is None else checked_names(record, channels)
+    if across in names:
+        raise InputError("--channels", across, "it stands on the other axis; allowed is another channel")
+    _check_known(parts, [across, *names])
+    (x,) = panels(record, [across])
+    drawn, families = panels(record, names), told_apart(parts)
+    each, top, gap, foot = 4.0 if len(drawn) == 1 else 2.6, 0.72, 0.5, 0.55  # [inch]
+    height = top + each * len(drawn) + gap * (len(drawn) - 1) + foot
+    fig = style.figure(style.MIDDLE, height)
+    for i, panel in enumerate(drawn):
+        bottom = foot + (len(drawn) - 1 - i) * (each + gap)
+        ax = fig.add_axes((0.08, bottom / height, 0.72, each / height))
+        _draw_against(ax, families, panel, x)
+        last = i == len(drawn) - 1
+        style.quantity_axes(ax, x=(x.heading if last else "", x.quantity), y=(panel.heading, panel.quantity))
+        if not last:
+            ax.tick_params(labelbottom=False)
+        if i == 0:
+            _head(ax, record, title, above=24.0)
+        _name_families(ax, families, panel, x)
+        if len(panel.names) > 1:
+            _key(ax, loc="best", bbox_to_anchor=None)
+    return fig
+
+
+def told_apart(parts: Sequence[Recording]) -> list[Family]:
+    """The parts by what varies among them: the words of their cases, else their labels; sorted by amount."""
+    steps = [part.meta.get("step") for part in parts]
+    if not all(isinstance(step, Mapping) for step in steps):
+        return [Family("", list(parts))]
+    known = [steps_of(part)[0] for part in parts]
+    values: dict[str, dict[str, None]] = {}
+    for step in known:
+        for name, words in step["case"].items():
+            values.setdefault(name, {})[words] = None
+    named = [name for name, words in values.items() if len(words) > 1]
+    families: dict[tuple[str, ...], list[Recording]] = {}
+    for part, step in zip(parts, known, strict=True):
+        label = str(step["label"]) if not named else ""
+        families.setdefault(tuple(step["case"].get(n, "") for n in named) or (label,), []).append(part)
+    several = len(families) > 1
+    keys = sorted(families, key=lambda key: [amount_of(word) for word in key])
+    return [Family(", ".join(key) if several else "", families[key]) for key in keys]
+
+
+def write(fig: Figure, file: str | Path) -> None:
+    """Write the figure to an ``.svg``, ``.png`` or ``.pdf`` file, without a date."""
+    if Path(file).suffix != ".pdf":
+        style.save(fig, file, dpi=130.0)
+        return
+    with style.styled():
+        fig.savefig(file, metadata={"CreationDate": None, "Creator": None, "Producer": None})
+
+
+# ---- over time
+
+
+def _draw(ax: Axes, parts: Sequence[Recording], panel: Panel) -> None:
+    time, scale = np.concatenate([p.time for p in parts]), panel.scale()
+    kinds = {name: parts[0].channels[name].kind for name in panel.names}
+    for name in panel.names:
+        alike = [n for n in panel.names if kinds[n] == kinds[name]]
+        values = np.concatenate([p[name] for p in parts])
+        look = _look(kinds, name, alike.index(name), len(alike))
+        ax.plot(
+            *envelope(time, values * scale),
+            color=style.colour(panel.quantity),
+            label=_key_words(parts[0], name),
+            **look,
+        )
+    _set_range(ax, panel)
+    # A key beside the axes and not labels at the ends: command, true and measured mostly end in one point.
+    _key(ax, loc="upper left", bbox_to_anchor=(1.005, 1.1), labelcolor=style.colour(panel.quantity))
+
+
+def _set_range(ax: Axes, panel: Panel) -> None:
+    """From zero where the values are not far from it; a valve's whole range; rounding is not drawn as a change."""
+    low, high = ax.get_ylim()
+    least = 1e-3 * max(abs(low), abs(high))
+    if high - low < least:
+        low, high = 0.5 * (low + high - least), 0.5 * (low + high + least)
+    if panel.quantity == "valve":
+        low, high = min(low, -8.0), max(high, 108.0)
+    elif panel.quantity in ("pressure", "tension") and 0.0 < low < 0.6 * high:
+        low = 0.0
+    ax.set_ylim(low, high)
+
+
+def _look(kinds: Mapping[str, str], name: str, rank: int, count: int) -> dict[str, Any]:
+    """How a line is drawn by its kind, its place among those of the same kind, and what else is there."""
+    kind, held = kinds[name], set(kinds.values())
+    opacity = style.graded(count, 0.55)[::-1][rank]
+    if kind == "command":
+        return {"lw": style.LINE, "linestyle": DASHES["length"], "alpha": opacity, "zorder": 2.6}
+    if kind == "true" and "measured" in held:
+        return {"lw": 0.8, "linestyle": "-", "alpha": opacity, "zorder": 2.8}
+    # A true line on a measured one of the same colour is seen where that one is pale and wide.
+    if kind == "measured" and any(n.endswith(f".{name}") and k == "true" for n, k in kinds.items()):
+        return {"lw": style.HEAVY + 0.6, "linestyle": "-", "alpha": 0.4, "zorder": 2.3}
+    dash = RECORDING_DASHES[rank % 3] if "command" not in held and kind == "true" else "-"
+    return {"lw": style.LINE + 0.2, "linestyle": dash, "alpha": opacity, "zorder": 2.4 - 0.01 * rank}
+
+
+def _key(ax: Axes, **options: Any) -> None:
+    look = {"frameon": False, "fontsize": SMALL, "handlelength": 2.6, "labelspacing": 0.35, "borderpad": 0.2}
+    ax.legend(**look | options)
+
+
+def _key_words(record: Recording, name: str) -> str:
+    """A channel's name as it stands in a key; where all are true, without the quantity that the axes state."""
+    words, kind = name, record.channels[name].kind
+    if not record.names("measured"):
+        owner, _, last = name.rpartition(".")
+        words, kind = (owner if owner and last in _SAID else name), "measured"
+    words = words.replace("_", " ").replace(".", " ")
+    words = words if kind == "measured" or kind in words else f"{words}, {kind}"
+    return words if len(words) <= MOST_LETTERS else f"{words[: MOST_LETTERS - 1]}\N{HORIZONTAL ELLIPSIS}"
+
+
+def _lane_steps(parts: Sequence[Recording]) -> list[tuple[float, float, list[str]]]:
+    """Beginning and end [s] of the steps that are drawn, and what may stand on them, the longest first."""
+    if not parts[0].meta.get("steps"):
+        return []
+    listed = [s for p in parts for s in steps_of(p)] if "step" in parts[0].meta else steps_of(parts[0])
+    start, end = parts[0].time[0], parts[-1].time[-1]
+    shown = [s for s in listed if s["recorded"] and s["end"] > start and s["start"] <= end]
+    values: dict[str, set[str]] = {}
+    for step in shown:
+        for name, words in step["case"].items():
+            values.setdefault(name, set()).add(words)
+    found = []
+    for step in shown:
+        case = ", ".join(words for name, words in step["case"].items() if len(values[name]) > 1)
+        label = str(step["label"])
+        found.append(
+            (step["start"], step["end"], [f"{label}, {case}" if label and case else label or case, case, label])
+        )
+    return found
+
+
+def _lane(ax: Axes, steps: Sequence[tuple[float, float, list[str]]], limits: tuple[float, float]) -> None:
+    """The steps as bars above the axes, with their words where these fit."""
+    box = ax.get_window_extent()
+    height, points = box.height * 72.0 / ax.figure.dpi, box.width * 72.0 / ax.figure.dpi
+    lane = ax.inset_axes((0.0, 1.0 + 20.0 / height, 1.0, 13.0 / height))
+    lane.set_xlim(*limits)
+    lane.set_ylim(0.0, 1.0)
+    lane.axis("off")
+    for start, end, words in steps:
+        a, b = max(start, limits[0]), min(end, limits[1])
+        lane.axvspan(a, b, facecolor=SUNKEN, edgecolor=PANEL, lw=1.0)
+        room = (b - a) / (limits[1] - limits[0]) * points - 6.0
+        fitting = next((w for w in words if w and 0.6 * SMALL * len(w) < room), "")
+        lane.text(0.5 * (a + b), 0.45, fitting, fontsize=SMALL, color=INK_2, ha="center", va="center_baseline")
+
+
+# ---- over another channel
+
+
+def _upright(record: Recording, across: str) -> list[str]:
+    for name in ("tension", "muscle.tension"):
+        if name in record and name != across:
+            return [name]
+    raise InputError("--channels", "not given", f"allowed are channels over {across}: {', '.join(record.names())}")
+
+
+def _draw_against(ax: Axes, families: Sequence[Family], panel: Panel, x: Panel) -> None:
+    (across,) = x.names
+    kinds = {name: families[0].parts[0].channels[name].kind for name in panel.names}
+    for family, opacity in zip(families, style.graded(len(families), 0.4), strict=True):
+        for name in panel.names:
+            alike = [n for n in panel.names if kinds[n] == kinds[name]]
+            xs, ys = [], []
+            for part in family.parts:
+                px, py = path(part.time, part[across] * x.scale(), part[name] * panel.scale())
+                xs += [px, [np.nan]]
+                ys += [py, [np.nan]]
+            look = _look(kinds, name, alike.index(name), len(alike))
+            look["alpha"] = opacity * (0.65 if look["lw"] > style.HEAVY else 1.0)
+            label = _key_words(family.parts[0], name) if family is families[-1] else None
+            colour = style.colour(panel.quantity)
+            ax.plot(np.concatenate(xs), np.concatenate(ys), color=colour, label=label, solid_joinstyle="round", **look)
+            ax.get_lines()[-1].set_gid(family.words if name == panel.names[0] else None)
+    _set_range(ax, panel)
+    ax.set_xlim(*ax.get_xlim())  # labels at the ends need limits that are final
+
+
+def _name_families(ax: Axes, families: Sequence[Family], panel: Panel, x: Panel) -> None:
+    """The words of each family at the right end of its line, or in a key beside it where the lines end in one place.
+
+    Of very many families only some, evenly chosen.
+    """
+    some = [family for family in families if family.words]
+    if len(some) > MOST_LABELS:
+        some = [some[i] for i in np.linspace(0, len(some) - 1, MOST_LABELS).round().astype(int)]
+    ends = [(*end, f.words) for f in some if (end := _right_end(f, panel, x)) is not None]
+    if not ends:
+        return
+    units = {_UNITS.get(amount_of(words)[2]) for *_, words in ends}
+    quantity = units.pop() if len(units) == 1 else None
+    places = sorted(float(ax.transData.transform(end[:2])[1]) * 72.0 / ax.figure.dpi for end in ends)
+    if len(places) < 2 or np.diff(places).min() >= 1.5 * SMALL:
+        style.end_labels(ax, ends, quantity=quantity)
+        return
+    lines = {line.get_gid(): line for line in ax.get_lines() if line.get_gid()}
+    shown = [f.words for f in some[::-1]]
+    key = ax.legend(
+        [lines[w] for w in shown], shown, loc="upper left", bbox_to_anchor=(1.01, 1.02), frameon=False,
+        fontsize=SMALL, handlelength=2.6, labelspacing=0.35, borderpad=0.2, labelcolor=style.colour(quantity),
+    )  # fmt: skip
+    ax.add_artist(key)  # a second key may follow
+
+
+def _right_end(family: Family, panel: Panel, x: Panel) -> tuple[float, float] | None:
+    """Where the first line of a family ends at the right, in the units of the axes."""
+    part = family.parts[-1]
+    across, up = part[x.names[0]], part[panel.names[0]]
+    both = np.isfinite(across) & np.isfinite(up)
+    if not both.any():
+        return None
+    # Noise decides which sample lies furthest right: the middle of the last hundredth is steadier.
+    right = across[both] >= np.quantile(across[both], 0.99)
+    return float(across[both].max()) * x.scale(), float(np.median(up[both][right])) * panel.scale()
+
+
+# ---- both
+
+
+def _head(ax: Axes, record: Recording, title: str | None, *, above: float) -> None:
+    note = _note(record)
+    head = str(record.meta.get("title", "")) if title is None else title
+    style.heading(ax, head, above=above + (12.0 if note else 0.0))
+    if note:
+        style.note(ax, note, dy=above, va="bottom")
+
+
+def _note(record: Recording) -> str:
+    """Muscle and rig, an end that was none, and sensors that were at their limit."""
+    meta = record.meta
+    said = [str(meta[key]) for key in ("specimen", "rig") if isinstance(meta.get(key), str)]
+    if meta.get("result", "done") != "done":
+        said.append(str(meta.get("message") or meta["result"]))
+    clipped = meta.get("saturation")
+    for name, told in clipped.items() if isinstance(clipped, Mapping) else ():
+        share = told.get("share") if isinstance(told, Mapping) else None
+        if isinstance(share, int | float) and share > 0.0:
+            said.append(f"{name} at the end of its range in {100.0 * share:.2g} % of the recording")
+    return ", ".join(said)
+
+
+def _check_known(parts: Sequence[Recording], names: Sequence[str]) -> None:
+    for name in names:
+        if not any(np.isfinite(part[name]).any() for part in parts):
+            raise InputError("--channels", name, "nothing is known of it there; allowed is a channel with values")
+    if not names:
+        raise InputError("recording", "no channel", "allowed is one with channels")

@@ -1,0 +1,166 @@
+"""Which channels of a recording share a pair of axes, in which unit and colour, and how many of their samples are drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...errors import InputError
+from ...experiments.waveforms import near
+from ...quantities import from_si, shown_unit
+from ...recordings.recording import Recording
+
+COLUMNS = 1600  # into which a time axis is divided; more than its pixels
+MOST = 8 * COLUMNS  # samples of a line that is drawn as it is
+GAP = 1.5  # intervals between samples; more, and the line ends there
+_DRIVEN = ("command", "opening", "position", "running")  # what the valve's axes show of pure numbers
+# What axes are called, whose colour they take, the unit that is read, by SI unit; in the order in which they are stacked.
+_KNOWN: dict[str, tuple[str, str | None, str]] = {
+    "Pa": ("Pressure", "pressure", "bar"),
+    "N": ("Tension", "tension", "N"),
+    "m": ("Length", "length", "cm"),
+    "m/s": ("Velocity", None, "cm/s"),
+    "kg/s": ("Mass flow", "flow", "g/s"),
+    "m^3/s": ("Flow", "flow", "L/min"),
+}
+_SIGNS = {"percent": "%", "cm^3": "cm³", "cm^2": "cm²"}
+_DERIVED: dict[str, tuple[str, str]] = {
+    "K": ("Temperature", "K"), "kg": ("Mass", "g"), "m^3": ("Volume", "cm^3"), "J": ("Energy", "J"), "W": ("Power", "W"),
+    "V": ("Voltage", "V"), "A": ("Current", "A"),
+}  # fmt: skip
+
+
+class Panel(NamedTuple):
+    """One pair of axes: what it shows, whose colour it takes (None: ink), its units, and its channels."""
+
+    title: str
+    quantity: str | None
+    unit: str
+    si_unit: str
+    names: list[str]
+
+    @property
+    def heading(self) -> str:
+        """Title and unit, as they stand at an axis."""
+        return self.title if self.unit == "1" else f"{self.title}, {_SIGNS.get(self.unit, self.unit)}"
+
+    def scale(self) -> float:
+        """From SI to the unit that is read."""
+        return from_si(1.0, self.si_unit, self.unit)
+
+
+def panels(record: Recording, names: Sequence[str]) -> list[Panel]:
+    """Channels by quantity and unit, in the order in which each is first named."""
+    grouped: dict[tuple[str, str | None, str, str], list[str]] = {}
+    for name in names:
+        grouped.setdefault(_axes(name, record.unit(name)), []).append(name)
+    return [Panel(_title(key[0], found), *key[1:], found) for key, found in grouped.items()]
+
+
+def checked_names(record: Recording, names: Iterable[str], *, field: str = "--channels") -> list[str]:
+    """Names of channels, each once, or `InputError` with the nearest one that there is."""
+    wanted = list(dict.fromkeys(names))
+    for name in wanted:
+        if name not in record:
+            has = ", ".join(record.names())
+            raise InputError(field, name, f"{near(name, record.names())}the recording has {has}")
+    return wanted
+
+
+def usual_channels(parts: Sequence[Recording]) -> list[str]:
+    """What is drawn where nobody says: measured, its commands in force and its true values, one quantity after another.
+
+    Without measured channels all pressures, tensions, lengths, flows and valves that are not zero throughout.
+
+    Args:
+        parts: of one recording.
+    """
+    record = parts[0]
+    measured = record.names("measured")
+    if measured:
+        found = [*measured, *(n for n in record.names("true") if n.removeprefix("muscle.") in measured)]
+        found += [n for n in record.names("command") if n.rpartition(".")[2] in measured or n.startswith("valve")]
+    else:
+        valves = [n for n in record.names() if _axes(n, record.unit(n))[1] == "valve"]
+        found = [n for n in record.names() if record.unit(n) in _KNOWN and not n.endswith("_abs")] + valves
+        # an atmosphere says nothing
+        found = [n for n in found if any(np.nanmax(np.abs(part[n]), initial=0.0) > 0.0 for part in parts)]
+    known = [n for n in record.names() if any(np.isfinite(part[n]).any() for part in parts)]
+    order = [*_KNOWN]
+    found = [n for n in found if n in known] or known
+    return sorted(found, key=lambda n: order.index(record.unit(n)) if record.unit(n) in order else len(order))
+
+
+def envelope(time: np.ndarray, values: np.ndarray, columns: int = COLUMNS) -> tuple[np.ndarray, np.ndarray]:
+    """A line over time as it is drawn: of many samples the first, least, greatest and last of every column.
+
+    The picture is that of all samples. A NaN stands between samples that are more than `GAP` usual intervals apart, and
+    where values are not known.
+
+    Args:
+        time: increasing [s], (n,).
+        values: (n,).
+        columns: into which the time is divided.
+    """
+    at = np.flatnonzero(np.isfinite(values))
+    t, v = time[at], values[at]
+    if not at.size:
+        return t, v
+    usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    begins = np.concatenate([[True], (np.diff(at) > 1) | (np.diff(t) > GAP * usual)])
+    if at.size > 8 * columns:
+        keep = _extremes(t, v, begins, columns)
+        t, v, begins = t[keep], v[keep], begins[keep]
+    breaks = np.flatnonzero(begins)[1:]
+    return np.insert(t, breaks, t[breaks]), np.insert(v, breaks, np.nan)
+
+
+def path(time: np.ndarray, x: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[np.ndarray, np.ndarray]:
+    """A curve of y over x as it is drawn: of many samples the extremes of both in every stretch; gaps are not bridged."""
+    usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    at = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    t, x, y = time[at], x[at], y[at]
+    if not at.size:
+        return x, y
+    begins = np.concatenate([[True], (np.diff(at) > 1) | (np.diff(t) > GAP * usual)])
+    if at.size > most:
+        index = np.arange(at.size, dtype=float)
+        both = [_extremes(index, values, begins, most // 8) for values in (x, y)]
+        keep = np.unique(np.concatenate(both))
+        x, y, begins = x[keep], y[keep], begins[keep]
+    breaks = np.flatnonzero(begins)[1:]
+    return np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan)
+
+
+def _extremes(t: np.ndarray, v: np.ndarray, begins: np.ndarray, columns: int) -> np.ndarray:
+    """Indices of the first, least, greatest and last sample of every column and every part, rising."""
+    column = ((t - t[0]) / (t[-1] - t[0]) * columns).astype(int)
+    begins = begins | np.concatenate([[True], np.diff(column) > 0])
+    first = np.flatnonzero(begins)
+    last = np.append(first[1:], len(t)) - 1
+    order = np.lexsort((v, np.cumsum(begins)))
+    return np.unique(np.concatenate([first, last, order[first], order[last]]))
+
+
+def _axes(name: str, unit: str) -> tuple[str, str | None, str, str]:
+    """Title, quantity, unit that is read, and SI unit of the axes of a channel."""
+    if unit == "Pa" and name.endswith("_abs"):
+        return "Absolute pressure", "pressure", "bar", unit
+    if unit in _KNOWN:
+        title, quantity, shown = _KNOWN[unit]
+        return title, quantity, shown, unit
+    if unit in _DERIVED:
+        title, shown = _DERIVED[unit]
+        return title, None, shown, unit
+    owner, _, last = name.rpartition(".")
+    if unit == "1" and last in _DRIVEN and not owner.startswith("motor"):
+        return "Valve", "valve", "percent", unit
+    words = name if last == "command" else last
+    return words.replace("_", " ").replace(".", " ").capitalize(), None, shown_unit(unit), unit
+
+
+def _title(title: str, names: list[str]) -> str:
+    lasts = {n.rpartition(".")[2] for n in names}
+    return "Span" if title == "Length" and lasts == {"span"} else title

@@ -1,0 +1,242 @@
+"""Whether a friction and a creep that were fitted to one half of a muscle's records predict the other half.
+
+The records are a slow loop of pressure and stroke, and the stroke after two steps of pressure; see `loop_records`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..identification.creep_fit import FEWEST, LAWS, CreepFit, creep_half, fit_creep
+from ..identification.hysteresis_fit import LoopFit, fit_loop, fit_loops
+from ..identification.loop_models import MODELS, SMOOTH
+from ..identification.path_record import PathRecord
+from ..quantities import from_si, to_si
+from .loop_records import STEPS, read_loop, read_steps
+
+HELD_FROM = {"step_up": 0.49, "step_down": 0.37}  # from here the pressure stays put [s]
+PUT = 0.06  # [bar]: three digits of the sensor
+HOLD = 4.0  # how long the rise was held by the source's protocol; its last sample opens the next segment [s]
+KNOTS = 9  # of the curve without friction: every 0.7 bar
+SPACING = 0.25  # of the pressures at which widths are compared [bar]
+MIDDLE = 0.5  # of the largest width: where the loop is wider, the pressure is mid-range
+TARGET = 0.10  # error of the width there [share]
+DRAWS, SEED = 200, 1
+STAGES = 4 + len(HELD_FROM)  # how often `loop_study` reports progress
+
+
+class Width(NamedTuple):
+    """Width of the loop at a gauge pressure [Pa], measured and predicted [m], and whether that is mid-range."""
+
+    pressure: float
+    measured: float
+    predicted: float
+    middle: bool
+
+    @property
+    def error(self) -> float:
+        """Predicted over measured, less one."""
+        return self.predicted / self.measured - 1.0 if self.measured else float("nan")
+
+
+class Late(NamedTuple):
+    """The end of the hold: seconds after the first fitted sample, strokes [m], and what the pressure's drift adds [m]."""
+
+    time: float
+    predicted: float
+    low: float
+    high: float
+    measured: float
+    drift: float
+
+
+@dataclass(frozen=True)
+class StepCreep:
+    """Creep after one step, fitted to the first half of the hold; `low` and `high` bound 95 % of the samples to come."""
+
+    segment: str
+    start: float  # of what is used, since the step [s]
+    pressure: np.ndarray  # gauge (n,) [Pa]
+    fit: CreepFit
+    at: np.ndarray  # times of the band, since the start (m,) [s]
+    low: np.ndarray  # (m,) [m]
+    high: np.ndarray  # (m,) [m]
+    late: Late | None
+
+    @property
+    def inside(self) -> tuple[int, int]:
+        """How many unseen samples lie within the band, and of how many."""
+        time, stroke = (x[~self.fit.train] for x in (self.fit.time, self.fit.stroke))
+        low, high = (np.interp(time, self.at, x) for x in (self.low, self.high))
+        return int(((stroke >= low) & (stroke <= high)).sum()), len(stroke)
+
+
+@dataclass(frozen=True)
+class LoopStudy:
+    """Both halves of the loop, each with its best friction; the loop that no fit saw; widths; creep after the steps.
+
+    `branches` are fits to the rising and to the falling branch alone, which are no halves that a muscle's user would
+    choose but say what a half must hold.
+    """
+
+    record: PathRecord
+    halves: tuple[LoopFit, LoopFit]
+    unseen: PathRecord
+    widths: tuple[Width, ...]
+    branches: tuple[LoopFit, LoopFit]
+    steps: tuple[StepCreep, ...]
+
+    @property
+    def worst(self) -> Width:
+        """The mid-range width that is predicted worst."""
+        return max((w for w in self.widths if w.middle), key=lambda w: abs(w.error))
+
+    def branch_errors(self) -> tuple[float, float]:
+        """Largest error of a mid-range width from the rising and from the falling branch alone [share]."""
+        middle = [w for w in self.widths if w.middle]
+        at, measured = np.array([w.pressure for w in middle]), np.array([w.measured for w in middle])
+        off = [np.abs(fit.width(at)[0] / measured - 1.0) for fit in self.branches]
+        return float(off[0].max()), float(off[1].max())
+
+    @property
+    def width_holds(self) -> bool:
+        """Whether every mid-range width is predicted to `TARGET`."""
+        return abs(self.worst.error) <= TARGET
+
+    @property
+    def swapped(self) -> tuple[Width, ...]:
+        """Where the falling branch does not lie above the rising one, measured or predicted."""
+        return tuple(w for w in self.widths if not (w.measured > 0.0 and w.predicted > 0.0))
+
+
+def loop_study(
+    folder: str | Path,
+    *,
+    frictions: Iterable[str] = SMOOTH,
+    knots: int = KNOTS,
+    progress: Callable[[str], None] | None = None,
+) -> LoopStudy:
+    """Fit each half of the loop and predict the other; fit the first half of each hold and predict the second.
+
+    Args:
+        folder: with both files.
+        frictions: which are tried on each half; the half alone chooses between them.
+        knots: of the curve without friction.
+        progress: is told what comes next, `STAGES` times.
+
+    Raises:
+        MissingDataError: if a file is not there.
+        InputError: names the file and what is wrong with it.
+    """
+    tell, frictions = progress or (lambda _: None), tuple(frictions)
+    for name in frictions or ("none",):
+        if name not in MODELS:
+            raise InputError("friction", name, f"allowed is {', '.join(MODELS)}")
+    record, where = read_loop(folder), str(Path(folder) / STEPS)
+    segments = read_steps(folder)
+    holds = {s: _hold(s, rows, where) for s, rows in segments.items()}
+    # Every other run of ten samples: both halves hold all of both branches but for gaps of 0.6 bar.
+    train, halves = record.split("blocks"), []
+    options: dict[str, Any] = {"known": {"per_pressure": 0.0}, "knots": knots}
+    for which, seen in (("first", train), ("second", ~train)):
+        tell(f"loop, {which} half")
+        halves.append(fit_loops(record, models=frictions, train=seen, **options)[0])
+    one, other = halves
+    unseen = record.with_stroke(np.where(one.train, other.predicted, one.predicted))
+    alone = []
+    for way in ("up", "down"):
+        tell(f"loop, branch {way} alone")
+        alone.append(fit_loop(record, model=one.model, train=record.split(way), **options))
+    steps = []
+    for segment, rows in holds.items():
+        tell(f"creep, {segment.replace('_', ' ')}")
+        after = segments["step_down"] if segment == "step_up" else None
+        steps.append(_creep(segment, rows, after, record))
+    return LoopStudy(record, (one, other), unseen, compared(record, unseen), (alone[0], alone[1]), tuple(steps))
+
+
+def compared(record: PathRecord, unseen: PathRecord) -> tuple[Width, ...]:
+    """Widths of a measured and a predicted loop at every multiple of `SPACING` above zero that both branches reach."""
+    top = from_si(float(record.pressure.max()), "Pa", "bar")
+    at = to_si(1.0, "bar", "Pa", field="pressure") * SPACING * np.arange(int(max(top, 0.0) / SPACING) + 1)
+    measured, predicted = record.width(at), unseen.width(at)
+    known = np.isfinite(measured) & np.isfinite(predicted)
+    if not (known.any() and measured[known].max() > 0.0):
+        raise InputError("loop", "no width", "allowed is a stroke that is longer while falling", where=record.name)
+    middle = measured >= MIDDLE * measured[known].max()
+    rows = zip(at[known], measured[known], predicted[known], middle[known], strict=True)
+    return tuple(Width(float(p), float(m), float(s), bool(i)) for p, m, s, i in rows)
+
+
+Segment = tuple[np.ndarray, np.ndarray, np.ndarray]  # time [s], stroke [m], gauge pressure [Pa]
+
+
+def _hold(segment: str, rows: Segment, where: str) -> Segment:
+    """A segment from where its pressure is held, or a complaint that it is not."""
+    start, name = HELD_FROM[segment], f"{where}, {segment}"
+    time, stroke, pressure = (x[rows[0] >= start - 1e-6] for x in rows)
+    if len(time) < 2 * FEWEST:
+        allowed = f"allowed is {2 * FEWEST} or more after {start:g} s"
+        raise InputError("samples", len(time), allowed, where=name)
+    if not (np.diff(time) > 0.0).all():
+        raise InputError("t_since_segment_start_s", "does not rise", "allowed is a time that rises", where=name)
+    if (moved := from_si(float(np.ptp(pressure)), "Pa", "bar")) > PUT:
+        told = f"moves by {moved:.3g} bar after {start:g} s"
+        raise InputError("p_bar_sensor", told, f"allowed is a step held to {PUT:g} bar", where=name)
+    return time, stroke, pressure
+
+
+def _creep(segment: str, rows: Segment, after: Segment | None, record: PathRecord) -> StepCreep:
+    """The creep of a held step; `after` is the segment whose first sample ends the hold."""
+    start, (time, stroke, pressure) = HELD_FROM[segment], rows
+    half = creep_half(time)
+    fit = min((fit_creep(time, stroke, train=half, law=law) for law in LAWS), key=lambda f: f.aicc)
+    end = HOLD - start if after is not None else float(fit.time[-1])
+    at = np.unique(np.concatenate([fit.time, np.geomspace(fit.time[1], end, 60)]))
+    low, high = _band(fit, at, HOLD)
+    late = None
+    if after is not None:
+        slope = _slope(record, float(pressure[-1]))
+        drift = slope * float(after[2][0] - pressure[-1])
+        late = Late(end, float(fit.predict(end)), float(low[-1]), float(high[-1]), float(after[1][0]), drift)
+    return StepCreep(segment, start, pressure, fit, at, low, high, late)
+
+
+def _band(fit: CreepFit, at: np.ndarray, longest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Between which strokes 95 % of the samples to come should lie, from what the fit saw alone.
+
+    Its errors are drawn anew in runs of a quarter of the record, for they follow one another, and the fit is repeated;
+    once with its own elements and once with slower ones, up to `longest` [s], which the seen half cannot exclude. The
+    band holds both, and the scatter of single samples.
+    """
+    seen, draw = fit.train, np.random.default_rng(SEED)
+    time, count = fit.time[seen], int(seen.sum())
+    run = max(2, count // 4)
+    edges = []
+    for slowest in (None, longest):
+        own = fit_creep(time, fit.stroke[seen], law=fit.law, longest=slowest)
+        used = 1 + sum(abs(a.value) > 0.0 for a in own.amplitudes)
+        error = (own.error - own.error.mean()) * np.sqrt(count / max(count - used, 1))
+        begins = draw.integers(0, count - run + 1, size=(DRAWS, -(-count // run)))
+        shaken = error[begins[..., None] + np.arange(run)].reshape(DRAWS, -1)[:, :count]
+        tried = [fit_creep(time, own.predicted + e, law=fit.law, longest=slowest).predict(at) for e in shaken]
+        centre, scatter = own.predict(at), 1.96 * float(np.std(error))
+        low, high = np.quantile(tried, [0.025, 0.975], axis=0)
+        edges.append((centre - np.hypot(centre - low, scatter), centre + np.hypot(high - centre, scatter)))
+    return np.minimum(edges[0][0], edges[1][0]), np.maximum(edges[0][1], edges[1][1])
+
+
+def _slope(record: PathRecord, pressure: float) -> float:
+    """Stroke per pressure of the rising branch within half a bar of a pressure [m/Pa]; NaN where it has no samples."""
+    near = (record.branch == 1) & (
+        np.abs(record.pressure - pressure) <= 0.5 * to_si(1.0, "bar", "Pa", field="pressure")
+    )
+    if near.sum() < 3:
+        return float("nan")
+    return float(np.polyfit(record.pressure[near] - pressure, record.stroke[near], 1)[0])

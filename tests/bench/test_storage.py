@@ -1,0 +1,133 @@
+"""Storage: what was kept comes back as it was, gaps are said, and what is missing is said to be missing."""
+
+import numpy as np
+import pytest
+
+from mckibben.bench.software.storage import Chunks
+from mckibben.errors import InputError
+from mckibben.recordings import read_recording
+
+PERIOD = 1e-3
+KINDS = {
+    "muscle.pressure": ("Pa", "measured", "gauge pressure at the muscle"),
+    "muscle.tension": ("N", "true", "tension"),
+    "valve.set_pressure": ("Pa", "command", "asked of the valve"),
+}
+RNG = np.random.default_rng(2)
+
+
+def chunk(start, count, names=tuple(KINDS)):
+    return PERIOD * (start + np.arange(count)), {name: RNG.normal(size=count) for name in names}
+
+
+def test_what_is_added_comes_back() -> None:
+    chunks, kept = Chunks(PERIOD, KINDS), []
+    for start, count in ((0, 100), (100, 1), (101, 399)):
+        times, arrays = chunk(start, count)
+        chunks.add(times, arrays, np.ones(count, bool))
+        kept.append((times, arrays))
+    found = chunks.recording({"title": "a run"})
+    assert np.array_equal(found.time, np.concatenate([t for t, _ in kept]))
+    for name, (unit, kind, meaning) in KINDS.items():
+        assert np.array_equal(found[name], np.concatenate([a[name] for _, a in kept]))
+        channel = found.channels[name]
+        assert (channel.unit, channel.kind, channel.meaning) == (unit, kind, meaning)
+    assert list(found.channels) == list(KINDS)  # in the order of the table
+    assert found.meta["title"] == "a run"
+    assert "gaps" not in found.meta
+    assert len(chunks) == len(found) == 500
+
+
+def test_steps_that_are_not_recorded_leave_gaps_that_are_said() -> None:
+    chunks = Chunks(PERIOD, KINDS)
+    times, arrays = chunk(0, 100)
+    keep = (np.arange(100) < 20) | ((np.arange(100) >= 50) & (np.arange(100) < 90))
+    chunks.add(times, arrays, keep)
+    chunks.add(*chunk(100, 50), np.zeros(50, bool))
+    chunks.add(*chunk(150, 50), True)
+    found = chunks.recording()
+    assert np.array_equal(found.time[:60], times[keep])
+    assert len(found) == 60 + 50
+    assert [list(g) for g in found.meta["gaps"]] == [pytest.approx([0.019, 0.050]), pytest.approx([0.089, 0.150])]
+
+
+def test_a_clock_that_rounds_has_no_gaps() -> None:
+    chunks = Chunks(PERIOD, KINDS)
+    times = np.cumsum(np.full(20_000, PERIOD))  # sums of periods: late by some 1e-12 s
+    chunks.add(times, {"muscle.tension": times})
+    assert "gaps" not in chunks.recording().meta
+
+
+def test_a_channel_that_was_missing_is_not_known_there() -> None:
+    chunks = Chunks(PERIOD, KINDS)
+    chunks.add(*chunk(0, 3, ("muscle.tension",)))
+    chunks.add(*chunk(3, 2, ("muscle.tension", "muscle.pressure")))
+    found = chunks.recording()
+    assert np.isnan(found["muscle.pressure"]).tolist() == [True] * 3 + [False] * 2
+    assert not np.isnan(found["muscle.tension"]).any()
+    assert "valve.set_pressure" not in found  # it never came
+
+
+def test_samples_are_copied() -> None:
+    chunks = Chunks(PERIOD, KINDS)
+    times, arrays = chunk(0, 5)
+    before = arrays["muscle.tension"].copy()
+    chunks.add(times, arrays)
+    times += 1.0
+    arrays["muscle.tension"][:] = 0.0
+    found = chunks.recording()
+    assert np.array_equal(found["muscle.tension"], before)
+    assert found.time[0] == 0.0
+
+
+def test_an_interrupted_run_has_what_it_has_so_far() -> None:
+    chunks = Chunks(PERIOD, KINDS)
+    chunks.add(*chunk(0, 10))
+    assert len(chunks.recording()) == 10
+    chunks.add(*chunk(10, 10))
+    assert len(chunks.recording()) == 20
+
+
+def test_a_recording_goes_to_a_file_and_back(tmp_path) -> None:
+    chunks = Chunks(PERIOD, KINDS)
+    chunks.add(*chunk(0, 10), np.arange(10) != 4)
+    kept = chunks.recording({"title": "a run"})
+    assert read_recording(kept.save(tmp_path / "run.nc")) == kept
+
+
+@pytest.mark.parametrize("keep", [None, False, np.zeros(5, bool)])
+def test_an_empty_collection_says_so(keep) -> None:
+    chunks = Chunks(PERIOD, KINDS)
+    if keep is not None:
+        chunks.add(*chunk(0, 5), keep)
+    with pytest.raises(
+        InputError, match="recording is 'empty'; no sample was kept; allowed is a run that records"
+    ) as error:
+        chunks.recording()
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("times", "arrays", "keep", "words"),
+    [
+        ([0.1, 0.2], {"other": [1.0, 2.0]}, True, "channel is 'other'; its unit is not known"),
+        ([0.1, 0.2], {"muscle.tension": [1.0]}, True, "channel muscle.tension"),
+        ([0.1, 0.2], {}, [True], "keep"),
+        ([[0.1]], {}, True, "times"),
+        ([0.2, 0.1], {}, True, "times"),
+        ([0.0], {}, True, "times"),
+        ([np.nan], {}, True, "times"),
+    ],
+)
+def test_bad_chunks_are_refused_and_leave_nothing(times, arrays, keep, words: str) -> None:
+    chunks = Chunks(PERIOD, KINDS)
+    chunks.add([0.0], {"muscle.tension": [1.0]})
+    with pytest.raises(InputError, match=words):
+        chunks.add(times, arrays, keep)
+    assert len(chunks.recording()) == 1
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, np.nan, np.inf])
+def test_a_bad_period_is_refused(period: float) -> None:
+    with pytest.raises(InputError, match="period"):
+        Chunks(period, KINDS)
