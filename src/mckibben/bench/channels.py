@@ -60,11 +60,15 @@ def described(name: str) -> tuple[str, str]:
     return unit, f"{meaning}, {owner}"
 
 
-def kinds(outputs: Iterable[str]) -> dict[str, tuple[str, str, str]]:
-    """Unit, kind and meaning of every channel of a test machine with some true outputs."""
-    found = {name: (unit, "measured", meaning) for name, (unit, meaning) in MEASURED.items()}
-    found |= {name: (unit, "command", meaning) for name, (unit, meaning) in COMMANDS.items()}
-    for name in outputs:
-        unit, meaning = described(name)
-        found[name] = (unit, "true", meaning)
+def kinds(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
+    """Unit, kind and meaning of the channels of a test machine by their names."""
+    found = {}
+    for name in names:
+        if name in MEASURED:
+            found[name] = (*MEASURED[name][:1], "measured", MEASURED[name][1])
+        elif name in COMMANDS:
+            found[name] = (*COMMANDS[name][:1], "command", COMMANDS[name][1])
+        else:
+            unit, meaning = described(name)
+            found[name] = (unit, "true", meaning)
     return found

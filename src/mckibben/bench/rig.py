@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import jax.numpy as jnp
-import numpy as np
 
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
@@ -169,10 +168,6 @@ class Rig:
             valve_range=self.valve_out.high, watch_tension=tension, **ends, **force
         )
         return watching
-
-    def noise(self, seed: int, part: int) -> np.random.Generator:
-        """The draws of a part of a run: same seed, same bits."""
-        return np.random.default_rng([seed, part])
 
 
 _CHOICES = frozenset(("accumulators", "shut-off"))

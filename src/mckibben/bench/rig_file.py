@@ -121,8 +121,8 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
     if motor is not None and "motor" not in outputs.values:
         raise outputs.fail("motor", "missing", "a motor needs the converter that drives it")
     return Rig(
-        name=top.word("name"), title=top.word("title"), source=top.word("source", " ").strip() if "source" in document else "",
-        note=top.word("note") if "note" in document else "", inferred=_words(top, "inferred"),
+        name=top.word("name"), title=top.word("title"), source=top.text("source"), note=top.text("note"),
+        inferred=_words(top, "inferred"),
         computer=_module(top.table("computer"), Computer),
         sensors={name: _sensor(sensors.table(name), UNITS[name]) for name in sensors.values},
         encoder=_module(top.table("encoder"), Encoder) if "encoder" in document else None,

@@ -108,7 +108,11 @@ def _parts(known: Recording, label: str | None, case: Mapping[str, str], apart: 
     from ..analysis.segments import segments
 
     if label is not None or case or (apart and known.meta.get("steps")):
-        return segments(known, label, **case)
+        try:
+            return segments(known, label, **case)
+        except InputError as error:
+            options = {"label": "--label", "case": "--case"} | {name: f"--case {name}" for name in case}
+            raise InputError(options.get(error.field, error.field), error.value, error.allowed) from None
     return [known]
 
 
@@ -232,11 +236,13 @@ def _print_channels(channels: dict[str, dict[str, Any]]) -> None:
 def _print_remarks(found: dict[str, Any]) -> None:
     lines = [f"Warning: {_named(w)}" for w in found["warnings"]]
     for name, s in found["saturation"].items() if isinstance(found["saturation"], Mapping) else ():
-        if isinstance(s, Mapping):
+        if isinstance(s, Mapping) and s.get("sentence"):
+            lines.append(f"Saturation: {name} {s['sentence']}.")
+        elif isinstance(s, Mapping):
             told = [f"{100.0 * s['share']:.3g} % of its samples"] if _is_number(s.get("share")) else []
             told += [f"first at {s['first']:.6g} s"] if _is_number(s.get("first")) else []
             told += [f"at most {_time(s['longest'])} on end"] if _is_number(s.get("longest")) else []
-            lines.append(f"At the end of its range: {name}, {', '.join(told)}.")
+            lines.append(f"Saturation: {', '.join([str(name), *told])}.")
     for event in found["events"]:
         if isinstance(event, Mapping) and _is_number(event.get("time")):
             lines.append(f"{event['time']:>9.3f} s  {event.get('text', '')}")

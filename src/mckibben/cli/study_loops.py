@@ -36,7 +36,7 @@ def loops_json(found: LoopStudy) -> dict[str, Any]:
             }
             for which, h in zip(HALVES, found.halves, strict=True)
         ],
-        "branch_errors": dict(zip(("up", "down"), found.branch_errors(), strict=True)),
+        "branch_errors": found.branch_errors(),
         "loop": {
             "pressure": found.record.pressure,
             "stroke": found.record.stroke,
@@ -102,11 +102,12 @@ def limits(found: LoopStudy) -> list[str]:
             f"The ends of the loop: where it is narrow the width is missed by up to {100.0 * abs(worst.error):.0f} %, "
             f"at {_bar(worst.pressure):.2f} bar ({_mm(worst.predicted)} mm predicted, {_mm(worst.measured)} mm measured)."
         )
-    rising, falling = (100.0 * e for e in found.branch_errors())
-    said.append(
-        f"One branch from the other: from the rising branch alone mid-range widths are missed by up to {rising:.0f} %, from "
-        f"the falling one alone by up to {falling:.0f} %. The halves above are runs of ten samples in turns, of both."
-    )
+    if alone := found.branch_errors():
+        said.append(
+            f"One branch from the other: from the rising branch alone mid-range widths are missed by up to "
+            f"{100.0 * alone['up']:.0f} %, from the falling one alone by up to {100.0 * alone['down']:.0f} %. The halves "
+            "above are runs of ten samples in turns, on both branches."
+        )
     turns = len(found.record.turning_points)
     if turns == 1:
         said.append("Loops within the loop: the record turns once, so that no smaller loop is compared.")

@@ -152,6 +152,7 @@ def advance(
         ConvergenceError: if a state is not finite or impossible, or no step is short enough.
     """
     split, stiff = 1, False
+    carry = jax.tree.map(np.asarray, carry)  # as it comes back, so that nothing is compiled twice
     while True:
         after, seen = _marched(plant, software, carry, rows, period, inner * split, latency, stiff)
         seen = jax.tree.map(np.asarray, seen)

@@ -99,8 +99,8 @@ def build_protocol(document: Mapping[str, Any], *, where: str) -> Protocol:
         parameters=tuple(_parameter(n, e) for n, e in _named(top, "parameters")),
         choices=tuple(_choice(n, e) for n, e in _named(top, "choices")),
         needs=_needs(top),
-        source=_text(top, "source"),
-        note=_text(top, "note"),
+        source=top.text("source"),
+        note=top.text("note"),
     )
     return checked(_set(protocol, {k: document[k] for k in SETTINGS if k in document}, top), where)
 
@@ -215,7 +215,7 @@ def _parameter(name: str, entry: Entry) -> Parameter:
     if not bounds and {"low", "high"} & set(entry.values):
         raise entry.fail("low", "beside nothing", "bounds are low and high, both")
     unit = entry.word("unit")
-    bare = Parameter(name, unit, (), _text(entry, "about"), bounds, (), _text(entry, "note"))
+    bare = Parameter(name, unit, (), entry.text("about"), bounds, (), entry.text("note"))
     if unit != "word":
         for key in ("low", "high"):
             if bounds:
@@ -264,7 +264,7 @@ def _choice(name: str, entry: Entry) -> Choice:
         raise entry.fail("options", "none", "allowed is a table of one or more")
     inferred = _options(entry, "inferred", dict(options)) if "inferred" in entry.values else ()
     values = _options(entry, "value", dict(options))
-    return Choice(name, values, tuple(options), _text(entry, "about"), inferred, _text(entry, "note"))
+    return Choice(name, values, tuple(options), entry.text("about"), inferred, entry.text("note"))
 
 
 def _options(entry: Entry, key: str, options: Mapping[str, Any]) -> tuple[str, ...]:
@@ -280,7 +280,3 @@ def _needs(top: Entry) -> tuple[str, ...]:
     if not isinstance(raw, list):
         raise top.fail("needs", raw, "allowed is a list of words")
     return tuple(Entry({"needs": v}, top.path, top.where).word("needs", among=NEEDS) for v in raw)
-
-
-def _text(entry: Entry, key: str) -> str:
-    return entry.word(key) if key in entry.values else ""

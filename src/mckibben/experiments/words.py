@@ -53,6 +53,10 @@ class Entry:
             raise self.fail(key, value, f"{near(value, among)}known are {', '.join(among)}")
         return value
 
+    def text(self, key: str) -> str:
+        """A text, or nothing where it is left out."""
+        return self.word(key) if key in self.values else ""
+
     def number(self, key: str, unit: str, default: float | None = None, *, declared: Quantity | None = None) -> float:
         """A number with its unit in words, as SI, within the bounds of a declaration."""
         if key not in self.values and default is not None:

@@ -81,15 +81,14 @@ class StepCreep:
 class LoopStudy:
     """Both halves of the loop, each with its best friction; the loop that no fit saw; widths; creep after the steps.
 
-    `branches` are fits to the rising and to the falling branch alone, which are no halves that a muscle's user would
-    choose but say what a half must hold.
+    `branches` are fits to the rising and to the falling branch alone, which say what a half must hold.
     """
 
     record: PathRecord
     halves: tuple[LoopFit, LoopFit]
     unseen: PathRecord
     widths: tuple[Width, ...]
-    branches: tuple[LoopFit, LoopFit]
+    branches: tuple[LoopFit, ...]
     steps: tuple[StepCreep, ...]
 
     @property
@@ -97,12 +96,12 @@ class LoopStudy:
         """The mid-range width that is predicted worst."""
         return max((w for w in self.widths if w.middle), key=lambda w: abs(w.error))
 
-    def branch_errors(self) -> tuple[float, float]:
-        """Largest error of a mid-range width from the rising and from the falling branch alone [share]."""
+    def branch_errors(self) -> dict[str, float]:
+        """Largest error of a mid-range width from one branch alone [share], ``up`` and ``down``; none where not fitted."""
         middle = [w for w in self.widths if w.middle]
         at, measured = np.array([w.pressure for w in middle]), np.array([w.measured for w in middle])
-        off = [np.abs(fit.width(at)[0] / measured - 1.0) for fit in self.branches]
-        return float(off[0].max()), float(off[1].max())
+        errors = [float(np.abs(fit.width(at)[0] / measured - 1.0).max()) for fit in self.branches]
+        return dict(zip(("up", "down"), errors, strict=False))
 
     @property
     def width_holds(self) -> bool:
@@ -120,6 +119,8 @@ def loop_study(
     *,
     frictions: Iterable[str] = SMOOTH,
     knots: int = KNOTS,
+    alone: bool = True,
+    draws: int = DRAWS,
     progress: Callable[[str], None] | None = None,
 ) -> LoopStudy:
     """Fit each half of the loop and predict the other; fit the first half of each hold and predict the second.
@@ -128,7 +129,9 @@ def loop_study(
         folder: with both files.
         frictions: which are tried on each half; the half alone chooses between them.
         knots: of the curve without friction.
-        progress: is told what comes next, `STAGES` times.
+        alone: fit each branch alone as well.
+        draws: for the bands of the creep.
+        progress: is told what comes next, `STAGES` times if each branch is fitted alone.
 
     Raises:
         MissingDataError: if a file is not there.
@@ -149,16 +152,16 @@ def loop_study(
         halves.append(fit_loops(record, models=frictions, train=seen, **options)[0])
     one, other = halves
     unseen = record.with_stroke(np.where(one.train, other.predicted, one.predicted))
-    alone = []
-    for way in ("up", "down"):
+    branches = []
+    for way in ("up", "down") if alone else ():
         tell(f"loop, branch {way} alone")
-        alone.append(fit_loop(record, model=one.model, train=record.split(way), **options))
+        branches.append(fit_loop(record, model=one.model, train=record.split(way), **options))
     steps = []
     for segment, rows in holds.items():
         tell(f"creep, {segment.replace('_', ' ')}")
         after = segments["step_down"] if segment == "step_up" else None
-        steps.append(_creep(segment, rows, after, record))
-    return LoopStudy(record, (one, other), unseen, compared(record, unseen), (alone[0], alone[1]), tuple(steps))
+        steps.append(_creep(segment, rows, after, record, draws))
+    return LoopStudy(record, (one, other), unseen, compared(record, unseen), tuple(branches), tuple(steps))
 
 
 def compared(record: PathRecord, unseen: PathRecord) -> tuple[Width, ...]:
@@ -192,14 +195,14 @@ def _hold(segment: str, rows: Segment, where: str) -> Segment:
     return time, stroke, pressure
 
 
-def _creep(segment: str, rows: Segment, after: Segment | None, record: PathRecord) -> StepCreep:
+def _creep(segment: str, rows: Segment, after: Segment | None, record: PathRecord, draws: int) -> StepCreep:
     """The creep of a held step; `after` is the segment whose first sample ends the hold."""
     start, (time, stroke, pressure) = HELD_FROM[segment], rows
     half = creep_half(time)
     fit = min((fit_creep(time, stroke, train=half, law=law) for law in LAWS), key=lambda f: f.aicc)
     end = HOLD - start if after is not None else float(fit.time[-1])
     at = np.unique(np.concatenate([fit.time, np.geomspace(fit.time[1], end, 60)]))
-    low, high = _band(fit, at, HOLD)
+    low, high = _band(fit, at, HOLD, draws)
     late = None
     if after is not None:
         slope = _slope(record, float(pressure[-1]))
@@ -208,7 +211,7 @@ def _creep(segment: str, rows: Segment, after: Segment | None, record: PathRecor
     return StepCreep(segment, start, pressure, fit, at, low, high, late)
 
 
-def _band(fit: CreepFit, at: np.ndarray, longest: float) -> tuple[np.ndarray, np.ndarray]:
+def _band(fit: CreepFit, at: np.ndarray, longest: float, draws: int) -> tuple[np.ndarray, np.ndarray]:
     """Between which strokes 95 % of the samples to come should lie, from what the fit saw alone.
 
     Its errors are drawn anew in runs of a quarter of the record, for they follow one another, and the fit is repeated;
@@ -223,8 +226,8 @@ def _band(fit: CreepFit, at: np.ndarray, longest: float) -> tuple[np.ndarray, np
         own = fit_creep(time, fit.stroke[seen], law=fit.law, longest=slowest)
         used = 1 + sum(abs(a.value) > 0.0 for a in own.amplitudes)
         error = (own.error - own.error.mean()) * np.sqrt(count / max(count - used, 1))
-        begins = draw.integers(0, count - run + 1, size=(DRAWS, -(-count // run)))
-        shaken = error[begins[..., None] + np.arange(run)].reshape(DRAWS, -1)[:, :count]
+        begins = draw.integers(0, count - run + 1, size=(draws, -(-count // run)))
+        shaken = error[begins[..., None] + np.arange(run)].reshape(draws, -1)[:, :count]
         tried = [fit_creep(time, own.predicted + e, law=fit.law, longest=slowest).predict(at) for e in shaken]
         centre, scatter = own.predict(at), 1.96 * float(np.std(error))
         low, high = np.quantile(tried, [0.025, 0.975], axis=0)

@@ -18,6 +18,7 @@ from ...components import Scalar
 from ...components.sampled import Plant
 from ...components.system import Moment
 from .analogue import AnalogOut, Sensor
+from .frame import TestStand
 from .motor import Encoder
 from .pneumatics import PORT
 
@@ -38,6 +39,10 @@ class Rigged(Plant):
     valve_out: AnalogOut
     motor_out: AnalogOut | None
     mounted: Scalar  # span at which the encoder was zeroed [m]
+
+    def _stand(self) -> TestStand:
+        assert isinstance(self.machine.load, TestStand)
+        return self.machine.load
 
     def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
         """State and memory at rest, at absolute pressures [Pa]."""
@@ -76,12 +81,12 @@ class Rigged(Plant):
     def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
         """The measured channels, and beside each analogue one ``<channel>.code``, what its converter counted."""
         seen = self._seen(state["machine"], memory, inputs)
-        found = {}
+        found: dict[str, Scalar] = {}
         for name, sensor in self.sensors.items():
             value, code = sensor.reading(state["sensors"][name], seen[name], row["draws"][name], row["lost"][name])
             found |= {name: value, f"{name}.code": code}
         if self.encoder is not None:
-            position = self.machine.load.position(state["machine"]["load"])
+            position = self._stand().position(state["machine"]["load"])
             # a lost encoder counts nothing any more
             count = jnp.where(row["lost"]["span"] > 0.5, 0.0, self.encoder.count(position, self.mounted))
             found["span"] = self.encoder.span(count, self.mounted)
@@ -113,7 +118,7 @@ class Rigged(Plant):
         """Of the machine, its motor's current loop, and the sensors' filters [1/s]."""
         bounds = [self.machine.steepest_rate(state["machine"], memory, inputs)]
         bounds += [2.0 * jnp.pi * s.cutoff for s in self.sensors.values()]
-        motor = getattr(self.machine.load, "motor", None)
+        motor = self._stand().motor
         bounds += [] if motor is None else [2.0 * jnp.pi * motor.current_bandwidth]
         return jnp.stack([jnp.asarray(b) for b in bounds]).max()
 

@@ -44,7 +44,7 @@ class BenchSoftware(Software):
             "place": self.sequencer.initial(self.start_pressure, self.start_motor),
             "motion": self.motion.initial(span),
             "pressure": self.pressure.initial(),
-            "position": self.position.initial(),
+            "position": self.position.initial(measured.get("tension", 0.0)),
             "force": self.force.initial(),
             "interlocks": self.interlocks.initial(),
             "driven": jnp.asarray(span, float),
@@ -77,7 +77,9 @@ class BenchSoftware(Software):
         )
         motor = jnp.where(asked.mode == TENSION, pulling, holding)
         commands = {"valve": valve, "motor": motor if self.has_motor else nothing}
-        watching, code = self.interlocks.step(state["interlocks"], read, commands, velocity, dt)
+        # a muscle that is shut off need not have the pressure that the valve is asked for
+        watched = {**commands, "valve": jnp.where(asked.open > 0.5, valve, 0.0)}
+        watching, code = self.interlocks.step(state["interlocks"], read, watched, velocity, dt)
         stopped = state["stopped"] | (code > 0) | state["place"].missed
         place = self.sequencer.advance(
             state["place"], asked, {**read, "velocity": velocity}, (span, velocity, tension), dt

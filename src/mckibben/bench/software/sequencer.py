@@ -221,9 +221,10 @@ def _lines(commands: Sequence[Any], size: int) -> Line:
     for i, command in enumerate(commands):
         if isinstance(command, Deferred):
             tabled[i] = False
-            held = command.to is None or command.seconds is None
-            # one that stays is a line that takes for ever
-            to[i], seconds[i] = (0.0, np.inf) if held else (command.to, max(command.seconds, 1e-12))
+            if command.to is None or command.seconds is None:
+                seconds[i] = np.inf  # one that stays is a line that takes for ever
+            else:
+                to[i], seconds[i] = command.to, max(command.seconds, 1e-12)
     return Line(jnp.asarray(tabled), jnp.asarray(to), jnp.asarray(seconds))
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ from ...analysis.segments import amount_of, steps_of
 from ...errors import InputError
 from ...recordings.recording import Recording
 from . import style
-from .recording_panels import Panel, checked_names, envelope, panels, path, usual_channels
+from .recording_panels import Family, Panel, checked_names, envelope, panels, path, told_apart, usual_channels
 from .style import DASHES, INK_2, PANEL, RECORDING_DASHES, SMALL, SUNKEN
 
 WIDTH = 8.4  # [inch]
@@ -26,13 +26,6 @@ MOST_LABELS = 16
 MOST_LETTERS = 26  # of a key; more would leave the page
 _SAID = ("pressure", "pressure_abs", "mass_flow", "tension", "length")
 _UNITS = {"Pa": "pressure", "N": "tension", "m": "length"}
-
-
-class Family(NamedTuple):
-    """Parts of a recording that belong together, and what tells them from the others."""
-
-    words: str
-    parts: list[Recording]
 
 
 @style.styled()
@@ -102,9 +95,12 @@ def against_figure(
     each, top, gap, foot = 4.0 if len(drawn) == 1 else 2.6, 0.72, 0.5, 0.55  # [inch]
     height = top + each * len(drawn) + gap * (len(drawn) - 1) + foot
     fig = style.figure(style.MIDDLE, height)
+    # the longest words beside the axes, with a piece of line before them
+    beside = 48.0 + 0.66 * SMALL * max(len(f.words) for f in families)
+    across_page = max(0.5, 0.915 - beside / (72.0 * style.MIDDLE))
     for i, panel in enumerate(drawn):
         bottom = foot + (len(drawn) - 1 - i) * (each + gap)
-        ax = fig.add_axes((0.08, bottom / height, 0.72, each / height))
+        ax = fig.add_axes((0.08, bottom / height, across_page, each / height))
         _draw_against(ax, families, panel, x)
         last = i == len(drawn) - 1
         style.quantity_axes(ax, x=(x.heading if last else "", x.quantity), y=(panel.heading, panel.quantity))
@@ -116,26 +112,6 @@ def against_figure(
         if len(panel.names) > 1:
             _key(ax, loc="best", bbox_to_anchor=None)
     return fig
-
-
-def told_apart(parts: Sequence[Recording]) -> list[Family]:
-    """The parts by what varies among them: the words of their cases, else their labels; sorted by amount."""
-    steps = [part.meta.get("step") for part in parts]
-    if not all(isinstance(step, Mapping) for step in steps):
-        return [Family("", list(parts))]
-    known = [steps_of(part)[0] for part in parts]
-    values: dict[str, dict[str, None]] = {}
-    for step in known:
-        for name, words in step["case"].items():
-            values.setdefault(name, {})[words] = None
-    named = [name for name, words in values.items() if len(words) > 1]
-    families: dict[tuple[str, ...], list[Recording]] = {}
-    for part, step in zip(parts, known, strict=True):
-        label = str(step["label"]) if not named else ""
-        families.setdefault(tuple(step["case"].get(n, "") for n in named) or (label,), []).append(part)
-    several = len(families) > 1
-    keys = sorted(families, key=lambda key: [amount_of(word) for word in key])
-    return [Family(", ".join(key) if several else "", families[key]) for key in keys]
 
 
 def write(fig: Figure, file: str | Path) -> None:
@@ -303,7 +279,8 @@ def _name_families(ax: Axes, families: Sequence[Family], panel: Panel, x: Panel)
         [lines[w] for w in shown], shown, loc="upper left", bbox_to_anchor=(1.01, 1.02), frameon=False,
         fontsize=SMALL, handlelength=2.6, labelspacing=0.35, borderpad=0.2, labelcolor=style.colour(quantity),
     )  # fmt: skip
-    ax.add_artist(key)  # a second key may follow
+    if len(panel.names) > 1:
+        ax.add_artist(key)  # the key of the channels would take its place
 
 
 def _right_end(family: Family, panel: Panel, x: Panel) -> tuple[float, float] | None:
@@ -326,13 +303,16 @@ def _head(ax: Axes, record: Recording, title: str | None, *, above: float) -> No
     head = str(record.meta.get("title", "")) if title is None else title
     style.heading(ax, head, above=above + (12.0 if note else 0.0))
     if note:
+        most = int(ax.figure.get_figwidth() * 72.0 * 0.92 / (0.58 * SMALL))
+        note = note if len(note) <= most else f"{note[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
         style.note(ax, note, dy=above, va="bottom")
 
 
 def _note(record: Recording) -> str:
     """Muscle and rig, an end that was none, and sensors that were at their limit."""
     meta = record.meta
-    said = [str(meta[key]) for key in ("specimen", "rig") if isinstance(meta.get(key), str)]
+    words = {"specimen": "", "rig": "rig "}
+    said = [f"{before}{meta[key]}" for key, before in words.items() if isinstance(meta.get(key), str)]
     if meta.get("result", "done") != "done":
         said.append(str(meta.get("message") or meta["result"]))
     clipped = meta.get("saturation")

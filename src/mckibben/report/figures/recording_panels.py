@@ -1,12 +1,13 @@
-"""Which channels of a recording share a pair of axes, in which unit and colour, and how many of their samples are drawn."""
+"""What of a recording is drawn together: channels in one pair of axes, parts of one case, and how many of their samples."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from ...analysis.segments import amount_of, steps_of
 from ...errors import InputError
 from ...experiments.waveforms import near
 from ...quantities import from_si, shown_unit
@@ -51,6 +52,13 @@ class Panel(NamedTuple):
         return from_si(1.0, self.si_unit, self.unit)
 
 
+class Family(NamedTuple):
+    """Parts of a recording that belong together, and what tells them from the others."""
+
+    words: str
+    parts: list[Recording]
+
+
 def panels(record: Recording, names: Sequence[str]) -> list[Panel]:
     """Channels by quantity and unit, in the order in which each is first named."""
     grouped: dict[tuple[str, str | None, str, str], list[str]] = {}
@@ -81,7 +89,9 @@ def usual_channels(parts: Sequence[Recording]) -> list[str]:
     measured = record.names("measured")
     if measured:
         found = [*measured, *(n for n in record.names("true") if n.removeprefix("muscle.") in measured)]
-        found += [n for n in record.names("command") if n.rpartition(".")[2] in measured or n.startswith("valve")]
+        asked = [n for n in record.names("command") if n.rpartition(".")[2] in measured]
+        # a valve's command in bar nearly is the pressure's, and would hide it
+        found += asked + [n for n in record.names("command") if _axes(n, record.unit(n))[1] == "valve"]
     else:
         valves = [n for n in record.names() if _axes(n, record.unit(n))[1] == "valve"]
         found = [n for n in record.names() if record.unit(n) in _KNOWN and not n.endswith("_abs")] + valves
@@ -91,6 +101,26 @@ def usual_channels(parts: Sequence[Recording]) -> list[str]:
     order = [*_KNOWN]
     found = [n for n in found if n in known] or known
     return sorted(found, key=lambda n: order.index(record.unit(n)) if record.unit(n) in order else len(order))
+
+
+def told_apart(parts: Sequence[Recording]) -> list[Family]:
+    """The parts by what varies among them: the words of their cases, else their labels; sorted by amount."""
+    steps = [part.meta.get("step") for part in parts]
+    if not all(isinstance(step, Mapping) for step in steps):
+        return [Family("", list(parts))]
+    known = [steps_of(part)[0] for part in parts]
+    values: dict[str, dict[str, None]] = {}
+    for step in known:
+        for name, words in step["case"].items():
+            values.setdefault(name, {})[words] = None
+    named = [name for name, words in values.items() if len(words) > 1]
+    families: dict[tuple[str, ...], list[Recording]] = {}
+    for part, step in zip(parts, known, strict=True):
+        label = str(step["label"]) if not named else ""
+        families.setdefault(tuple(step["case"].get(n, "") for n in named) or (label,), []).append(part)
+    several = len(families) > 1
+    keys = sorted(families, key=lambda key: [amount_of(word) for word in key])
+    return [Family(", ".join(key) if several else "", families[key]) for key in keys]
 
 
 def envelope(time: np.ndarray, values: np.ndarray, columns: int = COLUMNS) -> tuple[np.ndarray, np.ndarray]:
@@ -140,8 +170,12 @@ def _extremes(t: np.ndarray, v: np.ndarray, begins: np.ndarray, columns: int) ->
     begins = begins | np.concatenate([[True], np.diff(column) > 0])
     first = np.flatnonzero(begins)
     last = np.append(first[1:], len(t)) - 1
-    order = np.lexsort((v, np.cumsum(begins)))
-    return np.unique(np.concatenate([first, last, order[first], order[last]]))
+    group = np.cumsum(begins) - 1
+    found = [first, last]
+    for extreme in (np.minimum, np.maximum):
+        hits = np.flatnonzero(v == extreme.reduceat(v, first)[group])
+        found.append(hits[np.diff(group[hits], prepend=-1) > 0])  # of equal ones the first
+    return np.unique(np.concatenate(found))
 
 
 def _axes(name: str, unit: str) -> tuple[str, str | None, str, str]:

@@ -1,0 +1,105 @@
+"""What a recording of a test machine says beside its channels: the steps, what happened, where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..analysis.saturation import saturation
+from ..assembly.accounts import Accounts
+from ..assembly.machine import Machine
+from ..experiments.plan import PlannedStep
+from ..recordings.recording import Recording
+from .prepare import Bench
+from .provenance import created, resolved, versions
+from .software.timing import Timing
+
+CLOSED = ("mass", "gas", "muscle", "mechanics", "energy")
+
+
+class StepTable:
+    """When each step of a protocol began and ended, as a recording keeps it."""
+
+    def __init__(self, period: float) -> None:
+        self.period = period
+        self.steps: list[dict[str, Any]] = []
+        self._longest = 0.0
+
+    def add(self, times: np.ndarray, index: np.ndarray, steps: Sequence[PlannedStep]) -> None:
+        """Samples at some times [s], each in the step of an index into `steps`."""
+        for j in np.unique(index):
+            step, begins = steps[int(j)], float(times[np.argmax(index == j)])
+            if self.steps and self.steps[-1]["index"] == step.index:
+                continue
+            self.end(begins)
+            self._longest = step.count * self.period
+            case = {k: v if isinstance(v, str) else str(v) for k, v in step.case.items()}
+            self.steps.append(
+                {
+                    "index": step.index, "path": step.path, "label": step.step.label, "case": case, "start": begins,
+                    "end": begins, "ended_by": "time", "recorded": step.record, "sentence": step.step.sentence(),
+                }
+            )  # fmt: skip
+
+    def end(self, time: float, by: str = "until") -> None:
+        """The last step ends at a time [s]; where that is before its time, `by` says what ended it."""
+        if not self.steps or self.steps[-1]["end"] > self.steps[-1]["start"]:
+            return
+        last = self.steps[-1]
+        last["end"] = time
+        if time - last["start"] < self._longest - 0.5 * self.period:
+            last["ended_by"] = by
+
+
+def describe(
+    bench: Bench, machine: Machine, timing: Timing, *, inner: int, closed: Sequence[Accounts], record: Recording
+) -> dict[str, Any]:
+    """The meta of a recording, without the steps and what became of the run.
+
+    Args:
+        bench: what was run.
+        machine: the last one, whose parameters are written down.
+        timing: of the loop.
+        inner: most steps of the physics per sample.
+        closed: the accounts of every part.
+        record: what was recorded, for its saturation.
+    """
+    protocol, rig, spec = bench.protocol, bench.rig, bench.specimen
+    converters = {
+        name: {"low": float(s.converter.low), "high": float(s.converter.top), "bits": s.converter.bits}
+        for name, s in rig.sensors.items()
+    }
+    room = rig.environment
+    return {
+        "title": protocol.title, "sentence": protocol.sentence(), "protocol": protocol.document(),
+        "digest": protocol.digest, "rig": rig.name, "rig_document": dict(rig.document), "plumbing": bench.layout,
+        "specimen": None if spec is None else spec.id, "rest_length": bench.plan.rest_length,
+        "parameters": resolved(machine), "inferred": [*rig.inferred, *(spec.inferred() if spec else [])],
+        "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
+        "balance": {name: max(float(getattr(a, name)) for a in closed) for name in CLOSED},
+        "friction": {"work": sum(a.friction for a in closed), "dissipated": sum(a.dissipated for a in closed)},
+        "converters": converters, "saturation": saturated(record, converters),
+        "timing": {
+            "sample_rate": bench.protocol.sample_rate, "control_rate": timing.sample_rate, "latency": timing.latency,
+            "step": timing.period / inner,
+        },
+        "seed": bench.seed, "warnings": [f.sentence for f in bench.accepted], "versions": versions(),
+        "citations": list(dict.fromkeys([*bench.unit.law.cites, *(spec.sources if spec else ()), "chou1996"])),
+        "created": created(),
+    }  # fmt: skip
+
+
+def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
+    """Of every measured channel that reached an end of its converter: share, longest stay [s], and a sentence."""
+    found = {}
+    for name, ends in converters.items():
+        if name not in record or not np.isfinite(record[name]).all():
+            continue
+        # at the lower end of a range that begins at nothing, nothing is what is measured
+        low = ends["low"] if ends["low"] < 0.0 else None
+        one = saturation(record, name, ends=(low, ends["high"]))
+        if one:
+            found[name] = {"share": one.share, "longest": one.longest, "sentence": one.sentence}
+    return found

@@ -1,0 +1,197 @@
+"""What a run needs before anything moves: protocol, rig and muscle put together, the dry run, and the parts of the run."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..assembly.build import unit_from_specimen
+from ..assembly.muscle_unit import MuscleUnit
+from ..engine import STEP
+from ..errors import InputError
+from ..experiments.dry_run import Finding, check_plan
+from ..experiments.library import shipped
+from ..experiments.plan import Plan, PlannedStep
+from ..experiments.protocol import Protocol
+from ..experiments.read import read_protocol
+from ..specimens import Specimen, specimen
+from .rig import Rig
+from .rig_file import rig as rig_of
+
+CONTROL_RATE = 1000.0  # least samples per second of a loop that controls a motor
+ON_THE_CELL = "the load cell reads"  # how a finding about the cell's range begins
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A wire that opens: `channel` is pressure, valve_pressure, tension or span, `at` a time of the run [s]."""
+
+    channel: str
+    at: float
+
+
+class Part(NamedTuple):
+    """Steps of a plan between two things that a person does, on one machine.
+
+    Attributes:
+        steps: in their order.
+        layout: name of the plumbing.
+        friction: over that of the untreated muscle.
+        asked: what the person did before.
+    """
+
+    steps: tuple[PlannedStep, ...]
+    layout: str
+    friction: float
+    asked: str
+
+    @property
+    def moves(self) -> bool:
+        """Whether the motor is used: else the end is fixed to a plate, as in isometric experiments."""
+        spans = [s.motor for s in self.steps if s.mode == "span" and isinstance(s.motor, np.ndarray)]
+        if len(spans) < len(self.steps):
+            return True
+        return float(max(s.max() for s in spans)) > float(min(s.min() for s in spans))
+
+    @property
+    def start_span(self) -> float:
+        """Where the end is when it begins [m]."""
+        first = self.steps[0]
+        if not self.moves and isinstance(first.motor, np.ndarray):
+            return float(first.motor[0])
+        return first.motor_before.low if first.mode == "span" and first.motor_before.known else first.span.low
+
+    @property
+    def start_pressure(self) -> float:
+        """Gauge pressure when it begins [Pa]; what nobody knows is vented."""
+        before = self.steps[0].pressure_before
+        return float(before.low) if before.known else 0.0
+
+
+@dataclass(frozen=True)
+class Bench:
+    """One run of a protocol on a simulated rig, ready to start: what will be done, and what speaks against it.
+
+    Attributes:
+        protocol: what to do.
+        rig: where.
+        unit: the muscle.
+        plan: the protocol on the clock of the loop.
+        layout: name of the plumbing at the start.
+        specimen: that the muscle was built from.
+        every: samples of the loop per sample of the protocol; more than one where its rate is too low for control.
+        step: largest step of the physics [s].
+        seed: of the sensors' noise.
+        faults: wires that open during the run.
+        findings: all that speaks against it.
+        accepted: findings about the cell's range that were accepted: the recording then tells of saturation.
+    """
+
+    protocol: Protocol
+    rig: Rig
+    unit: MuscleUnit
+    plan: Plan
+    layout: str
+    specimen: Specimen | None = None
+    every: int = 1
+    step: float = STEP
+    seed: int = 0
+    faults: tuple[Fault, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    accepted: tuple[Finding, ...] = ()
+
+    def parts(self) -> Iterator[Part]:
+        """The plan, divided where a person is asked to do something."""
+        steps: list[PlannedStep] = []
+        layout, friction, asked = self.layout, 1.0, ""
+        for step in self.plan.steps:
+            if step.step.ask:
+                if steps:
+                    yield Part(tuple(steps), layout, friction, asked)
+                    steps = []
+                asked = step.step.ask
+                hand = self.rig.hand(asked)
+                layout, friction = hand.plumbing or layout, hand.friction
+            steps.append(step)
+        yield Part(tuple(steps), layout, friction, asked)
+
+
+def prepare(
+    protocol: Protocol | str | os.PathLike[str],
+    *,
+    muscle: str | Specimen | MuscleUnit,
+    rig: Rig | str | os.PathLike[str] = "paper",
+    plumbing: str | None = None,
+    step: float = STEP,
+    seed: int = 0,
+    accept_saturation: bool = False,
+    faults: Sequence[Fault] = (),
+) -> Bench:
+    """Everything before anything moves, the dry run included.
+
+    Args:
+        protocol: a protocol, the name of a shipped one, or the path of a ``.toml`` file.
+        muscle: a specimen, its id or file, or a muscle built already.
+        rig: a rig, its name or file.
+        plumbing: name of the way in which the pneumatic parts are joined; chosen by what the protocol needs if left out.
+        step: largest step of the physics [s].
+        seed: of the sensors' noise.
+        accept_saturation: go on where only the cell's range would be exceeded.
+        faults: wires that open during the run.
+
+    Raises:
+        InputError: names what is unknown, or cannot be read.
+    """
+    wanted = _protocol(protocol)
+    on = rig if isinstance(rig, Rig) else rig_of(rig)
+    spec = None
+    if isinstance(muscle, MuscleUnit):
+        unit = muscle
+    else:
+        spec = muscle if isinstance(muscle, Specimen) else specimen(muscle)
+        unit = unit_from_specimen(spec)
+    layout = on.layout(wanted, plumbing)
+    rest = _rest_length(unit, spec)
+    plan = wanted.expand(rest_length=rest)
+    found = check_plan(plan, on.limits(layout), lambda span, pressure: np.asarray(unit.law.tension(span, pressure)))
+    known = [*on.sensors, *(["span"] if on.encoder is not None else [])]
+    for fault in faults:
+        if fault.channel not in known:
+            raise InputError("fault", fault.channel, f"the rig has sensors of {', '.join(known)}")
+    every = _every(wanted.sample_rate, plan) if not found else 1
+    if every > 1:
+        plan = dataclasses.replace(wanted, sample_rate=wanted.sample_rate * every).expand(rest_length=rest)
+    spared = [f for f in found if accept_saturation and f.field == "tension" and f.allowed.startswith(ON_THE_CELL)]
+    return Bench(
+        wanted, on, unit, plan, layout, spec, every, step, seed, tuple(faults),
+        tuple(f for f in found if f not in spared), tuple(spared),
+    )  # fmt: skip
+
+
+def _every(rate: float, plan: Plan) -> int:
+    """How much faster than a protocol's clock the loop has to run, which is unstable with a motor below some 600 1/s."""
+    moves = Part(plan.steps, "", 1.0, "").moves
+    return math.ceil(CONTROL_RATE / rate * (1.0 - 1e-9)) if moves and rate < CONTROL_RATE else 1
+
+
+def _rest_length(unit: MuscleUnit, spec: Specimen | None) -> float:
+    """What ``L0`` stands for [m]: as the specimen states it, else that of the law."""
+    if spec is not None and "rest_length" in spec.properties:
+        return spec.property_si("rest_length", "m")
+    own = getattr(unit.law, "rest_length", None)
+    if own is None:
+        raise InputError("rest_length", "unknown", "the muscle's law or its specimen has to state one", where="muscle")
+    return float(own)
+
+
+def _protocol(wanted: Protocol | str | os.PathLike[str]) -> Protocol:
+    if isinstance(wanted, Protocol):
+        return wanted
+    text = os.fspath(wanted)
+    return read_protocol(text) if text.lower().endswith(".toml") or os.sep in text else shipped(text)
