@@ -24,7 +24,7 @@ def lines(fig: Figure) -> dict:
 
 
 def test_each_quantity_has_axes_of_its_own_in_its_colour() -> None:
-    found = axes(time_figure([RECORD]))
+    found = axes(time_figure(RECORD))
     assert list(found) == ["Pressure, bar", "Tension, N", "Span, cm", "Valve, %"]
     for title, quantity in zip(found, ("pressure", "tension", "length", "valve"), strict=True):
         assert found[title].yaxis.label.get_color() == style.COLOURS[quantity]

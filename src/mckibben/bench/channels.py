@@ -23,10 +23,11 @@ OUTPUTS = {
     "friction": ("N", "friction and creep, positive against lengthening"),
     "volume": ("m^3", "volume of the gas"),
     "slack": ("1", "1 while it is slack"),
-    "position": ("m", "position of the pulley's rim"),
     "current": ("A", "current of the motor"),
     "deflection": ("m", "what the frame yields"),
 }
+# Outputs whose last part is called the same elsewhere, by their whole name.
+OWN = {"motor.position": ("m", "position of the pulley's rim, motor")}
 RENAMED = {
     "load.position": "motor.position",
     "load.velocity": "motor.velocity",
@@ -55,6 +56,8 @@ INPUTS = {"valve": "valve.command", "motor": "motor.command", "open": "shut_off.
 
 def described(name: str) -> tuple[str, str]:
     """Unit and meaning of a true channel by its dotted name."""
+    if name in OWN:
+        return OWN[name]
     owner, _, last = name.rpartition(".")
     unit, meaning = OUTPUTS.get(last, ("1", last.replace("_", " ")))
     return unit, f"{meaning}, {owner}"

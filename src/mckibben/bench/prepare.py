@@ -126,6 +126,7 @@ def prepare(
     protocol: Protocol | str | os.PathLike[str],
     *,
     muscle: str | Specimen | MuscleUnit,
+    unit: MuscleUnit | None = None,
     rig: Rig | str | os.PathLike[str] = "paper",
     plumbing: str | None = None,
     step: float = STEP,
@@ -138,6 +139,7 @@ def prepare(
     Args:
         protocol: a protocol, the name of a shipped one, or the path of a ``.toml`` file.
         muscle: a specimen, its id or file, or a muscle built already.
+        unit: what was built from the specimen, where something of it was changed.
         rig: a rig, its name or file.
         plumbing: name of the way in which the pneumatic parts are joined; chosen by what the protocol needs if left out.
         step: largest step of the physics [s].
@@ -155,7 +157,7 @@ def prepare(
         unit = muscle
     else:
         spec = muscle if isinstance(muscle, Specimen) else specimen(muscle)
-        unit = unit_from_specimen(spec)
+        unit = unit or unit_from_specimen(spec)
     layout = on.layout(wanted, plumbing)
     rest = _rest_length(unit, spec)
     plan = wanted.expand(rest_length=rest)

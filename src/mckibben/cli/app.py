@@ -10,7 +10,7 @@ import typer
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError
-from . import circuit_fit, fit, muscles, protocols, record, reproduce, study
+from . import circuit_fit, fit, muscles, protocols, record, reproduce, run, study
 
 app = typer.Typer(
     name="mckibben",
@@ -42,6 +42,7 @@ fit.add_to(app)
 circuit_fit.add_to(app)
 protocols.add_to(app)
 record.add_to(app)
+run.add_to(app)
 reproduce.add_to(app)
 study.add_to(app)
 

@@ -14,11 +14,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...analysis.segments import amount_of, steps_of
+from ...analysis.segments import amount_of
 from ...errors import InputError
 from ...recordings.recording import Recording
 from . import style
-from .recording_panels import Family, Panel, checked_names, envelope, panels, path, told_apart, usual_channels
+from .recording_panels import (
+    Family,
+    Panel,
+    checked_names,
+    envelope,
+    lane_steps,
+    panels,
+    path,
+    told_apart,
+    usual_channels,
+)
 from .style import DASHES, INK_2, PANEL, RECORDING_DASHES, SMALL, SUNKEN
 
 WIDTH = 8.4  # [inch]
@@ -30,23 +40,24 @@ _UNITS = {"Pa": "pressure", "N": "tension", "m": "length"}
 
 @style.styled()
 def time_figure(
-    parts: Sequence[Recording], *, channels: Sequence[str] | None = None, title: str | None = None
+    parts: Recording | Sequence[Recording], *, channels: Sequence[str] | None = None, title: str | None = None
 ) -> Figure:
     """Channels over time, one pair of axes per quantity and unit.
 
     Args:
-        parts: of one recording, by time, such as `analysis.segments.segments` gives; or the whole.
+        parts: a recording, or parts of one, by time, such as `analysis.segments.segments` gives.
         channels: names; `recording_panels.usual_channels` where left out.
         title: instead of the recording's own.
 
     Raises:
         InputError: there is no such channel, or nothing to draw.
     """
+    parts = [parts] if isinstance(parts, Recording) else parts
     record = parts[0]
     names = usual_channels(parts) if channels is None else checked_names(record, channels)
     _check_known(parts, names)
     drawn = panels(record, names)
-    steps = _lane_steps(parts)
+    steps = lane_steps(parts)
     top, each, gap, foot = 0.72 + (0.3 if steps else 0.0), 1.3, 0.42, 0.5  # [inch]
     heights = [0.75 * each if p.quantity == "valve" else each for p in drawn]
     height = top + sum(heights) + gap * (len(drawn) - 1) + foot
@@ -185,28 +196,7 @@ def _key_words(record: Recording, name: str) -> str:
         words, kind = (owner if owner and last in _SAID else name), "measured"
     words = words.replace("_", " ").replace(".", " ")
     words = words if kind == "measured" or kind in words else f"{words}, {kind}"
-    return words if len(words) <= MOST_LETTERS else f"{words[: MOST_LETTERS - 1]}\N{HORIZONTAL ELLIPSIS}"
-
-
-def _lane_steps(parts: Sequence[Recording]) -> list[tuple[float, float, list[str]]]:
-    """Beginning and end [s] of the steps that are drawn, and what may stand on them, the longest first."""
-    if not parts[0].meta.get("steps"):
-        return []
-    listed = [s for p in parts for s in steps_of(p)] if "step" in parts[0].meta else steps_of(parts[0])
-    start, end = parts[0].time[0], parts[-1].time[-1]
-    shown = [s for s in listed if s["recorded"] and s["end"] > start and s["start"] <= end]
-    values: dict[str, set[str]] = {}
-    for step in shown:
-        for name, words in step["case"].items():
-            values.setdefault(name, set()).add(words)
-    found = []
-    for step in shown:
-        case = ", ".join(words for name, words in step["case"].items() if len(values[name]) > 1)
-        label = str(step["label"])
-        found.append(
-            (step["start"], step["end"], [f"{label}, {case}" if label and case else label or case, case, label])
-        )
-    return found
+    return _cut(words, MOST_LETTERS)
 
 
 def _lane(ax: Axes, steps: Sequence[tuple[float, float, list[str]]], limits: tuple[float, float]) -> None:
@@ -241,17 +231,14 @@ def _draw_against(ax: Axes, families: Sequence[Family], panel: Panel, x: Panel) 
     for family, opacity in zip(families, style.graded(len(families), 0.4), strict=True):
         for name in panel.names:
             alike = [n for n in panel.names if kinds[n] == kinds[name]]
-            xs, ys = [], []
+            curves: list[Any] = []
             for part in family.parts:
-                px, py = path(part.time, part[across] * x.scale(), part[name] * panel.scale())
-                xs += [px, [np.nan]]
-                ys += [py, [np.nan]]
+                curves += [path(part.time, part[across] * x.scale(), part[name] * panel.scale()), [[np.nan], [np.nan]]]
             look = _look(kinds, name, alike.index(name), len(alike))
             look["alpha"] = opacity * (0.65 if look["lw"] > style.HEAVY else 1.0)
             label = _key_words(family.parts[0], name) if family is families[-1] else None
-            colour = style.colour(panel.quantity)
-            ax.plot(np.concatenate(xs), np.concatenate(ys), color=colour, label=label, solid_joinstyle="round", **look)
-            ax.get_lines()[-1].set_gid(family.words if name == panel.names[0] else None)
+            gid = family.words if name == panel.names[0] else None
+            ax.plot(*np.concatenate(curves, axis=1), color=style.colour(panel.quantity), label=label, gid=gid, **look)
     _set_range(ax, panel)
     ax.set_xlim(*ax.get_xlim())  # labels at the ends need limits that are final
 
@@ -295,17 +282,17 @@ def _right_end(family: Family, panel: Panel, x: Panel) -> tuple[float, float] | 
     return float(across[both].max()) * x.scale(), float(np.median(up[both][right])) * panel.scale()
 
 
-# ---- both
-
-
 def _head(ax: Axes, record: Recording, title: str | None, *, above: float) -> None:
     note = _note(record)
     head = str(record.meta.get("title", "")) if title is None else title
     style.heading(ax, head, above=above + (12.0 if note else 0.0))
     if note:
-        most = int(ax.figure.get_figwidth() * 72.0 * 0.92 / (0.58 * SMALL))
-        note = note if len(note) <= most else f"{note[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
-        style.note(ax, note, dy=above, va="bottom")
+        most = int(ax.figure.bbox.width / ax.figure.dpi * 72.0 * 0.92 / (0.58 * SMALL))
+        style.note(ax, _cut(note, most), dy=above, va="bottom")
+
+
+def _cut(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
 def _note(record: Recording) -> str:
@@ -328,4 +315,4 @@ def _check_known(parts: Sequence[Recording], names: Sequence[str]) -> None:
         if not any(np.isfinite(part[name]).any() for part in parts):
             raise InputError("--channels", name, "nothing is known of it there; allowed is a channel with values")
     if not names:
-        raise InputError("recording", "no channel", "allowed is one with channels")
+        raise InputError("recording", "no channel", "allowed is one in which something is known")

@@ -123,6 +123,27 @@ def told_apart(parts: Sequence[Recording]) -> list[Family]:
     return [Family(", ".join(key) if several else "", families[key]) for key in keys]
 
 
+def lane_steps(parts: Sequence[Recording]) -> list[tuple[float, float, list[str]]]:
+    """Beginning and end [s] of the steps that are drawn, and what may stand on them, the longest first."""
+    if not parts[0].meta.get("steps"):
+        return []
+    listed = [s for p in parts for s in steps_of(p)] if "step" in parts[0].meta else steps_of(parts[0])
+    start, end = parts[0].time[0], parts[-1].time[-1]
+    shown = [s for s in listed if s["recorded"] and s["end"] > start and s["start"] <= end]
+    values: dict[str, set[str]] = {}
+    for step in shown:
+        for name, words in step["case"].items():
+            values.setdefault(name, set()).add(words)
+    found = []
+    for step in shown:
+        case = ", ".join(words for name, words in step["case"].items() if len(values[name]) > 1)
+        label = str(step["label"])
+        found.append(
+            (step["start"], step["end"], [f"{label}, {case}" if label and case else label or case, case, label])
+        )
+    return found
+
+
 def envelope(time: np.ndarray, values: np.ndarray, columns: int = COLUMNS) -> tuple[np.ndarray, np.ndarray]:
     """A line over time as it is drawn: of many samples the first, least, greatest and last of every column.
 
