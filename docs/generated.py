@@ -164,6 +164,121 @@ def specimens(_: Path) -> str:
     )
 
 
+def rigs(_: Path) -> str:
+    """Every key of a rig's file, and what the rigs that ship say."""
+    from mckibben.bench.hardware import AnalogOut, Computer, Converter, Encoder, Frame, Motor, Sensor
+    from mckibben.bench.hardware.pneumatics import Plumbing
+    from mckibben.bench.rig_file import LENGTH, shipped_rigs
+    from mckibben.bench.software.controllers import ForceControl, PositionControl, PressureControl
+    from mckibben.bench.software.interlocks import Interlocks
+    from mckibben.bench.software.motion import MotionEstimate
+    from mckibben.components import Environment
+    from mckibben.pneumatics.build import known_keys
+    from mckibben.quantities import Quantity, declared
+
+    known = shipped_rigs()
+    span = {"shortest": LENGTH, "longest": LENGTH}
+    watched = declared(Interlocks)
+    parts = []
+    tables: list[tuple[str, str, Any, dict[str, Quantity]]] = [
+        ("computer", "", Computer, declared(Computer)),
+        ("sensors.pressure", "; so are `sensors.valve_pressure` and `sensors.tension`", Sensor, declared(Sensor)),
+        ("sensors.pressure.converter", "", Converter, declared(Converter)),
+        ("encoder", "; leave the table out where there is none, and the motor too", Encoder, declared(Encoder)),
+        ("outputs.valve", "; so is `outputs.motor`, in newtons", AnalogOut, declared(AnalogOut)),
+        ("motor", "", Motor, declared(Motor)),
+        ("frame", "", Frame, span | declared(Frame)),
+        (
+            "plumbing.direct",
+            "; one table for each way to join the parts, the usual one first",
+            Plumbing,
+            declared(Plumbing),
+        ),
+        ("plumbing.direct.valve", "", None, known_keys("pressure_regulator")),
+        ("plumbing.direct.tube", "", None, known_keys("lumped_tube")),
+        ("plumbing.tight.shut_off", "; only where there is one", None, known_keys("on_off_valve")),
+        ("plumbing.tight.leak", "; only where there is one", None, known_keys("leak")),
+        ("control.motion", "", MotionEstimate, declared(MotionEstimate)),
+        ("control.pressure", "", PressureControl, declared(PressureControl)),
+        ("control.position", "", PositionControl, declared(PositionControl)),
+        ("control.force", "", ForceControl, declared(ForceControl)),
+        ("interlocks", "", Interlocks, {k: watched[k] for k in _WATCHED}),
+        ("environment", "", Environment, declared(Environment)),
+    ]
+    for path, more, owner, keys in tables:
+        names = [*keys, *(n for n in _WHOLE if owner is not None and n in {f.name for f in dataclasses.fields(owner)})]
+        rows = [
+            [f"`{n}`", *_rig_key(n, keys.get(n), owner), *(_rig_value(r, path, n) for r in known.values())]
+            for n in names
+        ]
+        first = _first_line(owner).rstrip(".") if owner is not None else "As in a circuit's file"
+        parts += [f"## `[{path}]`", f"{first}{more}.", _table(["key", "meaning", "allowed", "default", *known], rows)]
+    return _page(
+        "Rigs",
+        "Every key of a rig's file ([Describe your own rig](../../how-to/describe-your-own-rig.md)), read from the declarations, with what "
+        "the rigs that ship say. A star marks what is inferred and stated by no source. Ends, offset and noise of a sensor and of a converter "
+        "are in the unit of their channel. A key with a default may be left out.",
+        *(f"`{name}`: {r.title}. {r.note}" for name, r in known.items()),
+        *parts,
+        "## Beside the tables",
+        _table(["key", "meaning"], [[f"`{k}`", v] for k, v in _RIG_REST.items()]),
+    )
+
+
+_WATCHED = (
+    "burst_pressure",
+    "most_tension",
+    "most_speed",
+    "patience",
+    "implausible_after",
+)  # the rest a rig knows itself
+_WHOLE = {
+    "bits": ("counts are 2^bits", "whole, 2 to 24"),
+    "steps_per_turn": ("of the disc", "whole, 1 to 10000000"),
+    "edges": ("counts per step", "1, 2, 4"),
+    "counter_bits": ("it wraps around", "whole, 4 to 48"),
+}
+_RIG_REST = {
+    "schema": "1; the version of this format",
+    "name": "short, for recordings",
+    "title": "for people",
+    "source": "where its numbers stand",
+    "note": "anything else",
+    "inferred": "dotted paths of what no source states; a whole table by its own path",
+    "plumbing.NAME.heat": "`isothermal`, `adiabatic`, or the conductance to the walls of each volume, such as `0.2 W/K`",
+    "plumbing.NAME.muscle": "false where an accumulator takes the muscle's place",
+    "plumbing.NAME.valve.specimen": "a valve that ships, for what is not said",
+    "hands": "list of tables: what a person does at an `ask` of a protocol: `ask`, and `plumbing` or `friction` afterwards, over that before",
+}
+
+
+def _rig_key(name: str, q: Any, owner: Any) -> list[str]:
+    from mckibben.quantities import with_unit
+
+    if q is None:
+        default = next(f.default for f in dataclasses.fields(owner) if f.name == name)
+        return [*_WHOLE[name], str(default)]
+    given = (
+        {f.name: f.default for f in dataclasses.fields(owner)}.get(name, dataclasses.MISSING)
+        if owner
+        else dataclasses.MISSING
+    )
+    free = "in the unit of the channel" in q.doc
+    meaning = q.doc.replace(", in the unit of the channel", "")
+    default = "" if given is dataclasses.MISSING else with_unit(float(given), q.unit)
+    return [meaning, "" if free else q.allowed(), default]
+
+
+def _rig_value(rig: Any, path: str, key: str) -> str:
+    at: Any = rig.document
+    for part in (*path.split("."), key):
+        at = at.get(part) if isinstance(at, dict) else None
+    if at is None or isinstance(at, dict):
+        return ""
+    full = f"{path}.{key}"
+    return f"{at}" + ("*" if any(full == i or full.startswith(f"{i}.") for i in rig.inferred) else "")
+
+
 def literature(_: Path) -> str:
     """All references."""
     from mckibben.citations import known_keys, reference
@@ -294,7 +409,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "engine": ("engine", "Time.", ["engine.*"]),
     "experiments": ("experiments", "What to do, as data.", ["experiments.*"]),
     "assembly": ("assembly", "Muscle, circuit, load and joint become one state equation.", ["assembly.*"]),
-    "bench": ("bench", "Where it happens.", ["bench.*"]),
+    "bench": ("bench", "Where it happens.", ["bench.*", "bench.hardware.*", "bench.software.*", "bench.software.controllers.*"]),
     "studies": ("studies", "Questions, answered as a whole.", ["studies.*"]),
     "laws": ("Tension laws", "One file per law; all of them have the methods of [TensionLaw](muscles.md).", ["muscles.laws.*"]),
     "hysteresis": ("Friction", "One file per model, under one interface.", ["components.element", "muscles.hysteresis.*"]),
@@ -339,7 +454,8 @@ def _modules(entry: str, left_out: set[str]) -> list[str]:
 
 
 PAGES: dict[str, Callable[[Path], str]] = {
-    f"{FOLDER}/{make.__name__}.md": make for make in (nomenclature, parameters, cli, specimens, literature, validation)
+    f"{FOLDER}/{make.__name__}.md": make
+    for make in (nomenclature, parameters, cli, specimens, rigs, literature, validation)
 } | {f"reference/api/{name}.md": (lambda _, name=name: room(name)) for name in ROOMS}  # type: ignore[misc]
 
 

@@ -1,1 +1,36 @@
-"""Puts this folder on the path of all tests: `machine_records` is shared by several rooms."""
+"""What all tests share: this folder on their path (`machine_records`), and compilations.
+
+Most of the suite's time is compilation, and every worker and every command line that a test starts would compile alike.
+"""
+
+import os
+import platform
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+# One folder per machine, for it holds machine code; it is not in version control. Read by JAX when it is first imported.
+CACHE = Path(__file__).parents[1] / ".pytest_cache" / f"jax-{platform.node()}"
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(CACHE))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
+KEPT = 7 * 86400.0  # [s]; changed sources leave behind what nothing asks for again
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Drop old compilations, once per run."""
+    if not hasattr(session.config, "workerinput"):
+        for entry in CACHE.glob("*-cache"):
+            if time.time() - entry.stat().st_mtime > KEPT:
+                entry.unlink(missing_ok=True)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _stages_in_a_loop() -> Iterator[None]:
+    """The stages of Runge-Kutta in a loop: a third of the compilation; one test shows that they are the same."""
+    from mckibben.engine import step
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(step, "UNROLLED", 0)
+        yield

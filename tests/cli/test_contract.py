@@ -157,7 +157,7 @@ def test_wrong_words_give_one_line(run, words, says):
 
 
 def test_reproduce_gives_every_row_and_counts_failures(run):
-    code, out, _ = run("reproduce", "--part", "I", "--json")
+    code, out, _ = run("reproduce", "--part", "discussion", "--json")
     found = json.loads(out)
     assert code == 0 and found["failed"] == 0
     assert all({"id", "paper", "ours", "unit", "expect", "ok", "calibrated", "note"} <= set(r) for r in found["rows"])

@@ -2,13 +2,15 @@
 
 import pytest
 
-from mckibben.reproduction import part1, reproduce
+from mckibben.reproduction import part1, reproduce, rows
 from mckibben.reproduction.rows import Row, all_rows, judge, reproduce_row, rounds_to
 
 
 def test_static_rows_and_table_1_hold():
-    outcomes = [o for o in reproduce("I") if o.ours is not None]
-    assert len(outcomes) >= 33  # nine static rows and the 24 of Table 1
+    outcomes = reproduce(
+        "I", [r.id for r in all_rows() if r.id.startswith(("static.", "table1.")) and "fit_" not in r.id]
+    )
+    assert len(outcomes) == 33  # nine static rows and the 24 of Table 1
     assert [o.row.id for o in outcomes if not o.ok] == []
 
 
@@ -27,10 +29,11 @@ def test_a_row_moves_with_its_input(monkeypatch):
     assert after.ok is False
 
 
-def test_every_row_is_listed_even_without_a_verdict():
+def test_every_row_is_listed_even_without_a_verdict(monkeypatch):
+    monkeypatch.setattr(rows, "_COMPUTE", {})
     outcomes = reproduce()
     assert [o.row.id for o in outcomes] == [r.id for r in all_rows()]
-    assert all(o.verdict == "to come" for o in outcomes if o.ours is None)
+    assert all(o.verdict == "to come" and o.ours is None for o in outcomes)
 
 
 @pytest.mark.parametrize(

@@ -27,10 +27,10 @@ from .muscle_unit import MuscleUnit
 class Stiffness(NamedTuple):
     """Four stiffnesses [N/m] of a muscle, or [N m/rad] of a joint."""
 
-    short_at_mass: float
-    short_at_pressure: float
-    relaxed_at_mass: float
-    relaxed_at_pressure: float
+    short_at_mass: Scalar
+    short_at_pressure: Scalar
+    relaxed_at_mass: Scalar
+    relaxed_at_pressure: Scalar
 
 
 def memory_stiffness(unit: MuscleUnit, pressure: Any) -> Scalar:
@@ -84,9 +84,9 @@ def muscle_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, nam
     cord = slope(unit.tendon.force, spans[name].span - state["muscles"][name].length)
     stuck = memory_stiffness(unit, machine.gauge(state, name))
 
-    def seen(short: bool, mass: bool) -> float:
+    def seen(short: bool, mass: bool) -> Scalar:
         own = braid_stiffness(machine, state, memory, inputs, name, mass=mass) + (stuck if short else 0.0)
-        return float(jnp.where(cord > 0.0, own * cord / jnp.where(cord > 0.0, own + cord, 1.0), 0.0))
+        return jnp.where(cord > 0.0, own * cord / jnp.where(cord > 0.0, own + cord, 1.0), 0.0)
 
     return Stiffness(seen(True, True), seen(True, False), seen(False, True), seen(False, False))
 
@@ -108,5 +108,5 @@ def joint_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any) -> S
 
     own = -jax.jvp(moment, (angle,), (jnp.ones_like(angle),))[1]  # arms that change under the tensions are in it
     parts = [muscle_stiffness(machine, state, memory, inputs, name) for name in load.arms]
-    arms = [float(arm.arm(angle)) ** 2 for arm in load.arms.values()]
-    return Stiffness(*(float(own) + sum(a * k[i] for a, k in zip(arms, parts, strict=True)) for i in range(4)))
+    arms = [arm.arm(angle) ** 2 for arm in load.arms.values()]
+    return Stiffness(*(own + sum(a * k[i] for a, k in zip(arms, parts, strict=True)) for i in range(4)))

@@ -117,8 +117,13 @@ class Rig:
             span=(self.shortest, self.longest), speed=0.0 if motor is None else float(motor.largest_speed),
             acceleration=float("inf") if still or motor is None else float(motor.largest_force / motor.mass),
             sample_rates=(float(self.computer.lowest_rate), float(self.computer.highest_rate)),
-            has=self.parts(layout),
+            resolution=self.resolution(), has=self.parts(layout),
         )  # fmt: skip
+
+    def resolution(self) -> dict[str, float]:
+        """Smallest step of every measured channel [SI]."""
+        found = {name: float(s.resolution) for name, s in self.sensors.items()}
+        return found if self.encoder is None else found | {"span": float(self.encoder.resolution)}
 
     def _pressure_rate(self, plumbing: Plumbing) -> float:
         """Steepest change of a set-point that the gas can follow [Pa/s]: choked flow into what has to be filled."""

@@ -187,7 +187,7 @@ def _duration(protocol: Protocol) -> dict[str, Any]:
 
 def _print(protocol: Protocol) -> None:
     found = _described(protocol, "")
-    typer.echo(found["sentence"] + "\n")
+    typer.echo(found["sentence"])
     rows = []
     for name, c in found["choices"].items():
         values = [f"{v} (inferred)" if v in c["inferred"] else v for v in c["values"]]
@@ -198,15 +198,16 @@ def _print(protocol: Protocol) -> None:
         allowed = " to ".join(b["words"] for b in p["bounds"]) if p["bounds"] else _kind(p["unit"])
         rows.append([name, ", ".join(values), allowed, _said(p)])
     if rows:
+        typer.echo("")
         table("", ["parameter", "value", "allowed", ""], rows)
     lines = [f"Needs: {', '.join(found['needs'])}."]
     length = found["duration"]
     if length["longest"] is None:
         lines.append(f"Duration not known beforehand: {length['note']}.")
     else:
-        at_most = "at most " if length["note"] else ""
+        at_most, count = "at most " if length["note"] else "", length["steps"]
         lines.append(
-            f"Duration: {at_most}{_time(length['longest'])} in {length['steps']} steps, for a rest length of "
+            f"Duration: {at_most}{_time(length['longest'])} in {count} step{'' if count == 1 else 's'}, for a rest length of "
             f"{100 * REST_LENGTH:g} cm."
         )
     if found["note"]:

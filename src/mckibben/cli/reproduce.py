@@ -21,12 +21,15 @@ def reproduce(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Compute the papers' numbers and say of each whether it holds. Exit code 1 when one falls short."""
+    """Compute the papers' numbers and say of each whether it holds. Exit code 1 when one falls short.
+
+    Rows of loops, friction, steps and power come from recordings of the simulated machine, which take minutes.
+    """
     from ..reproduction import reproduce as run
     from ..reproduction.rows import select
 
     with progress("reproducing", len(select(part, row))) as advance:
-        outcomes = run(part, row, progress=lambda r: advance(r.id))
+        outcomes = run(part, row, progress=lambda r: advance(r.id), tell=lambda words: advance(words, 0))
     failed = sum(o.ok is False for o in outcomes)
     if as_json:
         print_json({"rows": [_as_json(o) for o in outcomes], "failed": failed})

@@ -101,7 +101,7 @@ def table(title: str, columns: list[str], rows: Iterable[list[str]], *, right: I
 
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Any]:
-    """A progress bar on standard error with time left, shown only to a person; yields ``advance(words)``."""
+    """A progress bar on standard error with time left, shown only to a person; yields ``advance(words, by=1)``."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -117,8 +117,8 @@ def progress(what: str, total: int) -> Iterator[Any]:
     with bar:
         task = bar.add_task(what, total=total)
 
-        def advance(words: str) -> None:
-            bar.update(task, advance=1, description=words)
+        def advance(words: str, by: int = 1) -> None:
+            bar.update(task, advance=by, description=words)
 
         yield advance
 

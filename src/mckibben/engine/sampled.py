@@ -119,8 +119,8 @@ def sample(
 
         return step(plant, physics, inputs, h, stiff)
 
-    physics = jax.lax.fori_loop(0, inner, one, (carry.state, carry.memory, carry.integrals))
-    return Carry(*physics, own, history), seen
+    state, memory, sums = jax.lax.fori_loop(0, inner, one, (carry.state, carry.memory, carry.integrals))
+    return Carry(state, memory, sums, own, history), seen
 
 
 def march(

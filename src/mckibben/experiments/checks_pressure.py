@@ -62,6 +62,7 @@ def _jumps(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Found]:
     for i, following in zip(at, at[1:], strict=False):
         need, lasts = abs(change[i]) / limits.pressure_rate, (following - i) * dt
         if need > lasts * SLACK:
+            need = float(f"{need:.3g}")
             ends = f"{_bar(values[i])} to {_bar(values[i + 1])}"
             yield Found(
                 "pressure", f"a jump from {ends} for {time_words(lasts)}", f"the valve needs {time_words(need)}",

@@ -27,7 +27,10 @@ def until(step: PlannedStep, plan: Plan, limits: Limits, estimate: Estimate | No
         yield _never(step, f"the step lasts {time_words(duration)} at most")
         return
     amount, unit = test.amount.si(plan.rest_length), UNITS[test.channel]
-    if test.kind in (">=", "<="):
+    count = limits.resolution.get(test.channel, 0.0)
+    if test.kind in ("settled", "close") and amount < count:
+        yield _never(step, f"the {test.channel} sensor counts in steps of {words(count, unit)}")
+    elif test.kind in (">=", "<="):
         reach, why = _reach(step, plan, limits, estimate)
         # rounding of products with the rest length
         near = 1e-9 * max(abs(amount), abs(reach.low) if np.isfinite(reach.low) else 0.0)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ class Limits:
     acceleration: float = float("inf")  # of the motor [m/s^2]
     rounding: float = 5e-3  # time over which the motor may round a corner of its path [s]
     sample_rates: tuple[float, float] = (1.0, 5000.0)  # [1/s]
+    resolution: Mapping[str, float] = field(default_factory=dict)  # smallest step of a measured channel [SI]
     has: frozenset[str] = frozenset(
         ("valve", "motor", "person", "pressure sensor", "span sensor", "tension sensor")
     )  # sensors and parts, in the words of `read.NEEDS`

@@ -25,6 +25,9 @@ _ALLOWED = (
     "'pressure within 0.02 bar of its set-point for 0.2 s'"
 )
 
+KINDS = (">=", "<=", "settled", "close")
+START = (float("inf"), 0.0)  # the state before the first sample
+
 
 @dataclass(frozen=True)
 class Until:
@@ -41,10 +44,10 @@ class Until:
 
     def start(self) -> tuple[float, float]:
         """The state before the first sample: where the channel was, and for how long it has been true [s]."""
-        return (float("inf"), 0.0)
+        return START
 
     def step(self, state: Any, measured: Mapping[str, Any], command: Any, dt: float, rest_length: float) -> Any:
-        """One sample later: the new state, and whether the step ends. Straight-line; for floats, arrays and traces.
+        """One sample later: the new state, and whether the step ends; see `advance`.
 
         Args:
             state: of `start` or of the sample before.
@@ -53,23 +56,8 @@ class Until:
             dt: sampling period [s].
             rest_length: of the muscle [m].
         """
-        import jax.numpy as jnp
-
-        place, held = state
-        x, limit = measured[self.channel], self.amount.si(rest_length)
-        if self.kind == ">=":
-            true = x >= limit
-        elif self.kind == "<=":
-            true = x <= limit
-        elif self.kind == "close":
-            true = jnp.abs(x - command) <= limit
-        else:
-            true = jnp.abs(x - place) <= limit
-            place = jnp.where(true, place, x)
-        held = jnp.where(true, held + dt, 0.0)
-        # a single true sample does where nothing is said; else the samples between the first and the last true one count
-        long_enough = held >= self.lasting + dt * (0.5 if self.lasting else 0.0)
-        return (place, held), jnp.logical_and(true, long_enough)
+        limit = self.amount.si(rest_length)
+        return advance(KINDS.index(self.kind), state, measured[self.channel], limit, self.lasting, command, dt)
 
     def sentence(self) -> str:
         """In words."""
@@ -79,6 +67,32 @@ class Until:
         if self.kind == "close":
             return f"{self.channel} within {self.amount.sentence()} of its set-point{lasting}"
         return f"{self.channel} {self.kind} {self.amount.sentence()}{lasting}"
+
+
+def advance(kind: Any, state: Any, x: Any, limit: Any, lasting: Any, command: Any, dt: Any) -> Any:
+    """One sample of a test: the new state, and whether it holds. Straight-line; for floats, arrays and traces.
+
+    Args:
+        kind: index into `KINDS`.
+        state: where the channel was when it last left the band, and for how long the test has been true [s].
+        x: the channel, measured [SI].
+        limit: threshold, or half the width of the band [SI].
+        lasting: for how long it has to be true [s].
+        command: set-point of the channel [SI].
+        dt: sampling period [s].
+    """
+    import jax.numpy as jnp
+
+    place, held = state
+    above, below, still, close = (KINDS.index(k) for k in (">=", "<=", "settled", "close"))
+    stays = jnp.abs(x - place) <= limit
+    true = jnp.where(kind == above, x >= limit, jnp.where(kind == below, x <= limit, stays))
+    true = jnp.where(kind == close, jnp.abs(x - command) <= limit, true)
+    place = jnp.where((kind == still) & ~stays, x, place)
+    held = jnp.where(true, held + dt, 0.0)
+    # a single true sample does where nothing is said; else the samples between the first and the last true one count
+    long_enough = held >= lasting + dt * jnp.where(lasting > 0.0, 0.5, 0.0)
+    return (place, held), true & long_enough
 
 
 def read_until(raw: Any, *, field: str, where: str | None = None) -> Until:

@@ -10,7 +10,11 @@ __all__ = ["Outcome", "Row", "reproduce"]
 
 
 def reproduce(
-    part: str | None = None, rows: list[str] | None = None, *, progress: Callable[[Row], None] | None = None
+    part: str | None = None,
+    rows: list[str] | None = None,
+    *,
+    progress: Callable[[Row], None] | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> list[Outcome]:
     """Compute rows of the papers and judge each.
 
@@ -18,12 +22,15 @@ def reproduce(
         part: ``I`` to ``IV`` or ``discussion``; all where left out.
         rows: beginnings of identifiers, such as ``table1.nylon``.
         progress: called with each row before it is computed.
+        tell: called with words while a recording is made, of which several rows are computed; that takes minutes.
     """
-    from . import discussion, part1, part2  # noqa: F401  (they register their rows)
+    from . import discussion, isometric, isotonic, lubricants, part1, part2, quasi_static, sinusoids, static_fit  # noqa: F401
+    from .recorded import told
 
     outcomes = []
-    for row in select(part, rows):
-        if progress:
-            progress(row)
-        outcomes.append(reproduce_row(row))
+    with told(tell):
+        for row in select(part, rows):
+            if progress:
+                progress(row)
+            outcomes.append(reproduce_row(row))
     return outcomes

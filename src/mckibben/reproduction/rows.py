@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Callable
 from decimal import ROUND_HALF_UP, Decimal
 from importlib import resources
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from ..errors import InputError
 from ..quantities import from_si
@@ -51,14 +51,22 @@ class Outcome(NamedTuple):
         return "holds, calibrated" if self.row.calibrated else "holds"
 
 
-Compute = Callable[[], float]
+class Found(NamedTuple):
+    """What a function that computes a row may return in place of the number: the number with what it found beside."""
+
+    value: float
+    note: str = ""
+
+
+Compute = Callable[[], float | Found]
+AnyCompute = TypeVar("AnyCompute", bound=Compute)
 _COMPUTE: dict[str, tuple[Compute, str, str]] = {}
 
 
-def reproduces(identifier: str, si_unit: str, note: str = "") -> Callable[[Compute], Compute]:
+def reproduces(identifier: str, si_unit: str, note: str = "") -> Callable[[AnyCompute], AnyCompute]:
     """Register the function that computes a row; it returns an SI value whose unit is given here."""
 
-    def register(compute: Compute) -> Compute:
+    def register(compute: AnyCompute) -> AnyCompute:
         if identifier in _COMPUTE:
             raise ValueError(f"two functions reproduce {identifier}")
         _COMPUTE[identifier] = (compute, si_unit, note)
@@ -95,8 +103,10 @@ def reproduce_row(row: Row) -> Outcome:
     if row.id not in _COMPUTE:
         return Outcome(row, None, None, row.note)
     compute, si_unit, remark = _COMPUTE[row.id]
-    ours = from_si(compute(), si_unit, _plain_unit(row.unit))
-    note = "; ".join(filter(None, (row.note, remark)))
+    computed = compute()
+    value, found = computed if isinstance(computed, Found) else (computed, "")
+    ours = from_si(value, si_unit, _plain_unit(row.unit))
+    note = "; ".join(filter(None, (row.note, remark, found)))
     return Outcome(row, ours, judge(row, ours), note)
 
 

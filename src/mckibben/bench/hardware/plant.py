@@ -7,6 +7,7 @@ shut-off, ``open`` (1 or 0).
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,76 +26,44 @@ from .pneumatics import PORT
 ANALOGUE = ("pressure", "valve_pressure", "tension")
 
 
-class Rigged(Plant):
-    """A machine with sensors and output converters.
+class Measured(Plant):
+    """A machine whose analogue sensors have a state of their own: the filters before the converters.
 
     Its state holds the machine's and the conditioned signal of every analogue sensor. A row of a sample has ``draws``, a
-    normal draw per analogue sensor, and ``lost``, 1 where its wire is open; the encoder has ``lost`` only.
+    normal draw per analogue sensor, and may have ``lost``, 1 where its wire is open.
     """
 
     machine: Machine
-    tested: str = eqx.field(static=True)
     sensors: dict[str, Sensor]
-    encoder: Encoder | None
-    valve_out: AnalogOut
-    motor_out: AnalogOut | None
-    mounted: Scalar  # span at which the encoder was zeroed [m]
 
-    def _stand(self) -> TestStand:
-        assert isinstance(self.machine.load, TestStand)
-        return self.machine.load
+    @abc.abstractmethod
+    def seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
+        """What the analogue sensors are put to [SI], from the machine's state."""
 
     def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
         """State and memory at rest, at absolute pressures [Pa]."""
         state, memory = self.machine.initial(pressures, inputs)
-        seen = self._seen(state, memory, inputs)
+        seen = self.seen(state, memory, inputs)
         return {"machine": state, "sensors": {n: s.initial(seen[n]) for n, s in self.sensors.items()}}, memory
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
         """As the machine has it."""
         return self.machine.commands(signals)
 
-    def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
-        """What the output converters hold."""
-        held = {"valve": self.valve_out.output(commands["valve"])}
-        needed = self.machine.signals()
-        if "motor" in needed:
-            out = self.motor_out
-            held["motor"] = commands["motor"] if out is None else out.output(commands["motor"])
-        if "open" in needed:
-            held["open"] = jnp.where(commands["open"] > 0.5, 1.0, 0.0)
-        return held
-
-    def _seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
-        """What the sensors are put to [SI]; the tension is that at the load, behind whatever the muscle lies over."""
-        machine = self.machine
-        room = machine.environment.pressure_abs
-        at = state["circuit"]["pressure"]
-        seen = {"pressure": at[self.tested] - room, "valve_pressure": at[PORT] - room}
-        if machine.units:
-            _, _, felt = machine.pulls(state, memory, inputs)
-            seen["tension"] = sum(felt.values(), start=jnp.zeros(()))
-        else:
-            seen["tension"] = jnp.zeros(())
-        return seen
-
-    def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
-        """The measured channels, and beside each analogue one ``<channel>.code``, what its converter counted."""
-        seen = self._seen(state["machine"], memory, inputs)
+    def analogue(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+        """The analogue channels, and beside each ``<channel>.code``, what its converter counted."""
+        seen = self.seen(state["machine"], memory, inputs)
+        lost = row.get("lost", {})
         found: dict[str, Scalar] = {}
         for name, sensor in self.sensors.items():
-            value, code = sensor.reading(state["sensors"][name], seen[name], row["draws"][name], row["lost"][name])
+            draw = row["draws"][name]
+            value, code = sensor.reading(state["sensors"][name], seen[name], draw, lost.get(name, 0.0))
             found |= {name: value, f"{name}.code": code}
-        if self.encoder is not None:
-            position = self._stand().position(state["machine"]["load"])
-            # a lost encoder counts nothing any more
-            count = jnp.where(row["lost"]["span"] > 0.5, 0.0, self.encoder.count(position, self.mounted))
-            found["span"] = self.encoder.span(count, self.mounted)
         return found
 
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Of the machine, and of the filters before the converters."""
-        seen = self._seen(state["machine"], memory, inputs)
+        seen = self.seen(state["machine"], memory, inputs)
         return {
             "machine": self.machine.rate(state["machine"], memory, inputs),
             "sensors": {n: s.rate(state["sensors"][n], seen[n]) for n, s in self.sensors.items()},
@@ -115,13 +84,64 @@ class Rigged(Plant):
         return self.machine.outputs(state["machine"], memory, inputs)
 
     def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
-        """Of the machine, its motor's current loop, and the sensors' filters [1/s]."""
+        """Of the machine and the sensors' filters [1/s]."""
         bounds = [self.machine.steepest_rate(state["machine"], memory, inputs)]
         bounds += [2.0 * jnp.pi * s.cutoff for s in self.sensors.values()]
-        motor = self._stand().motor
-        bounds += [] if motor is None else [2.0 * jnp.pi * motor.current_bandwidth]
         return jnp.stack([jnp.asarray(b) for b in bounds]).max()
 
     def admissible(self, state: Any) -> Scalar:
         """Whether every volume holds gas above vacuum."""
         return self.machine.admissible(state["machine"])
+
+
+class Rigged(Measured):
+    """A machine with sensors and output converters; the encoder has an entry of its own in ``lost``."""
+
+    tested: str = eqx.field(static=True)
+    encoder: Encoder | None
+    valve_out: AnalogOut
+    motor_out: AnalogOut | None
+    mounted: Scalar  # span at which the encoder was zeroed [m]
+
+    def _stand(self) -> TestStand:
+        assert isinstance(self.machine.load, TestStand)
+        return self.machine.load
+
+    def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+        """What the output converters hold."""
+        held = {"valve": self.valve_out.output(commands["valve"])}
+        needed = self.machine.signals()
+        if "motor" in needed:
+            out = self.motor_out
+            held["motor"] = commands["motor"] if out is None else out.output(commands["motor"])
+        if "open" in needed:
+            held["open"] = jnp.where(commands["open"] > 0.5, 1.0, 0.0)
+        return held
+
+    def seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
+        """What the sensors are put to [SI]; the tension is that at the load, behind whatever the muscle lies over."""
+        machine = self.machine
+        room = machine.environment.pressure_abs
+        at = state["circuit"]["pressure"]
+        seen = {"pressure": at[self.tested] - room, "valve_pressure": at[PORT] - room}
+        if machine.units:
+            _, _, felt = machine.pulls(state, memory, inputs)
+            seen["tension"] = sum(felt.values(), start=jnp.zeros(()))
+        else:
+            seen["tension"] = jnp.zeros(())
+        return seen
+
+    def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+        """The measured channels, and beside each analogue one ``<channel>.code``, what its converter counted."""
+        found = self.analogue(state, memory, inputs, row)
+        if self.encoder is not None:
+            position = self._stand().position(state["machine"]["load"])
+            # a lost encoder counts nothing any more
+            count = jnp.where(row["lost"]["span"] > 0.5, 0.0, self.encoder.count(position, self.mounted))
+            found["span"] = self.encoder.span(count, self.mounted)
+        return found
+
+    def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+        """Of the machine, the sensors' filters, and the motor's current loop [1/s]."""
+        found, motor = super().steepest_rate(state, memory, inputs), self._stand().motor
+        return found if motor is None else jnp.maximum(found, 2.0 * jnp.pi * motor.current_bandwidth)

@@ -10,18 +10,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from ...components import Module
+from ...experiments import until
 from ...experiments.plan import Deferred, PlannedStep
 from ...experiments.steps import MODES
-from ...experiments.until import Until
+from ...experiments.until import KINDS
 
 SPAN, VELOCITY, TENSION = range(3)
 assert MODES == ("span", "velocity", "tension")
-LEAST_STEPS, LEAST_SAMPLES = 16, 4096  # tables are padded to these or a power of two, so that few sizes are compiled
+LEAST_STEPS, LEAST_SAMPLES = (
+    64,
+    2**16,
+)  # tables are padded to these, or 16 times as much, so that few sizes are compiled
+CHANNELS = ("pressure", "span", "velocity", "tension")  # that a test can look at
 
 
 class Place(NamedTuple):
@@ -30,7 +34,7 @@ class Place(NamedTuple):
     Attributes:
         step: its index, as large as the count of steps when all is done.
         sample: within the step.
-        tests: state of every test.
+        test: state of the step's test.
         pressure: set-point at the step's beginning [Pa].
         motor: the same of the motor [unit of its mode].
         missed: whether a test did not come true in a step that then has to stop.
@@ -38,7 +42,7 @@ class Place(NamedTuple):
 
     step: Any
     sample: Any
-    tests: Any
+    test: Any
     pressure: Any
     motor: Any
     missed: Any
@@ -72,6 +76,15 @@ class SetPoints(NamedTuple):
     fresh: Any
 
 
+class Tests(NamedTuple):
+    """The test that may end a step, of every step (steps,); without one the channel is -1."""
+
+    channel: Any
+    kind: Any
+    limit: Any
+    lasting: Any
+
+
 class Line(NamedTuple):
     """How a channel goes in every step, (steps,): a table from `offset` on, or a line from the beginning to `to`."""
 
@@ -89,13 +102,11 @@ class Sequencer(Module):
     mode: Any
     shut: Any
     record: Any
-    test: Any
+    tests: Tests
     must: Any
     pressure: Line
     motor: Line
     table: dict[str, Any]
-    tests: tuple[Until, ...] = eqx.field(static=True)
-    rest_length: Any
 
     @classmethod
     def of(cls, steps: Sequence[PlannedStep], *, rest_length: float, period: float) -> Sequencer:
@@ -106,7 +117,6 @@ class Sequencer(Module):
             rest_length: of the muscle [m].
             period: of the samples [s].
         """
-        tests = tuple(dict.fromkeys(s.until for s in steps if s.until is not None))
         size = _padded(len(steps), LEAST_STEPS)
         offset = np.concatenate([[0], np.cumsum([s.count for s in steps])])
         samples = _padded(int(offset[-1]), LEAST_SAMPLES)
@@ -128,23 +138,24 @@ class Sequencer(Module):
             offset=jnp.asarray(np.pad(offset[:-1], (0, size - len(steps)))),
             mode=each(lambda s: MODES.index(s.mode), int), shut=each(lambda s: s.pressure is None, bool),
             record=each(lambda s: s.record, bool),
-            test=each(lambda s: -1 if s.until is None else tests.index(s.until), int, -1),
+            tests=Tests(
+                each(lambda s: -1 if s.until is None else CHANNELS.index(s.until.channel), int, -1),
+                each(lambda s: 0 if s.until is None else KINDS.index(s.until.kind), int),
+                each(lambda s: 0.0 if s.until is None else s.until.amount.si(rest_length), float),
+                each(lambda s: 0.0 if s.until is None else s.until.lasting, float),
+            ),
             must=each(lambda s: s.until is not None and s.step.otherwise == "stop", bool),
             pressure=_lines([s.pressure for s in steps], size), motor=_lines([s.motor for s in steps], size),
-            table={name: jnp.asarray(values) for name, values in table.items()}, tests=tests,
-            rest_length=jnp.asarray(float(rest_length)),
+            table={name: jnp.asarray(values) for name, values in table.items()},
         )  # fmt: skip
 
     def initial(self, pressure: Any, motor: Any) -> Place:
         """Before the first sample, where the set-points are [Pa; unit of the first step's mode]."""
         zero = jnp.zeros((), int)
         return Place(
-            zero, zero, self._fresh_tests(), jnp.asarray(pressure, float), jnp.asarray(motor, float),
+            zero, zero, _fresh(), jnp.asarray(pressure, float), jnp.asarray(motor, float),
             jnp.asarray(False),
         )  # fmt: skip
-
-    def _fresh_tests(self) -> tuple[Any, ...]:
-        return tuple(tuple(jnp.asarray(float(x)) for x in test.start()) for test in self.tests)
 
     def set_points(self, place: Place, period: Any) -> SetPoints:
         """What the sample at a place asks for; after the end what the last step asked for."""
@@ -184,35 +195,35 @@ class Sequencer(Module):
             period: of the samples [s].
         """
         j = asked.step
-        ended, tests = jnp.asarray(False), []
-        for k, (test, state) in enumerate(zip(self.tests, place.tests, strict=True)):
-            command = asked.pressure if test.channel == "pressure" else asked.motor
-            new, true = test.step(state, measured, command, period, self.rest_length)
-            tests.append(new)
-            ended = jnp.logical_or(ended, jnp.logical_and(self.test[j] == k, true))
+        nothing, tests = jnp.zeros(()), self.tests
+        channel, commanded = tests.channel[j], jnp.where(tests.channel[j] == 0, asked.pressure, asked.motor)
+        x = jnp.stack([jnp.asarray(measured.get(name, nothing), float) for name in CHANNELS])[channel]
+        state, true = until.advance(tests.kind[j], place.test, x, tests.limit[j], tests.lasting[j], commanded, period)
+        ended = true & (channel >= 0)
         late = place.sample + 1 >= self.count[j]
         over = jnp.logical_and(asked.running, jnp.logical_or(ended, late))
-        missed = asked.running & late & ~ended & self.must[j] & (self.test[j] >= 0)
-        after = jnp.where(over, place.step + 1, place.step)
+        missed = asked.running & late & ~ended & self.must[j]
+        after = jnp.where(over & ~missed, place.step + 1, place.step)
         coming = jnp.where(after < self.total, after, self.total - 1)
         same = self.mode[coming] == asked.mode
         where = jnp.stack([jnp.asarray(x, float) for x in motor_at])[self.mode[coming]]
         motor = jnp.where(over, jnp.where(same, asked.motor, where), place.motor)
-        fresh = self._fresh_tests()
-        kept = tuple(
-            tuple(jnp.where(over, begin, now) for begin, now in zip(a, b, strict=True))
-            for a, b in zip(fresh, tests, strict=True)
-        )
+        kept = tuple(jnp.where(over, first, now) for first, now in zip(_fresh(), state, strict=True))
         return Place(
             after, jnp.where(over, 0, place.sample + jnp.where(asked.running, 1, 0)), kept,
             jnp.where(over, asked.pressure, place.pressure), motor, jnp.logical_or(place.missed, missed),
         )  # fmt: skip
 
 
+def _fresh() -> tuple[Any, Any]:
+    """The state of a test before its first sample."""
+    return tuple(jnp.asarray(x) for x in until.START)
+
+
 def _padded(count: int, least: int) -> int:
     size = least
     while size < count:
-        size *= 2
+        size *= 16
     return size
 
 

@@ -98,9 +98,9 @@ def draw(
     for name, net in found.nets.items():
         _draw_net(ax, net, strength.get(name))
     for mark in found.marks:
-        _draw_mark(ax, mark)
+        draw_mark(ax, mark)
     for text in [*found.texts, *(t.moved(0.0, found.box.y1 + above) for t in head)]:
-        _draw_text(ax, text)
+        draw_text(ax, text)
     return fig
 
 
@@ -153,12 +153,13 @@ def _draw_net(ax: Axes, net: Net, strength: float | None) -> None:
     if not points:
         return
     width = LINE if strength is None else 1.8 * LINE
-    _draw_mark(ax, Mark(Path(points, codes), width=width, colour=colour), alpha=strength, order=1.0)
+    draw_mark(ax, Mark(Path(points, codes), width=width, colour=colour), alpha=strength, order=1.0)
     for x, y in net.dots:
-        _draw_mark(ax, Mark(Path.circle((x, y), 2.6), fill=INK, width=0.0, colour=INK), order=1.5)
+        draw_mark(ax, Mark(Path.circle((x, y), 2.6), fill=INK, width=0.0, colour=INK), order=1.5)
 
 
-def _draw_mark(ax: Axes, mark: Mark, *, alpha: float | None = None, order: float = 2.0) -> None:
+def draw_mark(ax: Axes, mark: Mark, *, alpha: float | None = None, order: float = 2.0) -> None:
+    """One stroke on axes whose unit is the point."""
     from matplotlib.patches import PathPatch
 
     ax.add_patch(
@@ -177,7 +178,8 @@ def _draw_mark(ax: Axes, mark: Mark, *, alpha: float | None = None, order: float
     )
 
 
-def _draw_text(ax: Axes, text: Text) -> None:
+def draw_text(ax: Axes, text: Text) -> None:
+    """One line of text on such axes."""
     words = text.words
     ax.text(
         text.x,

@@ -1,0 +1,190 @@
+"""Which two gauge pressures hold an antagonist pair at an angle with a stiffness: balance and stiffness, inverted.
+
+    M(q, c + d, c - d) = 0,   K(q, c + d, c - d) = K*          c common to both muscles, d the difference
+
+M is the static moment about the joint, with its springs and weight; K is `joint_stiffness` with the pressures held and
+friction and creep relaxed, as a slow push finds it. For each of some angles the d is found that balances a common
+pressure, which gives a curve K(c) that is then read backwards. Between the points all is straight. Range: the angles
+asked for, both muscles taut, both pressures between the lowest and the highest; at each angle these leave a range of
+stiffness, and what is beyond gets its end. Halfway between the points of 17 angles and 9 levels, a pair of nylon muscles
+at 1.4 to 5 bar rests within 2 mrad of the angle. Bones that a muscle lies over are left out.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..components import Module, Scalar
+from ..engine.signals import Value
+from ..errors import InputError
+from ..quantities import quantity, with_unit
+from .loads import Joint
+from .loads.joint import JointState
+from .machine import Machine
+from .muscle_unit import UnitState
+from .stiffness import joint_stiffness
+
+NAMES = ("flexor", "extensor")
+ANGLES, LEVELS = 17, 9
+FINE = 4  # solved pressures per level that is kept
+NEWTON = 40  # steps; a dozen are enough where there is a solution
+LONGEST, STEEPEST = 2e-3, 5e4  # of a Newton step [m], [Pa]
+LEFT = 1e-6  # share of the moments that may be left unbalanced
+
+
+class PairPoint(NamedTuple):
+    """What holds a pair: common pressure, half the difference [Pa], moment per difference [N m/Pa], stiffness [N m/rad]."""
+
+    common: Scalar
+    difference: Scalar
+    moment_per_difference: Scalar
+    stiffness: Scalar
+
+
+class PairMap(Module):
+    """A table of points at rest: a row for each angle, of rising stiffness; straight between them."""
+
+    angles: Scalar = quantity("rad", (-10.0, 10.0), "angles of the rows, rising evenly; shape (m,)", symbol="q")
+    stiffness: Scalar = quantity("N*m", (0.0, 1e6), "stiffness per rad, rising along a row; shape (m, n)", symbol="K")
+    common: Scalar = quantity("Pa", (-1e5, 1e8), "mean gauge pressure of the two; shape (m, n)", symbol="c")
+    difference: Scalar = quantity("Pa", (-1e8, 1e8), "flexor's pressure less the mean; shape (m, n)", symbol="d")
+    moment_per_difference: Scalar = quantity("m^3", (-1e3, 1e3), "moment of a difference in Pa; shape (m, n)")
+
+    def _row(self, table: Scalar, angle: Any) -> Scalar:
+        """A row of a table at an angle, (n,)."""
+        apart = self.angles[1:2] - self.angles[0:1]
+        low, high = self.angles[:1], self.angles[-1:]
+        inside = jnp.where(angle < low, low, jnp.where(angle > high, high, angle))
+        near = 1.0 - jnp.abs(inside - self.angles) / apart
+        return jnp.sum(jnp.where(near > 0.0, near, 0.0)[:, None] * table, axis=0)
+
+    def stiffness_range(self, angle: Any) -> tuple[Scalar, Scalar]:
+        """Least and largest stiffness at an angle [N m/rad]."""
+        row = self._row(self.stiffness, angle)
+        return jnp.min(row), jnp.max(row)
+
+    def at(self, angle: Any, stiffness: Any) -> PairPoint:
+        """The point for an angle [rad] and a stiffness [N m/rad]; of what is out of range, the nearest."""
+        row = self._row(self.stiffness, angle)
+        share = (stiffness - row[:-1]) / (row[1:] - row[:-1])
+        share = jnp.where(share < 0.0, 0.0, jnp.where(share > 1.0, 1.0, share))
+
+        def along(table: Scalar) -> Scalar:
+            values = self._row(table, angle)
+            return jnp.sum(values[:1]) + jnp.sum(share * (values[1:] - values[:-1]))
+
+        tables = (self.common, self.difference, self.moment_per_difference, self.stiffness)
+        return PairPoint(*(along(table) for table in tables))
+
+
+def pair_map(
+    machine: Machine,
+    *,
+    lowest: float,
+    highest: float,
+    angles: tuple[float, float],
+    rows: int = ANGLES,
+    levels: int = LEVELS,
+) -> PairMap:
+    """The map of a pair whose muscles are called flexor and extensor.
+
+    Args:
+        machine: such as `build.antagonist_pair` makes; its signals count as zero.
+        lowest: least gauge pressure of either muscle [Pa].
+        highest: largest one [Pa].
+        angles: first and last of the rows [rad].
+        rows: number of angles, at least 2.
+        levels: points along each row, at least 2.
+
+    Raises:
+        InputError: if the machine is no such pair, or at an angle no pressures balance it with both muscles taut.
+    """
+    if not isinstance(machine.load, Joint) or sorted(machine.units) != sorted(NAMES):
+        raise InputError("machine", ", ".join(machine.units), f"allowed is a Joint with {' and '.join(NAMES)}")
+    for name, low, high in (("highest", lowest, highest), ("angles", *angles)):
+        if not low < high:
+            raise InputError(name, high, f"allowed is more than {low:.6g}", where="pair map")
+    inputs = {n: Value(jnp.zeros(()), jnp.zeros(())) for n in machine.signals()}
+    room = float(machine.environment.pressure_abs)
+    start = machine.initial(dict.fromkeys(machine.circuit.chambers, room + highest), inputs)
+    places, given = np.linspace(*angles, rows), np.linspace(lowest, highest, FINE * levels + 1)
+    found = jax.tree.map(np.asarray, _solved(machine, start, inputs, jnp.asarray(places), jnp.asarray(given)))
+    tables = [np.zeros((rows, levels)) for _ in PairPoint._fields]
+    for i, angle in enumerate(places):
+        apart = np.abs(found.point.difference[i])
+        good = found.sound[i] & (given + apart <= highest) & (given - apart >= lowest)
+        if np.sum(good) < 2:
+            between = f"between {with_unit(lowest, 'Pa')} and {with_unit(highest, 'Pa')}"
+            words = f"allowed are angles at which pressures {between} balance the pair with both muscles taut"
+            raise InputError("angle", f"{angle:.4g} rad", words, where="pair map")
+        kept = np.linspace(given[good].min(), given[good].max(), levels)
+        for table, values in zip(tables, found.point, strict=True):
+            table[i] = np.interp(kept, given[good], values[i][good])
+    common, difference, per_difference, stiffness = tables
+    if not (np.diff(stiffness, axis=1) > 0.0).all():
+        worst = float(places[np.argmin(np.diff(stiffness, axis=1).min(axis=1))])
+        raise InputError("stiffness", f"falls with co-contraction at {worst:.4g} rad", "allowed is one that rises")
+    return PairMap(
+        angles=places, stiffness=stiffness, common=common, difference=difference, moment_per_difference=per_difference
+    )
+
+
+class _Found(NamedTuple):
+    point: PairPoint
+    sound: Any  # balanced, both muscles taut
+
+
+@eqx.filter_jit
+def _solved(machine: Machine, start: Any, inputs: Any, angles: Any, common: Any) -> _Found:
+    """Points at rest for all angles (m,) and common pressures (n,), each (m, n)."""
+
+    def one(angle: Any, mean: Any) -> _Found:
+        return _at_rest(machine, start, inputs, angle, mean)
+
+    return jax.vmap(jax.vmap(one, in_axes=(None, 0)), in_axes=(0, None))(angles, common)
+
+
+def _at_rest(machine: Machine, start: Any, inputs: Any, angle: Any, mean: Any) -> _Found:
+    load: Any = machine.load
+    joint = JointState(angle, jnp.zeros(()))
+    spans = load.spans(joint, inputs)
+
+    def pressures(x: Any) -> dict[str, Any]:
+        return {"flexor": mean + x[2], "extensor": mean - x[2]}
+
+    def felt(x: Any) -> dict[str, Any]:
+        return {n: machine.units[n].tendon.force(spans[n].span - x[i]) for i, n in enumerate(NAMES)}
+
+    def excess(x: Any) -> Any:
+        gauge, pull = pressures(x), felt(x)
+        own = [pull[n] - machine.units[n].law.braid_tension(x[i], gauge[n]) for i, n in enumerate(NAMES)]
+        return jnp.stack([*own, load.inertia * load.rates(joint, pull, inputs).velocity])
+
+    def closer(_: Any, x: Any) -> Any:
+        step = jnp.linalg.solve(jax.jacfwd(excess)(x), -excess(x))
+        most = jnp.array([LONGEST, LONGEST, STEEPEST])
+        return x + jnp.where(step > most, most, jnp.where(step < -most, -most, step))
+
+    taut = [spans[n].span - machine.units[n].tendon.toe_length for n in NAMES]
+    x = jax.lax.fori_loop(0, NEWTON, closer, jnp.stack([*taut, jnp.zeros(())]))
+    slopes, pull = jax.jacfwd(excess)(x), felt(x)
+    yielding = jnp.linalg.solve(slopes[:2, :2], slopes[:2, 2])
+    per_difference = slopes[2, 2] - slopes[2, :2] @ yielding  # the tendons give a little
+    begin, memory = start
+    room = machine.environment.pressure_abs
+    gas = {**begin["circuit"]["pressure"], **{n: room + p for n, p in pressures(x).items()}}
+    state = {
+        "circuit": {**begin["circuit"], "pressure": gas},
+        "muscles": {n: UnitState(x[i], jnp.zeros(())) for i, n in enumerate(NAMES)},
+        "load": joint,
+    }
+    stiff = joint_stiffness(machine, state, memory, inputs).relaxed_at_pressure
+    arms = sum(jnp.abs(load.arms[n].arm(angle)) * pull[n] for n in NAMES)
+    left = jnp.abs(excess(x)) / jnp.stack([pull[n] for n in NAMES] + [arms])
+    sound = jnp.isfinite(x).all() & (left < LEFT).all() & (pull["flexor"] > 0.0) & (pull["extensor"] > 0.0)
+    return _Found(PairPoint(mean, x[2], per_difference, stiff), sound)

@@ -1,0 +1,52 @@
+"""An antagonist pair on a joint behind its converters: all that the software sees is an angle and two pressures.
+
+Measured are ``angle`` [rad] by an encoder on the joint's axis, and ``flexor_pressure`` and ``extensor_pressure`` (gauge)
+[Pa] at the muscles. The software commands ``flexor`` and ``extensor`` [Pa], one valve each. An outside ``moment`` [N m]
+passes unconverted: it comes from the world and not from a computer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...assembly.pair_map import NAMES
+from ...assembly.stiffness import joint_stiffness
+from ...components import Scalar
+from .analogue import AnalogOut
+from .motor import Encoder
+from .plant import Measured
+
+PRESSURES = {name: f"{name}_pressure" for name in NAMES}  # channels by muscle
+MOMENT = "moment"  # signal of the joint
+
+
+class RiggedJoint(Measured):
+    """A machine of `assembly.build.antagonist_pair` with sensors and output converters.
+
+    Its valves are driven by ``flexor.valve`` and ``extensor.valve``, its joint by ``moment``. The encoder has a pulley of
+    1 m radius, at which a metre is a radian. It was zeroed at angle zero.
+    """
+
+    encoder: Encoder
+    valve_out: AnalogOut
+
+    def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+        """What the output converters hold, and the outside moment."""
+        held = {f"{n}.valve": self.valve_out.output(commands[n]) for n in NAMES}
+        return {**held, MOMENT: commands[MOMENT]}
+
+    def seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
+        """Gauge pressures in the muscles [Pa]."""
+        return {channel: self.machine.gauge(state, name) for name, channel in PRESSURES.items()}
+
+    def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+        """The measured channels, and beside each pressure ``<channel>.code``, what its converter counted."""
+        count = self.encoder.count(state["machine"]["load"].angle, 0.0)
+        return {**self.analogue(state, memory, inputs, row), "angle": self.encoder.span(count, 0.0)}
+
+    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+        """Of the machine, and two stiffnesses of the joint [N m/rad]: of a slow push, and of a short, quick one."""
+        found = joint_stiffness(self.machine, state["machine"], memory, inputs)
+        own = {"joint.stiffness": found.relaxed_at_pressure, "joint.quick_stiffness": found.short_at_mass}
+        return super().outputs(state, memory, inputs) | own

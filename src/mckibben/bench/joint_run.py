@@ -1,0 +1,289 @@
+"""Angle and stiffness of an antagonist pair on the clock of a rig's computer: set-points over time become a recording."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..assembly.accounts import Accounts, accounts
+from ..assembly.build import antagonist_pair
+from ..assembly.loads import MomentArm
+from ..assembly.machine import Machine
+from ..assembly.muscle_unit import MuscleUnit
+from ..assembly.pair_map import NAMES, pair_map
+from ..engine import STEP, sampled
+from ..engine.signals import Signal, Value
+from ..errors import InputError
+from ..recordings.recording import Channel, Recording
+from ..specimens import Specimen
+from .about import CLOSED
+from .channels import described
+from .hardware.joint_stand import MOMENT, PRESSURES, RiggedJoint
+from .hardware.motor import Encoder
+from .provenance import created, resolved, versions
+from .rig import Rig
+from .rig_file import rig as rig_of
+from .software.controllers.joint import JointControl
+from .software.joint_loop import JointSoftware
+from .software.timing import Timing, configure
+
+CHUNK = 500  # samples that are computed at once
+AXIS = 1.0  # radius at which an encoder's metres are radians [m]
+ARM, SPAN = 0.02, 0.126  # of a pair of nylon muscles, whose stroke is 3 cm [m]
+
+Course = float | np.ndarray | Callable[[np.ndarray], Any]
+"""A number, its values (n,) at the samples, or a function of their times [s] such as a waveform's `at`."""
+
+
+@dataclass(frozen=True)
+class JointStand:
+    """A pair on a joint with the parts of a rig and the controller, ready to run."""
+
+    rig: Rig
+    layout: str
+    machine: Machine
+    encoder: Encoder
+    control: JointControl
+
+    def plant(self, angle: float) -> RiggedJoint:
+        """The pair behind its converters, at rest at an angle [rad]."""
+        load = self.machine.load.replace(start=jnp.asarray(angle, float))
+        sensor = self.rig.sensors["pressure"]
+        return RiggedJoint(
+            machine=self.machine.replace(load=load), sensors=dict.fromkeys(PRESSURES.values(), sensor),
+            encoder=self.encoder, valve_out=self.rig.valve_out,
+        )  # fmt: skip
+
+    def with_gains(self, **gains: float) -> JointStand:
+        """The same with other gains of the controller, by name."""
+        return dataclasses.replace(self, control=self.control.replace(**gains))
+
+
+def joint_stand(
+    flexor: MuscleUnit | Specimen | str = "nylon",
+    extensor: MuscleUnit | Specimen | str | None = None,
+    *,
+    rig: Rig | str = "modern",
+    layout: str = "direct",
+    flexor_arm: MomentArm | None = None,
+    extensor_arm: MomentArm | None = None,
+    inertia: float = 2e-3,
+    joint: Mapping[str, Any] | None = None,
+    pressures: tuple[float, float] = (1.4e5, 5e5),
+    angles: tuple[float, float] = (-0.5, 0.5),
+    gains: Mapping[str, float] | None = None,
+) -> JointStand:
+    """A pair on a joint, with computer, sensors of pressure, valves and tubes of a rig; the map of the pair is made here.
+
+    Args:
+        flexor: turns to positive angles.
+        extensor: the same kind where it is left out.
+        rig: whose parts are taken: one valve and tube for each muscle.
+        layout: name of its plumbing.
+        flexor_arm: 2 cm, with a span of 12.6 cm at angle zero, where left out.
+        extensor_arm: its mirror image where left out.
+        inertia: about the axis [kg m^2].
+        joint: what else `Joint` has; 0.01 N m s of damping where it says nothing about it.
+        pressures: least and largest gauge pressure of the map [Pa]; the valves go from zero to the largest one.
+        angles: first and last of the map [rad].
+        gains: of `JointControl`, by name.
+
+    Raises:
+        InputError: names what does not fit.
+    """
+    on = rig if isinstance(rig, Rig) else rig_of(rig)
+    if "pressure" not in on.sensors:
+        raise InputError("rig", on.name, "allowed is one with a sensor of the pressure")
+    if layout not in on.plumbing:
+        raise InputError("plumbing", layout, f"known are {', '.join(on.plumbing)}", where=on.where)
+    parts = on.plumbing[layout]
+    bends = flexor_arm or MomentArm(coefficients=jnp.array([ARM]), span=SPAN)
+    stretches = extensor_arm or bends.replace(coefficients=-bends.coefficients)
+    machine = antagonist_pair(
+        flexor, flexor if extensor is None else extensor, supply=float(parts.supply_pressure), flexor_arm=bends,
+        extensor_arm=stretches, inertia=inertia, joint={"damping": 0.01, "signal": MOMENT, **(joint or {})},
+        environment=on.environment, valve=parts.valve, tube=parts.tube, port_volume=float(parts.port_volume),
+        heat=parts.heat,
+    )  # fmt: skip
+    lowest, highest = pressures
+    top = min(float(on.valve_out.top), float(parts.supply_pressure))
+    if not highest <= top:
+        raise InputError("pressures", highest, f"allowed is at most {top:.6g} Pa, what the valves give", where=on.name)
+    control = JointControl(
+        pair=pair_map(machine, lowest=lowest, highest=highest, angles=angles), motion=on.motion,
+        valve=on.pressure.replace(low=0.0, high=highest), **{"inertia": inertia, **(gains or {})},
+    )  # fmt: skip
+    return JointStand(on, layout, machine, dataclasses.replace(_counting(on), pulley_radius=AXIS), control)
+
+
+def _counting(rig: Rig) -> Encoder:
+    if rig.encoder is None:
+        raise InputError("rig", rig.name, "allowed is one with an encoder")
+    return rig.encoder
+
+
+def run_joint(
+    stand: JointStand,
+    *,
+    duration: float,
+    angle: Course,
+    stiffness: Course,
+    moment: Course = 0.0,
+    active: Course = 1.0,
+    sample_rate: float = 1000.0,
+    step: float = STEP,
+    seed: int = 0,
+    title: str = "Angle and stiffness of a joint",
+) -> Recording:
+    """Control a joint for a time, from rest at the first set-points; the same seed gives the same bits.
+
+    Channels: measured ``angle`` and two pressures; commands, with ``approach.`` the set-points on their way; true ones of
+    the joint, both muscles and the air, ``joint.stiffness`` among them. The meta has the accounts under ``balance``.
+
+    Args:
+        stand: of `joint_stand`.
+        duration: of the run [s].
+        angle: set-point [rad].
+        stiffness: set-point [N m/rad].
+        moment: from outside [N m], positive towards positive angles.
+        active: 1 while the angle is fed back, else 0.
+        sample_rate: of the computer [1/s].
+        step: largest step of the physics [s].
+        seed: of the sensors' noise.
+        title: of the recording.
+
+    Raises:
+        InputError: names the set-point that has no number for a sample, or the rate that the computer cannot do.
+        ConvergenceError: if the physics failed; says why.
+    """
+    rig = stand.rig
+    dead = float(rig.plumbing[stand.layout].valve.dead_time)
+    timing = configure(rig.computer, sample_rate, dead_time=dead, step=step)
+    courses = {"angle": angle, "stiffness": stiffness, "moment": moment, "active": active}
+    time, set_points = _clocked(courses, duration, timing.period)
+    begin = {n: float(v[0]) for n, v in set_points.items()}
+    plant = stand.plant(begin["angle"])
+    software = JointSoftware(stand.control, jnp.asarray(begin["angle"]), jnp.asarray(begin["stiffness"]))
+    commands = _first(stand, begin)
+    start = _at_rest(plant, commands, float(rig.environment.pressure_abs))
+    rows = _rows(set_points, np.random.default_rng(seed), len(time))
+    carry = sampled.begin(plant, software, start, commands, jax.tree.map(lambda v: v[0], rows), timing.depth)
+    first = sampled.inputs_of(plant, carry, timing.latency, timing.period)
+    parts, finest = [], timing.inner
+    for k in range(0, len(rows["angle"]), CHUNK):
+        chunk = jax.tree.map(lambda v, k=k: v[k : k + CHUNK], rows)
+        carry, seen, inner = sampled.advance(
+            plant, software, carry, chunk, period=timing.period, inner=timing.inner, latency=timing.latency
+        )
+        parts.append(seen)
+        finest = max(finest, inner)
+    last = sampled.inputs_of(plant, carry, timing.latency, timing.period)
+    ended: Any = carry._replace(state=carry.state["machine"])
+    closed = accounts(plant.machine, (start[0]["machine"], start[1]), ended, first, last)
+    whole = jax.tree.map(lambda *v: np.concatenate(v)[: len(time)], *parts)
+    about = _about(stand, plant, timing, closed, seed) | {"title": title}
+    about["timing"]["step"] = timing.period / finest
+    return Recording(time, _channels(whole, len(time)), about)
+
+
+def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Times of the samples, and every course at them."""
+    if not (math.isfinite(duration) and duration >= period):
+        raise InputError("duration", duration, f"allowed is a time of at least one sample, {period:g} s")
+    time = period * np.arange(round(duration / period) + 1)
+    found = {}
+    for name, course in courses.items():
+        values = np.asarray(course(time) if callable(course) else course, float)
+        if values.shape not in ((), time.shape):
+            raise InputError(name, f"of shape {values.shape}", f"allowed is a number or {len(time)} values")
+        if not np.isfinite(values).all():
+            raise InputError(name, "not finite", "allowed is a finite number for every sample")
+        found[name] = np.broadcast_to(values, time.shape)
+    return time, found
+
+
+def _first(stand: JointStand, begin: Mapping[str, float]) -> dict[str, float]:
+    """Commands at rest at the first set-points."""
+    point = stand.control.pair.at(begin["angle"], begin["stiffness"])
+    common, difference = float(point.common), float(point.difference)
+    return {"flexor": common + difference, "extensor": common - difference, "moment": begin["moment"]}
+
+
+def _at_rest(plant: RiggedJoint, commands: Mapping[str, float], room: float) -> tuple[Any, Any]:
+    """State and memory with every muscle and its port at the pressure that its valve is asked for."""
+    held = {n: Signal(jnp.full((2,), v)) for n, v in plant.convert(commands).items()}
+    inputs = {n: Value(s.values[0], jnp.zeros(())) for n, s in plant.commands(held).items()}
+    pressures = {node: room + commands[n] for n in NAMES for node in (n, f"{n}.port")}
+    return plant.initial(pressures, inputs)
+
+
+def _rows(set_points: Mapping[str, np.ndarray], chance: np.random.Generator, count: int) -> dict[str, Any]:
+    """What every sample brings, up to the end of the last chunk; there the last set-points stay."""
+    whole = CHUNK * math.ceil(count / CHUNK)
+    names = list(PRESSURES.values())
+    draws = dict(zip(names, chance.standard_normal((len(names), whole)), strict=True))
+    more = {n: np.concatenate([v, np.full(whole - count, v[-1])]) for n, v in set_points.items()}
+    return {**more, "draws": draws}
+
+
+# unit and meaning of what a joint has and other test machines have not
+JOINT = {
+    "angle": ("rad", "measured", "angle of the joint by the encoder, measured"),
+    "flexor_pressure": ("Pa", "measured", "gauge pressure in the flexor, measured"),
+    "extensor_pressure": ("Pa", "measured", "gauge pressure in the extensor, measured"),
+    "command.angle": ("rad", "command", "set-point of the angle"),
+    "command.stiffness": ("N*m/rad", "command", "set-point of the stiffness"),
+    "approach.angle": ("rad", "command", "set-point of the angle on its way"),
+    "approach.stiffness": ("N*m/rad", "command", "set-point of the stiffness on its way, within its range"),
+    "command.flexor_pressure": ("Pa", "command", "gauge pressure that the flexor shall have"),
+    "command.extensor_pressure": ("Pa", "command", "gauge pressure that the extensor shall have"),
+    "loop.active": ("1", "command", "1 while the angle is fed back"),
+    "flexor.valve.command": ("Pa", "command", "pressure asked of the flexor's valve"),
+    "extensor.valve.command": ("Pa", "command", "pressure asked of the extensor's valve"),
+    "moment.command": ("N*m", "command", "moment from outside"),
+    "joint.angle": ("rad", "true", "angle of the joint"),
+    "joint.velocity": ("rad/s", "true", "angular velocity of the joint"),
+    "joint.moment": ("N*m", "true", "moment of both muscles"),
+    "joint.stiffness": ("N*m/rad", "true", "stiffness of the joint against a slow push, friction relaxed"),
+    "joint.quick_stiffness": ("N*m/rad", "true", "stiffness against a short, quick push, air shut in"),
+}
+RENAMED = {"load.angle": "joint.angle", "load.angular_velocity": "joint.velocity", "load.moment": "joint.moment"}
+
+
+def _channels(seen: Any, count: int) -> dict[str, Channel]:
+    """The channels of a recording from what was seen."""
+    arrays = {n: v for n, v in seen.measured.items() if not n.endswith(".code")} | dict(seen.shown)
+    arrays |= {f"{n}.command": v for n, v in seen.commands.items()}
+    arrays |= {RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(("supply.", "room."))}
+    found = {}
+    for name in sorted(arrays, key=lambda n: (list(JOINT).index(n) if n in JOINT else len(JOINT), n)):
+        unit, meaning = described(name)
+        known = JOINT.get(name, (unit, "true", meaning))
+        found[name] = Channel(np.broadcast_to(arrays[name], (count,)), *known)
+    return found
+
+
+def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accounts, seed: int) -> dict[str, Any]:
+    rig, room = stand.rig, stand.rig.environment
+    units = plant.machine.units
+    cites = [key for unit in units.values() for key in unit.law.cites]
+    owners = {
+        "units": units, "load": plant.machine.load, "plumbing": rig.plumbing[stand.layout],
+        "environment": room, "control": stand.control,
+    }  # fmt: skip
+    return {
+        "rig": rig.name, "plumbing": stand.layout, "parameters": resolved(owners), "inferred": list(rig.inferred),
+        "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
+        "balance": {name: float(getattr(closed, name)) for name in CLOSED},
+        "friction": {"work": closed.friction, "dissipated": closed.dissipated},
+        "timing": {"control_rate": timing.sample_rate, "latency": timing.latency},
+        "seed": seed, "result": "done", "message": "The run reached its end.", "versions": versions(),
+        "citations": list(dict.fromkeys(cites)), "created": created(),
+    }  # fmt: skip

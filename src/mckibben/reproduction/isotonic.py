@@ -1,0 +1,123 @@
+"""Fig. 11 of the paper: work and power of shortening against a controlled tension, the pressure a triangle.
+
+The work goes from the longest to the shortest span, and the mean power is twice the frequency times it, as printed.
+"""
+
+from __future__ import annotations
+
+import functools
+
+from ..analysis.characteristics import circle_area
+from ..analysis.power import ShorteningPower, TensionError, power_density, shortening_power, tension_error
+from ..recordings import Recording
+from ..specimens import specimen
+from .recorded import SPAN, TENSION, recording, step_of
+from .rows import Found, reproduces
+
+LIGHT, FAST = ("10 N", "1 Hz"), ("50 N", "5 Hz")
+LOADS = {LIGHT: 10.0, FAST: 50.0}  # [N]
+SKIP = 1  # the first cycle comes after another history
+
+
+def cycles(case: tuple[str, str]) -> Recording:
+    """The recorded cycles at one load and frequency."""
+    load, frequency = case
+    return step_of(recording("isotonic-triangle", load=load, frequency=frequency), "cycles")
+
+
+@functools.cache
+def power(case: tuple[str, str]) -> ShorteningPower:
+    """Work and power of these cycles."""
+    return shortening_power(cycles(case), length=SPAN, tension=TENSION, skip=SKIP)
+
+
+@functools.cache
+def error(case: tuple[str, str]) -> TensionError:
+    """Error of the controlled tension."""
+    return tension_error(cycles(case), set_point=LOADS[case], length=SPAN, tension=TENSION, skip=SKIP)
+
+
+def _work(case: tuple[str, str]) -> Found:
+    p = power(case)
+    return Found(
+        p.work,
+        f"stroke {100 * p.stroke:.1f} cm at {p.mean_tension:.1f} N in the mean; "
+        f"{p.positive_velocity_work:.2f} J wherever the velocity is positive",
+    )
+
+
+def _peak(case: tuple[str, str]) -> Found:
+    p = power(case)
+    wide = shortening_power(cycles(case), length=SPAN, tension=TENSION, skip=SKIP, window=0.25 / p.frequency).peak_power
+    return Found(
+        p.peak_power,
+        f"at {p.peak_velocity:.2f} m/s, velocity over {1e3 * p.window:.0f} ms; {wide:.3g} W with it over a quarter of a "
+        "cycle. It is reached as the muscle leaves its stretch stop, where a rise of pressure shortens it most; neither the "
+        "stop, nor where the triangles began, nor how the velocity was taken is printed",
+    )
+
+
+@reproduces("isotonic.work_10N_1Hz", "J")
+def work_light() -> Found:
+    """Work of a shortening at 10 N, 1 Hz."""
+    return _work(LIGHT)
+
+
+@reproduces("isotonic.mean_power_10N_1Hz", "W")
+def mean_power_light() -> float:
+    """Its mean power."""
+    return power(LIGHT).mean_power
+
+
+@reproduces("isotonic.peak_power_10N_1Hz", "W")
+def peak_power_light() -> Found:
+    """Its peak power."""
+    return _peak(LIGHT)
+
+
+@reproduces("isotonic.work_50N_5Hz", "J")
+def work_fast() -> Found:
+    """Work of a shortening at 50 N, 5 Hz."""
+    return _work(FAST)
+
+
+@reproduces("isotonic.mean_power_50N_5Hz", "W")
+def mean_power_fast() -> float:
+    """Its mean power."""
+    return power(FAST).mean_power
+
+
+@reproduces("isotonic.peak_power_50N_5Hz", "W")
+def peak_power_fast() -> Found:
+    """Its peak power."""
+    return _peak(FAST)
+
+
+def density(watts: float) -> float:
+    """Power over the volume that the muscle takes, its section when short times its rest length [W/m^3]."""
+    spec = specimen("nylon")
+    area = circle_area(spec.property_si("diameter_shortened", "m"))
+    return power_density(watts, section_area=area, rest_length=spec.property_si("rest_length", "m"))
+
+
+@reproduces("isotonic.mean_power_density", "W/m^3")
+def mean_power_density() -> float:
+    """Mean power at 50 N, 5 Hz, over the muscle's volume."""
+    return density(power(FAST).mean_power)
+
+
+@reproduces("isotonic.peak_power_density", "W/m^3", "goes with the peak power, whose note says why it differs")
+def peak_power_density() -> float:
+    """Peak power over the same volume."""
+    return density(power(FAST).peak_power)
+
+
+@reproduces("isotonic.tension_error", "1")
+def relative_tension_error() -> Found:
+    """Rms error of the tension at 50 N, 5 Hz, over its set-point."""
+    e, light = error(FAST), error(LIGHT)
+    return Found(
+        e.relative_rms,
+        f"from {e.lowest:.0f} to {e.highest:.0f} N, {e.relative_rms_shortening:.2f} while shortening; "
+        f"{light.relative_rms:.2f} at 10 N, 1 Hz",
+    )
