@@ -173,7 +173,7 @@ def rigs(_: Path) -> str:
     from mckibben.bench.software.interlocks import Interlocks
     from mckibben.bench.software.motion import MotionEstimate
     from mckibben.components import Environment
-    from mckibben.pneumatics.build import known_keys
+    from mckibben.pneumatics.build import ELEMENTS, known_keys
     from mckibben.quantities import Quantity, declared
 
     known = shipped_rigs()
@@ -190,14 +190,14 @@ def rigs(_: Path) -> str:
         ("frame", "", Frame, span | declared(Frame)),
         (
             "plumbing.direct",
-            "; one table for each way to join the parts, the usual one first",
+            "; a table for each, the usual one first",
             Plumbing,
             declared(Plumbing),
         ),
-        ("plumbing.direct.valve", "", None, known_keys("pressure_regulator")),
-        ("plumbing.direct.tube", "", None, known_keys("lumped_tube")),
-        ("plumbing.tight.shut_off", "; only where there is one", None, known_keys("on_off_valve")),
-        ("plumbing.tight.leak", "; only where there is one", None, known_keys("leak")),
+        ("plumbing.direct.valve", "", ELEMENTS["pressure_regulator"], known_keys("pressure_regulator")),
+        ("plumbing.direct.tube", "", ELEMENTS["lumped_tube"], known_keys("lumped_tube")),
+        ("plumbing.tight.shut_off", "; only where there is one", ELEMENTS["on_off_valve"], known_keys("on_off_valve")),
+        ("plumbing.tight.leak", "; only where there is one", ELEMENTS["leak"], known_keys("leak")),
         ("control.motion", "", MotionEstimate, declared(MotionEstimate)),
         ("control.pressure", "", PressureControl, declared(PressureControl)),
         ("control.position", "", PositionControl, declared(PositionControl)),
@@ -206,12 +206,12 @@ def rigs(_: Path) -> str:
         ("environment", "", Environment, declared(Environment)),
     ]
     for path, more, owner, keys in tables:
-        names = [*keys, *(n for n in _WHOLE if owner is not None and n in {f.name for f in dataclasses.fields(owner)})]
+        names = [*keys, *(n for n in _WHOLE if n in {f.name for f in dataclasses.fields(owner)})]
         rows = [
             [f"`{n}`", *_rig_key(n, keys.get(n), owner), *(_rig_value(r, path, n) for r in known.values())]
             for n in names
         ]
-        first = _first_line(owner).rstrip(".") if owner is not None else "As in a circuit's file"
+        first = _first_line(owner).rstrip(".")
         parts += [f"## `[{path}]`", f"{first}{more}.", _table(["key", "meaning", "allowed", "default", *known], rows)]
     return _page(
         "Rigs",
@@ -258,14 +258,10 @@ def _rig_key(name: str, q: Any, owner: Any) -> list[str]:
     if q is None:
         default = next(f.default for f in dataclasses.fields(owner) if f.name == name)
         return [*_WHOLE[name], str(default)]
-    given = (
-        {f.name: f.default for f in dataclasses.fields(owner)}.get(name, dataclasses.MISSING)
-        if owner
-        else dataclasses.MISSING
-    )
+    given = {f.name: f.default for f in dataclasses.fields(owner)}.get(name)
     free = "in the unit of the channel" in q.doc
     meaning = q.doc.replace(", in the unit of the channel", "")
-    default = "" if given is dataclasses.MISSING else with_unit(float(given), q.unit)
+    default = with_unit(float(given), q.unit) if isinstance(given, int | float) else ""
     return [meaning, "" if free else q.allowed(), default]
 
 

@@ -118,7 +118,7 @@ def joint_stand(
         raise InputError("pressures", highest, f"allowed is at most {top:.6g} Pa, what the valves give", where=on.name)
     control = JointControl(
         pair=pair_map(machine, lowest=lowest, highest=highest, angles=angles), motion=on.motion,
-        valve=on.pressure.replace(low=0.0, high=highest), **{"inertia": inertia, **(gains or {})},
+        valve=on.pressure.replace(low=0.0, high=highest), **(gains or {}),
     )  # fmt: skip
     return JointStand(on, layout, machine, dataclasses.replace(_counting(on), pulley_radius=AXIS), control)
 
@@ -221,7 +221,11 @@ def _at_rest(plant: RiggedJoint, commands: Mapping[str, float], room: float) -> 
     held = {n: Signal(jnp.full((2,), v)) for n, v in plant.convert(commands).items()}
     inputs = {n: Value(s.values[0], jnp.zeros(())) for n, s in plant.commands(held).items()}
     pressures = {node: room + commands[n] for n in NAMES for node in (n, f"{n}.port")}
-    return plant.initial(pressures, inputs)
+    state, memory = plant.initial(pressures, inputs)
+    # a regulator's lagging set-point would begin at nothing, and let the air out first
+    elements = state["machine"]["circuit"]["elements"]
+    elements |= {f"{n}.valve": inputs[f"{n}.valve"].value for n in NAMES}
+    return state, memory
 
 
 def _rows(set_points: Mapping[str, np.ndarray], chance: np.random.Generator, count: int) -> dict[str, Any]:

@@ -19,10 +19,10 @@ from ..experiments.dry_run import Finding, check_plan
 from ..experiments.library import shipped
 from ..experiments.plan import Plan, PlannedStep
 from ..experiments.protocol import Protocol
-from ..experiments.read import read_protocol
 from ..specimens import Specimen, specimen
 from .rig import Rig
 from .rig_file import rig as rig_of
+from .software.waveform_import import read_protocol
 
 CONTROL_RATE = 1000.0  # least samples per second of a loop that controls a motor
 ON_THE_CELL = "the load cell reads"  # how a finding about the cell's range begins

@@ -59,8 +59,9 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.
     """
+    from ..bench.software.waveform_import import read_protocol
     from ..experiments.library import shipped
-    from ..experiments.read import read_protocol, with_values
+    from ..experiments.read import with_values
 
     found = read_protocol(name) if name.endswith(".toml") else shipped(name)
     given = {key: _several(key, words) for key, words in pairs(change, "--set", _EXAMPLE).items()}

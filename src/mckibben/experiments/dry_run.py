@@ -67,7 +67,8 @@ def check_plan(plan: Plan, limits: Limits, muscle_estimate: Estimate | None = No
     for step in plan.steps:
         for found in _step(step, plan, limits, muscle_estimate):
             one = _finding(step, found, plan.protocol.varied())
-            seen.setdefault(one.sentence, one)
+            # what a step needs does not depend on the case
+            seen.setdefault(f"{step.path} {found.value}" if found.field == "needs" else one.sentence, one)
     return findings + list(seen.values())
 
 
@@ -83,12 +84,13 @@ def check(findings: list[Finding], *, where: str | None = None) -> None:
 
 
 def _step(step: PlannedStep, plan: Plan, limits: Limits, estimate: Estimate | None) -> Iterator[Found]:
-    for need in sorted(used_by(step.step) - limits.has):
-        yield Found("needs", need, f"the rig has {', '.join(sorted(limits.has))}")
+    missing = sorted(used_by(step.step) - limits.has)
+    yield from (_needed(need, limits) for need in missing)
     dt = 1.0 / plan.sample_rate
     yield from _resolved(step, plan.sample_rate)
     yield from pressure(step, limits, dt)
-    yield from motion(step, limits, dt, estimate, plan.rest_length)
+    if "motor" not in missing:
+        yield from motion(step, limits, dt, estimate, plan.rest_length)
     yield from tension_control(step, limits, estimate)
     yield from tension(step, limits, estimate, dt)
     yield from until(step, plan, limits, estimate)
@@ -99,7 +101,12 @@ def _whole(plan: Plan, limits: Limits) -> Iterator[Found]:
     if not low <= plan.sample_rate <= high:
         yield Found("sample_rate", f"{plan.sample_rate:g} Hz", f"the rig allows {low:g} Hz to {high:g} Hz")
     for need in sorted(set(plan.protocol.needs) - limits.has):
-        yield Found("needs", need, f"the rig has {', '.join(sorted(limits.has))}")
+        yield _needed(need, limits)
+
+
+def _needed(need: str, limits: Limits) -> Found:
+    has = f"the rig has {', '.join(sorted(limits.has))}"
+    return Found("needs", need, has, f"needs {need}, which the rig has not; {has}")
 
 
 def _resolved(step: PlannedStep, rate: float) -> Iterator[Found]:
@@ -115,8 +122,7 @@ def _resolved(step: PlannedStep, rate: float) -> Iterator[Found]:
 
 def _finding(step: PlannedStep | None, found: Found, varied: tuple[str, ...] = ()) -> Finding:
     if step is None:
-        text = f"{found.field} is {found.value}; {found.allowed}"
-        return Finding(0, "", "", found.field, found.value, found.allowed, text)
+        return Finding(0, "", "", found.field, found.value, found.allowed, found.text())
     case = case_words({k: v for k, v in step.case.items() if k in varied})
     section, _, place = step.path.partition(".")
     name = f"{'' if section == 'steps' else section + ' '}step {place.replace('steps.', '')}"

@@ -37,10 +37,10 @@ def measured_loop(muscle: str = "nylon", *, stroke: str = "large") -> Loop:
 
 
 def without_lag(record: Recording, on: str = "paper") -> CorrectedLoop:
-    """The loop raw, and with the lag of a rig's cell taken out: its filter, and its turn at the converter."""
+    """The loop raw, and with the lag of a rig's cell taken out: its filter, less its turn after the sample."""
     cell = rig(on).sensors["tension"]
     return corrected_loop(
-        record, cutoff=float(cell.cutoff), lag=float(cell.converter.skew), length=SPAN, tension=TENSION
+        record, cutoff=float(cell.cutoff), lag=-float(cell.converter.skew), length=SPAN, tension=TENSION
     )
 
 

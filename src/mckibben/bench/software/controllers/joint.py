@@ -64,7 +64,7 @@ class JointControl(Module):
     kp: Scalar = quantity("N*m", (0.0, 1e5), "gain of the angle, per rad", default=1.5)
     ki: Scalar = quantity("N*m/s", (0.0, 1e6), "integral gain of the angle, per rad", default=15.0)
     kd: Scalar = quantity("N*m*s", (0.0, 1e4), "gain of the angular velocity, per rad", default=0.06)
-    inertia: Scalar = quantity("kg*m^2", (0.0, 1e3), "inertia that is fed forward", default=0.0)
+    inertia: Scalar = quantity("kg*m^2", (0.0, 1e3), "inertia that is fed forward, with a jump at a step", default=0.0)
     lag: Scalar = quantity("s", (1e-3, 10.0), "of each of the two through which set-points go", default=0.04)
     trim_limit: Scalar = quantity("N*m", (0.0, 1e5), "largest correction by the integral", default=1.0)
 

@@ -1,0 +1,78 @@
+"""Protocols from files, with waveforms that lie in other files: their points are taken into the protocol.
+
+    pressure = { kind = "table", file = "walk.csv", time = "t [s]", column = "p [bar]" }
+
+What was recorded with a protocol then holds all of it. Files are those that `recordings.read_record` opens; a path is taken
+from the folder of the protocol.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...assembly.signal_table import read_points
+from ...errors import InputError
+from ...experiments import read
+from ...experiments.amounts import CHANNELS
+from ...experiments.protocol import Protocol
+
+
+def read_protocol(path: str | os.PathLike[str]) -> Protocol:
+    """Read a protocol and the waveforms that it names.
+
+    Raises:
+        InputError: names the file, the dotted path, the value and what is allowed.
+    """
+    where = os.fspath(path)
+    try:
+        document = tomllib.loads(Path(path).read_bytes().decode("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return read.read_protocol(path)  # says what is wrong with it
+    for section in ("first", "steps", "last"):
+        if isinstance(document.get(section), list):
+            document[section] = _steps(document[section], section, where)
+    return read.build_protocol(document, where=where)
+
+
+def _steps(steps: list[Any], path: str, where: str) -> list[Any]:
+    found = []
+    for number, step in enumerate(steps, 1):
+        if isinstance(step, Mapping):
+            place = f"{path}.{number}"
+            step = {
+                key: _steps(value, f"{place}.{key}", where)
+                if key == "steps" and isinstance(value, list)
+                else _taken_in(value, CHANNELS[key], f"{place}.{key}", where)
+                if key in CHANNELS
+                else value
+                for key, value in step.items()
+            }
+        found.append(step)
+    return found
+
+
+def _taken_in(value: Any, unit: str, field: str, where: str) -> Any:
+    """A waveform whose tables hold their points."""
+    if isinstance(value, list):
+        return [_taken_in(v, unit, field, where) for v in value]
+    if not isinstance(value, Mapping):
+        return value
+    if value.get("kind") != "table" or "file" not in value:
+        return {k: _taken_in(v, unit, f"{field}.{k}", where) for k, v in value.items()}
+    known = ("kind", "file", "time", "column", "between")
+    for key, raw in value.items():
+        if key not in known:
+            raise InputError(f"{field}.{key}", "unknown", f"a table from a file has {', '.join(known)}", where=where)
+        if not isinstance(raw, str):
+            raise InputError(f"{field}.{key}", str(raw), "allowed is a word", where=where)
+    file = Path(where).parent / value["file"]
+    times, values = read_points(file, value.get("time"), value.get("column"), unit, field=field, where=where)
+    inside = {"kind": "table", "between": value.get("between", "straight")}
+    return inside | {
+        "times": [f"{float(t) - float(times[0])!r} s" for t in times],
+        "values": [f"{float(v)!r} {unit}" for v in values],
+    }

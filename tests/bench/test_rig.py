@@ -1,0 +1,96 @@
+"""Rigs as files: what ships is read, everything wrong is named by its path, and limits follow from the parts."""
+
+import copy
+import tomllib
+from importlib import resources
+
+import pytest
+
+from mckibben.bench.rig_file import read_rig, rig, rig_names
+from mckibben.errors import InputError
+from mckibben.experiments.library import protocol
+
+
+def document():
+    text = (resources.files("mckibben.bench") / "rigs" / "paper.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def test_two_rigs_ship_and_each_says_what_is_inferred():
+    assert rig_names() == ["modern", "paper"]
+    for name in rig_names():
+        assert rig(name).inferred
+
+
+def test_the_papers_rig_has_what_the_paper_prints():
+    # chou1996, Part I (2) and (3)
+    paper = rig("paper")
+    assert float(paper.computer.timer_resolution) == 1e-6
+    assert float(paper.computer.highest_rate) == 5000.0
+    assert float(paper.sensors["pressure"].high) == pytest.approx(6.8e5)
+    assert float(paper.sensors["tension"].high) == 100.0
+    assert {s.converter.bits for s in paper.sensors.values()} == {8}
+    assert paper.valve_out.bits == paper.motor_out.bits == 8
+    assert float(paper.motor.current_limit) == 24.0
+    assert (paper.encoder.steps_per_turn, paper.encoder.counter_bits) == (1600, 24)
+    assert float(paper.encoder.pulley_radius) == 0.02
+    ten, three = (float(paper.plumbing[n].muscle_accumulator) for n in ("10 in3", "3 in3"))
+    # an inch is 2.54 cm
+    assert ten == pytest.approx(10 * 0.0254**3, rel=1e-4) and three == pytest.approx(3 * 0.0254**3, rel=1e-4)
+    assert paper.plumbing["accumulators"].valve_accumulator == ten
+    assert float(paper.plumbing["10 in3"].tube.length) == 1.0
+
+
+def test_a_rig_goes_to_a_protocol_by_what_it_needs():
+    paper, modern = rig("paper"), rig("modern")
+    assert paper.layout(protocol("quasi-static")) == "accumulators"
+    assert paper.layout(protocol("isotonic-triangle")) == "direct"
+    assert modern.layout(protocol("leak-down")) == "tight"
+    assert "shut-off" not in paper.parts("direct")
+
+
+def test_limits_follow_from_the_parts():
+    limits = rig("paper").limits("direct")
+    assert limits.tension == 100.0 and limits.motor_force == pytest.approx(264.0)
+    # the highest code of 8 bits over 10 bar, but no more than the supply
+    assert limits.pressure == (0.0, pytest.approx(6.9e5))
+    assert limits.resolution["tension"] == pytest.approx(100.0 / 256)
+    stronger = rig("paper", {"sensors.tension.high": "500 N", "sensors.tension.converter.high": "500 N"})
+    assert stronger.limits("direct").tension == 500.0
+
+
+WRONG = {
+    "unknown table": (("enginge",), {}, "unknown"),
+    "schema": (("schema",), 2, "this version reads schema 1"),
+    "unit": (("motor", "inertia"), "3 kg", "kg"),
+    "bounds": (("motor", "pulley_radius"), "20 m", "allowed is"),
+    "bits": (("sensors", "pressure", "converter", "bits"), "eight", "whole number"),
+    "many bits": (("sensors", "pressure", "converter", "bits"), 64, "24"),
+    "missing": (("sensors", "tension", "converter", "high"), None, "missing"),
+    "sensor": (("sensors", "torque"), {}, "known are pressure, valve_pressure, tension"),
+    "no layout": (("plumbing",), None, "one table for each way"),
+    "valve": (("plumbing", "direct", "valve", "specimen"), "MPP", "MPP"),
+    "tube": (("plumbing", "direct", "tube", "lenght"), "1 m", "did you mean"),
+    "heat": (("plumbing", "direct", "heat"), "warm", "isothermal, adiabatic, or a conductance"),
+    "frame": (("frame", "longest"), "1 cm", "allowed is more than"),
+    "hands": (("hands",), [{"ask": "x", "plumbing": "none"}], "known are direct"),
+    "inferred": (("inferred",), ["motor.colour"], "nothing of that path"),
+    "gain": (("control", "force", "kp"), -1.0, "allowed is"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_in_a_rig_is_named_by_its_path(case):
+    path, value, said = WRONG[case]
+    changed = copy.deepcopy(document())
+    at = changed
+    for part in path[:-1]:
+        at = at[part]
+    if value is None:
+        del at[path[-1]]
+    else:
+        at[path[-1]] = value
+    with pytest.raises(InputError) as error:
+        read_rig(changed, where="mine.toml")
+    assert "mine.toml" in str(error.value) and path[-1] in str(error.value), error.value
+    assert said in str(error.value), error.value

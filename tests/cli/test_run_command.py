@@ -1,0 +1,123 @@
+"""``run``: the contract's JSON, files as asked, and bad input named step by step before anything moves."""
+
+import json
+
+import pytest
+
+from mckibben.cli import main
+from mckibben.recordings import read_recording
+
+
+@pytest.fixture
+def run(capsys):
+    def call(*words: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as stop:
+            main(["run", *words])
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, out, err
+
+    return call
+
+
+def test_a_run_prints_one_json_object_and_saves_a_recording_that_opens(run, tmp_path):
+    out, figure = tmp_path / "step.nc", tmp_path / "step.png"
+    code, text, err = run(
+        "isometric-step", "--muscle", "nylon", "--set", "cycles=1", "--set", "range=half", "--set", "frequency=5 Hz",
+        "--out", str(out), "--figure", str(figure), "--json",
+    )  # fmt: skip
+    found = json.loads(text)
+    assert (code, err) == (0, "")
+    assert found["result"] == "done" and found["file"] == str(out)
+    assert set(found["balance"]) == {"mass", "energy"}
+    assert found["summary"]["tension"]["unit"] == "N" and found["summary"]["tension"]["max"] > 20.0
+    recording = read_recording(out)
+    assert recording.meta["specimen"] == "nylon" and recording.meta["rig"] == "paper"
+    assert recording.meta["protocol"]["name"] == "isometric-step"
+    assert figure.stat().st_size > 10_000
+
+
+REFUSED = {
+    "pressure above the regulator": (["quasi-static", "--set", "pressure=9.99 bar"], "the regulator allows up to"),
+    "force above the cell": (["isotonic-triangle", "--set", "load=150 N"], "the load cell reads up to 100 N"),
+    "speed above the motor": (["isokinetic", "--set", "speed=90 L0/s"], "motor"),
+    "a rig without the part": (["leak-down"], "needs is shut-off"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_exceeds_the_rig_is_named_step_by_step_and_nothing_moves(run, case, tmp_path):
+    words, said = REFUSED[case]
+    out = tmp_path / "never.nc"
+    code, text, err = run(*words, "--muscle", "nylon", "--out", str(out))
+    assert (code, text) == (2, "")
+    lines = err.strip().splitlines()
+    assert all(line.startswith("mckibben: ") for line in lines)
+    assert any(said in line and "step" in line for line in lines), err
+    assert not out.exists()
+
+
+FILES = {
+    "an until that cannot happen": (
+        'pressure = "2 bar"\nspan = "1 L0"\nuntil = "tension >= 90 N"\nfor = "1 s"', "cannot happen",
+    ),
+    "a test finer than the sensor": (
+        'pressure = "2 bar"\nspan = "1 L0"\nuntil = "pressure settled within 1 mbar for 0.2 s"\nfor = "1 s"',
+        "the pressure sensor counts in steps of 0.0265",
+    ),
+    "a jump that the valve cannot follow": (
+        'pressure = { kind = "triangle", low = "0 bar", high = "5 bar", frequency = "50 Hz" }\ncycles = 3',
+        "the valve follows",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_a_protocol_file_is_checked_against_the_rig(run, case, tmp_path):
+    text, said = FILES[case]
+    file = tmp_path / "mine.toml"
+    file.write_text(f'schema = 1\nname = "mine"\ntitle = "Mine"\n[[steps]]\n{text}\n')
+    code, out, err = run(str(file), "--muscle", "nylon")
+    assert (code, out) == (2, "")
+    assert said in err, err
+    code, out, err = run(str(file), "--muscle", "nylon", "--dry-run", "--json")
+    found = json.loads(out)
+    assert code == 2 and found["result"] == "refused" and found["findings"][0]["step"] == 1
+
+
+def test_a_dry_run_of_what_fits_says_the_protocol_and_ends_well(run):
+    code, out, err = run("sinusoids", "--muscle", "nylon", "--dry-run")
+    assert (code, err) == (0, "")
+    assert out.startswith("Sinusoids at constant pressure.") and "plumbing accumulators" in out
+
+
+WRONG = {
+    "muscle": (["quasi-static", "--muscle", "nylom"], "nylom"),
+    "protocol": (["quasi", "--muscle", "nylon"], "quasi-static"),
+    "rig": (["quasi-static", "--muscle", "nylon", "--rig", "papr"], "did you mean"),
+    "rig path": (["quasi-static", "--muscle", "nylon", "--set", "rig.sensors.pressure.cutof=1 1/s"], "cutoff"),
+    "muscle path": (["quasi-static", "--muscle", "nylon", "--set", "muscle.law.stiffnes=1 m"], "stiffness"),
+    "plumbing": (["quasi-static", "--muscle", "nylon", "--plumbing", "x"], "known are direct, accumulators"),
+    "step": (["quasi-static", "--muscle", "nylon", "--step", "1 s"], "allowed is 0.1 us to 1 ms"),
+    "a valve": (["quasi-static", "--muscle", "MPP-3-1-8"], "McKibben"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_words_get_one_line_that_says_what_is_allowed(run, case):
+    words, said = WRONG[case]
+    code, out, err = run(*words)
+    assert (code, out) == (2, "")
+    assert len(err.strip().splitlines()) == 1 and said in err, err
+
+
+def test_a_waveform_of_another_file_becomes_part_of_the_protocol(run, tmp_path):
+    (tmp_path / "walk.csv").write_text("t [ms],p [bar]\n0,0\n500,3\n1000,1\n")
+    file = tmp_path / "mine.toml"
+    wave = '{ kind = "table", file = "walk.csv", time = "t [ms]", column = "p [bar]" }'
+    file.write_text(f'schema = 1\nname = "mine"\ntitle = "Mine"\n[[steps]]\npressure = {wave}\nfor = "1 s"\n')
+    code, out, err = run(str(file), "--muscle", "nylon", "--dry-run")
+    assert (code, err) == (0, "")
+    assert "table of 3 points in 1 s, 0 bar to 3 bar" in out
+    file.write_text(file.read_text().replace("walk.csv", "gone.csv"))
+    code, out, err = run(str(file), "--muscle", "nylon", "--dry-run")
+    assert (code, out) == (2, "") and "gone.csv" in err and len(err.splitlines()) == 1
