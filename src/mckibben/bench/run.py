@@ -25,9 +25,7 @@ from .software.loop import BenchSoftware
 from .software.sequencer import Sequencer
 from .software.storage import Chunks
 from .software.timing import configure
-
-CHUNK = 500  # samples between two looks at the display, at the rates, and at whether somebody interrupts
-AFTER_STOP = 0.5  # time for which a stopped machine is recorded further, so that it is seen to vent [s]
+from .source import AFTER_STOP, CHUNK, Lateness, Source, WallClock, simulated
 
 Progress = Callable[[float, float], None]  # time done and longest time [s]
 Display = Callable[[np.ndarray, Mapping[str, np.ndarray]], None]  # times and channels of a chunk
@@ -41,6 +39,7 @@ def run(
     progress: Progress | None = None,
     display: Display | None = None,
     stop: Callable[[], bool] | None = None,
+    real_time: bool = False,
 ) -> Recording:
     """Do what was prepared; a keyboard interrupt ends the run and keeps what there is.
 
@@ -49,21 +48,35 @@ def run(
         progress: told how far it is, once per chunk.
         display: shown every chunk.
         stop: asked once per chunk whether to end the run.
+        real_time: by the wall clock; display and progress then come after each part, and the meta tells of ``deadlines``.
 
     Raises:
         InputError: the first finding of the dry run, if there is one.
         ConvergenceError: if the physics failed; says why.
     """
     check(list(bench.findings))
-    return _Run(bench, progress, display, stop).go()
+    clock = WallClock(bench.plan.duration) if real_time else None
+    going = _Run(bench, progress, display, stop, clock or simulated)
+    if clock is None:
+        return going.go()
+    clock.stop = stop
+    record = going.go()
+    kept = Lateness.of(clock.lateness, going.timing.period)
+    return record.with_meta(deadlines=kept._asdict())
 
 
 class _Run:
     """The state of one run while it goes on."""
 
     def __init__(
-        self, bench: Bench, progress: Progress | None, display: Display | None, stop: Callable[[], bool] | None
+        self,
+        bench: Bench,
+        progress: Progress | None = None,
+        display: Display | None = None,
+        stop: Callable[[], bool] | None = None,
+        source: Source = simulated,
     ) -> None:
+        self.source = source
         self.bench, self.progress, self.display, self.asked_to_stop = bench, progress, display, stop
         rig = bench.rig
         commanded = [e for p in rig.plumbing.values() for e in (p.valve, p.shut_off) if e is not None]
@@ -100,7 +113,7 @@ class _Run:
         software = self._software(part)
         commands = {"valve": part.start_pressure, "motor": 0.0, "open": 1.0}
         start = _at_rest(plant, commands, float(rig.environment.pressure_abs))
-        rows = _Rows(self.bench, number)
+        rows = _Rows(self.bench, number, self.time)
         carry = sampled.begin(plant, software, start, commands, rows.first(), timing.depth)
         first = sampled.inputs_of(plant, carry, timing.latency, timing.period)
         carry = self._samples(plant, software, carry, rows, part)
@@ -124,11 +137,8 @@ class _Run:
         left = round(AFTER_STOP / self.timing.period)
         over = False
         try:
-            while not over:
-                carry, seen, inner = sampled.advance(
-                    plant, software, carry, rows.next(self.time), period=self.timing.period, inner=self.timing.inner,
-                    latency=self.timing.latency,
-                )  # fmt: skip
+            for latest, seen, inner in self.source(plant, software, carry, rows, self.timing):
+                carry = latest
                 self.finest = max(self.finest, inner)
                 used = int(seen.shown["running"].sum())
                 stopped = bool((seen.shown["code"] > 0).any() or seen.shown["missed"].any())
@@ -141,6 +151,8 @@ class _Run:
                 else:
                     over = used < CHUNK
                 self._keep(seen, used, part, stopped)
+                if over:
+                    break
                 if self.asked_to_stop is not None and self.asked_to_stop():
                     raise KeyboardInterrupt
         except KeyboardInterrupt:
@@ -199,23 +211,25 @@ class _Ended(NamedTuple):
 class _Rows:
     """What every sample brings from outside: draws of the noise, and wires that are open."""
 
-    def __init__(self, bench: Bench, part: int) -> None:
+    def __init__(self, bench: Bench, part: int, begin: float = 0.0) -> None:
         # a generator for each part, so that the parts do not depend on each other's length
         self.chance = np.random.default_rng([bench.seed, part])
         self.period = 1.0 / bench.plan.sample_rate
         self.names = list(bench.rig.sensors)
         self.lost = [*self.names, "span"]
         self.opened = {f.channel: f.at for f in bench.faults}
+        self.begin, self.count = begin, 0
 
     def first(self) -> dict[str, Any]:
         """Of a sample without noise."""
         zero = jnp.zeros(())
         return {"draws": dict.fromkeys(self.names, zero), "lost": dict.fromkeys(self.lost, zero)}
 
-    def next(self, time: float) -> dict[str, Any]:
-        """Of the chunk that begins at a time [s]."""
+    def next(self) -> dict[str, Any]:
+        """Of the next chunk."""
         draws = self.chance.standard_normal((len(self.names), CHUNK))
-        times = time + self.period * np.arange(CHUNK)
+        times = self.begin + self.period * (self.count + np.arange(CHUNK))
+        self.count += CHUNK
         return {
             "draws": dict(zip(self.names, draws, strict=True)),
             "lost": {n: np.where(times >= self.opened.get(n, np.inf), 1.0, 0.0) for n in self.lost},

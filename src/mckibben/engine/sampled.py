@@ -82,6 +82,47 @@ def begin(
     return Carry(*start, sums, software.initial(plant.sense(*start, now, row)), history)
 
 
+class Look(NamedTuple):
+    """A plant at a sample: true outputs, its bound of the fastest mode [1/s], and whether its state can be (bool)."""
+
+    outputs: dict[str, Any]
+    steepest: Any
+    sound: Any
+
+
+def observe(plant: Plant, carry: Carry, row: Any, *, period: Any, latency: Any) -> tuple[dict[str, Any], Look]:
+    """What the software measures at a sample, and what a recording shows of the plant."""
+    now = _inputs(plant, carry.history, latency, 1.0, period)
+    finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((carry.state, carry.memory))]).all()
+    look = Look(
+        plant.outputs(carry.state, carry.memory, now), plant.steepest_rate(carry.state, carry.memory, now),
+        plant.admissible(carry.state) & finite,
+    )  # fmt: skip
+    return plant.sense(carry.state, carry.memory, now, row), look
+
+
+def act(
+    plant: Plant, carry: Carry, commands: Mapping[str, Any], *, period: Any, inner: Any, latency: Any, stiff: bool
+) -> tuple[Carry, dict[str, Any]]:
+    """New commands to the converters, and the physics until the next sample: the carry, and what the converters hold."""
+    newest = plant.convert(commands)
+    history = {name: jnp.append(past[1:], newest[name]) for name, past in carry.history.items()}
+    signals = _signals(plant, history, latency)
+    last = len(next(iter(history.values()))) - 1
+    h = period / inner
+
+    def one(i: Any, physics: Any) -> Any:
+        first, then = i / inner, (i + 1) / inner
+
+        def inputs(share: Any) -> dict[str, Any]:
+            return {n: s.within(last, first, then, share, period) for n, s in signals.items()}
+
+        return step(plant, physics, inputs, h, stiff)
+
+    state, memory, sums = jax.lax.fori_loop(0, inner, one, (carry.state, carry.memory, carry.integrals))
+    return Carry(state, memory, sums, carry.software, history), newest
+
+
 def sample(
     plant: Plant, software: Software, carry: Carry, row: Any, *, period: Any, inner: Any, latency: Any, stiff: bool
 ) -> tuple[Carry, Seen]:
@@ -97,30 +138,10 @@ def sample(
         latency: from a sample to the action of its commands [s].
         stiff: use the Rosenbrock method.
     """
-    now = _inputs(plant, carry.history, latency, 1.0, period)
-    measured = plant.sense(carry.state, carry.memory, now, row)
+    measured, look = observe(plant, carry, row, period=period, latency=latency)
     own, commands, shown = software.step(carry.software, measured, row, period)
-    newest = plant.convert(commands)
-    history = {name: jnp.append(past[1:], newest[name]) for name, past in carry.history.items()}
-    finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((carry.state, carry.memory))]).all()
-    seen = Seen(
-        plant.outputs(carry.state, carry.memory, now), measured, newest, shown,
-        plant.steepest_rate(carry.state, carry.memory, now), plant.admissible(carry.state) & finite,
-    )  # fmt: skip
-    signals = _signals(plant, history, latency)
-    last = len(next(iter(history.values()))) - 1
-    h = period / inner
-
-    def one(i: Any, physics: Any) -> Any:
-        first, then = i / inner, (i + 1) / inner
-
-        def inputs(share: Any) -> dict[str, Any]:
-            return {n: s.within(last, first, then, share, period) for n, s in signals.items()}
-
-        return step(plant, physics, inputs, h, stiff)
-
-    state, memory, sums = jax.lax.fori_loop(0, inner, one, (carry.state, carry.memory, carry.integrals))
-    return Carry(state, memory, sums, own, history), seen
+    after, newest = act(plant, carry, commands, period=period, inner=inner, latency=latency, stiff=stiff)
+    return after._replace(software=own), Seen(look.outputs, measured, newest, shown, look.steepest, look.sound)
 
 
 def march(

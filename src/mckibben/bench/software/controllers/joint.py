@@ -9,7 +9,7 @@ through two equal lags, and q*'' and q*' are of that approach: a step would ask 
 is at the end of its range takes no part while the other still does; when both are, the integral stands still.
 Range: angles and stiffnesses of the map. The stiffness is that of the muscles: who pushes slowly feels the feedback beside
 it, and in the end the integral moves the joint back. With the loop off, or too quick for the valves, the muscles alone are
-felt. Stable where the damping of the joint and kd together exceed kp times the lag of the pressures.
+felt. As a rule kd and the damping of the joint together should exceed kp times the lag of the pressures.
 """
 
 from __future__ import annotations
