@@ -163,7 +163,8 @@ def test_valves_that_switch_on_the_samples():
     assert max(errors(run, exact).values()) < 2e-4
 
 
-LATE = [0.3137e-3, 0.3250e-3, 0.3499e-3]  # 0.3250 ms is 6.5 steps, where the stages of a step see a switch worst
+# 0.3250 ms is 6.5 steps, where the stages of a step see a switch worst.
+LATE = [0.3137e-3, 0.3250e-3, pytest.param(0.3499e-3, marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize("late", LATE)
@@ -276,7 +277,7 @@ def small_truth(valve, fill, times):
     return np.array(found)
 
 
-@pytest.mark.parametrize("h", [50e-6, 100e-6])
+@pytest.mark.parametrize("h", [50e-6, pytest.param(100e-6, marks=pytest.mark.slow)])
 def test_a_circuit_too_stiff_says_which_step_it_needs_and_is_right_with_it(h):
     with pytest.raises(ConvergenceError, match="too fast for this step") as told:
         small_volume(h, "rk4")

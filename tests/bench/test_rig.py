@@ -74,6 +74,7 @@ WRONG = {
     "heat": (("plumbing", "direct", "heat"), "warm", "isothermal, adiabatic, or a conductance"),
     "frame": (("frame", "longest"), "1 cm", "allowed is more than"),
     "hands": (("hands",), [{"ask": "x", "plumbing": "none"}], "known are direct"),
+    "interlocks": (("interlocks", "motor_force"), "200 N", "unknown"),
     "inferred": (("inferred",), ["motor.colour"], "nothing of that path"),
     "gain": (("control", "force", "kp"), -1.0, "allowed is"),
 }

@@ -40,7 +40,7 @@ REFUSED = {
     "pressure above the regulator": (["quasi-static", "--set", "pressure=9.99 bar"], "the regulator allows up to"),
     "force above the cell": (["isotonic-triangle", "--set", "load=150 N"], "the load cell reads up to 100 N"),
     "speed above the motor": (["isokinetic", "--set", "speed=90 L0/s"], "motor"),
-    "a rig without the part": (["leak-down"], "needs is shut-off"),
+    "a rig without the part": (["leak-down"], "needs shut-off"),
 }
 
 
@@ -121,3 +121,8 @@ def test_a_waveform_of_another_file_becomes_part_of_the_protocol(run, tmp_path):
     file.write_text(file.read_text().replace("walk.csv", "gone.csv"))
     code, out, err = run(str(file), "--muscle", "nylon", "--dry-run")
     assert (code, out) == (2, "") and "gone.csv" in err and len(err.splitlines()) == 1
+
+
+def test_a_muscle_on_a_plate_is_mounted_where_the_protocol_says(run):
+    code, out, err = run("isometric-step", "--muscle", "nylon", "--set", "span=0.9 L0", "--dry-run")
+    assert (code, err) == (0, "")

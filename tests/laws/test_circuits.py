@@ -109,13 +109,13 @@ def test_a_lumped_tube_chokes():
     assert back == pytest.approx(-flows[2], rel=1e-12)
 
 
-def circuit(heat):
+def circuit(block, muscle):
     valve = Orifice.from_flow(105e-3 / 60, pressure=6.9e5)
     law = law_from_specimen(specimen("nylon"))
     nodes = {
         "supply": Reservoir(pressure_abs=7.9e5),
-        "valve": FixedVolume(size=2e-6, heat=heat),
-        "muscle": MovingVolume(of=law.braid_volume, heat=heat),
+        "valve": FixedVolume(size=2e-6, heat=block),
+        "muscle": MovingVolume(of=law.braid_volume, heat=muscle),
         "room": Reservoir(),
     }
     branches = {
@@ -127,14 +127,16 @@ def circuit(heat):
 
 
 @pytest.mark.parametrize(
-    "heat", [Isothermal(), adiabatic(), WallHeat(conductance=0.2), Polytropic()], ids=lambda h: type(h).__name__
+    ("block", "muscle"),
+    [(Polytropic(), Isothermal()), (adiabatic(), WallHeat(conductance=0.2)), (WallHeat(conductance=0.2), adiabatic())],
+    ids=["polytropic-isothermal", "adiabatic-wall", "wall-adiabatic"],
 )
-def test_mass_and_energy_of_a_moving_muscle_close(heat):
+def test_mass_and_energy_of_a_moving_muscle_close(block, muscle):
     samples = 401
     fill = (np.arange(samples) < 200).astype(float)
     length = 0.14 + 0.005 * np.sin(2 * np.pi * 5.0 * PERIOD * np.arange(samples))
     signals = {"fill": held(fill), "vent": held(1.0 - fill), "length": ramped(length)}
-    system = circuit(heat)
+    system = circuit(block, muscle)
     start = system.initial({"valve": 101325.0, "muscle": 101325.0}, {"length": length[0]})
     run = integrate(system, start, signals, period=PERIOD)
     first = {k: s.at(0, 0.0, PERIOD) for k, s in signals.items()}

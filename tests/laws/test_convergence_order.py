@@ -1,12 +1,13 @@
 """The engine's orders: 4 without memory, 2 with friction whose yield depends on the pressure, 2 for the stiff method."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from mckibben.components.system import System
-from mckibben.engine import Result, held, integrate, ramped
+from mckibben.engine import Result, held, integrate, march, ramped, step
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
 
@@ -103,6 +104,23 @@ def test_agreement_with_radau_on_a_smooth_input():
     for a, b in zip(time[:-1], time[1:], strict=True):
         y = solve_ivp(rate, (a, b), y, method="Radau", rtol=1e-10, atol=1e-12).y[:, -1]
     assert float(run.outputs["x"][-1]) == pytest.approx(y[0], abs=1e-6)
+
+
+def test_stages_in_a_loop_and_written_out_are_the_same(monkeypatch):
+    """Large systems run the loop and small ones run the stages in a row; the suite runs the loop, which compiles sooner."""
+    friction = MaxwellSlip.geometric(FrictionLimit(constant=0.5, per_pressure=4e-6), elements=4)
+    rest = {"x": jnp.asarray(0.02), "v": jnp.asarray(0.0), "p": jnp.asarray(2e5)}
+    for system, state, memory in ((Pendulum(), START, ()), (Rubbing(friction), rest, friction.initial())):
+        found, written = [], []
+        for most in (0, 100):
+            monkeypatch.setattr(step, "UNROLLED", most)
+            fresh = jax.jit(lambda *a: march(*a, False), static_argnums=(6,))  # a known function is not traced anew
+            arguments = system, state, memory, DRIVE, PERIOD, 10, 50
+            written.append(str(fresh.trace(*arguments).jaxpr).count("scan["))
+            found.append(jax.tree.leaves(fresh(*arguments)))
+        assert written[0] == written[1] + 1  # else one variant would be compared with itself
+        for a, b in zip(*found, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12 * np.abs(b).max())  # rounding of 500 steps
 
 
 class Fast(System):

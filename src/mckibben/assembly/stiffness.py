@@ -25,7 +25,7 @@ from .muscle_unit import MuscleUnit
 
 
 class Stiffness(NamedTuple):
-    """Four stiffnesses [N/m] of a muscle, or [N m/rad] of a joint."""
+    """Four stiffnesses [N/m] of a muscle, or [N m/rad] of a joint; floats, or traced where the state is."""
 
     short_at_mass: Scalar
     short_at_pressure: Scalar
@@ -88,7 +88,7 @@ def muscle_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, nam
         own = braid_stiffness(machine, state, memory, inputs, name, mass=mass) + (stuck if short else 0.0)
         return jnp.where(cord > 0.0, own * cord / jnp.where(cord > 0.0, own + cord, 1.0), 0.0)
 
-    return Stiffness(seen(True, True), seen(True, False), seen(False, True), seen(False, False))
+    return _told(seen(True, True), seen(True, False), seen(False, True), seen(False, False))
 
 
 def joint_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any) -> Stiffness:
@@ -109,4 +109,8 @@ def joint_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any) -> S
     own = -jax.jvp(moment, (angle,), (jnp.ones_like(angle),))[1]  # arms that change under the tensions are in it
     parts = [muscle_stiffness(machine, state, memory, inputs, name) for name in load.arms]
     arms = [arm.arm(angle) ** 2 for arm in load.arms.values()]
-    return Stiffness(*(own + sum(a * k[i] for a, k in zip(arms, parts, strict=True)) for i in range(4)))
+    return _told(*(own + sum(a * k[i] for a, k in zip(arms, parts, strict=True)) for i in range(4)))
+
+
+def _told(*found: Any) -> Stiffness:
+    return Stiffness(*(x if isinstance(x, jax.core.Tracer) else float(x) for x in found))

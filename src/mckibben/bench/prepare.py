@@ -160,7 +160,7 @@ def prepare(
         unit = unit or unit_from_specimen(spec)
     layout = on.layout(wanted, plumbing)
     rest = _rest_length(unit, spec)
-    plan = wanted.expand(rest_length=rest)
+    plan = _plan(wanted, rest)
     found = check_plan(plan, on.limits(layout), lambda span, pressure: np.asarray(unit.law.tension(span, pressure)))
     known = [*on.sensors, *(["span"] if on.encoder is not None else [])]
     for fault in faults:
@@ -168,12 +168,19 @@ def prepare(
             raise InputError("fault", fault.channel, f"the rig has sensors of {', '.join(known)}")
     every = _every(wanted.sample_rate, plan) if not found else 1
     if every > 1:
-        plan = dataclasses.replace(wanted, sample_rate=wanted.sample_rate * every).expand(rest_length=rest)
+        plan = _plan(dataclasses.replace(wanted, sample_rate=wanted.sample_rate * every), rest)
     spared = [f for f in found if accept_saturation and f.field == "tension" and f.allowed.startswith(ON_THE_CELL)]
     return Bench(
         wanted, on, unit, plan, layout, spec, every, step, seed, tuple(faults),
         tuple(f for f in found if f not in spared), tuple(spared),
     )  # fmt: skip
+
+
+def _plan(protocol: Protocol, rest: float) -> Plan:
+    """The plan from the rest length on, or from where a plate holds the muscle that is never moved."""
+    plan = protocol.expand(rest_length=rest)
+    whole = Part(plan.steps, "", 1.0, "")
+    return plan if whole.moves else protocol.expand(rest_length=rest, start_span=whole.start_span)
 
 
 def _every(rate: float, plan: Plan) -> int:

@@ -24,7 +24,7 @@ from __future__ import annotations
 import functools
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -52,6 +52,10 @@ UNITS = {"pressure": "Pa", "valve_pressure": "Pa", "tension": "N"}
 SECTIONS = (
     "schema", "name", "title", "source", "note", "inferred", "computer", "sensors", "encoder", "outputs", "motor",
     "frame", "plumbing", "control", "interlocks", "environment", "hands",
+)  # fmt: skip
+# Of the interlocks: from the frame, the sensors, the valve's converter and the motor.
+FOLLOWS = (
+    "shortest", "longest", "pressure_rail", "pressure_floor", "tension_rail", "tension_floor", "valve_range", "motor_force",
 )  # fmt: skip
 LENGTH = Quantity("m", (1e-3, 100.0), "span that the frame takes", "", (0.05, 1.0))
 
@@ -179,6 +183,13 @@ def _required(kind: Any) -> list[str]:
 
     nothing = dataclasses.MISSING
     return [f.name for f in dataclasses.fields(kind) if f.default is nothing and f.default_factory is nothing]
+
+
+def _interlocks(entry: Entry, bounds: Sequence[float]) -> Interlocks:
+    """Limits of the interlocks; what follows from the other parts is not stated again."""
+    entry.only([k for k in declared(Interlocks) if k not in FOLLOWS], "they have")
+    found: Interlocks = _module(entry, Interlocks, shortest=bounds[0], longest=bounds[1])
+    return found
 
 
 def _sensor(entry: Entry, unit: str) -> Sensor:

@@ -208,8 +208,8 @@ def _print(protocol: Protocol) -> None:
     else:
         at_most, count = "at most " if length["note"] else "", length["steps"]
         lines.append(
-            f"Duration: {at_most}{_time(length['longest'])} in {count} step{'' if count == 1 else 's'}, for a rest length of "
-            f"{100 * REST_LENGTH:g} cm."
+            f"Duration: {at_most}{_time(length['longest'])} in {count} step{'' if count == 1 else 's'}, "
+            f"for a rest length of {100 * REST_LENGTH:g} cm."
         )
     if found["note"]:
         lines.append(f"Note: {found['note'].rstrip('.')}.")

@@ -106,7 +106,7 @@ def _whole(plan: Plan, limits: Limits) -> Iterator[Found]:
 
 def _needed(need: str, limits: Limits) -> Found:
     has = f"the rig has {', '.join(sorted(limits.has))}"
-    return Found("needs", need, has, f"needs {need}, which the rig has not; {has}")
+    return Found("needs", need, has, f"needs {need}; {has}")
 
 
 def _resolved(step: PlannedStep, rate: float) -> Iterator[Found]:

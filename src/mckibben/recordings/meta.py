@@ -65,9 +65,9 @@ def _text(value: str, path: str) -> str:
     return str.__str__(value)
 
 
-def to_json(meta: Mapping[str, Any]) -> str:
+def to_json(meta: Mapping[str, Any], *, ascii_only: bool = False) -> str:
     """One line of standard JSON."""
-    return json.dumps(_marked(meta), ensure_ascii=False, allow_nan=False)
+    return json.dumps(_marked(meta), ensure_ascii=ascii_only, allow_nan=False)
 
 
 def from_json(text: str) -> Any:

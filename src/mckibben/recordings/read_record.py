@@ -7,41 +7,22 @@ gaps, pressures below vacuum, cells that are no finite number, rows of unequal l
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..quantities import with_unit
-from .recording import Channel, Recording, check_name
-from .text import Rows, check_width, is_number, read_rows, split_header, to_numbers
+from .headers import Column, check_vacuum, choose
+from .recording import Channel, Recording
+from .text import Rows, check_width, is_number, read_rows, to_numbers
 from .units import is_pressure, si_of
 
-TIMES = ("time", "t", "timestamp")
 # Between samples; more, and samples were lost. Stamps rounded to the last digit reach 1.5 to 2 times the median.
 LARGEST_GAP = 3.0
 FEWEST = 3
-# Units that a header may hold after an underscore; in brackets any unit is read.
-_UNDERSCORED = frozenset(
-    "Pa kPa MPa hPa bar mbar psi bara barg psia psig s ms us m mm cm N kN mN V mV A mA K degC kg g rad deg Hz percent"
-    " fraction".split()
-)
-_BRACKETS = re.compile(r"(?P<name>.*?\S)\s*[\[(](?P<unit>[^\[\]()]+(?:\([^()]*\))?)[\])]\s*")
-_ABSOLUTE, _GAUGE = ("abs", "absolute", "a"), ("gauge", "rel", "g")
-_PRESSURE_WORD = re.compile(r"([kMh]?Pa|m?bar|psi|atm|Torr|mmHg|N/m\^2|N/mm\^2|kgf/cm\^2)\b")
-_SUFFIXED = ("bara", "barg", "mbara", "mbarg", "psia", "psig")
-
-
-class _Column(NamedTuple):
-    """Where a channel is found: number from 0, the words for complaints, its unit, absolute or gauge where that is said."""
-
-    at: int
-    label: str
-    unit: str | None = None
-    reference: str | None = None
 
 
 def read_record(
@@ -81,7 +62,7 @@ def read_record(
     if not (math.isfinite(ambient) and ambient > 0.0):
         raise InputError("ambient", ambient, "allowed is a pressure above 0 Pa", where=where)
     header, rows = _table(Path(path), where)
-    found = _chosen(header, len(rows[0][1]), dict(columns or {}), period is None, where)
+    found = choose(header, len(rows[0][1]), dict(columns or {}), period is None, where)
     for field, named in (("units", units), ("pressure_zero", zeros if isinstance(zeros, Mapping) else {})):
         for name in named:
             if name not in found:
@@ -96,7 +77,7 @@ def read_record(
 
 
 def _channels(
-    found: Mapping[str, _Column],
+    found: Mapping[str, Column],
     units: Mapping[str, str],
     zeros: float | Mapping[str, float],
     ambient: float,
@@ -111,7 +92,7 @@ def _channels(
         if is_pressure(unit):
             if not name.endswith("_abs"):
                 values = values - _zero(name, zeros, where)
-            _check_vacuum(name, column, values, ambient, rows, where)
+            check_vacuum(name, column.label, values, ambient, lambda i: f", row {rows[i][0]}", where)
         channels[name] = Channel(values, unit, "command" if name.split(".")[-1] == "command" else "measured")
     _check_alive(channels, where)
     return channels
@@ -137,87 +118,6 @@ def _table(path: Path, where: str) -> tuple[list[str] | None, Rows]:
     return header, rows
 
 
-def _chosen(
-    header: list[str] | None, width: int, columns: dict[str, str | int], timed: bool, where: str
-) -> dict[str, _Column]:
-    """The columns by channel name, the time among them if there is one; not `timed`, it must be asked for by name."""
-    if header is None and not columns:
-        allowed = "a file without a header needs them, such as {'time': 1, 'tank.pressure': 2}"
-        raise InputError("columns", "not given", allowed, where=where)
-    described = [_described(i, cell) for i, cell in enumerate(header or [""] * width)]
-    found: dict[str, _Column] = {}
-    for name, wanted in columns.items():
-        if name != "time":
-            check_name(name, where)
-        found[name] = described[_index(name, wanted, header, width, described, where)][1]
-    for stem, column in described:
-        # A column without a name is a row number, or a mark at the end of each line.
-        if not stem or (columns and ("time" in columns or stem not in TIMES or not timed)):
-            continue
-        name = "time" if stem in TIMES else stem
-        if name in found:
-            told = f"{found[name].label}, {column.label}"
-            raise InputError(name, told, f"two columns; name one with columns={{'{name}': ..}}", where=where)
-        if name != "time":
-            check_name(name, where)
-        found[name] = column
-    for name, column in found.items():
-        if column.reference is not None and (column.reference == "absolute") != name.endswith("_abs"):
-            allowed = f"the header says {column.reference}; names of absolute pressures, and only these, end in _abs"
-            raise InputError(f"columns, {name}", column.label, allowed, where=where)
-    return found
-
-
-def _index(
-    name: str, wanted: Any, header: list[str] | None, width: int, described: list[tuple[str, _Column]], where: str
-) -> int:
-    if isinstance(wanted, int) and not isinstance(wanted, bool):
-        if not 1 <= wanted <= width:
-            raise InputError(f"columns, {name}", wanted, f"allowed is 1 to {width}", where=where)
-        return wanted - 1
-    if header is None:
-        raise InputError(f"columns, {name}", str(wanted), f"no header; allowed is a number, 1 to {width}", where=where)
-    match = [i for i, cell in enumerate(header) if cell == wanted]
-    match = match or [i for i, (stem, _) in enumerate(described) if stem == wanted]
-    if len(match) != 1:
-        told = f"the file has {', '.join(header)}" if not match else "two columns have it; give a number from 1"
-        raise InputError(f"columns, {name}", str(wanted), told, where=where)
-    return match[0]
-
-
-def _described(at: int, cell: str) -> tuple[str, _Column]:
-    """A header as the name of its channel and a column: ``Tank.Pressure_abs [kPa]`` -> tank.pressure_abs, kPa, absolute."""
-    label = cell or f"column {at + 1}"
-    bracket = _BRACKETS.fullmatch(cell)
-    unit: str | None
-    if bracket and bracket["unit"].strip():
-        stem, tail = split_header(bracket["name"], ())
-        unit = bracket["unit"].strip()
-        head, *words = re.sub(r"[()]", " ", unit).split() or [unit]
-        if {word.lower() for word in words} <= {*_ABSOLUTE, *_GAUGE}:  # [bar abs], [bar(g)], but not [Pa s]
-            unit = head
-        else:
-            words = []
-        said = [word.lower() for word in (*tail, *words)]
-    else:
-        stem, tail = split_header(cell, _UNDERSCORED)
-        words = [word for word in tail if word in _UNDERSCORED]
-        if len(words) > 1 and words != [words[0], "g"]:
-            # Is velocity_m_s in m/s, torque_N_m in N/m? Only brackets can say.
-            return "_".join([stem, *tail]).lower(), _Column(at, label)
-        unit = words[0] if words else None
-        said = [word.lower() for word in tail if word != unit]
-    if unit in _SUFFIXED:
-        unit, suffix = unit[:-1], unit[-1]
-        said.append("abs" if suffix == "a" else "gauge")
-    if unit is not None and not _PRESSURE_WORD.match(unit):
-        # The gauge of "strain_gauge [V]" and the like belongs to the name.
-        return "_".join([stem, *said]), _Column(at, label, unit)
-    if any(word in _ABSOLUTE for word in said):
-        return stem + "_abs", _Column(at, label, unit, "absolute")
-    return stem, _Column(at, label, unit, "gauge" if said else None)
-
-
 def _zero(name: str, zeros: float | Mapping[str, float], where: str) -> float:
     zero = zeros.get(name, 0.0) if isinstance(zeros, Mapping) else zeros
     if not math.isfinite(zero):
@@ -225,18 +125,20 @@ def _zero(name: str, zeros: float | Mapping[str, float], where: str) -> float:
     return zero
 
 
-def _values(name: str, column: _Column, given: str | None, rows: Rows, where: str) -> tuple[np.ndarray, str]:
+def _values(name: str, column: Column, given: str | None, rows: Rows, where: str) -> tuple[np.ndarray, str]:
     """The numbers of a column and their SI unit."""
     unit = given or column.unit
     if unit is None:
-        allowed = f"write it into the header, such as '{name} [kPa]', or give units={{'{name}': ..}}"
+        allowed = (
+            f"write it into the header, such as '{name} [kPa]', or give units={{'{name}': ..}} or --unit {name}=kPa"
+        )
         raise InputError(f"unit of {name}", "no unit", allowed, where=where)
     si, scale, offset = si_of(unit, field=f"unit of {name} ({column.label})", where=where)
     numbers = to_numbers([row[column.at] for _, row in rows], [n for n, _ in rows], column.label, where)
     return numbers * scale + offset, si
 
 
-def _time(column: _Column | None, given: str | None, period: float | None, rows: Rows, where: str) -> np.ndarray:
+def _time(column: Column | None, given: str | None, period: float | None, rows: Rows, where: str) -> np.ndarray:
     """The clock of a record [s], checked."""
     if period is not None:
         if column is not None:
@@ -268,17 +170,6 @@ def _time(column: _Column | None, given: str | None, period: float | None, rows:
     return time
 
 
-def _check_vacuum(name: str, column: _Column, values: np.ndarray, ambient: float, rows: Rows, where: str) -> None:
-    absolute = name.endswith("_abs")
-    lowest = 0.0 if absolute else -ambient
-    if values.min() < lowest:
-        i = int(np.argmax(values < lowest))
-        kind = "absolute" if absolute else "gauge"
-        allowed = f"below vacuum; allowed is {with_unit(lowest, 'Pa')} {kind} or more; wrong unit, or zero?"
-        field = f"{name} ({column.label}), row {rows[i][0]}"
-        raise InputError(field, with_unit(float(values[i]), "Pa"), allowed, where=where)
-
-
 def _check_alive(channels: Mapping[str, Channel], where: str) -> None:
     sensors = {n: c for n, c in channels.items() if c.kind != "command"} or channels
     if all(np.ptp(c.values) == 0.0 for c in sensors.values()):
@@ -287,7 +178,7 @@ def _check_alive(channels: Mapping[str, Channel], where: str) -> None:
         raise InputError(name, value, "no channel changes; allowed is a record in which something happens", where=where)
 
 
-def _source(path: str | Path, found: Mapping[str, _Column], units: Mapping[str, str], zero: Any) -> dict[str, Any]:
+def _source(path: str | Path, found: Mapping[str, Column], units: Mapping[str, str], zero: Any) -> dict[str, Any]:
     """Where the channels come from, for the meta."""
     told = {name: {"column": c.label, "unit": units.get(name) or c.unit} for name, c in found.items()}
     return {"file": Path(path).name, "columns": told, "pressure_zero": zero}

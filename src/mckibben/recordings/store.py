@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 import secrets
 from collections.abc import Callable, Mapping
@@ -20,14 +19,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
-from .meta import from_json, to_json
+from .meta import to_json
 from .recording import Channel, Recording
+from .sidecar import SCHEMA, check_schema, one_line, parsed
 
 if TYPE_CHECKING:
     import xarray
 
-SCHEMA = 1
-_HEAD = "# mckibben recording"
+CSV_HEAD = "# mckibben recording"
 # What h5py and xarray raise on files that are no netCDF, or broken.
 _BROKEN = (OSError, ValueError, KeyError, RuntimeError, TypeError, AttributeError)
 
@@ -42,8 +41,12 @@ def save(recording: Recording, path: str | Path) -> Path:
         InputError: the suffix is unknown, or the file cannot be written.
     """
     path = Path(path)
-    write = _known(path, _WRITERS)
-    if not path.parent.is_dir():
+    return write_whole(recording, path, _known(path, _WRITERS))
+
+
+def write_whole(recording: Recording, path: Path, write: Callable[[Recording, Path], object]) -> Path:
+    """Let `write` make a file beside its place, and move it there when it is complete and on the disk."""
+    if not path.absolute().parent.is_dir():
         raise InputError("file", str(path), f"there is no folder {path.parent}")
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
@@ -59,7 +62,9 @@ def save(recording: Recording, path: str | Path) -> Path:
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Read a recording that `Recording.save` wrote.
+    """Read a recording: netCDF and CSV as `Recording.save` wrote them, or the live log of a bench (``.mcap``).
+
+    What a log lost, because it was never closed or is damaged, stands in the meta's ``warnings``.
 
     Raises:
         InputError: there is no such file, it is no recording, or a newer version wrote it.
@@ -102,9 +107,9 @@ def _read_netcdf(path: Path) -> Recording:
         with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as opened:
             dataset = opened.load()
     except _BROKEN as error:
-        raise InputError("file", "unreadable", f"allowed is a netCDF file ({_line(error)})") from None
-    _check_schema(dataset.attrs.get("schema"))
-    meta = _json(dataset.attrs.get("meta"), "meta")
+        raise InputError("file", "unreadable", f"allowed is a netCDF file ({one_line(error)})") from None
+    check_schema(dataset.attrs.get("schema"))
+    meta = parsed(dataset.attrs.get("meta"), "meta")
     channels: dict[str, Channel] = {}
     for name, variable in dataset.variables.items():
         if variable.dims != ("time",):
@@ -123,7 +128,9 @@ def _write_csv(recording: Recording, path: Path) -> None:
     header = ["time [s]", *(f"{name} [{c.unit}]" for name, c in recording.channels.items())]
     table = np.stack([recording.time, *(c.values for c in recording.channels.values())], axis=1)
     with open(path, "w", encoding="utf-8", newline="\n") as stream:
-        stream.write(f"{_HEAD}\n# schema: {SCHEMA}\n# channels: {to_json(told)}\n# meta: {to_json(recording.meta)}\n")
+        stream.write(
+            f"{CSV_HEAD}\n# schema: {SCHEMA}\n# channels: {to_json(told)}\n# meta: {to_json(recording.meta)}\n"
+        )
         stream.write(",".join(header) + "\n")
         for row in table:
             # repr of a float is the shortest text that reads back to the same bits.
@@ -134,13 +141,13 @@ def _read_csv(path: Path) -> Recording:
     try:
         with open(path, encoding="utf-8-sig", newline="\n") as stream:
             head, header = _csv_head(stream)
-            _check_schema(_json(head.get("schema"), "schema"))
+            check_schema(parsed(head.get("schema"), "schema"))
             table = _csv_numbers(stream, len(head) + 2, header)
     except UnicodeDecodeError as error:
         raise InputError("file", "unreadable", f"allowed is a CSV text file ({error})") from None
     if header[0] != "time [s]":
         raise InputError("header", header[0], "allowed is 'time [s]' first")
-    told = _json(head.get("channels"), "channels")
+    told = parsed(head.get("channels"), "channels")
     channels: dict[str, Channel] = {}
     for i, cell in enumerate(header[1:], 1):
         name, _, unit = cell.rpartition(" [")
@@ -148,7 +155,7 @@ def _read_csv(path: Path) -> Recording:
         if not isinstance(of, Mapping) or not unit.endswith("]"):
             raise InputError("header", cell, "allowed is 'name [unit]' with a name that the line '# channels' knows")
         channels[name] = Channel(table[:, i], unit[:-1], of.get("kind", ""), of.get("meaning", ""))
-    return Recording(table[:, 0], channels, _json(head.get("meta"), "meta"))
+    return Recording(table[:, 0], channels, parsed(head.get("meta"), "meta"))
 
 
 def _csv_head(stream: io.TextIOBase) -> tuple[dict[str, str], list[str]]:
@@ -156,8 +163,8 @@ def _csv_head(stream: io.TextIOBase) -> tuple[dict[str, str], list[str]]:
     head: dict[str, str] = {}
     for number, line in enumerate(stream):
         line = line.rstrip("\r\n")
-        if number == 0 and line != _HEAD:
-            allowed = f"a recording begins with {_HEAD!r}; read_record reads tables of others"
+        if number == 0 and line != CSV_HEAD:
+            allowed = f"a recording begins with {CSV_HEAD!r}; read_record reads tables of others"
             raise InputError("first line", line[:60], allowed)
         if not line.startswith("#"):
             return head, next(csv.reader([line]), [""])
@@ -174,36 +181,14 @@ def _csv_numbers(stream: io.TextIOBase, before: int, header: list[str]) -> np.nd
         rest = (line for lines in ((first,), stream) for line in lines)
         table = np.loadtxt(rest, delimiter=",", comments=None, ndmin=2)
     except ValueError as error:
-        raise InputError("numbers", "unreadable", f"{_line(error)} after the {before} lines of the head") from None
+        raise InputError("numbers", "unreadable", f"{one_line(error)} after the {before} lines of the head") from None
     if table.shape[1] != len(header):
         raise InputError("numbers", f"{table.shape[1]} columns", f"the header has {len(header)}")
     return table
 
 
-def _check_schema(schema: Any) -> None:
-    if schema is None:
-        raise InputError("schema", "not given", "this is no recording of mckibben; read_record reads tables of others")
-    if not isinstance(schema, int | np.integer) or schema < 1:
-        raise InputError("schema", str(schema), f"allowed is a whole number from 1 to {SCHEMA}")
-    if schema > SCHEMA:
-        raise InputError("schema", int(schema), f"this version of mckibben reads up to {SCHEMA}; a newer one wrote it")
-
-
-def _json(text: Any, what: str) -> Any:
-    if text is None:
-        return None
-    try:
-        return from_json(str(text))
-    except (json.JSONDecodeError, ValueError, TypeError, RecursionError) as error:
-        raise InputError(what, str(text)[:60], f"allowed is JSON ({_line(error)})") from None
-
-
 def _is_line(text: Any) -> bool:
     return isinstance(text, str) and bool(text) and text.isprintable()
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]
 
 
 def _known(path: Path, ways: Mapping[str, Callable[..., Any]]) -> Callable[..., Any]:
@@ -213,5 +198,11 @@ def _known(path: Path, ways: Mapping[str, Callable[..., Any]]) -> Callable[..., 
     return way
 
 
+def _read_log(path: Path) -> Recording:
+    from .mcap_file import read_log
+
+    return read_log(path).recording
+
+
 _WRITERS = {".nc": _write_netcdf, ".csv": _write_csv}
-_READERS = {".nc": _read_netcdf, ".csv": _read_csv}
+_READERS = {".nc": _read_netcdf, ".csv": _read_csv, ".mcap": _read_log}

@@ -6,7 +6,7 @@ import csv
 import gzip
 import re
 import zlib
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -87,3 +87,17 @@ def is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def plain_names(names: Iterable[str], plain: Callable[[str], str], longest: int = 63) -> list[str]:
+    """Names as another format allows them, each once; `plain` maps a name to letters that it allows."""
+    found: list[str] = []
+    for name in names:
+        stem = plain(name)[: longest - 4].rstrip("_")
+        stem = stem if re.match(r"[a-z]", stem, re.I) else f"x{stem}"
+        taken, count = stem, 1
+        while taken in found:
+            count += 1
+            taken = f"{stem}_{count}"
+        found.append(taken)
+    return found

@@ -6,6 +6,7 @@ dashed, what holds gas or pulls is not. A star marks numbers that the rig infers
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -36,6 +37,7 @@ NAMES = {"valve_pressure": "pressure, valve", "pressure": "pressure, muscle", "t
 UNITS = {"valve_pressure": "Pa", "pressure": "Pa", "tension": "N"}
 ANGLE = 0.6  # of the threads that are drawn [rad]
 DASH = (3.0, 2.0)
+HEAD = 4.0  # of a lead's arrow [pt]
 
 
 @style.styled()
@@ -119,8 +121,8 @@ class _Drawing:
         self.put([DOT], near, TOP)
         for x, key in ((near, "valve_accumulator"), (far, "muscle_accumulator")):
             if p.has_muscle and _si(getattr(p, key)) > 0.0:
-                size = self.of(key, with_unit(_si(getattr(p, key)), "m^3", 3))
-                self.write([Words("accumulator"), Words(size)], x, TOP + 62.0, "center")
+                size = self.of(key, with_unit(_si(getattr(p, key)), "m^3", 3).replace("^3", "\N{SUPERSCRIPT THREE}"))
+                self.write([Words("accumulator"), Words(size)], x, TOP + 58.0, "center")
         if not p.has_muscle:
             self.box(far, TOP + 14.0, 74.0, 28.0, [Words("accumulator", SMALL, True, INK)])
             return
@@ -161,7 +163,8 @@ class _Drawing:
             shaft = MOTOR - 26.0  # the encoder is on the motor's
             bends: list[Point] = [(shaft, TOP - 18.0), (shaft, SENSORS + 16.0), (x, SENSORS + 16.0)]
             self.lead([*(bends if name == "span" else [(x, TOP)]), (x, SENSORS)], colour)
-            head = Words(NAMES[name], SMALL, True, colour)
+            called = NAMES[name] if self.plumbing.has_muscle else NAMES[name].replace("muscle", "end")
+            head = Words(called, SMALL, True, colour)
             self.box(x - BOX / 2, SENSORS, BOX, 42.0, [head, *self._sensor_words(name, one)])
             self.lead([(x, SENSORS - 42.0), (x, BORDER)], colour)
             self.box(x - BOX / 2, BORDER, BOX, 30.0, self._converter_words(name, one))
@@ -174,10 +177,10 @@ class _Drawing:
     def _sensor_words(self, name: str, one: Any) -> list[Words]:
         if not isinstance(one, Sensor):
             edges = self.of("edges", f"{one.edges} edges each", "encoder")
-            return [Words(f"{one.steps_per_turn} steps a turn,"), Words(edges)]
-        low, high = (with_unit(_si(v), UNITS[name], 3) for v in (one.low, one.high))
+            return [Words(self.of("steps_per_turn", f"{one.steps_per_turn} steps a turn", "encoder")), Words(edges)]
+        low, high = (with_unit(_si(v), UNITS[name], 4) for v in (one.low, one.high))
         cutoff = self.of("cutoff", f"filter {_si(one.cutoff):g} Hz", f"sensors.{name}")
-        return [Words(f"{low} to {high}"), Words(cutoff)]
+        return [Words(self.of("high", f"{low} to {high}", f"sensors.{name}")), Words(cutoff)]
 
     def _converter_words(self, name: str, one: Any) -> list[Words]:
         if isinstance(one, Sensor):
@@ -233,8 +236,11 @@ class _Drawing:
 
     def lead(self, points: list[Point], colour: str) -> None:
         """A dashed way of a signal with a head at its end."""
-        shaft, head = arrow(points[-2], points[-1])
-        self.marks.append(line(*points[:-1], tuple(shaft.path.vertices[-1]), dash=DASH, colour=colour))
+        head = arrow(points[-2], points[-1])[1]
+        (x, y), (near_x, near_y) = points[-1], points[-2]
+        far = math.hypot(x - near_x, y - near_y)
+        back = (x - HEAD * (x - near_x) / far, y - HEAD * (y - near_y) / far)
+        self.marks.append(line(*points[:-1], back, dash=DASH, colour=colour))
         self.marks.append(head._replace(fill=colour, colour=colour))
 
     def write(self, words: list[Words], x: float, top: float, align: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -37,7 +37,7 @@ ANGLE = (_Line("command.angle", "set-point", "asked"), _Line("angle", "measured"
 STIFFNESS = (_Line("command.stiffness", "set-point", "asked"), _Line("joint.stiffness", "of the muscles"))
 PRESSURES = (_Line("flexor_pressure", "flexor"), _Line("extensor_pressure", "extensor", "second"))
 MOMENT = (_Line("moment.command", "from outside"),)
-_LOOKS = {
+_LOOKS: dict[str, dict[str, Any]] = {
     "solid": {"lw": style.LINE + 0.2, "linestyle": "-", "zorder": 2.4},
     "second": {"lw": style.LINE + 0.2, "linestyle": style.RECORDING_DASHES[1], "zorder": 2.4},
     "asked": {"lw": style.LINE, "linestyle": DASHES["length"], "zorder": 2.6, "alpha": 0.55},
@@ -110,4 +110,4 @@ def _off(record: Recording) -> list[tuple[float, float]]:
     off = np.concatenate([[False], record["loop.active"] < 0.5, [False]])
     begins, ends = np.flatnonzero(~off[:-1] & off[1:]), np.flatnonzero(off[:-1] & ~off[1:])
     last = len(record) - 1
-    return [(float(record.time[a]), float(record.time[min(b, last)])) for a, b in zip(begins, ends, strict=True)]
+    return [(float(record.time[a]), float(record.time[min(int(b), last)])) for a, b in zip(begins, ends, strict=True)]

@@ -1,0 +1,42 @@
+"""Parquet files: a column ``name [unit]`` per channel after ``time [s]``, and a line of JSON in the file's metadata."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from .extras import needed
+from .imports import Given
+from .recording import Recording
+from .sidecar import KEY, one_line, retold, told
+
+
+def write_parquet(recording: Recording, path: Path) -> None:
+    """Write a ``.parquet`` file."""
+    polars = needed("polars", "polars", "Parquet files", str(path))
+    columns = {f"{name} [{c.unit}]": c.values for name, c in recording.channels.items()}
+    table = polars.DataFrame({"time [s]": recording.time, **columns})
+    table.write_parquet(path, metadata={KEY: told(recording.channels, recording.meta)})
+
+
+def read_parquet(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list[str]]:
+    """A recording of mckibben, or the columns of somebody else's table.
+
+    Raises:
+        InputError: the file cannot be read, or a newer version wrote it.
+    """
+    where = str(path)
+    polars = needed("polars", "polars", "Parquet files", where)
+    try:
+        line = polars.read_parquet_metadata(path).get(KEY)
+        table = polars.read_parquet(path, glob=False)
+        columns = {name: np.asarray(table[name].to_numpy()) for name in table.columns}
+    except Exception as error:  # whatever the library meets in a broken file
+        raise InputError("file", "unreadable", f"allowed is a Parquet file ({one_line(error)})", where=where) from None
+    if line is None:
+        return [Given(name, values, None, f"{len(values)} samples") for name, values in columns.items()], {}, []
+    known = retold(line, where)
+    return known.of(columns, "time [s]", [f"{name} [{c.unit}]" for name, c in known.channels.items()], where)

@@ -1,0 +1,103 @@
+"""What a file's own words cannot hold, as one line of JSON beside the numbers: names, units, kinds, meanings and the meta.
+
+MCAP, MATLAB, TDMS and Parquet files of mckibben carry it; with it they give back exactly what was saved. It reads
+``{"schema": 1, "channels": [{"name": .., "unit": .., "kind": .., "meaning": ..}, ..], "meta": {..}}``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from .meta import from_json, to_json
+from .recording import Channel, Recording
+
+SCHEMA = 1
+# The key, property or variable of a file that holds the line.
+KEY = "mckibben"
+
+
+class Sidecar(NamedTuple):
+    """Channels by name without their values, and the meta."""
+
+    channels: dict[str, Channel]
+    meta: dict[str, Any]
+
+    def recording(self, time: Any, columns: Sequence[Any]) -> Recording:
+        """The recording of a time (n,) [s] and columns (n,) in the order of the channels [their units]."""
+        filled = zip(self.channels.items(), columns, strict=True)
+        return Recording(time, {name: channel.with_values(values) for (name, channel), values in filled}, self.meta)
+
+    def of(self, columns: Mapping[str, Any], time: str, names: Sequence[str], where: str) -> Recording:
+        """The recording of a file's columns, by the name of the time and those of the channels in their order."""
+        for name in (time, *names):
+            if name not in columns:
+                raise InputError(f"column {name}", "missing", f"the line {KEY!r} of the file names it", where=where)
+        try:
+            return self.recording(columns[time], [columns[name] for name in names])
+        except InputError as error:
+            raise error.at(where) from None
+
+
+def told(channels: Mapping[str, Channel], meta: Mapping[str, Any]) -> str:
+    """The line of JSON, ASCII only, for not every program reads other letters."""
+    listed = [{"name": n, "unit": c.unit, "kind": c.kind, "meaning": c.meaning} for n, c in channels.items()]
+    return to_json({"schema": SCHEMA, "channels": listed, "meta": meta}, ascii_only=True)
+
+
+def retold(text: Any, where: str | None = None) -> Sidecar:
+    """What `told` wrote.
+
+    Raises:
+        InputError: it is damaged, or a newer version wrote it.
+    """
+    found = parsed(text, KEY, where)
+    if not isinstance(found, Mapping):
+        raise InputError(KEY, str(text)[:60], "allowed is an object of JSON", where=where)
+    check_schema(found.get("schema"), where)
+    listed, meta = found.get("channels"), found.get("meta")
+    if not isinstance(listed, list) or not all(isinstance(one, Mapping) for one in listed):
+        raise InputError(f"channels of {KEY}", str(listed)[:60], "allowed is a list of objects", where=where)
+    if not isinstance(meta, Mapping):
+        raise InputError(f"meta of {KEY}", str(meta)[:60], "allowed is an object", where=where)
+    try:
+        channels = {
+            str(one.get("name")): Channel([], one.get("unit", ""), one.get("kind", ""), one.get("meaning", ""))
+            for one in listed
+        }
+    except InputError as error:
+        raise error.at(where) if where else error from None
+    if len(channels) != len(listed):
+        raise InputError(f"channels of {KEY}", "one name twice", "allowed is each name once", where=where)
+    return Sidecar(channels, dict(meta))
+
+
+def check_schema(schema: Any, where: str | None = None) -> None:
+    """Refuse what no version of mckibben wrote, and what a newer one wrote."""
+    if schema is None:
+        allowed = "this is no recording of mckibben; read_record and `mckibben record convert` read tables of others"
+        raise InputError("schema", "not given", allowed, where=where)
+    if not isinstance(schema, int | np.integer) or isinstance(schema, bool) or schema < 1:
+        raise InputError("schema", str(schema), f"allowed is a whole number from 1 to {SCHEMA}", where=where)
+    if schema > SCHEMA:
+        allowed = f"this version of mckibben reads up to {SCHEMA}; a newer one wrote it"
+        raise InputError("schema", int(schema), allowed, where=where)
+
+
+def parsed(text: Any, what: str, where: str | None = None) -> Any:
+    """The value that JSON tells, or None of none; `InputError` where it is damaged."""
+    if text is None:
+        return None
+    try:
+        return from_json(str(text))
+    except (json.JSONDecodeError, ValueError, TypeError, RecursionError) as error:
+        raise InputError(what, str(text)[:60], f"allowed is JSON ({one_line(error)})", where=where) from None
+
+
+def one_line(error: BaseException) -> str:
+    """The words of an error in one line, not too long."""
+    return " ".join(str(error).split())[:200]

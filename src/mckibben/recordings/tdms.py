@@ -1,0 +1,85 @@
+"""TDMS files of LabVIEW and DIAdem.
+
+Written are a group ``recording`` with the channel ``time`` and a channel per channel, each with the properties ``unit_string``,
+``description`` and ``kind``, and at the root title and ``mckibben``, a line of JSON with the meta.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from .extras import needed
+from .imports import Given
+from .recording import Recording
+from .sidecar import KEY, one_line, retold, told
+
+GROUP = "recording"
+# Where LabVIEW, DAQmx and DIAdem say the unit of a channel.
+_UNITS = ("unit_string", "NI_UnitDescription", "NI_ChannelUnit", "unit")
+
+
+def write_tdms(recording: Recording, path: Path) -> None:
+    """Write a ``.tdms`` file."""
+    nptdms = needed("nptdms", "npTDMS", "TDMS files", str(path))
+    root = {KEY: told(recording.channels, recording.meta)}
+    title = recording.meta.get("title")
+    if isinstance(title, str) and title:
+        root["title"] = title
+    parts = [
+        nptdms.RootObject(root),
+        nptdms.GroupObject(GROUP, {}),
+        nptdms.ChannelObject(GROUP, "time", recording.time, {"unit_string": "s"}),
+    ]
+    for name, c in recording.channels.items():
+        about = {"unit_string": c.unit, "kind": c.kind, "description": c.meaning or name}
+        parts.append(nptdms.ChannelObject(GROUP, name, c.values, about))
+    # A stream, for of a path the library would make an index file of the same name beside it.
+    with open(path, "wb") as stream, nptdms.TdmsWriter(stream) as writer:
+        writer.write_segment(parts)
+
+
+def read_tdms(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list[str]]:
+    """A recording of mckibben, or of somebody else's file the columns, its properties for the meta, and remarks.
+
+    Raises:
+        InputError: the file cannot be read, or a newer version wrote it.
+    """
+    where = str(path)
+    nptdms = needed("nptdms", "npTDMS", "TDMS files", where)
+    try:
+        with open(path, "rb") as stream:
+            file = nptdms.TdmsFile.read(stream)
+        line = file.properties.get(KEY)
+        if isinstance(line, str):
+            columns = {channel.name: np.asarray(channel[:]) for channel in file[GROUP].channels()}
+        else:
+            given = [_given(group.name, channel) for group in file.groups() for channel in group.channels()]
+            about = {str(k).replace("$", "_"): _plain(v) for k, v in file.properties.items()}
+    except Exception as error:  # whatever the library meets in a broken file
+        raise InputError("file", "unreadable", f"allowed is a TDMS file ({one_line(error)})", where=where) from None
+    if isinstance(line, str):
+        known = retold(line, where)
+        return known.of(columns, "time", list(known.channels), where)
+    return given, {"properties": about}, []
+
+
+def _given(group: str, channel: Any) -> Given:
+    values = np.asarray(channel[:])
+    about = channel.properties
+    unit = next((str(about[key]) for key in _UNITS if about.get(key)), None)
+    step, offset = about.get("wf_increment"), about.get("wf_start_offset", 0.0)
+    time, clock = None, f"{len(values)} samples"
+    if isinstance(step, float) and step > 0.0 and np.isfinite(step):
+        time = float(offset) + step * np.arange(len(values))
+        clock += f" every {step:g} s from {offset:g} s"
+    return Given(f"{group}.{channel.name}", values, unit, clock, time)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic) and value.dtype.kind in "fiub":
+        return value.item()
+    return value if isinstance(value, str | int | float | bool) else str(value)
