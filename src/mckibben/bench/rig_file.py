@@ -139,7 +139,7 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
         pressure=_module(control.table("pressure"), PressureControl),
         position=_module(control.table("position"), PositionControl),
         force=_module(control.table("force"), ForceControl),
-        interlocks=_module(top.table("interlocks"), Interlocks, shortest=bounds[0], longest=bounds[1]), environment=room,
+        interlocks=_interlocks(top.table("interlocks"), bounds), environment=room,
         hands=_hands(top, tuple(layouts.values)), document=document, where=where,
     )  # fmt: skip
 
