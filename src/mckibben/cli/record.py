@@ -1,4 +1,4 @@
-"""``record``: what a recording holds, and pictures of it."""
+"""``record``: what a recording holds, pictures of it, and the ways from and to other files."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError
+from .convert import convert, repair
 from .words import Json, pairs, print_json, table, writable
 
 if TYPE_CHECKING:
@@ -19,15 +20,17 @@ STEPS = 40  # rows of steps that a person is shown
 
 record = typer.Typer(
     name="record",
-    help="Recordings: show what one holds, plot it.",
+    help="Recordings: show what one holds, plot it, convert it, repair a log.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-File = Annotated[Path, typer.Argument(metavar="FILE", help="A recording of mckibben, .nc or .csv.")]
+File = Annotated[Path, typer.Argument(metavar="FILE", help="A recording of mckibben: .nc, .csv, .mcap.")]
 
 
 def add_to(app: typer.Typer) -> None:
     """Add these commands to the table."""
+    record.command("convert")(convert)
+    record.command("repair")(repair)
     app.add_typer(record)
 
 

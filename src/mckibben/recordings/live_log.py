@@ -46,7 +46,7 @@ class LiveLog:
     """A recording that is being written. Safe for use by several threads; closed by `close` or at the end of ``with``.
 
     Args:
-        path: a new ``.mcap`` file; one that is there is never touched.
+        path: a new file, ``.mcap``; one that is there is never touched.
         channels: by name; unit, kind and meaning are taken, values are not looked at.
         meta: what is known beforehand.
         flush: the file has what is older than this, by the clock of the samples and by that on the wall [s].
@@ -71,8 +71,6 @@ class LiveLog:
         for name in channels:
             check_name(name)
         head = told(channels, frozen(meta or {}))
-        if self.path.suffix.lower() != ".mcap":
-            raise InputError("suffix", self.path.suffix or str(path), "known is .mcap", where=str(path))
         self._flush, self._sync, self._start = flush, sync, start
         self._first = self._last = -np.inf
         self._count, self._pending, self._since = 0, -np.inf, 0.0

@@ -61,7 +61,7 @@ def read_log(path: str | Path) -> Log:
     while it ran are in ``events``.
 
     Raises:
-        InputError: there is no such file, it has no sample that can be read, it is no log of mckibben, or of a newer version.
+        InputError: there is no such file, no sample of it can be read, it is no log of mckibben, or of a newer version.
     """
     path = Path(path)
     if not path.is_file():

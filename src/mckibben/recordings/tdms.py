@@ -1,7 +1,7 @@
 """TDMS files of LabVIEW and DIAdem.
 
-Written are a group ``recording`` with the channel ``time`` and a channel per channel, each with the properties ``unit_string``,
-``description`` and ``kind``, and at the root title and ``mckibben``, a line of JSON with the meta.
+Written are a group ``recording`` with the channel ``time`` and one of each channel's name, with the properties
+``unit_string``, ``description`` and ``kind``, and at the root title and ``mckibben``, a line of JSON with the meta.
 """
 
 from __future__ import annotations
