@@ -17,7 +17,7 @@ help: ## Say what can be made
 demo: $(VENV)/.run ## Fit every law to the two published force maps and write a report with figures
 	@mkdir -p $(OUT)
 	$(RUN) mckibben fit DMSP-10-250 DMSP-20-300 --train-below "4 bar" --report $(OUT)/force-maps.html --figure $(OUT)/force-maps.png
-	$(RUN) mckibben reproduce --part I
+	$(RUN) mckibben reproduce --part I --no-recordings
 
 test: lint ## Run the whole suite
 	$(RUN) pytest -n $(WORKERS) -m "not slow and not validation"

@@ -56,7 +56,7 @@ def test_only_coulomb_friction_stated_becomes_one_with_memory():
 def test_a_valve_with_three_ports_is_one_element_of_the_line(kind):
     machine = single_muscle("nylon", PLATE, supply=SUPPLY, valve=build_element(kind, VALVES[kind]))
     assert "m.valve" in machine.signals()
-    assert machine.circuit.ends["m.valve"][0] == ("supply", "m.port", "room")
+    assert machine.circuit.ends["m.valve"][0] == ("supply", "m_port", "room")
 
 
 def test_an_own_line_for_each_muscle():
@@ -111,7 +111,7 @@ def test_a_machine_says_which_signal_or_pressure_is_missing():
     with pytest.raises(InputError, match="signal push"):
         machine.initial(full, {n: v for n, v in shut.items() if n != "push"})
     with pytest.raises(InputError, match="pressure of m is 'not given'"):
-        machine.initial({"m.port": 2e5}, shut)
+        machine.initial({"m_port": 2e5}, shut)
     for bad in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match="above 0 Pa"):
             machine.initial(full | {"m": bad}, shut)

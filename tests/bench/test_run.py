@@ -230,7 +230,8 @@ def test_a_supply_too_fast_for_the_step_is_integrated_with_shorter_ones():
 def test_a_test_ends_its_step_at_the_first_sample_at_which_it_holds():
     recording = run(
         written(
-            '[[steps]]\nlabel = "up"\nspan = "1 L0"\npressure = { to = "5 bar", in = "0.5 s" }\nuntil = "tension >= 20 N"\nfor = "2 s"\n'
+            '[[steps]]\nlabel = "up"\nspan = "1 L0"\npressure = { to = "5 bar", in = "0.5 s" }\n'
+            'until = "tension >= 20 N"\nfor = "2 s"\n'
             '[[steps]]\nlabel = "stay"\nfor = "0.1 s"\n'
         )
     )

@@ -39,7 +39,11 @@ class Inferred(NamedTuple):
 
 INFERRED: dict[str, Inferred] = {
     "end_mass": Inferred(0.02, (0.005, 0.1), "kg; a fitting of a muscle of 1 cm diameter"),
-    "viscosity": Inferred(1.0, (0.1, 10.0), "N s/m; small beside the friction"),
+    "viscosity": Inferred(
+        0.2,
+        (0.0, 1.0),
+        "N s/m; 0.35 would add a count of the paper's cell at 8 L0/s, and nothing viscous was seen there",
+    ),
     "stop_damping": Inferred(100.0, (10.0, 300.0), "N s/m; a braid pulled taut does not bounce"),
     "tendon_stiffness": Inferred(1e5, (3e4, 1e6), "N/m; a cord of 20 cm and the frame"),
     "tendon_toe": Inferred(5e-4, (1e-4, 2e-3), "m; the stretch over which a cord stiffens"),
@@ -143,7 +147,7 @@ def circuit_for(
 ) -> Circuit:
     """A supply, and a line to each muscle.
 
-    The nodes are ``supply``, ``room``, ``<muscle>.port`` and ``<muscle>``, and ``tank`` where there is one.
+    The nodes are ``supply``, ``room``, ``<muscle>_port`` and ``<muscle>``, and ``tank`` where there is one.
 
     Args:
         units: the muscles by name.
@@ -183,7 +187,7 @@ def _add(
     nodes: dict[str, Reservoir | Chamber], branches: dict[str, Branch], name: str, unit: MuscleUnit, line: Line,
     room: Environment, source: str,
 ) -> None:  # fmt: skip
-    port = f"{name}.port"
+    port = f"{name}_port"
     wall = WallHeat(conductance=_usual("heat_conductance"), wall_temperature=room.temperature)
     heat = wall if line.heat is None else line.heat
     size = _usual("port_volume") if line.port_volume is None else line.port_volume

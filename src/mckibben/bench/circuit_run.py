@@ -15,7 +15,7 @@ from ..assembly.sentence import run_sentence, sentence
 from ..components import Module, Scalar
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
-from ..pneumatics.circuit import balance
+from ..pneumatics.balance import balance
 from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
 from ..pneumatics.volume import MovingVolume
 from ..recordings.recording import Channel, Recording

@@ -220,12 +220,8 @@ def _at_rest(plant: RiggedJoint, commands: Mapping[str, float], room: float) -> 
     """State and memory with every muscle and its port at the pressure that its valve is asked for."""
     held = {n: Signal(jnp.full((2,), v)) for n, v in plant.convert(commands).items()}
     inputs = {n: Value(s.values[0], jnp.zeros(())) for n, s in plant.commands(held).items()}
-    pressures = {node: room + commands[n] for n in NAMES for node in (n, f"{n}.port")}
-    state, memory = plant.initial(pressures, inputs)
-    # a regulator's lagging set-point would begin at nothing, and let the air out first
-    elements = state["machine"]["circuit"]["elements"]
-    elements |= {f"{n}.valve": inputs[f"{n}.valve"].value for n in NAMES}
-    return state, memory
+    pressures = {node: room + commands[n] for n in NAMES for node in (n, f"{n}_port")}
+    return plant.initial(pressures, inputs)
 
 
 def _rows(set_points: Mapping[str, np.ndarray], chance: np.random.Generator, count: int) -> dict[str, Any]:

@@ -19,17 +19,23 @@ def reproduce(
     row: Annotated[
         list[str] | None, typer.Option("--row", help="Only rows whose name begins so, such as table1.nylon.")
     ] = None,
+    recordings: Annotated[
+        bool, typer.Option(help="Leave out the rows that need recordings of the test machine, which take minutes.")
+    ] = True,
     as_json: Json = False,
 ) -> None:
     """Compute the papers' numbers and say of each whether it holds. Exit code 1 when one falls short.
 
-    Rows of loops, friction, steps and power come from recordings of the simulated machine, which take minutes.
+    Rows of loops, friction, steps and power come from recordings of the simulated machine, which take minutes;
+    --no-recordings leaves them out.
     """
     from ..reproduction import reproduce as run
     from ..reproduction.rows import select
 
     with progress("reproducing", len(select(part, row))) as advance:
-        outcomes = run(part, row, progress=lambda r: advance(r.id), tell=lambda words: advance(words, 0))
+        outcomes = run(
+            part, row, progress=lambda r: advance(r.id), tell=lambda words: advance(words, 0), recordings=recordings
+        )
     failed = sum(o.ok is False for o in outcomes)
     if as_json:
         print_json({"rows": [_as_json(o) for o in outcomes], "failed": failed})

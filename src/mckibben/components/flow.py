@@ -35,6 +35,10 @@ class FlowElement(Module):
         """The element's own continuous state at rest: a tree of arrays, empty where it has none."""
         return ()
 
+    def settled(self, command: Any) -> Any:
+        """The same after a command has lasted; None where nothing is known of it, as without a signal."""
+        return self.initial()
+
     def initial_memory(self, gas: Gases) -> Any:
         """Its memory at rest, such as the position of a plunger with friction; empty where it has none."""
         return ()

@@ -82,7 +82,13 @@ class Circuit(System):
         masses = {
             name: self.gas.mass(p, self._volume(name, p, inputs).value, temperature) for name, p in values.items()
         }
-        return {"mass": masses, "pressure": values, "elements": {n: e.initial() for n, e in self.elements.items()}}
+        elements = {name: element.settled(self._driven(name, inputs)) for name, element in self.elements.items()}
+        return {"mass": masses, "pressure": values, "elements": elements}
+
+    def _driven(self, name: str, inputs: Mapping[str, Any]) -> Any:
+        """The command of an element at the start, or None where it is not known."""
+        signal = self.ends[name][1]
+        return None if signal is None or signal not in inputs else self._command(name, inputs)
 
     def initial_memory(self, state: Any, inputs: Mapping[str, Any] | None = None) -> Any:
         """The memory that goes with a state at rest, with inputs as the engine gives them; empty where there is none."""
@@ -281,32 +287,6 @@ class Circuit(System):
                 enthalpy[a], enthalpy[b] = enthalpy[a] - carried, enthalpy[b] + carried + power
                 total = total + power
         return {name: Inflow(mass[name], enthalpy[name]) for name in self.nodes}, total
-
-
-class Balance(NamedTuple):
-    """Closure of a run: what is missing, over what went through; zero is perfect."""
-
-    mass: float
-    energy: float
-
-
-def balance(circuit: Circuit, start: Any, end: Any, first: Any, last: Any, integrals: Mapping[str, Any]) -> Balance:
-    """Compare stored mass and energy of the end states with independent integrals over the border.
-
-    Args:
-        circuit: what was run.
-        start: its state at the start.
-        end: its state at the end.
-        first: inputs at the start.
-        last: inputs at the end.
-        integrals: as `Circuit.integrands` names them, integrated over the run.
-    """
-    (m0, u0), (m1, u1) = circuit.stored(start, first), circuit.stored(end, last)
-    entered = float(integrals["enthalpy"]) + float(integrals["heat"]) - float(integrals["work"])
-    entered += float(integrals["shaft"])
-    mass = abs(m1 - m0 - float(integrals["mass"])) / max(float(integrals["mass_turnover"]), 1e-30)
-    energy = abs(u1 - u0 - entered) / max(float(integrals["enthalpy_turnover"]), 1e-30)
-    return Balance(mass, energy)
 
 
 class _Fixed(dict[str, Any]):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .rows import Outcome, Row, reproduce_row, select
+from .rows import Outcome, Row, recorded, reproduce_row, select
 
 __all__ = ["Outcome", "Row", "reproduce"]
 
@@ -15,6 +15,7 @@ def reproduce(
     *,
     progress: Callable[[Row], None] | None = None,
     tell: Callable[[str], None] | None = None,
+    recordings: bool = True,
 ) -> list[Outcome]:
     """Compute rows of the papers and judge each.
 
@@ -23,6 +24,7 @@ def reproduce(
         rows: beginnings of identifiers, such as ``table1.nylon``.
         progress: called with each row before it is computed.
         tell: called with words while a recording is made, of which several rows are computed; that takes minutes.
+        recordings: off leaves out the rows that need them.
     """
     from . import discussion, isometric, isotonic, lubricants, part1, part2, quasi_static, sinusoids, static_fit  # noqa: F401
     from .recorded import told
@@ -30,6 +32,8 @@ def reproduce(
     outcomes = []
     with told(tell):
         for row in select(part, rows):
+            if not recordings and recorded(row):
+                continue
             if progress:
                 progress(row)
             outcomes.append(reproduce_row(row))

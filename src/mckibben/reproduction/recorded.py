@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,10 +15,6 @@ from ..recordings import Recording
 
 SPAN, TENSION = "span", "tension"  # channels that the machine measures
 FIVE_BAR = "5 bar"
-# Internal damping of the muscles [N s/m], inferred: at the paper's 8 L0/s, 1.1 m/s, 0.35 would add a count of its cell,
-# 0.39 N, to the tension, and it saw nothing viscous. What `assembly` usually infers, 1, would have shown.
-VISCOSITY = 0.2
-
 _tellers: list[Callable[[str], None]] = []
 
 
@@ -64,7 +59,6 @@ def recording(
     bench = prepare(
         protocol(name, **given), muscle=muscle, rig=rig, plumbing=plumbing, accept_saturation=accept_saturation
     )
-    bench = dataclasses.replace(bench, unit=bench.unit.replace(viscosity=VISCOSITY))
     words = ", ".join([name, muscle, *(str(value) for value in values.values() if not isinstance(value, tuple))])
 
     def progress(done: float, total: float) -> None:

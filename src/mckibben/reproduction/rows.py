@@ -58,6 +58,8 @@ class Found(NamedTuple):
     note: str = ""
 
 
+# Modules whose rows are computed of recordings.
+OF_RECORDINGS = ("quasi_static", "static_fit", "sinusoids", "lubricants", "isometric", "isotonic")
 Compute = Callable[[], float | Found]
 AnyCompute = TypeVar("AnyCompute", bound=Compute)
 _COMPUTE: dict[str, tuple[Compute, str, str]] = {}
@@ -108,6 +110,12 @@ def reproduce_row(row: Row) -> Outcome:
     ours = from_si(value, si_unit, _plain_unit(row.unit))
     note = "; ".join(filter(None, (row.note, remark, found)))
     return Outcome(row, ours, judge(row, ours), note)
+
+
+def recorded(row: Row) -> bool:
+    """Whether a row is computed of recordings of the simulated test machine, which take their time to make."""
+    compute = _COMPUTE.get(row.id)
+    return compute is not None and compute[0].__module__.rpartition(".")[2] in OF_RECORDINGS
 
 
 def judge(row: Row, ours: float) -> bool | None:

@@ -12,12 +12,13 @@ from typing import NamedTuple
 
 from ..analysis.lag import CorrectedLoop
 from ..analysis.loops import loop, peak_velocity
+from ..assembly.build import INFERRED
 from ..bench.rig_file import rig
 from ..errors import ConvergenceError
 from ..recordings import Recording
 from ..specimens import specimen
 from .quasi_static import without_lag
-from .recorded import SPAN, VISCOSITY, recording, step_of
+from .recorded import SPAN, recording, step_of
 from .rows import Found, reproduces
 
 FIGURE = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)  # of the twelve only the ends are printed [Hz]
@@ -94,7 +95,8 @@ def spread(values: list[float]) -> float:
     return (max(values) - min(values)) * len(values) / sum(values)
 
 
-CALIBRATED = f"internal damping of {VISCOSITY:g} N s/m was inferred from the paper's seeing no viscous friction"
+DAMPING = INFERRED["viscosity"].value
+CALIBRATED = f"internal damping of {DAMPING:g} N s/m was inferred from the paper's seeing no viscous friction"
 
 
 @reproduces("loop.sine_width_spread", "1", CALIBRATED)

@@ -80,6 +80,10 @@ class PressureRegulator(FlowElement):
         """At the pressure set by hand."""
         return jnp.asarray(self.set_pressure, float)
 
+    def settled(self, command: Any) -> Any:
+        """At the set-point that the command makes, so that a run which begins under pressure does not vent first."""
+        return self.initial() if command is None else self.set_pressure + jnp.asarray(command, float)
+
     def initial_memory(self, gas: Gases) -> Any:
         """In the middle of the play."""
         return jnp.asarray(gas[1].pressure_abs, float)

@@ -1,0 +1,34 @@
+"""Whether the gas of a run is all there: end states against independent integrals over the border of its circuit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from .circuit import Circuit
+
+
+class Balance(NamedTuple):
+    """Closure of a run: what is missing, over what went through; zero is perfect."""
+
+    mass: float
+    energy: float
+
+
+def balance(circuit: Circuit, start: Any, end: Any, first: Any, last: Any, integrals: Mapping[str, Any]) -> Balance:
+    """Compare stored mass and energy of the end states with independent integrals over the border.
+
+    Args:
+        circuit: what was run.
+        start: its state at the start.
+        end: its state at the end.
+        first: inputs at the start.
+        last: inputs at the end.
+        integrals: as `Circuit.integrands` names them, integrated over the run.
+    """
+    (m0, u0), (m1, u1) = circuit.stored(start, first), circuit.stored(end, last)
+    entered = float(integrals["enthalpy"]) + float(integrals["heat"]) - float(integrals["work"])
+    entered += float(integrals["shaft"])
+    mass = abs(m1 - m0 - float(integrals["mass"])) / max(float(integrals["mass_turnover"]), 1e-30)
+    energy = abs(u1 - u0 - entered) / max(float(integrals["enthalpy_turnover"]), 1e-30)
+    return Balance(mass, energy)
