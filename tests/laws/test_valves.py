@@ -356,6 +356,9 @@ def test_a_spool_follows_late_with_its_lag_and_no_faster_than_its_limit():
 # ---- regulator ----
 
 
+LONGEST = 1201  # samples to which all commands are drawn out, so that one run is compiled for them
+
+
 def regulated(command, load=0.0, *, start=P0, supply=7e5, size=2e-4, **options):
     """Outlet of a regulator on a vessel with a load to the room, at the end of a run."""
     options = {"fill": WIDE, "relief": WIDE, "band": 2e4} | options
@@ -367,7 +370,8 @@ def regulated(command, load=0.0, *, start=P0, supply=7e5, size=2e-4, **options):
         },
     )
     begin = system.initial({"outlet": start})
-    signals = system.commands({"set": held(np.asarray(command, float))})
+    command = np.pad(np.asarray(command, float), (0, LONGEST - len(command)), mode="edge")
+    signals = system.commands({"set": held(command)})
     run = integrate(system, begin, signals, period=PERIOD, memory=system.initial_memory(begin))
     return run
 
@@ -471,7 +475,7 @@ def tank(compressor, samples, *, load=0.0, size=1e-3, period=0.01):
 def test_a_compressor_fills_a_tank_as_theory_says():
     swept = 2e-5 * 150.0 / (2 * np.pi)  # [m3/s]
     options = {"displacement": 2e-5, "speed": 150.0, "aftercooling": 1.0}
-    run = tank(Compressor(**options, clearance=0.0), 500)
+    run = tank(Compressor(**options, clearance=0.0), 3000)
     # no clearance, isothermal tank: dp/dt = swept p1/V, straight
     np.testing.assert_allclose(run.outputs["tank.pressure_abs"], P0 * (1 + swept / 1e-3 * run.time), rtol=1e-10)
     # with clearance and n = 1: dr/dt = (swept/V)(1 + c - c r), towards the dead head 1 + 1/c
@@ -495,7 +499,7 @@ def test_without_losses_a_compressor_delivers_at_the_isentropic_temperature():
 
 def test_the_pressure_switch_keeps_the_tank_between_its_thresholds():
     compressor = Compressor(displacement=2e-5, speed=150.0, start_pressure=2e5, stop_pressure=3e5)
-    run = tank(compressor, 2000, load=5e-10, size=2e-4)
+    run = tank(compressor, 3000, load=5e-10, size=2e-4)
     gauge, running = run.outputs["tank.pressure_abs"] - P0, run.outputs["compressor.running"]
     settled = gauge > 2e5
     first = np.argmax(settled)

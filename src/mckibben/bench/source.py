@@ -68,7 +68,8 @@ class Lateness(NamedTuple):
         """Of the lateness of every sample (n,) [s]."""
         found = np.percentile(lateness, [50.0, 99.0, 99.9, 100.0]) if lateness.size else np.zeros(4)
         late, behind = (int((lateness > share * period).sum()) for share in (LATE, 1.0))
-        return cls(lateness.size, late, behind, tuple(float(x) for x in found))
+        half, most, nearly, largest = (float(x) for x in found)
+        return cls(lateness.size, late, behind, (half, most, nearly, largest))
 
 
 class WallClock:

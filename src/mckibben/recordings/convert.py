@@ -60,6 +60,8 @@ def convert(
         raise InputError("suffix", target.suffix or str(target), f"known are {', '.join(WRITTEN)}", where=str(target))
     if not target.absolute().parent.is_dir():
         raise InputError("file", str(target), f"there is no folder {target.parent}")
+    if target.exists() and Path(source).exists() and target.samefile(source):
+        raise InputError("file", str(target), "it is the one to be read; say another name")
     read = read_any(source, columns=columns, units=units, period=period)
     return Imported(read.recording, [*read.remarks, *write(read.recording, target)])
 

@@ -172,7 +172,7 @@ class LiveLog:
             The path of the log.
         """
         more = {key: said for key, said in (("result", result), ("message", message)) if said is not None}
-        end = told({}, frozen({**(meta or {}), **more}))
+        last = frozen({**(meta or {}), **more})
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -183,6 +183,7 @@ class LiveLog:
             try:
                 stamp = self._stamp(self._last)
                 self._writer.flush()
+                end = told({}, last, self._count)
                 self._writer.add_attachment(stamp, stamp, END, "application/json", end.encode())
                 self._writer.finish()
                 file.flush()

@@ -7,8 +7,13 @@ too; a struct ``units`` in it says units.
 
 from __future__ import annotations
 
+import pickle
 import re
+import struct
+import subprocess
+import sys
 import warnings
+import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,6 +28,19 @@ from .sidecar import KEY, one_line, retold, told
 from .text import plain_names
 
 _LARGEST = 2**31 - 1  # [B] of a variable of version 5
+_KEYWORDS = frozenset(
+    "break case catch classdef continue else elseif end for function global if otherwise parfor persistent return spmd"
+    " switch try while".split()
+)
+# Compressed variables have a checksum.
+_KEPT: dict[str, Any] = {"long_field_names": True, "do_compression": True}
+_PLAIN, _COMPRESSED = 14, 15  # types of variables
+_CHILD = """
+import pickle, sys
+from mckibben.recordings.matlab import content
+sys.stdout.buffer.write(pickle.dumps(content(sys.argv[1])))
+"""
+_PATIENCE = 120.0  # [s]
 _DEEPEST = 20  # structs in structs
 
 
@@ -37,13 +55,18 @@ def write_matlab(recording: Recording, path: Path) -> None:
     columns = {plain: recording[name] for plain, name in zip(names, recording.channels, strict=True)}
     units = {plain: recording.unit(name) for plain, name in zip(names, recording.channels, strict=True)}
     more = {"units": {"time": "s", **units}, KEY: told(recording.channels, recording.meta)}
-    savemat(path, {"time": recording.time, **columns, **more}, appendmat=False, long_field_names=True, oned_as="column")
+    savemat(path, {"time": recording.time, **columns, **more}, appendmat=False, oned_as="column", **_KEPT)
 
 
 def matlab_names(names: Iterable[str]) -> list[str]:
     """Names of channels as MATLAB allows them, none taken twice."""
     own = ["time", "units", KEY]
-    return plain_names([*own, *names], lambda name: re.sub(r"[^A-Za-z0-9_]", "_", name))[len(own) :]
+    return plain_names([*own, *names], _allowed)[len(own) :]
+
+
+def _allowed(name: str) -> str:
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return f"x{plain}" if plain in _KEYWORDS else plain
 
 
 def read_matlab(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list[str]]:
@@ -53,15 +76,15 @@ def read_matlab(path: Path) -> Recording | tuple[list[Given], dict[str, Any], li
         InputError: the file cannot be read, or a newer version wrote it.
     """
     where = str(path)
-    reader = needed("pymatreader", "pymatreader", "MATLAB files", where)
-    remarks: list[str] = []
+    needed("pymatreader", "pymatreader", "MATLAB files", where)
     try:
-        with warnings.catch_warnings(record=True) as told_of:
-            warnings.simplefilter("always")
-            found = reader.read_mat(path)
-        remarks += dict.fromkeys(one_line(w.message) for w in told_of if isinstance(w.message, Warning))
-    except Exception as error:  # whatever scipy and h5py meet in a broken file
+        if _checked(path):
+            found, told_of = content(path)
+        else:
+            found, told_of = _content_from_outside(path)
+    except Exception as error:  # whatever zlib, scipy and h5py meet in a broken file
         raise InputError("file", "unreadable", f"allowed is a MATLAB file ({one_line(error)})", where=where) from None
+    remarks = list(dict.fromkeys(told_of))
     line = found.get(KEY)
     if isinstance(line, str) and line.startswith("{"):
         known = retold(line, where)
@@ -80,6 +103,53 @@ def read_matlab(path: Path) -> Recording | tuple[list[Given], dict[str, Any], li
         elif isinstance(value, str | int | float | bool | np.number | np.bool_):
             notes[label] = value.item() if isinstance(value, np.generic) else value
     return given, {"values": {k.replace("$", "_"): v for k, v in notes.items()}}, remarks
+
+
+def content(path: str | Path) -> tuple[dict[str, Any], list[str]]:
+    """The variables of a file, and the reader's warnings."""
+    import pymatreader
+
+    with warnings.catch_warnings(record=True) as told_of:
+        warnings.simplefilter("always")
+        found = pymatreader.read_mat(path)
+    return found, [one_line(w.message) for w in told_of if isinstance(w.message, Warning)]
+
+
+def _content_from_outside(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """The same, read by another process: scipy's reader brings down its own where a variable without checksum is damaged."""
+    done = subprocess.run(
+        [sys.executable, "-c", _CHILD, str(path)], capture_output=True, timeout=_PATIENCE, check=False
+    )
+    if done.returncode:
+        last = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
+        raise ValueError(last[0] if done.returncode > 0 and last else "it is damaged")
+    return pickle.loads(done.stdout)
+
+
+def _checked(path: Path) -> bool:
+    """Whether the checksums of all variables were compared, or HDF5 (version 7.3) does that."""
+    data = path.read_bytes()
+    if data[512:520] == b"\x89HDF\r\n\x1a\n":
+        return True
+    if data[124:128] != b"\x00\x01IM":
+        # version 4 begins with a small number, and 5 may come from a machine with the other order of bytes
+        if len(data) < 20 or not (0 in data[:4] or data[124:128] == b"\x01\x00MI"):
+            raise ValueError("its head is none of version 4, 5 or 7.3")
+        return False
+    at = 128
+    while at < len(data):
+        kind, length = struct.unpack_from("<II", data, at)
+        if kind not in (_PLAIN, _COMPRESSED) or at + 8 + length > len(data):
+            raise ValueError("a variable is damaged or cut off")
+        if kind == _PLAIN:
+            return False
+        unpacker = zlib.decompressobj()
+        for start in range(at + 8, at + 8 + length, 1 << 20):
+            unpacker.decompress(data[start : min(start + (1 << 20), at + 8 + length)])
+        if not unpacker.eof:
+            raise ValueError("a variable is cut off")
+        at += 8 + length
+    return True
 
 
 def _leaves(found: Mapping[str, Any], before: str, depth: int) -> list[tuple[str, Any]]:

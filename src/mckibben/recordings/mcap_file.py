@@ -175,7 +175,6 @@ def _log(found: _Found, where: str) -> Log:
     rows, dropped = _ordered(found.parts, 2 + len(known.channels))
     if not len(rows):
         raise InputError("file", "no samples", "allowed is a log that has at least one whole chunk", where=where)
-    whole = found.end is not None and not found.holes and found.head is not None and not dropped
     remarks = _remarks(found, rows, dropped)
     meta = {**known.meta, **(found.end.meta if found.end else {})}
     for key, more in (("events", found.events), ("warnings", remarks)):
@@ -183,10 +182,10 @@ def _log(found: _Found, where: str) -> Log:
             before = meta.get(key, [])
             meta[key] = [*(before if isinstance(before, list) else [before]), *more]
     try:
-        recording = Sidecar(known.channels, meta).recording(rows[:, 1], rows[:, 2:].T)
+        recording = Sidecar(known.channels, meta).recording(rows[:, 1], list(rows[:, 2:].T))
     except InputError as error:
         raise error.at(where) from None
-    return Log(recording, whole, remarks)
+    return Log(recording, not remarks, remarks)
 
 
 def _ordered(parts: list[np.ndarray], width: int) -> tuple[np.ndarray, int]:
@@ -200,31 +199,30 @@ def _ordered(parts: list[np.ndarray], width: int) -> tuple[np.ndarray, int]:
 
 
 def _remarks(found: _Found, rows: np.ndarray, dropped: int) -> list[str]:
+    """A line for each thing that is not whole; the samples' numbers in the log tell which are missing."""
     lines = []
     if found.head is None:
         lines.append("the head of the log is damaged: title, parameters and the rest of its meta are lost")
-    ends = np.cumsum([0, *(len(part) for part in found.parts)])
-    # What follows the last sample of a log that was not closed is the tail that any end of a process leaves.
-    inner = [h for h in found.holes if h[1] < len(found.parts) or found.end is not None]
-    for hole, parts in inner[:_TOLD]:
-        lines.append(f"bytes {hole.start} to {hole.end} of the log are damaged: {_lost(rows, int(ends[parts]))}")
-    if len(inner) > _TOLD:
-        lines.append(f"{len(inner) - _TOLD} more places of the log are damaged")
+    number, time = rows[:, 0], rows[:, 1]
+    missing = np.diff(number, prepend=-1.0) - 1.0
+    gaps = np.flatnonzero(missing > 0.0)
+    for i in gaps[:_TOLD]:
+        after = f"between {time[i - 1]:.6g} s and" if i else "before"
+        lines.append(f"{missing[i]:.0f} samples {after} {time[i]:.6g} s are lost")
+    if len(gaps) > _TOLD:
+        lines.append(f"{missing[gaps[_TOLD:]].sum():.0f} more samples are lost, in {len(gaps) - _TOLD} places")
+    last = 0 if found.end is None or found.end.samples is None else found.end.samples - 1 - int(number[-1])
+    if last > 0:
+        lines.append(f"{last} samples after {time[-1]:.6g} s are lost")
     if dropped:
         lines.append(f"{dropped} samples whose time does not increase, or of another width, were left out")
+    # What follows the last sample of a log that was not closed is the tail that any end of a process leaves.
+    inner = [hole for hole, parts in found.holes if parts < len(found.parts) or found.end is not None]
+    if inner:
+        told = ", ".join(f"{hole.start} to {hole.end}" for hole in inner[:_TOLD])
+        lines.append(f"damaged bytes of the log: {told}{' and more' if len(inner) > _TOLD else ''}")
     if found.end is None:
         tail = sum(hole.end - hole.start for hole, parts in found.holes if parts == len(found.parts))
         torn = f"; its last {tail} bytes are no whole chunk" if tail else ""
-        lines.append(f"the log was not closed: what came after {rows[-1, 1]:.6g} s is lost{torn}")
+        lines.append(f"the log was not closed: what came after {time[-1]:.6g} s is lost{torn}")
     return lines
-
-
-def _lost(rows: np.ndarray, before: int) -> str:
-    """What is lost before sample `before` of those that are left; their numbers in the log tell."""
-    if before >= len(rows):
-        return f"samples after {rows[-1, 1]:.6g} s may be lost"
-    count = int(rows[before, 0] - (rows[before - 1, 0] if before else -1)) - 1
-    if count <= 0:
-        return "no sample is lost"
-    after = f"between {rows[before - 1, 1]:.6g} s and" if before else "before"
-    return f"{count} samples {after} {rows[before, 1]:.6g} s are lost"

@@ -34,7 +34,9 @@ def read_parquet(path: Path) -> Recording | tuple[list[Given], dict[str, Any], l
         line = polars.read_parquet_metadata(path).get(KEY)
         table = polars.read_parquet(path, glob=False)
         columns = {name: np.asarray(table[name].to_numpy()) for name in table.columns}
-    except Exception as error:  # whatever the library meets in a broken file
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # of a broken file; a panic of polars is no Exception
         raise InputError("file", "unreadable", f"allowed is a Parquet file ({one_line(error)})", where=where) from None
     if line is None:
         return [Given(name, values, None, f"{len(values)} samples") for name, values in columns.items()], {}, []

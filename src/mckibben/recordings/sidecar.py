@@ -22,10 +22,11 @@ KEY = "mckibben"
 
 
 class Sidecar(NamedTuple):
-    """Channels by name without their values, and the meta."""
+    """Channels by name without their values, the meta, and how many samples there shall be where that is said."""
 
     channels: dict[str, Channel]
     meta: dict[str, Any]
+    samples: int | None = None
 
     def recording(self, time: Any, columns: Sequence[Any]) -> Recording:
         """The recording of a time (n,) [s] and columns (n,) in the order of the channels [their units]."""
@@ -43,10 +44,11 @@ class Sidecar(NamedTuple):
             raise error.at(where) from None
 
 
-def told(channels: Mapping[str, Channel], meta: Mapping[str, Any]) -> str:
+def told(channels: Mapping[str, Channel], meta: Mapping[str, Any], samples: int | None = None) -> str:
     """The line of JSON, ASCII only, for not every program reads other letters."""
     listed = [{"name": n, "unit": c.unit, "kind": c.kind, "meaning": c.meaning} for n, c in channels.items()]
-    return to_json({"schema": SCHEMA, "channels": listed, "meta": meta}, ascii_only=True)
+    more = {} if samples is None else {"samples": samples}
+    return to_json({"schema": SCHEMA, "channels": listed, "meta": meta, **more}, ascii_only=True)
 
 
 def retold(text: Any, where: str | None = None) -> Sidecar:
@@ -66,14 +68,15 @@ def retold(text: Any, where: str | None = None) -> Sidecar:
         raise InputError(f"meta of {KEY}", str(meta)[:60], "allowed is an object", where=where)
     try:
         channels = {
-            str(one.get("name")): Channel([], one.get("unit", ""), one.get("kind", ""), one.get("meaning", ""))
+            str(one.get("name")): Channel(np.empty(0), one.get("unit", ""), one.get("kind", ""), one.get("meaning", ""))
             for one in listed
         }
     except InputError as error:
         raise error.at(where) if where else error from None
     if len(channels) != len(listed):
         raise InputError(f"channels of {KEY}", "one name twice", "allowed is each name once", where=where)
-    return Sidecar(channels, dict(meta))
+    samples = found.get("samples")
+    return Sidecar(channels, dict(meta), samples if isinstance(samples, int) else None)
 
 
 def check_schema(schema: Any, where: str | None = None) -> None:

@@ -6,6 +6,9 @@ Written are a group ``recording`` with the channel ``time`` and one of each chan
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -51,24 +54,54 @@ def read_tdms(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list
     where = str(path)
     nptdms = needed("nptdms", "npTDMS", "TDMS files", where)
     try:
-        with open(path, "rb") as stream:
+        with open(path, "rb") as stream, _heard() as said:
             file = nptdms.TdmsFile.read(stream)
         line = file.properties.get(KEY)
         if isinstance(line, str):
             columns = {channel.name: np.asarray(channel[:]) for channel in file[GROUP].channels()}
         else:
-            given = [_given(group.name, channel) for group in file.groups() for channel in group.channels()]
+            given = [one for group in file.groups() for one in _group(group, bool(said))]
             about = {str(k).replace("$", "_"): _plain(v) for k, v in file.properties.items()}
     except Exception as error:  # whatever the library meets in a broken file
         raise InputError("file", "unreadable", f"allowed is a TDMS file ({one_line(error)})", where=where) from None
     if isinstance(line, str):
+        if said:
+            raise InputError("file", "damaged or cut off", f"allowed is a whole TDMS file ({said[0]})", where=where)
         known = retold(line, where)
         return known.of(columns, "time", list(known.channels), where)
-    return given, {"properties": about}, []
+    return given, {"properties": about}, list(dict.fromkeys(said))
 
 
-def _given(group: str, channel: Any) -> Given:
-    values = np.asarray(channel[:])
+@contextmanager
+def _heard() -> Iterator[list[str]]:
+    """What the library says to its log while it reads, as lines; it would print them."""
+    lines: list[str] = []
+    handler = logging.Handler()
+    handler.emit = lambda record: lines.append(record.getMessage()[:200])  # type: ignore[method-assign]
+    logs = [log for name in list(logging.root.manager.loggerDict) if (log := _log(name)) is not None]
+    before = [log.handlers for log in logs]
+    for log in logs:
+        log.handlers = [handler]
+    try:
+        yield lines
+    finally:
+        for log, handlers in zip(logs, before, strict=True):
+            log.handlers = handlers
+
+
+def _log(name: str) -> logging.Logger | None:
+    """One of the library's modules; each has a log of its own, and the one above them none."""
+    return logging.getLogger(name) if name.startswith("nptdms.") else None
+
+
+def _group(group: Any, cut_off: bool) -> list[Given]:
+    """The channels of a group; of a file that was cut off, as many samples as all of them have."""
+    columns = {channel.name: np.asarray(channel[:]) for channel in group.channels()}
+    most = min(map(len, columns.values()), default=0) if cut_off else None
+    return [_given(group.name, channel, columns[channel.name][:most]) for channel in group.channels()]
+
+
+def _given(group: str, channel: Any, values: np.ndarray) -> Given:
     about = channel.properties
     unit = next((str(about[key]) for key in _UNITS if about.get(key)), None)
     step, offset = about.get("wf_increment"), about.get("wf_start_offset", 0.0)

@@ -217,7 +217,8 @@ class Sequencer(Module):
 
 def _fresh() -> tuple[Any, Any]:
     """The state of a test before its first sample."""
-    return tuple(jnp.asarray(x) for x in until.START)
+    place, held = until.START
+    return jnp.asarray(place), jnp.asarray(held)
 
 
 def _padded(count: int, least: int) -> int:
