@@ -69,7 +69,11 @@ def closes(recording):
         assert balance[name] < 1e-6, balance
 
 
-@pytest.mark.parametrize("name", SHORT)
+# Together these take minutes; the others go through every kind of plumbing, mode and step.
+LONG = ("isobaric-map", "isokinetic", "lubricant-test", "preconditioning", "sinusoids", "work-loop")
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in SHORT])
 def test_balances_of_shipped_protocols_close_with_adiabatic_chambers(name):
     recording = run(bench(name, **SHORT[name]))
     assert recording.meta["result"] == "done", recording.meta["message"]
