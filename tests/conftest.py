@@ -15,7 +15,7 @@ import pytest
 # One folder per machine, for it holds machine code; it is not in version control. Read by JAX when it is first imported.
 CACHE = Path(__file__).parents[1] / ".pytest_cache" / f"jax-{platform.node()}"
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(CACHE))
-os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 KEPT = 7 * 86400.0  # [s]; changed sources leave behind what nothing asks for again
 
 

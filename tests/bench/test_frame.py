@@ -22,7 +22,7 @@ compiled = jax.jit(march, static_argnums=(6, 7))  # one machine of one structure
 
 @functools.cache
 def nylon():
-    return unit_from_specimen("nylon")
+    return unit_from_specimen("nylon", viscosity=1.0)
 
 
 def machine(start=0.14, frame=None, heat=0.2, **motor):

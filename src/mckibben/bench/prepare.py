@@ -7,8 +7,9 @@ import math
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from ..assembly.build import unit_from_specimen
@@ -17,14 +18,17 @@ from ..engine import STEP
 from ..errors import InputError
 from ..experiments.dry_run import Finding, check_plan
 from ..experiments.library import shipped
+from ..experiments.limits import Estimate
 from ..experiments.plan import Plan, PlannedStep
 from ..experiments.protocol import Protocol
+from ..muscles.law import TensionLaw
 from ..specimens import Specimen, specimen
 from .rig import Rig
 from .rig_file import rig as rig_of
 from .software.waveform_import import read_protocol
 
 CONTROL_RATE = 1000.0  # least samples per second of a loop that controls a motor
+PIECE = 4096  # points at which a tension is estimated at once
 ON_THE_CELL = "the load cell reads"  # how a finding about the cell's range begins
 
 
@@ -161,7 +165,7 @@ def prepare(
     layout = on.layout(wanted, plumbing)
     rest = _rest_length(unit, spec)
     plan = _plan(wanted, rest)
-    found = check_plan(plan, on.limits(layout), lambda span, pressure: np.asarray(unit.law.tension(span, pressure)))
+    found = check_plan(plan, on.limits(layout), _expected(unit))
     known = [*on.sensors, *(["span"] if on.encoder is not None else [])]
     for fault in faults:
         if fault.channel not in known:
@@ -187,6 +191,26 @@ def _every(rate: float, plan: Plan) -> int:
     """How much faster than a protocol's clock the loop has to run, which is unstable with a motor below some 600 1/s."""
     moves = Part(plan.steps, "", 1.0, "").moves
     return math.ceil(CONTROL_RATE / rate * (1.0 - 1e-9)) if moves and rate < CONTROL_RATE else 1
+
+
+def _expected(unit: MuscleUnit) -> Estimate:
+    """Tension by the muscle's law; in pieces of one size, so that it is compiled once."""
+
+    def tension(span: Any, pressure: Any) -> np.ndarray:
+        spans, pressures = np.broadcast_arrays(np.asarray(span, float), np.asarray(pressure, float))
+        parts, flat = [], np.stack([spans.ravel(), pressures.ravel()])
+        for first in range(0, flat.shape[1], PIECE):
+            piece = flat[:, first : first + PIECE]
+            padded = np.pad(piece, ((0, 0), (0, PIECE - piece.shape[1])), mode="edge")
+            parts.append(np.asarray(_tension(unit.law, *padded))[: piece.shape[1]])
+        return np.concatenate(parts).reshape(spans.shape)
+
+    return tension
+
+
+@jax.jit
+def _tension(law: TensionLaw, span: Any, pressure: Any) -> Any:
+    return law.tension(span, pressure)
 
 
 def _rest_length(unit: MuscleUnit, spec: Specimen | None) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .rows import Outcome, Row, recorded, reproduce_row, select
+from .rows import Outcome, Row, needs_recording, reproduce_row, select
 
 __all__ = ["Outcome", "Row", "reproduce"]
 
@@ -32,7 +32,7 @@ def reproduce(
     outcomes = []
     with told(tell):
         for row in select(part, rows):
-            if not recordings and recorded(row):
+            if not recordings and needs_recording(row):
                 continue
             if progress:
                 progress(row)

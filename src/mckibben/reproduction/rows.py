@@ -112,7 +112,7 @@ def reproduce_row(row: Row) -> Outcome:
     return Outcome(row, ours, judge(row, ours), note)
 
 
-def recorded(row: Row) -> bool:
+def needs_recording(row: Row) -> bool:
     """Whether a row is computed of recordings of the simulated test machine, which take their time to make."""
     compute = _COMPUTE.get(row.id)
     return compute is not None and compute[0].__module__.rpartition(".")[2] in OF_RECORDINGS
