@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from .bench.run import run
     from .identification import fit, fit_all
     from .muscles import law
     from .recordings import read_force_map
@@ -23,8 +24,9 @@ _HOMES = {
     "fit": "identification",
     "fit_all": "identification",
     "reproduce": "reproduction",
+    "run": "bench.run",
 }
-__all__ = ["__version__", "fit", "fit_all", "law", "read_force_map", "reproduce", "specimen"]
+__all__ = ["__version__", "fit", "fit_all", "law", "read_force_map", "reproduce", "run", "specimen"]
 
 
 def __getattr__(name: str) -> Any:

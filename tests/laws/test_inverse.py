@@ -120,7 +120,7 @@ def test_at_the_free_length_the_tension_vanishes_and_just_beyond_the_muscle_pull
     muscle = example(law)
     pressure, inside = hanging(muscle)
     free, high = np.asarray(LENGTH(muscle, pressure)), float(muscle.length_range()[1])
-    largest = float(TENSION(muscle, 0.97 * high, np.full(16, 8e5))[0])
+    largest = float(TENSION(muscle, np.full(16, 0.97 * high), np.full(16, 8e5))[0])
     assert largest > 0.0
     # 60 halvings reach the last bit of the length: 1e-16 L dF/dL, and dF/dL (high - free) is about the largest tension.
     assert (np.abs(np.asarray(BRAID(muscle, free, pressure)))[inside] <= 1e-12 * largest).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -15,11 +16,14 @@ from ..engine import sampled
 from ..engine.signals import Signal, Value
 from ..errors import InputError
 from ..experiments.dry_run import check
+from ..experiments.protocol import Protocol
 from ..recordings.recording import Recording
+from ..specimens import Specimen
 from . import channels
 from .about import StepTable, describe
 from .hardware.plant import Rigged
 from .prepare import Bench, Fault, Part, prepare
+from .rig import Rig
 from .software.interlocks import Trip
 from .software.loop import BenchSoftware
 from .software.sequencer import Sequencer
@@ -34,26 +38,38 @@ __all__ = ["Bench", "Fault", "prepare", "run"]
 
 
 def run(
-    bench: Bench,
+    what: Bench | Protocol | str | os.PathLike[str],
+    rig: Rig | str | os.PathLike[str] = "paper",
     *,
+    muscle: str | Specimen | MuscleUnit | None = None,
     progress: Progress | None = None,
     display: Display | None = None,
     stop: Callable[[], bool] | None = None,
     real_time: bool = False,
+    **options: Any,
 ) -> Recording:
-    """Do what was prepared; a keyboard interrupt ends the run and keeps what there is.
+    """Do a protocol on a simulated rig; a keyboard interrupt ends the run and keeps what there is.
 
     Args:
-        bench: of `prepare`.
+        what: a protocol, the name of a shipped one, a ``.toml`` file, or what `prepare` made.
+        rig: a rig, its name or file; of what was prepared already it is known.
+        muscle: a specimen, its id or file, or a muscle; likewise.
         progress: told how far it is, once per chunk.
         display: shown every chunk.
         stop: asked once per chunk whether to end the run.
         real_time: by the wall clock; display and progress then come after each part, and the meta tells of ``deadlines``.
+        **options: of `prepare`.
 
     Raises:
-        InputError: the first finding of the dry run, if there is one.
+        InputError: what `prepare` cannot read, or the first finding of the dry run.
         ConvergenceError: if the physics failed; says why.
     """
+    if isinstance(what, Bench):
+        bench = what
+    elif muscle is None:
+        raise InputError("muscle", "not given", "allowed is a specimen, its id or file, or a muscle")
+    else:
+        bench = prepare(what, muscle=muscle, rig=rig, **options)
     check(list(bench.findings))
     clock = WallClock(bench.plan.duration) if real_time else None
     going = _Run(bench, progress, display, stop, clock or simulated)
