@@ -11,6 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
+
+# The same examples in every run of the same code; who looks for new ones sets HYPOTHESIS_PROFILE=default.
+settings.register_profile("suite", deadline=None, database=None, derandomize=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
 # One folder per machine, for it holds machine code; it is not in version control. Read by JAX when it is first imported.
 CACHE = Path(__file__).parents[1] / ".pytest_cache" / f"jax-{platform.node()}"

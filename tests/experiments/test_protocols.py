@@ -342,7 +342,8 @@ def test_durations_add_up_and_lines_have_no_jumps(steps, rate):
         assert s.pressure[0] == pytest.approx(s.pressure_before.low, abs=1e-9)
     pressures = np.concatenate([s.pressure for s in plan.steps])
     steepest = max((6e5 / s.step.pressure.seconds for s in plan.steps if s.step.pressure is not None), default=0.0)
-    assert np.abs(np.diff(pressures)).max(initial=0.0) <= steepest / rate * (1 + 1e-9) + 1e-6
+    # a line of no whole number of samples ends up to half a sample early, and the next step begins at its target
+    assert np.abs(np.diff(pressures)).max(initial=0.0) <= 1.5 * steepest / rate * (1 + 1e-9) + 1e-6
     assert build_protocol(p.document(), where="x") == p
 
 
