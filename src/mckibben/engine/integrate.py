@@ -24,7 +24,7 @@ STEP = 50e-6  # default step of the physics [s]
 # The Rosenbrock method is stable at any step, but a valve that chokes shows it nothing of the steep zone ahead: over a step
 # longer than some 30 time constants of that zone it jumps across and back. Measured; see the test of a small pocket.
 ROS2_LIMIT = 10.0
-MOST_PARTS = 256  # into which a wanted step is split for that
+MOST_PARTS = 1024  # into which a wanted step is split for that
 ATTEMPTS = 3  # runs, where a run meets faster modes than its start showed
 COARSE = 1e-4  # longer steps of the Rosenbrock method, which is stable at any, are compared with half the step [s]
 CHANGE = 0.05  # share of a channel's range by which half the step may change it
