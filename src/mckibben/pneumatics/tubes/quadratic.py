@@ -26,6 +26,10 @@ def mean_density(gas: Gas, a: GasState, b: GasState, forward: Any) -> Scalar:
     return gas.density(0.5 * (a.pressure_abs + b.pressure_abs), upstream)
 
 
+# Keeps the slope at no flow finite; a thousandth of the paper's R1, which it changes by 1e-6 of it [Pa s/m].
+LEAST_VISCOUS = 0.05
+
+
 class QuadraticTube(TwoPort):
     """Viscous and turbulent resistance (eqs. 20-24)."""
 
@@ -38,6 +42,6 @@ class QuadraticTube(TwoPort):
         """Mass flow from a to b [kg/s]."""
         drop = a.pressure_abs - b.pressure_abs
         # The root in the form that does not cancel, and whose slope at zero is 1/R1; a little R1 is always there.
-        viscous = self.viscous + 1e-3
+        viscous = jnp.sqrt(self.viscous**2 + LEAST_VISCOUS**2)
         speed = 2.0 * drop / (viscous + jnp.sqrt(viscous**2 + 4.0 * self.turbulent * jnp.abs(drop)))
         return mean_density(self.gas, a, b, drop >= 0.0) * self.area * speed
