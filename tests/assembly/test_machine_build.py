@@ -1,6 +1,7 @@
 """Machines from specimens: what is refused, and that what is built has the parts that were asked for."""
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from mckibben.assembly.build import (
@@ -14,6 +15,7 @@ from mckibben.assembly.build import (
 )
 from mckibben.assembly.loads import Body, MomentArm, Plate
 from mckibben.assembly.machine import Machine
+from mckibben.components import paths
 from mckibben.engine.signals import Value
 from mckibben.errors import InputError
 from mckibben.muscles.build import build_law
@@ -56,7 +58,7 @@ def test_only_coulomb_friction_stated_becomes_one_with_memory():
 def test_a_valve_with_three_ports_is_one_element_of_the_line(kind):
     machine = single_muscle("nylon", PLATE, supply=SUPPLY, valve=build_element(kind, VALVES[kind]))
     assert "m.valve" in machine.signals()
-    assert machine.circuit.ends["m.valve"][0] == ("supply", "m_port", "room")
+    assert machine.circuit.ends["m.valve"][0] == ("supply", "m.port", "room")
 
 
 def test_an_own_line_for_each_muscle():
@@ -111,7 +113,7 @@ def test_a_machine_says_which_signal_or_pressure_is_missing():
     with pytest.raises(InputError, match="signal push"):
         machine.initial(full, {n: v for n, v in shut.items() if n != "push"})
     with pytest.raises(InputError, match="pressure of m is 'not given'"):
-        machine.initial({"m_port": 2e5}, shut)
+        machine.initial({"m.port": 2e5}, shut)
     for bad in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match="above 0 Pa"):
             machine.initial(full | {"m": bad}, shut)
@@ -122,3 +124,15 @@ def test_a_muscle_without_its_node_is_refused():
     circuit = circuit_for({"other": unit}, supply=SUPPLY)
     with pytest.raises(InputError, match=r"m\.length"):
         Machine.of(circuit, {"m": unit}, PLATE)
+
+
+def test_every_parameter_of_a_machine_has_an_address_though_names_have_dots():
+    machine = single_muscle("nylon", Plate(held=("m",), span=0.14), supply=6e5)
+    known = dict(paths.parameters(machine))
+    assert "circuit.nodes.m.port.size" in known and "circuit.elements.m.tube.length" in known
+    for path in known:
+        value = np.asarray(paths.get(machine, path))
+        assert np.array_equal(np.asarray(paths.get(paths.put(machine, {path: value}), path)), value)
+    longer = paths.put(machine, {"circuit.elements.m.tube.length": 2.0})
+    assert float(longer.circuit.elements["m.tube"].length) == 2.0
+    assert float(machine.circuit.elements["m.tube"].length) != 2.0

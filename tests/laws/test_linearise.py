@@ -22,7 +22,7 @@ OUTPUTS = ("m.tension", "m.pressure", "load.position")
 @functools.cache
 def settled():
     machine, inputs = smooth(), constant(**POINT)
-    state, memory = machine.initial({"m": 3.6e5, "m_port": 4e5}, inputs)
+    state, memory = machine.initial({"m": 3.6e5, "m.port": 4e5}, inputs)
     rest = settle(machine, state, memory, inputs)
     return machine, rest, memory, inputs
 
@@ -60,7 +60,7 @@ def test_a_settled_machine_rests():
 
 def test_a_machine_that_has_no_time_to_settle_says_what_still_moves():
     machine, _, memory, inputs = settled()
-    state, _ = machine.initial({"m": 2e5, "m_port": 2e5}, inputs)
+    state, _ = machine.initial({"m": 2e5, "m.port": 2e5}, inputs)
     with pytest.raises(ConvergenceError, match="still moves"):
         settle(machine, state, memory, inputs, longest=1e-3, tolerance=1e-12)
 

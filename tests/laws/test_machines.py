@@ -131,7 +131,7 @@ def test_random_protocols_through_slack_keep_their_accounts(fill, vent, weight, 
 # ---- order, and an independent solver
 
 SMOOTH_SAMPLES = 100
-SMOOTH_START = {"m": 3.6e5, "m_port": 4e5}  # [Pa]; a flow that is never in the linear zone
+SMOOTH_START = {"m": 3.6e5, "m.port": 4e5}  # [Pa]; a flow that is never in the linear zone
 
 
 def smooth_signals():
@@ -153,7 +153,7 @@ def test_order_4_where_all_is_smooth():
     steps = [5e-4, 2.5e-4, 1.25e-4, 3.125e-5]  # the tendon's mode is stable up to 1.2 ms; at 50 us all is rounding
     runs = [go(smooth(), SMOOTH_START, smooth_signals(), step=h, samples=SMOOTH_SAMPLES)[0] for h in steps]
     out = runs[-1].outputs
-    assert out["m.tension"].min() > 26.0 and np.min(out["m_port.pressure_abs"] - out["m.pressure_abs"]) > 5e3
+    assert out["m.tension"].min() > 26.0 and np.min(out["m.port.pressure_abs"] - out["m.pressure_abs"]) > 5e3
     found, errors = order([ends(r) for r in runs], steps)
     assert found > 3.7, (found, errors)
     assert errors[-1] < 1e-9
@@ -215,7 +215,7 @@ def test_agreement_with_radau_on_the_equations_written_a_second_time():
 
     def gathered(s):
         c, m, b = s["circuit"], s["muscles"]["m"], s["load"]
-        return [c["mass"]["m_port"], c["pressure"]["m_port"], c["mass"]["m"], c["pressure"]["m"], *m, *b]
+        return [c["mass"]["m.port"], c["pressure"]["m.port"], c["mass"]["m"], c["pressure"]["m"], *m, *b]
 
     begin = [float(v) for v in gathered(state)]
     assert begin[6] - begin[4] > 5e-4  # beyond the tendon's toe

@@ -147,7 +147,7 @@ def circuit_for(
 ) -> Circuit:
     """A supply, and a line to each muscle.
 
-    The nodes are ``supply``, ``room``, ``<muscle>_port`` and ``<muscle>``, and ``tank`` where there is one.
+    The nodes are ``supply``, ``room``, ``<muscle>.port`` and ``<muscle>``, and ``tank`` where there is one.
 
     Args:
         units: the muscles by name.
@@ -187,7 +187,7 @@ def _add(
     nodes: dict[str, Reservoir | Chamber], branches: dict[str, Branch], name: str, unit: MuscleUnit, line: Line,
     room: Environment, source: str,
 ) -> None:  # fmt: skip
-    port = f"{name}_port"
+    port = f"{name}.port"
     wall = WallHeat(conductance=_usual("heat_conductance"), wall_temperature=room.temperature)
     heat = wall if line.heat is None else line.heat
     size = _usual("port_volume") if line.port_volume is None else line.port_volume

@@ -37,21 +37,31 @@ def declaration(owner: Any, path: str) -> Quantity:
 
 
 def get(owner: Any, path: str) -> Any:
-    """The value at a dotted path [SI]."""
-    for part in path.split("."):
-        owner = owner[part] if isinstance(owner, Mapping) else getattr(owner, part)
+    """The value at a dotted path [SI]; a name in a table may have dots itself."""
+    while path:
+        head, path = _first(owner, path)
+        owner = owner[head] if isinstance(owner, Mapping) else getattr(owner, head)
     return owner
 
 
 def put(owner: Any, changes: Mapping[str, Any]) -> Any:
     """A copy with the values at some dotted paths replaced [SI]; they may be traced."""
     for path, value in changes.items():
-        owner = _put(owner, path.split("."), value)
+        owner = _put(owner, path, value)
     return owner
 
 
-def _put(owner: Any, parts: list[str], value: Any) -> Any:
-    head, *rest = parts
+def _put(owner: Any, path: str, value: Any) -> Any:
+    head, rest = _first(owner, path)
     if isinstance(owner, Mapping):
         return {**owner, head: _put(owner[head], rest, value) if rest else value}
     return owner.replace(**{head: _put(getattr(owner, head), rest, value) if rest else value})
+
+
+def _first(owner: Any, path: str) -> tuple[str, str]:
+    """The part of a path that belongs to an object, the longest of its names that fits, and what follows."""
+    head, _, rest = path.partition(".")
+    if isinstance(owner, Mapping):
+        head = max((name for name in owner if f"{path}.".startswith(f"{name}.")), key=len, default=head)
+        rest = path[len(head) + 1 :]
+    return head, rest
