@@ -22,6 +22,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..muscles.creep import KelvinVoigtChain
+from .criterion import HalfSeen, akaike
 from .uncertainty import Estimate, uncertainty, widening
 
 LAWS = ("free", "logarithmic")
@@ -29,7 +30,7 @@ FEWEST = 8
 
 
 @dataclass(frozen=True)
-class CreepFit:
+class CreepFit(HalfSeen):
     """What is known of the creep after a step; errors in metres of stroke, prediction less measurement."""
 
     law: str
@@ -48,22 +49,10 @@ class CreepFit:
         """Error of every sample (n,) [m]."""
         return self.predicted - self.stroke
 
-    def rmse(self, *, seen: bool) -> float:
-        """Root mean square error of the samples that the fit saw, or of those that it did not [m]; NaN where none."""
-        some = self.error[self.train == seen]
-        return float(np.sqrt(np.mean(some**2))) if some.size else float("nan")
-
-    def max_error(self, *, seen: bool) -> float:
-        """Largest of those errors [m]; NaN where there are none."""
-        some = self.error[self.train == seen]
-        return float(np.abs(some).max()) if some.size else float("nan")
-
     @property
     def aicc(self) -> float:
         """Akaike's criterion of the seen samples with the correction for small samples."""
-        n, k = int(self.train.sum()), (1 if self.law == "logarithmic" else len(self.amplitudes)) + 2
-        variance = max(self.rmse(seen=True) ** 2, 1e-30)
-        return n * float(np.log(variance)) + 2.0 * k * n / (n - k - 1.0) if n > k + 1 else float("inf")
+        return akaike(self.error[self.train], (1 if self.law == "logarithmic" else len(self.amplitudes)) + 2)
 
     def predict(self, time: Any, pressure_change: Any = 0.0) -> np.ndarray:
         """Stroke at times since the first sample [s], with the pressure so much above that of the first sample [Pa]."""

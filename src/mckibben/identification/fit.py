@@ -13,6 +13,7 @@ from ..muscles.build import build_law
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
 from ..recordings import ForceMap
+from .criterion import akaike
 from .problem import Problem
 from .solve import Solution, solve
 from .uncertainty import Estimate, Uncertainty, uncertainty
@@ -60,11 +61,7 @@ class Fit:
     @property
     def aicc(self) -> float:
         """Akaike's criterion with the correction for small samples; the noise level counts as a parameter."""
-        n, k = len(self.points), len(self.parameters) + 1
-        if n <= k + 1:
-            return float("inf")
-        variance = max(float(np.mean(self.error**2)), 1e-30)
-        return n * float(np.log(variance)) + 2.0 * k * n / (n - k - 1.0)
+        return akaike(np.asarray(self.error), len(self.parameters) + 1)
 
     def build(self, **changes: Any) -> TensionLaw:
         """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind."""

@@ -24,6 +24,7 @@ import numpy as np
 from ..components import Hysteresis
 from ..errors import InputError
 from ..muscles.law import TensionLaw
+from .criterion import HalfSeen, akaike
 from .loop_models import MODELS, SMOOTH, TRAVEL, Free
 from .path_record import PathRecord
 from .uncertainty import Estimate, uncertainty, widening
@@ -39,7 +40,7 @@ SEED, SHAKEN, SHAKE = 1, 6, 0.3
 
 
 @dataclass(frozen=True)
-class LoopFit:
+class LoopFit(HalfSeen):
     """What is known of a friction after a fit to a loop; errors in metres of stroke, prediction less measurement."""
 
     model: str
@@ -58,22 +59,10 @@ class LoopFit:
         """Error of every sample (n,) [m]."""
         return self.predicted - self.record.stroke
 
-    def rmse(self, *, seen: bool) -> float:
-        """Root mean square error of the samples that the fit saw, or of those that it did not [m]; NaN where none."""
-        some = self.error[self.train == seen]
-        return float(np.sqrt(np.mean(some**2))) if some.size else float("nan")
-
-    def max_error(self, *, seen: bool) -> float:
-        """Largest of those errors [m]; NaN where there are none."""
-        some = self.error[self.train == seen]
-        return float(np.abs(some).max()) if some.size else float("nan")
-
     @property
     def aicc(self) -> float:
         """Akaike's criterion of the seen samples with the correction for small samples."""
-        n, k = int(self.train.sum()), len(self.parameters) + len(self.curve) + 1
-        variance = max(self.rmse(seen=True) ** 2, 1e-30)
-        return n * float(np.log(variance)) + 2.0 * k * n / (n - k - 1.0) if n > k + 1 else float("inf")
+        return akaike(self.error[self.train], len(self.parameters) + len(self.curve) + 1)
 
     def width(self, pressure: Any) -> tuple[np.ndarray, np.ndarray]:
         """Width of the loop at gauge pressures [Pa], predicted and measured [m]; negative where the branches swap."""
