@@ -15,7 +15,7 @@ from mckibben.analysis.segments import segments
 from mckibben.assembly.build import unit_from_specimen
 from mckibben.bench.prepare import Fault, prepare
 from mckibben.bench.rig_file import rig
-from mckibben.bench.run import _at_rest, _Rows, _Run, run
+from mckibben.bench.run import _Rows, _Run, run
 from mckibben.engine import sampled
 from mckibben.engine.signals import Value
 from mckibben.errors import InputError
@@ -161,7 +161,7 @@ def test_a_full_rig_agrees_with_an_independent_stiff_solver():
     machine = on.machine(part.layout, prepared.unit, start=part.start_span, moves=True)
     plant, software = on.plant(machine, part.layout, mounted=part.start_span), going._software(part)
     commands = {"valve": 0.0, "motor": 0.0, "open": 1.0}
-    start = _at_rest(plant, commands, float(on.environment.pressure_abs))
+    start = plant.at_rest(commands, dict.fromkeys(machine.circuit.chambers, 0.0))
     rows = _Rows(prepared, 0)
     carry = sampled.begin(plant, software, start, commands, rows.first(), going.timing.depth)
     timing = going.timing
@@ -209,7 +209,8 @@ def test_the_bound_that_chooses_the_step_is_above_every_mode_of_the_rig():
     machine = paper().machine(part.layout, prepared.unit, start=0.14, moves=True)
     plant = paper().plant(machine, part.layout, mounted=0.14)
     for pressure in (0.0, 1e5, 3e5):
-        state, memory = _at_rest(plant, {"valve": pressure, "motor": 0.0, "open": 1.0}, 103360.0)
+        commands = {"valve": pressure, "motor": 0.0, "open": 1.0}
+        state, memory = plant.at_rest(commands, dict.fromkeys(machine.circuit.chambers, pressure))
         inputs = {n: Value(np.asarray(v), np.asarray(0.0)) for n, v in (("valve", pressure), ("motor", 0.0))}
         inputs["valve.command"] = inputs["valve"]
         bound = float(plant.steepest_rate(state, memory, inputs))

@@ -34,7 +34,7 @@ RENAMED = {
     "load.current": "motor.current",
     "load.deflection": "frame.deflection",
 }
-CONSTANT = ("supply", "room")  # nodes whose state is given, and not recorded
+CONSTANT = ("supply.", "room.")  # of nodes whose state is given; not recorded
 
 MEASURED = {
     "pressure": ("Pa", "gauge pressure at the muscle, measured"),

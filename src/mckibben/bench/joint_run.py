@@ -19,12 +19,11 @@ from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..assembly.pair_map import NAMES, pair_map
 from ..engine import STEP, sampled
-from ..engine.signals import Signal, Value
 from ..errors import InputError
 from ..recordings.recording import Channel, Recording
 from ..specimens import Specimen
 from .about import CLOSED
-from .channels import described
+from .channels import CONSTANT, described
 from .hardware.joint_stand import MOMENT, PRESSURES, RiggedJoint
 from .hardware.motor import Encoder
 from .provenance import created, resolved, versions
@@ -33,8 +32,8 @@ from .rig_file import rig as rig_of
 from .software.controllers.joint import JointControl
 from .software.joint_loop import JointSoftware
 from .software.timing import Timing, configure
+from .source import CHUNK
 
-CHUNK = 500  # samples that are computed at once
 AXIS = 1.0  # radius at which an encoder's metres are radians [m]
 ARM, SPAN = 0.02, 0.126  # of a pair of nylon muscles, whose stroke is 3 cm [m]
 
@@ -172,7 +171,7 @@ def run_joint(
     plant = stand.plant(begin["angle"])
     software = JointSoftware(stand.control, jnp.asarray(begin["angle"]), jnp.asarray(begin["stiffness"]))
     commands = _first(stand, begin)
-    start = _at_rest(plant, commands, float(rig.environment.pressure_abs))
+    start = plant.at_rest(commands, {node: commands[n] for n in NAMES for node in (n, f"{n}.port")})
     rows = _rows(set_points, np.random.default_rng(seed), len(time))
     carry = sampled.begin(plant, software, start, commands, jax.tree.map(lambda v: v[0], rows), timing.depth)
     first = sampled.inputs_of(plant, carry, timing.latency, timing.period)
@@ -216,14 +215,6 @@ def _first(stand: JointStand, begin: Mapping[str, float]) -> dict[str, float]:
     return {"flexor": common + difference, "extensor": common - difference, "moment": begin["moment"]}
 
 
-def _at_rest(plant: RiggedJoint, commands: Mapping[str, float], room: float) -> tuple[Any, Any]:
-    """State and memory with every muscle and its port at the pressure that its valve is asked for."""
-    held = {n: Signal(jnp.full((2,), v)) for n, v in plant.convert(commands).items()}
-    inputs = {n: Value(s.values[0], jnp.zeros(())) for n, s in plant.commands(held).items()}
-    pressures = {node: room + commands[n] for n in NAMES for node in (n, f"{n}_port")}
-    return plant.initial(pressures, inputs)
-
-
 def _rows(set_points: Mapping[str, np.ndarray], chance: np.random.Generator, count: int) -> dict[str, Any]:
     """What every sample brings, up to the end of the last chunk; there the last set-points stay."""
     whole = CHUNK * math.ceil(count / CHUNK)
@@ -261,7 +252,7 @@ def _channels(seen: Any, count: int) -> dict[str, Channel]:
     """The channels of a recording from what was seen."""
     arrays = {n: v for n, v in seen.measured.items() if not n.endswith(".code")} | dict(seen.shown)
     arrays |= {f"{n}.command": v for n, v in seen.commands.items()}
-    arrays |= {RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(("supply.", "room."))}
+    arrays |= {RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(CONSTANT)}
     found = {}
     for name in sorted(arrays, key=lambda n: (list(JOINT).index(n) if n in JOINT else len(JOINT), n)):
         unit, meaning = described(name)
@@ -272,12 +263,8 @@ def _channels(seen: Any, count: int) -> dict[str, Channel]:
 
 def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accounts, seed: int) -> dict[str, Any]:
     rig, room = stand.rig, stand.rig.environment
-    units = plant.machine.units
-    cites = [key for unit in units.values() for key in unit.law.cites]
-    owners = {
-        "units": units, "load": plant.machine.load, "plumbing": rig.plumbing[stand.layout],
-        "environment": room, "control": stand.control,
-    }  # fmt: skip
+    cites = [key for unit in plant.machine.units.values() for key in unit.law.cites]
+    owners = {"machine": plant.machine, "control": stand.control}
     return {
         "rig": rig.name, "plumbing": stand.layout, "parameters": resolved(owners), "inferred": list(rig.inferred),
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},

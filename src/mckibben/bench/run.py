@@ -13,7 +13,6 @@ from ..assembly.accounts import Accounts, accounts
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..engine import sampled
-from ..engine.signals import Signal, Value
 from ..errors import InputError
 from ..experiments.dry_run import check
 from ..experiments.protocol import Protocol
@@ -114,9 +113,7 @@ class _Run:
             if self.result != "done":
                 break
         record = self.chunks.recording()
-        about = describe(
-            self.bench, machine, self.timing, inner=self.finest, closed=self.closed, record=record
-        )  # fmt: skip
+        about = describe(self.bench, machine, self.timing, inner=self.finest, closed=self.closed, record=record)
         return record.with_meta(
             about, steps=self.table.steps, events=self.events, result=self.result, message=self.message
         )
@@ -128,7 +125,7 @@ class _Run:
         plant = rig.plant(machine, part.layout, mounted=part.start_span)
         software = self._software(part)
         commands = {"valve": part.start_pressure, "motor": 0.0, "open": 1.0}
-        start = _at_rest(plant, commands, float(rig.environment.pressure_abs))
+        start = plant.at_rest(commands, dict.fromkeys(machine.circuit.chambers, part.start_pressure))
         rows = _Rows(self.bench, number, self.time)
         carry = sampled.begin(plant, software, start, commands, rows.first(), timing.depth)
         first = sampled.inputs_of(plant, carry, timing.latency, timing.period)
@@ -252,21 +249,13 @@ class _Rows:
         }
 
 
-def _at_rest(plant: Rigged, commands: Mapping[str, float], room: float) -> tuple[Any, Any]:
-    """State and memory of a machine whose volumes all have the pressure that the valve is asked for."""
-    held = {n: Signal(jnp.full((2,), v)) for n, v in plant.convert(commands).items()}
-    inputs = {n: Value(s.values[0], jnp.zeros(())) for n, s in plant.commands(held).items()}
-    return plant.initial({n: room + commands["valve"] for n in plant.machine.circuit.chambers}, inputs)
-
-
 def _channels(seen: Any, used: int) -> dict[str, np.ndarray]:
     """The channels of a recording from what was seen of a chunk."""
     found = {n: v[:used] for n, v in seen.measured.items() if not n.endswith(".code")}
     found |= {n: v[:used] for n, v in seen.shown.items() if n.startswith("command.")}
     found |= {channels.INPUTS[n]: v[:used] for n, v in seen.commands.items()}
-    constant = tuple(f"{node}." for node in channels.CONSTANT)
     for name, values in seen.outputs.items():
-        if not name.startswith(constant):
+        if not name.startswith(channels.CONSTANT):
             found[channels.RENAMED.get(name, name)] = np.broadcast_to(values, seen.steepest.shape)[:used]
     return found
 

@@ -18,6 +18,7 @@ from ...assembly.machine import Machine
 from ...components import Scalar
 from ...components.sampled import Plant
 from ...components.system import Moment
+from ...engine.signals import Signal, Value
 from .analogue import AnalogOut, Sensor
 from .frame import TestStand
 from .motor import Encoder
@@ -45,6 +46,13 @@ class Measured(Plant):
         state, memory = self.machine.initial(pressures, inputs)
         seen = self.seen(state, memory, inputs)
         return {"machine": state, "sensors": {n: s.initial(seen[n]) for n, s in self.sensors.items()}}, memory
+
+    def at_rest(self, commands: Mapping[str, float], pressures: Mapping[str, float]) -> tuple[Any, Any]:
+        """State and memory at rest, where commands [SI] have lasted, at gauge pressures of all volumes [Pa]."""
+        held = {n: Signal(jnp.full((2,), v)) for n, v in self.convert(commands).items()}
+        inputs = {n: Value(s.values[0], jnp.zeros(())) for n, s in self.commands(held).items()}
+        room = float(self.machine.environment.pressure_abs)
+        return self.initial({n: room + p for n, p in pressures.items()}, inputs)
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
         """As the machine has it."""
