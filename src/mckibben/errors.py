@@ -40,6 +40,10 @@ class ConvergenceError(MckibbenError):
     """A fit or a solver ended without reaching its tolerance."""
 
 
+class LineLostError(MckibbenError):
+    """A real machine does not answer any more, or not as it should; says which line, what happened and what was done."""
+
+
 class MissingDataError(MckibbenError):
     """Measured data that do not ship with the package were asked for and are not there."""
 

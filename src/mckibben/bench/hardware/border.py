@@ -13,8 +13,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from ...errors import MckibbenError
-
 
 class AnalogIn(Protocol):
     """Analogue inputs, all converted at the same sample (each with its own skew)."""
@@ -77,19 +75,15 @@ class Hardware(Protocol):
         """Until a sample is there, counted from 0; how much later than it should it is there [s].
 
         Raises:
-            LineLost: if it will not come any more; says why.
+            LineLostError: if it will not come any more; says why.
         """
 
     def send(self) -> None:
         """Let what was written since the sample take effect.
 
         Raises:
-            LineLost: if nobody is there to take it.
+            LineLostError: if nobody is there to take it.
         """
 
     def close(self) -> None:
         """Vent, and let go of the machine; may be called twice."""
-
-
-class LineLost(MckibbenError):
-    """The machine does not answer any more, or not as it should. The sentence says which line, what, and what was done."""
