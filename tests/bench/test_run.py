@@ -10,64 +10,16 @@ import jax
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from short_runs import ADIABATIC, SHORT, bench, closes, nylon, paper, triangle, written
 
 from mckibben.analysis.segments import segments
-from mckibben.assembly.build import unit_from_specimen
-from mckibben.bench.prepare import Fault, prepare
+from mckibben.bench.part import PartMachine, software_of, timing_of
+from mckibben.bench.prepare import Fault
 from mckibben.bench.rig_file import rig
-from mckibben.bench.run import _Rows, _Run, run
+from mckibben.bench.run import run
 from mckibben.engine import sampled
 from mckibben.engine.signals import Value
 from mckibben.errors import InputError
-from mckibben.experiments.library import protocol
-from mckibben.experiments.read import parse_protocol
-
-ADIABATIC = {f"plumbing.{name}.heat": "adiabatic" for name in ("direct", "accumulators", "10 in3", "3 in3")}
-
-
-@functools.cache
-def paper():
-    return rig("paper", ADIABATIC)
-
-
-@functools.cache
-def nylon(rubs=True):
-    return unit_from_specimen("nylon", rubs=rubs)
-
-
-def bench(name, *, on=None, unit=None, **values):
-    options = {k: values.pop(k) for k in ("plumbing", "seed", "step", "faults", "accept_saturation") if k in values}
-    wanted = name if not isinstance(name, str) else protocol(name, **values)
-    return prepare(wanted, muscle=unit or nylon(), rig=on or paper(), **options)
-
-
-def written(text, **options):
-    head = 'schema = 1\nname = "t"\ntitle = "T"\n'
-    return bench(parse_protocol(head + text, where="t.toml"), **options)
-
-
-SHORT = {
-    "isobaric-map": {"pressure": "3 bar", "speed": "0.5 L0/s"},
-    "isokinetic": {"pressure": "4 bar", "speed": ["1 L0/s", "4 L0/s"], "rest": "0.1 s"},
-    "isometric-step": {"cycles": 1, "range": "full"},
-    "isotonic-triangle": {"load": "50 N", "frequency": "5 Hz", "cycles": 2},
-    "lubricant-test": {"lubricant": "WD-40", "cycles": 1, "precondition": 1},
-    "pneumatic-step": {"hold": "0.3 s"},
-    "preconditioning": {"cycles": 1},
-    "quasi-static": {"pressure": "5 bar", "cycles": 1, "precondition": 1},
-    "quick-release": {"load": "20 N", "after": "0.3 s"},
-    "sinusoids": {"frequency": "10 Hz", "cycles": 2, "precondition": 1},
-    "work-loop": {"cycles": 1},
-}
-
-
-def closes(recording):
-    """What the project promises: 1e-6 of what went through; mass is a sum of the same flows twice, so rounding."""
-    balance = recording.meta["balance"]
-    assert balance["mass"] < 1e-12, balance
-    for name in ("gas", "muscle", "mechanics", "energy"):
-        assert balance[name] < 1e-6, balance
-
 
 # Together these take minutes; the others go through every kind of plumbing, mode and step.
 LONG = ("isobaric-map", "isokinetic", "lubricant-test", "preconditioning", "sinusoids", "work-loop")
@@ -87,12 +39,6 @@ def test_the_balance_of_leak_down_closes_with_adiabatic_chambers():
     recording = run(bench("leak-down", on=tight, settle="1 s", longest="5 s"))
     assert recording.meta["steps"][-2]["label"] == "leak"
     closes(recording)
-
-
-@functools.cache
-def triangle():
-    """5 Hz, 50 N: gas, friction, motor and both controllers at work; 0.4 s are recorded."""
-    return run(bench("isotonic-triangle", **SHORT["isotonic-triangle"]))
 
 
 def test_the_same_seed_gives_the_same_bits():
@@ -115,12 +61,13 @@ def test_measured_channels_lie_on_the_counts_of_their_converters_beside_the_true
         count = (ends["high"] - ends["low"]) / (2 ** ends["bits"] - 1)
         codes = (recording[name] - ends["low"]) / count
         np.testing.assert_allclose(codes, np.round(codes), atol=1e-9)  # rounding of a few hundred counts
-        # while the tension does not jump: half a count, 3 rms of noise, and the lag of a filter of 0.8 ms
-        calm = np.abs(np.gradient(recording[true], recording.time)) < np.ptp(recording[true]) / 0.5
+        # Where the channel moves by less than its range in 0.5 s: half a count, three times the noise, and what the
+        # filter (a lag of 0.8 ms in this rig) and the one sample of skew are behind at that rate.
+        steepest = np.ptp(recording[true]) / 0.5
+        calm = np.abs(np.gradient(recording[true], recording.time)) < steepest
+        noise = float(paper().sensors[name].noise)
         off = np.abs(recording[name] - recording[true])[calm]
-        assert np.quantile(off, 0.99) < 0.5 * count + 3.0 * 500.0 * (name == "pressure") + 0.3 + 2e-3 * np.ptp(
-            recording[true]
-        ) / 0.5 * (1.0 if name == "pressure" else 1.0)
+        assert np.quantile(off, 0.99) < 0.5 * count + 3.0 * noise + 2e-3 * steepest
 
 
 def test_what_is_recorded_are_the_steps_that_shall_be():
@@ -155,16 +102,10 @@ def test_a_full_rig_agrees_with_an_independent_stiff_solver():
         'pressure = "4 bar"\nfor = "60 ms"\n', unit=nylon(rubs=False),
         on=rig("paper", ADIABATIC | {"plumbing.direct.valve.dead_time": "4 ms", "computer.latency": "1 ms"}),
     )  # fmt: skip
-    going = _Run(prepared)
     (part,) = prepared.parts()
-    on = prepared.rig
-    machine = on.machine(part.layout, prepared.unit, start=part.start_span, moves=True)
-    plant, software = on.plant(machine, part.layout, mounted=part.start_span), going._software(part)
-    commands = {"valve": 0.0, "motor": 0.0, "open": 1.0}
-    start = plant.at_rest(commands, dict.fromkeys(machine.circuit.chambers, 0.0))
-    rows = _Rows(prepared, 0)
-    carry = sampled.begin(plant, software, start, commands, rows.first(), going.timing.depth)
-    timing = going.timing
+    timing = timing_of(prepared)
+    own, software = PartMachine(prepared, 0, part, timing), software_of(prepared, part, timing)
+    plant, start, rows, carry = own.plant, own.start, own.rows, own.carry(software)
     history = {k: list(np.asarray(v)) for k, v in carry.history.items()}
     samples = 60
     row = jax.tree.map(lambda x: x[:samples], rows.next())
@@ -192,7 +133,7 @@ def test_a_full_rig_agrees_with_an_independent_stiff_solver():
         )  # fmt: skip
         y = done.y[:, -1]
     ours, theirs = end.state["machine"], back(y)["machine"]
-    # 20 steps of 50 us a sample between switches, of order 4 but for the valve's kinks: as for circuits in issue 2's test
+    # 20 steps of 50 us a sample between switches, of order 4 but for the valve's kinks: see test_order_of_circuits
     assert float(ours["muscles"]["muscle"].length) == pytest.approx(float(theirs["muscles"]["muscle"].length), rel=2e-5)
     assert float(ours["circuit"]["pressure"]["muscle"]) == pytest.approx(
         float(theirs["circuit"]["pressure"]["muscle"]), rel=1e-4
@@ -325,18 +266,3 @@ def test_saturation_that_was_accepted_is_reported():
     found = recording.meta["saturation"]["tension"]
     assert 0.01 < found["share"] < 0.5 and "saturated" in found["sentence"]
     assert recording["muscle.tension"].max() > 105.0 > recording["tension"].max()
-
-
-def test_by_the_wall_clock_every_sample_is_taken_and_the_channels_are_those_of_the_simulation():
-    """The same pure step; only the way in which it is compiled differs, which shows in the last bits of true channels."""
-    values = SHORT["isotonic-triangle"]
-    clocked = run(bench("isotonic-triangle", **values), real_time=True)
-    deadlines = clocked.meta["deadlines"]
-    assert len(clocked) == len(triangle())
-    # not a sample is left out, however late a busy machine lets them be
-    assert deadlines["samples"] == round(clocked.meta["steps"][-1]["end"] * 1000.0) + 1
-    assert 0 <= deadlines["behind"] <= deadlines["late"] <= deadlines["samples"]
-    for name in ("pressure", "tension", "span"):
-        # a last bit may turn a count at its border, and feedback carries that on: a few counts of 256
-        assert np.abs(clocked[name] - triangle()[name]).max() < 0.02 * np.ptp(triangle()[name]), name
-    closes(clocked)

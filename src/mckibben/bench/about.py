@@ -7,16 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from .. import citations
 from ..analysis.saturation import saturation
 from ..assembly.accounts import Accounts
 from ..assembly.machine import Machine
+from ..assembly.where_it_went import document
 from ..experiments.plan import PlannedStep
 from ..recordings.recording import Recording
 from .prepare import Bench
 from .provenance import created, resolved, versions
 from .software.timing import Timing
 
-CLOSED = ("mass", "gas", "muscle", "mechanics", "energy")
+CLOSED = ("mass", "gas", "muscle", "mechanics", "energy", "exergy")
 
 
 class StepTable:
@@ -53,6 +55,25 @@ class StepTable:
             last["ended_by"] = by
 
 
+def beforehand(bench: Bench) -> dict[str, Any]:
+    """What the meta of a recording says before anything moves."""
+    protocol, rig, spec = bench.protocol, bench.rig, bench.specimen
+    room = rig.environment
+    said = " ".join([rig.source, protocol.source])
+    return {
+        "title": protocol.title, "sentence": protocol.sentence(), "protocol": protocol.document(),
+        "digest": protocol.digest, "rig": rig.name, "rig_document": dict(rig.document), "plumbing": bench.layout,
+        "specimen": None if spec is None else spec.id, "rest_length": bench.plan.rest_length,
+        "inferred": [*rig.inferred, *(spec.inferred() if spec else [])],
+        "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
+        "converters": _ends(bench), "seed": bench.seed, "warnings": [f.sentence for f in bench.accepted],
+        "citations": list(dict.fromkeys(
+            [*bench.unit.law.cites, *(spec.sources if spec else ()), *(k for k in citations.known_keys() if k in said)]
+        )),
+        "versions": versions(), "created": created(),
+    }  # fmt: skip
+
+
 def describe(
     bench: Bench, machine: Machine, timing: Timing, *, inner: int, closed: Sequence[Accounts], record: Recording
 ) -> dict[str, Any]:
@@ -63,32 +84,28 @@ def describe(
         machine: the last one, whose parameters are written down.
         timing: of the loop.
         inner: most steps of the physics per sample.
-        closed: the accounts of every part.
+        closed: the accounts of every part; none where the machine is real.
         record: what was recorded, for its saturation.
     """
-    protocol, rig, spec = bench.protocol, bench.rig, bench.specimen
-    converters = {
-        name: {"low": float(s.converter.low), "high": float(s.converter.top), "bits": s.converter.bits}
-        for name, s in rig.sensors.items()
-    }
-    room = rig.environment
     return {
-        "title": protocol.title, "sentence": protocol.sentence(), "protocol": protocol.document(),
-        "digest": protocol.digest, "rig": rig.name, "rig_document": dict(rig.document), "plumbing": bench.layout,
-        "specimen": None if spec is None else spec.id, "rest_length": bench.plan.rest_length,
-        "parameters": resolved(machine), "inferred": [*rig.inferred, *(spec.inferred() if spec else [])],
-        "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
-        "balance": {name: max(float(getattr(a, name)) for a in closed) for name in CLOSED},
+        **beforehand(bench),
+        "parameters": resolved(machine),
+        "balance": {name: max(float(getattr(a, name)) for a in closed) for name in CLOSED if closed},
         "friction": {"work": sum(a.friction for a in closed), "dissipated": sum(a.dissipated for a in closed)},
-        "converters": converters, "saturation": saturated(record, converters),
+        "energy": document(machine, [a.energy_parts for a in closed]) if closed else {},
+        "saturation": saturated(record, _ends(bench)),
         "timing": {
             "sample_rate": bench.protocol.sample_rate, "control_rate": timing.sample_rate, "latency": timing.latency,
             "step": timing.period / inner,
         },
-        "seed": bench.seed, "warnings": [f.sentence for f in bench.accepted], "versions": versions(),
-        "citations": list(dict.fromkeys([*bench.unit.law.cites, *(spec.sources if spec else ()), "chou1996"])),
-        "created": created(),
     }  # fmt: skip
+
+
+def _ends(bench: Bench) -> dict[str, dict[str, float]]:
+    return {
+        name: {"low": float(s.converter.low), "high": float(s.converter.top), "bits": s.converter.bits}
+        for name, s in bench.rig.sensors.items()
+    }
 
 
 def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from ..assembly.loads import MomentArm
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..assembly.pair_map import NAMES, pair_map
+from ..assembly.where_it_went import document
 from ..engine import STEP, sampled
 from ..errors import InputError
 from ..recordings.recording import Channel, Recording
@@ -270,6 +271,7 @@ def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accoun
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
         "balance": {name: float(getattr(closed, name)) for name in CLOSED},
         "friction": {"work": closed.friction, "dissipated": closed.dissipated},
+        "energy": document(plant.machine, [closed.energy_parts]),
         "timing": {"control_rate": timing.sample_rate, "latency": timing.latency},
         "seed": seed, "result": "done", "message": "The run reached its end.", "versions": versions(),
         "citations": list(dict.fromkeys(cites)), "created": created(),

@@ -20,6 +20,7 @@ from ..experiments.protocol import Protocol
 from ..experiments.waveforms import near
 from .hardware.analogue import AnalogOut, Sensor
 from .hardware.computer import Computer
+from .hardware.converters import Converters
 from .hardware.frame import Frame, TestStand
 from .hardware.motor import Encoder, Motor
 from .hardware.plant import Rigged
@@ -151,11 +152,18 @@ class Rig:
         )
         return Machine.of(plumbing.circuit(units, self.environment), units, stand, self.environment)
 
+    def converters(self, mounted: float) -> Converters:
+        """What the counts of its inputs and outputs stand for; the encoder is zeroed at a span [m]."""
+        return Converters(
+            analog={n: s.converter for n, s in self.sensors.items()}, encoder=self.encoder, valve=self.valve_out,
+            motor=self.motor_out, mounted=jnp.asarray(float(mounted)), gain={}, zero={},
+        )  # fmt: skip
+
     def plant(self, machine: Machine, layout: str, *, mounted: float) -> Rigged:
         """The machine behind its converters; the encoder was zeroed at a span [m]."""
         return Rigged(
-            machine=machine, tested=self.plumbing[layout].tested, sensors=dict(self.sensors), encoder=self.encoder,
-            valve_out=self.valve_out, motor_out=self.motor_out, mounted=jnp.asarray(float(mounted)),
+            machine=machine, tested=self.plumbing[layout].tested, sensors=dict(self.sensors),
+            converters=self.converters(mounted),
         )  # fmt: skip
 
     def watch(self, layout: str, *, tension: bool = True) -> Interlocks:

@@ -1,66 +1,71 @@
-"""A protocol on a simulated rig: parts between what a person does, samples in chunks, and one recording."""
+"""A protocol on a rig, simulated or real: parts between what a person does, samples in chunks, and one recording."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
-from ..assembly.accounts import Accounts, accounts
-from ..assembly.machine import Machine
-from ..assembly.muscle_unit import MuscleUnit
-from ..engine import sampled
-from ..errors import InputError
+from ..assembly.accounts import Accounts
+from ..errors import ConvergenceError, InputError, LineLostError
 from ..experiments.dry_run import check
 from ..experiments.protocol import Protocol
 from ..recordings.recording import Recording
 from ..specimens import Specimen
 from . import channels
 from .about import StepTable, describe
-from .hardware.plant import Rigged
+from .hardware.border import Hardware
+from .hardware.in_process import InProcess
+from .keeping import Keeper
+from .part import PartMachine, rubbed, software_of, timing_of
 from .prepare import Bench, Fault, Part, prepare
 from .rig import Rig
+from .software.emergency_stop import EmergencyStop
 from .software.interlocks import Trip
-from .software.loop import BenchSoftware
-from .software.sequencer import Sequencer
-from .software.storage import Chunks
-from .software.timing import configure
-from .source import AFTER_STOP, CHUNK, Lateness, Source, WallClock, simulated
+from .source import AFTER_STOP, Chunk, simulated
+from .wall_clock import Lateness, Loop, clocked
 
 Progress = Callable[[float, float], None]  # time done and longest time [s]
 Display = Callable[[np.ndarray, Mapping[str, np.ndarray]], None]  # times and channels of a chunk
 
-__all__ = ["Bench", "Fault", "prepare", "run"]
+__all__ = ["Bench", "EmergencyStop", "Fault", "prepare", "run"]
 
 
 def run(
     what: Bench | Protocol | str | os.PathLike[str],
     rig: Rig | str | os.PathLike[str] = "paper",
     *,
-    muscle: str | Specimen | MuscleUnit | None = None,
+    muscle: str | Specimen | Any = None,
     progress: Progress | None = None,
     display: Display | None = None,
     stop: Callable[[], bool] | None = None,
+    ask: Callable[[str], None] | None = None,
     real_time: bool = False,
+    hardware: Hardware | None = None,
+    log: str | Path | None = None,
     **options: Any,
 ) -> Recording:
-    """Do a protocol on a simulated rig; a keyboard interrupt ends the run and keeps what there is.
+    """Do a protocol on a rig; a keyboard interrupt ends the run and keeps what there is.
 
     Args:
         what: a protocol, the name of a shipped one, a ``.toml`` file, or what `prepare` made.
         rig: a rig, its name or file; of what was prepared already it is known.
         muscle: a specimen, its id or file, or a muscle; likewise.
-        progress: told how far it is, once per chunk.
+        progress: told how far it is, with every chunk.
         display: shown every chunk.
-        stop: asked once per chunk whether to end the run.
-        real_time: by the wall clock; display and progress then come after each part, and the meta tells of ``deadlines``.
+        stop: asked at every sample by the wall clock, else once per chunk, whether to end the run. An `EmergencyStop`
+            gives its reason; the machine vents at the next sample.
+        ask: told what a person has to do on a real machine; returns when it is done.
+        real_time: the simulated machine by the wall clock; the meta then tells of ``deadlines``.
+        hardware: a machine at the hardware border instead. It gives the clock, and stays open.
+        log: a new ``.mcap`` file which has every sample within a tenth of a second, whatever becomes of this program.
         **options: of `prepare`.
 
     Raises:
-        InputError: what `prepare` cannot read, or the first finding of the dry run.
+        InputError: what `prepare` cannot read, the first finding of the dry run, or a machine that does not fit the rig.
         ConvergenceError: if the physics failed; says why.
     """
     if isinstance(what, Bench):
@@ -70,124 +75,151 @@ def run(
     else:
         bench = prepare(what, muscle=muscle, rig=rig, **options)
     check(list(bench.findings))
-    clock = WallClock(bench.plan.duration) if real_time else None
-    going = _Run(bench, progress, display, stop, clock or simulated)
-    if clock is None:
-        return going.go()
-    clock.stop = stop
-    record = going.go()
-    kept = Lateness.of(clock.lateness, going.timing.period)
-    return record.with_meta(deadlines=kept._asdict())
+    going = Run(bench, progress=progress, display=display, stop=stop, ask=ask, log=log)
+    going.real_time, going.hardware = real_time, hardware
+    return going.go()
 
 
-class _Run:
+class Run:
     """The state of one run while it goes on."""
 
+    real_time = False
+    hardware: Hardware | None = None
+
     def __init__(
-        self,
-        bench: Bench,
-        progress: Progress | None = None,
-        display: Display | None = None,
-        stop: Callable[[], bool] | None = None,
-        source: Source = simulated,
-    ) -> None:
-        self.source = source
-        self.bench, self.progress, self.display, self.asked_to_stop = bench, progress, display, stop
-        rig = bench.rig
-        commanded = [e for p in rig.plumbing.values() for e in (p.valve, p.shut_off) if e is not None]
-        delays = [float(e.delay() or 0.0) for e in commanded]
-        self.timing = configure(rig.computer, bench.plan.sample_rate, dead_time=max(delays), step=bench.step)
-        self.chunks = Chunks(self.timing.period * bench.every, {})
+        self, bench: Bench, *, progress: Progress | None = None, display: Display | None = None,
+        stop: Callable[[], bool] | None = None, ask: Callable[[str], None] | None = None, log: str | Path | None = None,
+    ) -> None:  # fmt: skip
+        self.bench, self.progress, self.display, self.ask = bench, progress, display, ask
+        self.stop = EmergencyStop() if stop is None else stop
+        self.timing = timing_of(bench)
+        self.keeper = Keeper(bench, self.timing.period * bench.every, log)
         self.table = StepTable(self.timing.period)
         self.time, self.samples, self.finest = 0.0, 0, self.timing.inner
         self.result, self.message = "done", "The run reached its end."
         self.events: list[dict[str, Any]] = []
         self.closed: list[Accounts] = []
+        self.lateness: list[np.ndarray] = []
 
     def go(self) -> Recording:
         """All parts, one after the other."""
-        for number, part in enumerate(self.bench.parts()):
-            if part.asked:
-                self.events.append({"time": self.time, "text": f"asked to {part.asked}"})
-            machine = self._part(number, part)
-            if self.result != "done":
+        with self.keeper:
+            machine: Any = None
+            for number, part in enumerate(self.bench.parts()):
+                if part.asked:
+                    self._asked(part.asked)
+                machine = self._part(number, part)
+                if self.result != "done":
+                    break
+            record = self.keeper.recording()
+            about = describe(
+                self.bench, machine, self.timing, inner=self.finest, closed=self.closed, record=record
+            )  # fmt: skip
+            about |= {"steps": self.table.steps, "events": self.events}
+            if self.lateness:
+                late = np.concatenate(self.lateness)
+                about["deadlines"] = Lateness.of(late, self.timing.period)._asdict()
+            if self.hardware is not None:
+                about["hardware"] = dict(getattr(self.hardware, "statistics", {}))
+            self.keeper.close(self.result, self.message, about)
+        return record.with_meta(about, result=self.result, message=self.message)
+
+    def _asked(self, asked: str) -> None:
+        if self.hardware is not None and self.ask is None:
+            raise InputError("ask", "nobody", f"the protocol wants a person to {asked}")
+        if self.ask is not None:
+            self.ask(asked)
+        self._event(f"asked to {asked}")
+
+    def _event(self, text: str, **more: Any) -> None:
+        self.events.append({"time": self.time, "text": text, **more})
+        self.keeper.remark(text, self.time)
+
+    def _part(self, number: int, part: Part) -> Any:
+        software = software_of(self.bench, part, self.timing)
+        most = round((self.bench.plan.duration + 2.0 * AFTER_STOP) / self.timing.period)
+        if self.hardware is not None:
+            unit = rubbed(self.bench.unit, part.friction)
+            nominal = self.bench.rig.machine(part.layout, unit, start=part.start_span, moves=part.moves)
+            self._clocked(self.hardware, software, part, nominal, most)
+            return nominal
+        own = PartMachine(self.bench, number, part, self.timing, self.time)
+        if self.real_time:
+            at = own.at_border(ahead=most * self.timing.period)
+            self._clocked(InProcess(at), software, part, own.machine, most)
+            self.closed.append(own.closed(at.carry()))
+            return own.machine
+        carry = own.carry(software)
+        for chunk in self._samples(simulated(own.plant, software, carry, own.rows, self.timing), part):
+            assert chunk.carry is not None
+            carry = chunk.carry
+            self.finest = max(self.finest, chunk.inner)
+            if self.stop():
+                self._interrupted()
                 break
-        record = self.chunks.recording()
-        about = describe(self.bench, machine, self.timing, inner=self.finest, closed=self.closed, record=record)
-        return record.with_meta(
-            about, steps=self.table.steps, events=self.events, result=self.result, message=self.message
-        )
+        self.table.end(self.time, "until" if self.result == "done" else "stop")
+        self.closed.append(own.closed(carry))
+        return own.machine
 
-    def _part(self, number: int, part: Part) -> Machine:
-        rig, timing = self.bench.rig, self.timing
-        unit = _rubbed(self.bench.unit, part.friction)
-        machine = rig.machine(part.layout, unit, start=part.start_span, moves=part.moves)
-        plant = rig.plant(machine, part.layout, mounted=part.start_span)
-        software = self._software(part)
-        commands = {"valve": part.start_pressure, "motor": 0.0, "open": 1.0}
-        start = plant.at_rest(commands, dict.fromkeys(machine.circuit.chambers, part.start_pressure))
-        rows = _Rows(self.bench, number, self.time)
-        carry = sampled.begin(plant, software, start, commands, rows.first(), timing.depth)
-        first = sampled.inputs_of(plant, carry, timing.latency, timing.period)
-        carry = self._samples(plant, software, carry, rows, part)
-        last = sampled.inputs_of(plant, carry, timing.latency, timing.period)
-        ended: Any = _Ended(carry.state["machine"], carry.memory, carry.integrals)
-        self.closed.append(accounts(machine, (start[0]["machine"], start[1]), ended, first, last))
-        return machine
-
-    def _software(self, part: Part) -> BenchSoftware:
-        rig = self.bench.rig
-        begins = part.start_span if part.steps[0].mode == "span" else 0.0
-        return BenchSoftware(
-            sequencer=Sequencer.of(part.steps, rest_length=self.bench.plan.rest_length, period=self.timing.period),
-            motion=rig.motion, pressure=rig.pressure, position=rig.position, force=rig.force,
-            interlocks=rig.watch(part.layout, tension=not self.bench.accepted),
-            start_pressure=jnp.asarray(part.start_pressure), start_motor=jnp.asarray(float(begins)),
-            has_motor=part.moves,
+    def _clocked(self, hardware: Hardware, software: Any, part: Part, machine: Any, most: int) -> None:
+        converters = self.bench.rig.converters(part.start_span)
+        loop = Loop(
+            hardware, converters, software, outputs=machine.signals(), period=self.timing.period, longest=most,
+            stop=self.stop,
         )  # fmt: skip
-
-    def _samples(self, plant: Rigged, software: BenchSoftware, carry: Any, rows: _Rows, part: Part) -> Any:
-        left = round(AFTER_STOP / self.timing.period)
-        over = False
+        chunks = clocked(loop)
         try:
-            for latest, seen, inner in self.source(plant, software, carry, rows, self.timing):
-                carry = latest
-                self.finest = max(self.finest, inner)
+            for _ in self._samples(chunks, part):
+                pass
+        except LineLostError as error:
+            self.result, self.message = "stopped", str(error)
+            self._event(self.message, code="lost_line")
+        finally:
+            chunks.close()
+            self.lateness.append(loop.lateness[: loop.taken])
+        self.table.end(self.time, "until" if self.result == "done" else "stop")
+
+    def _samples(self, source: Iterator[Chunk], part: Part) -> Iterator[Chunk]:
+        """Keep what a source gives, until the part ends; each chunk is given on."""
+        left = round(AFTER_STOP / self.timing.period)
+        try:
+            for chunk in source:
+                seen, count = chunk.seen, chunk.size
+                if not bool(seen.sound.all()):
+                    raise ConvergenceError("A state is not finite, or not possible, with the steps of the wall clock.")
                 used = int(seen.shown["running"].sum())
                 stopped = bool((seen.shown["code"] > 0).any() or seen.shown["missed"].any())
                 if stopped:
                     if self.result == "done":
                         self._stopped(seen, used, part)
-                    after = min(CHUNK - used, left)
+                    after = min(count - used, left)
                     used, left = used + after, left - after
-                    over = left <= 0
-                else:
-                    over = used < CHUNK
+                over = left <= 0 if stopped else used < count
                 self._keep(seen, used, part, stopped)
+                yield chunk
                 if over:
-                    break
-                if self.asked_to_stop is not None and self.asked_to_stop():
-                    raise KeyboardInterrupt
+                    return
         except KeyboardInterrupt:
-            if not len(self.chunks):
+            if not self.samples:
                 raise
-            self.result = "interrupted"
-            total = self.bench.plan.duration
-            self.message = f"Interrupted after {self.time:.4g} s of at most {total:.4g} s."
-            self.events.append({"time": self.time, "text": "interrupted"})
-        self.table.end(self.time, "until" if self.result == "done" else "stop")
-        return carry
+            self._interrupted()
+
+    def _interrupted(self) -> None:
+        if self.result != "done":
+            return
+        total = self.bench.plan.duration
+        self.result, self.message = "interrupted", f"Interrupted after {self.time:.4g} s of at most {total:.4g} s."
+        self._event("interrupted")
 
     def _keep(self, seen: Any, used: int, part: Part, stopped: bool) -> None:
         """Take the first samples of a chunk."""
         period, total = self.timing.period, self.bench.plan.duration
         times = period * (self.samples + np.arange(used))
         arrays = _channels(seen, used)
-        self.chunks.kinds.update(channels.kinds(arrays))
         record = seen.shown["record"][:used].astype(bool) | stopped
-        clocked = (self.samples + np.arange(used)) % self.bench.every == 0
+        clocked_ = (self.samples + np.arange(used)) % self.bench.every == 0
+        self.keeper.take(times, arrays, record & clocked_)
         if used:
-            self.chunks.add(times, arrays, record & clocked)
             self.table.add(times, seen.shown["step"][:used].astype(int), part.steps)
         self.samples += used
         self.time = period * self.samples
@@ -198,9 +230,12 @@ class _Run:
 
     def _stopped(self, seen: Any, at: int, part: Part) -> None:
         """Say what stopped the machine at a sample of a chunk."""
-        i = min(at, CHUNK - 1)
+        i = min(at, len(seen.shown["code"]) - 1)
         when, code = self.time + i * self.timing.period, int(seen.shown["code"].max())
-        if code > 0:
+        if code == Trip.EMERGENCY_STOP:
+            reason = getattr(self.stop, "reason", "") or "asked to"
+            self.message = f"emergency stop at {when:.6g} s: {reason}; stopped and vented"
+        elif code > 0:
             watch = self.bench.rig.watch(part.layout, tension=not self.bench.accepted)
             measured = {n: float(v[i]) for n, v in seen.measured.items() if not n.endswith(".code")}
             self.message = watch.reason(code, {**measured, "velocity": float(seen.shown["velocity"][i])}, when)
@@ -211,42 +246,7 @@ class _Run:
             self.message = f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
         self.result = "stopped"
         self.events.append({"time": when, "text": self.message, "code": Trip(code).name.lower() if code else "missed"})
-
-
-class _Ended(NamedTuple):
-    """What the accounts need of a run."""
-
-    state: Any
-    memory: Any
-    integrals: Any
-
-
-class _Rows:
-    """What every sample brings from outside: draws of the noise, and wires that are open."""
-
-    def __init__(self, bench: Bench, part: int, begin: float = 0.0) -> None:
-        # a generator for each part, so that the parts do not depend on each other's length
-        self.chance = np.random.default_rng([bench.seed, part])
-        self.period = 1.0 / bench.plan.sample_rate
-        self.names = list(bench.rig.sensors)
-        self.lost = [*self.names, "span"]
-        self.opened = {f.channel: f.at for f in bench.faults}
-        self.begin, self.count = begin, 0
-
-    def first(self) -> dict[str, Any]:
-        """Of a sample without noise."""
-        zero = jnp.zeros(())
-        return {"draws": dict.fromkeys(self.names, zero), "lost": dict.fromkeys(self.lost, zero)}
-
-    def next(self) -> dict[str, Any]:
-        """Of the next chunk."""
-        draws = self.chance.standard_normal((len(self.names), CHUNK))
-        times = self.begin + self.period * (self.count + np.arange(CHUNK))
-        self.count += CHUNK
-        return {
-            "draws": dict(zip(self.names, draws, strict=True)),
-            "lost": {n: np.where(times >= self.opened.get(n, np.inf), 1.0, 0.0) for n in self.lost},
-        }
+        self.keeper.remark(self.message, when)
 
 
 def _channels(seen: Any, used: int) -> dict[str, np.ndarray]:
@@ -258,13 +258,3 @@ def _channels(seen: Any, used: int) -> dict[str, np.ndarray]:
         if not name.startswith(channels.CONSTANT):
             found[channels.RENAMED.get(name, name)] = np.broadcast_to(values, seen.steepest.shape)[:used]
     return found
-
-
-def _rubbed(unit: MuscleUnit, factor: float) -> MuscleUnit:
-    """The muscle with its friction times a factor."""
-    if factor == 1.0:
-        return unit
-    if unit.friction is None:
-        raise InputError("friction", factor, "the muscle has none that a lubricant could change")
-    rubbed: MuscleUnit = unit.replace(friction=unit.friction.lubricated(factor))
-    return rubbed

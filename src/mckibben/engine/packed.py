@@ -44,6 +44,11 @@ class Packed:
         columns = [rows[:, i] for i in range(rows.shape[1])]
         return jax.tree.unflatten(self._structures[index], columns)
 
+    def size(self, index: int) -> int:
+        """Numbers in a result's vector."""
+        structure: Any = self._structures[index]
+        return int(structure.num_leaves)
+
     def index(self, index: int, name: str) -> int:
         """Where a named number of a result, a table of single numbers, stands in its vector."""
         structure: Any = self._structures[index]

@@ -76,10 +76,17 @@ def begin(
         row: as the first sample's.
         depth: of the history, in samples: enough for latency and dead times, at least 2.
     """
+    carry = rest(plant, start, commands, depth)
+    now = _inputs(plant, carry.history, 0.0, 1.0, 1.0)
+    return carry._replace(software=software.initial(plant.sense(*start, now, row)))
+
+
+def rest(plant: Plant, start: tuple[Any, Any], commands: Mapping[str, float], depth: int) -> Carry:
+    """What goes into the first sample of a machine that something else commands; see `begin`."""
     history = {name: jnp.full((depth,), value) for name, value in plant.convert(commands).items()}
     now = _inputs(plant, history, 0.0, 1.0, 1.0)
     sums = jax.tree.map(jnp.zeros_like, plant.integrands(*start, now))
-    return Carry(*start, sums, software.initial(plant.sense(*start, now, row)), history)
+    return Carry(*start, sums, (), history)
 
 
 class Look(NamedTuple):

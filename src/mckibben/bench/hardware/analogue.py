@@ -84,9 +84,13 @@ class Converter(Scale):
 class AnalogOut(Scale):
     """Digital to analogue: holds its value until the next one."""
 
+    def count(self, command: Any) -> Scalar:
+        """The count for a command [unit of the channel]; of one that is no number, that of what is nearest to zero."""
+        return self.code(jnp.where(jnp.isfinite(command), command, 0.0))
+
     def output(self, command: Any) -> Scalar:
-        """The value held for a command [unit of the channel]; of one that is no number, what is nearest to zero."""
-        return self.value(self.code(jnp.where(jnp.isfinite(command), command, 0.0)))
+        """The value held for a command [unit of the channel]."""
+        return self.value(self.count(command))
 
 
 class Sensor(Module):

@@ -19,9 +19,9 @@ from ...components import Scalar
 from ...components.sampled import Plant
 from ...components.system import Moment
 from ...engine.signals import Signal, Value
-from .analogue import AnalogOut, Sensor
+from .analogue import Sensor
+from .converters import Converters
 from .frame import TestStand
-from .motor import Encoder
 from .pneumatics import PORT
 
 ANALOGUE = ("pressure", "valve_pressure", "tension")
@@ -103,28 +103,20 @@ class Measured(Plant):
 
 
 class Rigged(Measured):
-    """A machine with sensors and output converters; the encoder has an entry of its own in ``lost``."""
+    """A machine with sensors, and converters that its software knows; the encoder has an entry of its own in ``lost``."""
 
     tested: str = eqx.field(static=True)
-    encoder: Encoder | None
-    valve_out: AnalogOut
-    motor_out: AnalogOut | None
-    mounted: Scalar  # span at which the encoder was zeroed [m]
+    converters: Converters
 
     def _stand(self) -> TestStand:
         assert isinstance(self.machine.load, TestStand)
         return self.machine.load
 
     def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
-        """What the output converters hold."""
-        held = {"valve": self.valve_out.output(commands["valve"])}
+        """What the output converters hold, of the signals that the machine has."""
+        held = self.converters.held(self.converters.write(commands))
         needed = self.machine.signals()
-        if "motor" in needed:
-            out = self.motor_out
-            held["motor"] = commands["motor"] if out is None else out.output(commands["motor"])
-        if "open" in needed:
-            held["open"] = jnp.where(commands["open"] > 0.5, 1.0, 0.0)
-        return held
+        return {n: v for n, v in held.items() if n == "valve" or n in needed}
 
     def seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
         """What the sensors are put to [SI]; the tension is that at the load, behind whatever the muscle lies over."""
@@ -140,14 +132,16 @@ class Rigged(Measured):
         return seen
 
     def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
-        """The measured channels, and beside each analogue one ``<channel>.code``, what its converter counted."""
-        found = self.analogue(state, memory, inputs, row)
-        if self.encoder is not None:
+        """The measured channels, and beside each ``<channel>.code``, what was counted."""
+        analogue = self.analogue(state, memory, inputs, row)
+        counts = {name: analogue[f"{name}.code"] for name in self.sensors}
+        encoder = self.converters.encoder
+        if encoder is not None:
             position = self._stand().position(state["machine"]["load"])
             # a lost encoder counts nothing any more
-            count = jnp.where(row["lost"]["span"] > 0.5, 0.0, self.encoder.count(position, self.mounted))
-            found["span"] = self.encoder.span(count, self.mounted)
-        return found
+            count = encoder.count(position, self.converters.mounted)
+            counts["span"] = jnp.where(row["lost"]["span"] > 0.5, 0.0, count)
+        return self.converters.read(counts) | {f"{n}.code": c for n, c in counts.items()}
 
     def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
         """Of the machine, the sensors' filters, and the motor's current loop [1/s]."""

@@ -40,6 +40,7 @@ class Trip(IntEnum):
     LOST_PRESSURE = 6
     LOST_TENSION = 7
     LOST_SPAN = 8
+    EMERGENCY_STOP = 9
 
 
 class InterlockState(NamedTuple):
@@ -82,8 +83,9 @@ class Interlocks(Module):
         return InterlockState(jnp.zeros((), jnp.int32), zero, zero, zero, zero, jnp.asarray(jnp.inf))
 
     def step(
-        self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], velocity: Any, dt: Any
-    ) -> tuple[InterlockState, Any]:
+        self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], velocity: Any, dt: Any,
+        pressed: Any = 0.0,
+    ) -> tuple[InterlockState, Any]:  # fmt: skip
         """One sample: the new state and the code of `Trip` that stays, int32.
 
         Args:
@@ -92,11 +94,12 @@ class Interlocks(Module):
             asked: those of valve [Pa] and motor [N] that the rig has, as asked at the sample before.
             velocity: of the measured span [m/s]; not looked at without a span.
             dt: sampling period [s].
+            pressed: 1 while the emergency stop is pressed.
         """
         pressure_times, pressure_found = self._pressure(state, measured, asked, dt)
         tension_time, tension_found = self._tension(state, measured, dt)
         span_state, span_found = self._span(state, measured, asked, velocity, dt)
-        tripped = pressure_found | tension_found | span_found
+        tripped = pressure_found | tension_found | span_found | {Trip.EMERGENCY_STOP: jnp.asarray(pressed) > 0.5}
         found: Any = jnp.zeros((), jnp.int32)
         for trip in sorted(tripped, reverse=True):
             found = jnp.where(tripped[trip], jnp.int32(trip), found)
@@ -173,6 +176,7 @@ class Interlocks(Module):
             Trip.LOST_PRESSURE: lambda: self._lost_pressure(_pressure_of(measured)),
             Trip.LOST_TENSION: lambda: self._lost_tension(measured.get("tension")),
             Trip.LOST_SPAN: lambda: self._lost_span(measured.get("span")),
+            Trip.EMERGENCY_STOP: lambda: "the emergency stop was pressed",
         }[trip]()
         return f"{trip.name.lower().replace('_', ' ')} at {time:.6g} s: {said}; {_DONE}"
 

@@ -54,7 +54,10 @@ class BenchSoftware(Software):
     def step(
         self, state: Any, measured: Mapping[str, Any], row: Any, dt: Any
     ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
-        """One sample: commands ``valve`` [Pa], ``motor`` [N] and ``open``; shown are set-points, place and code."""
+        """One sample: commands ``valve`` [Pa], ``motor`` [N] and ``open``; shown are set-points, place and code.
+
+        A row may have ``stop``, 1 while the emergency stop is pressed.
+        """
         read = {name: measured[name] for name in CHANNELS if name in measured}
         nothing = jnp.zeros(())
         tension, span = read.get("tension", nothing), read.get("span", nothing)
@@ -79,7 +82,8 @@ class BenchSoftware(Software):
         commands = {"valve": valve, "motor": motor if self.has_motor else nothing}
         # a muscle that is shut off need not have the pressure that the valve is asked for
         watched = {**commands, "valve": jnp.where(asked.open > 0.5, valve, 0.0)}
-        watching, code = self.interlocks.step(state["interlocks"], read, watched, velocity, dt)
+        pressed = row.get("stop", 0.0)
+        watching, code = self.interlocks.step(state["interlocks"], read, watched, velocity, dt, pressed)
         stopped = state["stopped"] | (code > 0) | state["place"].missed
         place = self.sequencer.advance(
             state["place"], asked, {**read, "velocity": velocity}, (span, velocity, tension), dt

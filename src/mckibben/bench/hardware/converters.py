@@ -1,0 +1,80 @@
+"""What the counts at the hardware border stand for: nominal scales of the converters, and the calibration upon them.
+
+    measured = gain (low + n q - zero)        a channel without a calibration has gain 1 and zero 0
+    span = mounted + n r                      with gain: mounted + gain n r, since the encoder is zeroed where it is mounted
+
+One for every machine, simulated or real: where the counts are the same, so are the measured channels, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+
+from ...components import Module, Scalar
+from .analogue import AnalogOut, Converter
+from .motor import Encoder
+
+SPAN = "span"
+OUTPUTS = ("valve", "motor", "open")
+
+
+class Converters(Module):
+    """Inputs and outputs of a rig as its software knows them.
+
+    Attributes:
+        analog: of every analogue channel.
+        encoder: of the span, where there is one.
+        valve: output to the valve.
+        motor: output to the motor; None passes the force [N] as it is, which no real machine can.
+        mounted: span at which the encoder was zeroed [m].
+        gain: of the calibrated channels, true over indicated.
+        zero: what they indicate at nothing [unit of the channel].
+    """
+
+    analog: dict[str, Converter]
+    encoder: Encoder | None
+    valve: AnalogOut
+    motor: AnalogOut | None
+    mounted: Scalar
+    gain: dict[str, Scalar]
+    zero: dict[str, Scalar]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The analogue channels in their order at the border."""
+        return tuple(sorted(self.analog))
+
+    def read(self, counts: Mapping[str, Any]) -> dict[str, Scalar]:
+        """The measured channels [SI] for counts by channel, of those that are given."""
+        found = {n: self.true(n, self.analog[n].value(counts[n])) for n in self.names if n in counts}
+        if self.encoder is not None and SPAN in counts:
+            travel = self.encoder.span(counts[SPAN], 0.0)
+            found[SPAN] = self.mounted + self.true(SPAN, travel)
+        return found
+
+    def true(self, name: str, indicated: Any) -> Scalar:
+        """What a channel measures where its nominal scale indicates a value; as it is without a calibration."""
+        if name not in self.gain:
+            return indicated
+        return self.gain[name] * (indicated - self.zero[name])
+
+    def write(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+        """Counts of the outputs for commands [SI]; ``open`` is 1 or 0."""
+        motor = commands["motor"]
+        return {
+            "valve": self.valve.count(commands["valve"]),
+            "motor": motor if self.motor is None else self.motor.count(motor),
+            "open": jnp.where(commands["open"] > 0.5, 1.0, 0.0),
+        }
+
+    def held(self, counts: Mapping[str, Any]) -> dict[str, Scalar]:
+        """What the outputs hold [SI] for counts."""
+        motor = counts["motor"]
+        return {
+            "valve": self.valve.value(counts["valve"]),
+            "motor": motor if self.motor is None else self.motor.value(motor),
+            "open": counts["open"],
+        }

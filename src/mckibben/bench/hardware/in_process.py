@@ -1,0 +1,178 @@
+"""The simulated machine at the hardware border: in the same process, or as what a simulated device has around it.
+
+It takes and gives counts only, like a real one, and is advanced by one compiled function wherever it stands. So a loop that
+drives it through a serial line gets the same counts as one that drives it here.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import jax
+import numpy as np
+
+from ...engine import sampled
+from ...engine.packed import Packed, pack
+from ...errors import LineLostError
+from .converters import SPAN
+from .plant import Rigged
+
+SPIN = 3e-4  # time before a deadline from which the loop no longer sleeps, for the system wakes it late [s]
+BEGIN = 5.0  # samples until the first one
+
+
+class Rows(Protocol):
+    """What every sample brings from outside, chunk by chunk: draws of the noise, and wires that are open."""
+
+    def next(self) -> dict[str, Any]:
+        """Of the next chunk, each (n,)."""
+
+
+class SimulatedMachine:
+    """A machine behind its converters that goes on from sample to sample.
+
+    Args:
+        plant: the machine.
+        carry: where it begins; its software is not looked at.
+        rows: what the samples bring.
+        period: of the samples [s].
+        inner: steps of the physics per sample.
+        latency: from a sample to the action of its commands [s].
+        ahead: for so long [s] nothing is drawn while it goes.
+    """
+
+    def __init__(
+        self, plant: Rigged, carry: sampled.Carry, rows: Rows, *,
+        period: float, inner: int, latency: float, ahead: float = 0.0,
+    ) -> None:  # fmt: skip
+        self.names = plant.converters.names
+        self.bits = tuple(plant.converters.analog[n].bits for n in self.names)
+        self.period = period
+        self._rows = rows
+        self._drawn: deque[np.ndarray] = deque()
+        physics, row = carry._replace(software=()), jax.tree.map(lambda x: x[0], self._draw())
+        self._observe = Packed(lambda c, r: sampled.observe(plant, c, r, period=period, latency=latency), physics, row)
+
+        def act(c: sampled.Carry, u: Any) -> tuple[sampled.Carry, ...]:
+            commands = plant.converters.held({"valve": u[0], "motor": u[1], "open": u[2]})
+            return sampled.act(plant, c, commands, period=period, inner=inner, latency=latency, stiff=False)[:1]
+
+        self._act = Packed(act, physics, np.zeros(3))
+        self._physics = pack(physics)
+        self._places = [self._observe.index(0, f"{n}.code") for n in self.names]
+        self._span = None if plant.converters.encoder is None else self._observe.index(0, f"{SPAN}.code")
+        self.looks: deque[np.ndarray] = deque()  # what was true at every sample, until somebody takes it
+        while len(self._drawn) * period < ahead:
+            self._draw()
+
+    def _draw(self) -> Any:
+        rows = self._rows.next()
+        self._drawn.extend(np.stack([np.asarray(x, float) for x in jax.tree.leaves(rows)], axis=1))
+        return rows
+
+    def sample(self) -> tuple[list[int], int]:
+        """Counts of the analogue channels in the order of `names`, and of the encoder.
+
+        Raises:
+            LineLostError: if the physics failed, of which there is no count.
+        """
+        if not self._drawn:
+            self._draw()
+        measured, look = self._observe(self._physics, self._drawn.popleft())
+        self.looks.append(look)
+        if not np.isfinite(measured).all():
+            raise LineLostError("simulated machine: its state is not finite any more")
+        return [int(measured[i]) for i in self._places], 0 if self._span is None else int(measured[self._span])
+
+    def advance(self, valve: int, motor: int, opened: bool) -> None:
+        """The physics until the next sample, with counts of the outputs."""
+        (self._physics,) = self._act(self._physics, np.array([valve, motor, opened], float))
+
+    def carry(self) -> sampled.Carry:
+        """Where it is now."""
+        found: sampled.Carry = self._act.tree(0, self._physics)
+        return found
+
+    def seen(self, count: int) -> sampled.Look:
+        """The oldest of `looks`, `count` of them, as columns (n,); they are gone then."""
+        rows = [self.looks.popleft() for _ in range(count)]
+        table = np.stack(rows) if rows else np.zeros((0, self._observe.size(1)))
+        found: sampled.Look = self._observe.columns(1, table)
+        return found
+
+
+class InProcess:
+    """`border.Hardware` of a simulated machine; paced by the wall clock, or with every sample there at once."""
+
+    def __init__(self, machine: SimulatedMachine, *, paced: bool = True) -> None:
+        self.machine, self.paced = machine, paced
+        self.analog_in, self.encoder = _Inputs(machine.names), _Edges()
+        self.valve, self.motor = _Valve(), _Motor()
+        self._origin = 0.0
+
+    def start(self, period: float) -> None:
+        """Begin some samples from now; the encoder is zeroed already, where the machine is mounted."""
+        self._origin = time.perf_counter() + BEGIN * period
+        self._period = period
+
+    def wait(self, sample: int) -> float:
+        """Until it is there; how late [s]."""
+        late = wait_until(self._origin + sample * self._period) if self.paced else 0.0
+        self.analog_in.counts, self.encoder.count = self.machine.sample()
+        return late
+
+    def send(self) -> None:
+        """The physics until the next sample."""
+        valve = self.valve
+        if valve.vented:
+            valve.count, valve.opened = 0, True
+        self.machine.advance(valve.count, self.motor.count, valve.opened)
+
+    def close(self) -> None:
+        """Vent; there is nothing to let go of."""
+        self.valve.vent()
+
+
+class _Inputs:
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.names, self.counts = names, [0] * len(names)
+
+    def read(self) -> Sequence[int]:
+        return self.counts
+
+
+class _Edges:
+    count = 0
+
+    def read(self) -> int:
+        return self.count
+
+
+class _Motor:
+    count = 0
+
+    def write(self, count: int) -> None:
+        self.count = count
+
+
+class _Valve:
+    count, opened, vented = 0, True, False
+
+    def write(self, count: int, *, opened: bool = True) -> None:
+        self.count, self.opened = count, opened
+
+    def vent(self) -> None:
+        self.vented = True
+
+
+def wait_until(deadline: float) -> float:
+    """Wait for a time of `time.perf_counter` [s]; how much later it is then [s]."""
+    ahead = deadline - time.perf_counter()
+    if ahead > SPIN:
+        time.sleep(ahead - SPIN)
+    while (now := time.perf_counter()) < deadline:
+        pass
+    return now - deadline

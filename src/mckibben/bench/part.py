@@ -1,0 +1,128 @@
+"""One part of a run: its software, and the simulated machine at rest where the part begins."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..assembly.accounts import Accounts, accounts
+from ..assembly.muscle_unit import MuscleUnit
+from ..engine import sampled
+from ..errors import InputError
+from .hardware.in_process import SimulatedMachine
+from .prepare import Bench, Part
+from .software.loop import BenchSoftware
+from .software.sequencer import Sequencer
+from .software.timing import Timing, configure
+from .source import CHUNK
+
+
+def timing_of(bench: Bench) -> Timing:
+    """The timing of a run, with commands kept for as long as the slowest part of the rig is late."""
+    commanded = [e for p in bench.rig.plumbing.values() for e in (p.valve, p.shut_off) if e is not None]
+    delays = [float(e.delay() or 0.0) for e in commanded]
+    return configure(bench.rig.computer, bench.plan.sample_rate, dead_time=max(delays), step=bench.step)
+
+
+def software_of(bench: Bench, part: Part, timing: Timing) -> BenchSoftware:
+    """Sequencer, controllers and interlocks of a part."""
+    rig = bench.rig
+    begins = part.start_span if part.steps[0].mode == "span" else 0.0
+    return BenchSoftware(
+        sequencer=Sequencer.of(part.steps, rest_length=bench.plan.rest_length, period=timing.period),
+        motion=rig.motion, pressure=rig.pressure, position=rig.position, force=rig.force,
+        interlocks=rig.watch(part.layout, tension=not bench.accepted),
+        start_pressure=jnp.asarray(part.start_pressure), start_motor=jnp.asarray(float(begins)),
+        has_motor=part.moves,
+    )  # fmt: skip
+
+
+class PartMachine:
+    """The simulated machine of a part.
+
+    Args:
+        bench: what is run.
+        number: of the part; each has noise of its own.
+        part: itself.
+        timing: of the loop.
+        begin: time at which the part begins [s].
+    """
+
+    def __init__(self, bench: Bench, number: int, part: Part, timing: Timing, begin: float = 0.0) -> None:
+        rig, self.timing = bench.rig, timing
+        unit = rubbed(bench.unit, part.friction)
+        self.machine = rig.machine(part.layout, unit, start=part.start_span, moves=part.moves)
+        self.plant = rig.plant(self.machine, part.layout, mounted=part.start_span)
+        self.commands = {"valve": part.start_pressure, "motor": 0.0, "open": 1.0}
+        self.start = self.plant.at_rest(
+            self.commands, dict.fromkeys(self.machine.circuit.chambers, part.start_pressure)
+        )
+        self.rows = Draws(bench, number, begin)
+
+    def carry(self, software: BenchSoftware) -> sampled.Carry:
+        """What goes into the first sample of a simulation with some software."""
+        return sampled.begin(self.plant, software, self.start, self.commands, self.rows.first(), self.timing.depth)
+
+    def at_border(self, ahead: float = 0.0) -> SimulatedMachine:
+        """The machine behind the hardware border; for `ahead` [s] all draws are made before it begins."""
+        timing = self.timing
+        carry = sampled.rest(self.plant, self.start, self.commands, timing.depth)
+        return SimulatedMachine(
+            self.plant, carry, self.rows, period=timing.period, inner=timing.inner, latency=timing.latency, ahead=ahead
+        )
+
+    def closed(self, carry: sampled.Carry) -> Accounts:
+        """The accounts from the start until now."""
+        timing = self.timing
+        begun = sampled.rest(self.plant, self.start, self.commands, timing.depth)
+        first, last = (sampled.inputs_of(self.plant, c, timing.latency, timing.period) for c in (begun, carry))
+        ended: Any = _Ended(carry.state["machine"], carry.memory, carry.integrals)
+        return accounts(self.machine, (self.start[0]["machine"], self.start[1]), ended, first, last)
+
+
+class _Ended(NamedTuple):
+    """What the accounts need of a run."""
+
+    state: Any
+    memory: Any
+    integrals: Any
+
+
+class Draws:
+    """What every sample brings from outside: draws of the noise, and wires that are open."""
+
+    def __init__(self, bench: Bench, part: int, begin: float = 0.0) -> None:
+        # a generator for each part, so that the parts do not depend on each other's length
+        self.chance = np.random.default_rng([bench.seed, part])
+        self.period = 1.0 / bench.plan.sample_rate
+        self.names = list(bench.rig.sensors)
+        self.lost = [*self.names, "span"]
+        self.opened = {f.channel: f.at for f in bench.faults}
+        self.begin, self.count = begin, 0
+
+    def first(self) -> dict[str, Any]:
+        """Of a sample without noise."""
+        zero = jnp.zeros(())
+        return {"draws": dict.fromkeys(self.names, zero), "lost": dict.fromkeys(self.lost, zero)}
+
+    def next(self) -> dict[str, Any]:
+        """Of the next chunk."""
+        draws = self.chance.standard_normal((len(self.names), CHUNK))
+        times = self.begin + self.period * (self.count + np.arange(CHUNK))
+        self.count += CHUNK
+        return {
+            "draws": dict(zip(self.names, draws, strict=True)),
+            "lost": {n: np.where(times >= self.opened.get(n, np.inf), 1.0, 0.0) for n in self.lost},
+        }
+
+
+def rubbed(unit: MuscleUnit, factor: float) -> MuscleUnit:
+    """The muscle with its friction times a factor."""
+    if factor == 1.0:
+        return unit
+    if unit.friction is None:
+        raise InputError("friction", factor, "the muscle has none that a lubricant could change")
+    rubbed: MuscleUnit = unit.replace(friction=unit.friction.lubricated(factor))
+    return rubbed

@@ -1,0 +1,50 @@
+"""The red button: whoever presses it, the next sample of the loop vents the muscle and lets the motor only brake."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+class EmergencyStop:
+    """A button that stays pressed; from any thread, or by a signal of the system. Asked as a function it says whether."""
+
+    def __init__(self) -> None:
+        """Not pressed."""
+        self._pressed = threading.Event()
+        self.reason = ""
+
+    def press(self, reason: str = "the button was pressed") -> None:
+        """Stop. The first reason stays."""
+        if not self._pressed.is_set():
+            self.reason = reason
+            self._pressed.set()
+
+    def __call__(self) -> bool:
+        """Whether it is pressed."""
+        return self._pressed.is_set()
+
+    @contextmanager
+    def on_signals(self) -> Iterator[None]:
+        """While this lasts, Ctrl-C and the system's wish to end the program press it; a second one ends the program.
+
+        In a thread that is not the main one nothing is changed.
+        """
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        names = [n for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
+        before = {name: signal.signal(getattr(signal, name), self._signalled) for name in names}
+        try:
+            yield
+        finally:
+            for name, handler in before.items():
+                signal.signal(getattr(signal, name), handler)
+
+    def _signalled(self, number: int, _: FrameType | None) -> None:
+        if self():
+            raise KeyboardInterrupt
+        self.press(f"signal {signal.Signals(number).name}")

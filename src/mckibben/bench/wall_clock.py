@@ -1,0 +1,204 @@
+"""The loop by the wall clock: at every sample the machine's counts, the software's pure step, and counts to the machine.
+
+It runs in a thread of its own, in which nothing is compiled, drawn or collected; whoever iterates over `clocked` gets what
+was seen while it goes on, and can log, show and interrupt. The compiled step is the one that a simulation scans.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Iterable
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..engine import sampled
+from ..engine.packed import Packed
+from ..errors import InputError, LineLostError
+from .hardware.border import Hardware
+from .hardware.converters import SPAN, Converters
+from .hardware.in_process import InProcess
+from .software.loop import BenchSoftware
+from .source import AFTER_STOP, Chunk
+
+LATE = 0.1  # share of a period from which a sample counts as late
+LOOK = 0.02  # time between two looks at what was seen [s]
+
+
+class Lateness(NamedTuple):
+    """How a loop kept its deadlines.
+
+    Attributes:
+        samples: all of them; none is left out, a late one is made up for as fast as it goes.
+        late: those that began later than `LATE` of a period.
+        behind: those that began later than a whole period.
+        percentiles: of the lateness, 50, 99, 99.9 and 100 % [s].
+    """
+
+    samples: int
+    late: int
+    behind: int
+    percentiles: tuple[float, float, float, float]
+
+    @classmethod
+    def of(cls, lateness: np.ndarray, period: float) -> Lateness:
+        """Of the lateness of every sample (n,) [s]."""
+        found = np.percentile(lateness, [50.0, 99.0, 99.9, 100.0]) if lateness.size else np.zeros(4)
+        late, behind = (int((lateness > share * period).sum()) for share in (LATE, 1.0))
+        half, most, nearly, largest = (float(x) for x in found)
+        return cls(lateness.size, late, behind, (half, most, nearly, largest))
+
+
+class Loop:
+    """One part of a run on one machine.
+
+    Args:
+        hardware: at the border.
+        converters: what its counts stand for.
+        software: the pure step.
+        outputs: those of ``valve``, ``motor`` and ``open`` that there are, which a recording shows.
+        period: of the samples [s].
+        longest: at most so many samples.
+        stop: asked at every sample; where it says so, the machine is stopped and vented.
+
+    Raises:
+        InputError: if the machine does not have the channels or outputs that the software needs.
+    """
+
+    def __init__(
+        self, hardware: Hardware, converters: Converters, software: BenchSoftware, *, outputs: Iterable[str],
+        period: float, longest: int, stop: Callable[[], bool],
+    ) -> None:  # fmt: skip
+        _fits(hardware, converters, software)
+        self.hardware, self.period, self.longest, self.stop = hardware, period, longest, stop
+        self.names = tuple(hardware.analog_in.names)
+        inputs = (*self.names, *([SPAN] if converters.encoder is not None else []))
+        counts, shows = np.zeros(len(inputs)), frozenset(outputs)
+
+        def read(seen: Any) -> dict[str, Any]:
+            return converters.read({name: seen[i] for i, name in enumerate(inputs)})
+
+        def think(state: Any, seen: Any, pressed: Any) -> tuple[Any, ...]:
+            measured = read(seen)
+            state, commands, shown = software.step(state, measured, {"stop": pressed}, period)
+            out = converters.write(commands)
+            held = {n: v for n, v in converters.held(out).items() if n in shows}
+            return state, jnp.stack([out[n] for n in ("valve", "motor", "open")]), measured, held, shown
+
+        self._begin = Packed(lambda seen: (software.initial(read(seen)),), counts)
+        state = self._begin.tree(0, self._begin(counts)[0])
+        self._think = Packed(think, state, counts, np.zeros(()))
+        self._counts, self._pressed, self._released = counts, np.ones(1), np.zeros(1)
+        self._places = {name: self._think.index(4, name) for name in ("running", "code", "missed")}
+        self.kept: deque[tuple[np.ndarray, ...]] = deque()
+        self.lateness = np.zeros(longest)
+        self.taken = 0
+        self.lost: LineLostError | None = None
+        self.failed: BaseException | None = None
+
+    def run(self) -> None:
+        """All samples by the clock of the machine."""
+        interval = sys.getswitchinterval()
+        gc.collect()
+        gc.disable()
+        sys.setswitchinterval(1e-4)
+        try:
+            self.hardware.start(self.period)
+            self._samples()
+        except LineLostError as error:
+            self.lost = error
+            self.hardware.valve.vent()
+        except BaseException as error:  # told by whoever iterates
+            self.failed = error
+            self.hardware.valve.vent()
+        finally:
+            gc.enable()
+            sys.setswitchinterval(interval)
+
+    def _samples(self) -> None:
+        hardware, state = self.hardware, None
+        encoder, motor, counts = hardware.encoder, hardware.motor, self._counts
+        running, code, missed = (self._places[n] for n in ("running", "code", "missed"))
+        left = round(AFTER_STOP / self.period)
+        for k in range(self.longest):
+            self.lateness[k] = hardware.wait(k)
+            analog = hardware.analog_in.read()
+            counts = np.array([*analog, encoder.read()] if encoder is not None else analog, float)
+            if state is None:
+                (state,) = self._begin(counts)
+            pressed = self._pressed if self.stop() else self._released
+            state, out, measured, held, shown = self._think(state, counts, pressed)
+            hardware.valve.write(int(out[0]), opened=out[2] > 0.5)
+            if motor is not None:
+                motor.write(int(out[1]))
+            hardware.send()
+            self.kept.append((measured, held, shown))
+            self.taken = k + 1
+            if shown[running] < 0.5:
+                halted = shown[code] > 0.5 or shown[missed] > 0.5
+                left = left - 1 if halted else 0
+                if left <= 0:
+                    return
+
+    def chunk(self, count: int) -> Chunk:
+        """The oldest samples that nobody has taken yet, `count` of them; with what was true, where that is known."""
+        rows = [self.kept.popleft() for _ in range(count)]
+        columns = [np.stack(part) for part in zip(*rows, strict=True)] if rows else self._nothing()
+        measured, held, shown = (self._think.columns(i, part) for i, part in zip((2, 3, 4), columns, strict=True))
+        outputs: dict[str, Any] = {}
+        if isinstance(self.hardware, InProcess):
+            outputs = self.hardware.machine.seen(count).outputs
+        return Chunk(sampled.Seen(outputs, measured, held, shown, np.zeros(count), np.ones(count, bool)), count)
+
+    def _nothing(self) -> list[np.ndarray]:
+        return [np.zeros((0, self._think.size(i))) for i in (2, 3, 4)]
+
+
+def clocked(loop: Loop) -> Generator[Chunk, None, None]:
+    """What is seen while a loop goes on in a thread of its own; the first chunk is empty and comes before it begins.
+
+    An interrupt of the iteration, or its end before that of the run, lets the loop stop and vent first.
+
+    Raises:
+        LineLostError: at the end, if the machine was lost.
+    """
+    yield loop.chunk(0)
+    button, asked = threading.Event(), loop.stop
+    loop.stop = lambda: button.is_set() or asked()
+    thread = threading.Thread(target=loop.run, name="bench loop", daemon=True)
+    thread.start()
+    try:
+        while thread.is_alive() or loop.kept:
+            ready = len(loop.kept)
+            if ready:
+                yield loop.chunk(ready)
+            if thread.is_alive():
+                time.sleep(LOOK)
+    finally:
+        button.set()
+        thread.join()
+    if loop.failed is not None:
+        raise loop.failed
+    if loop.lost is not None:
+        raise loop.lost
+
+
+def _fits(hardware: Hardware, converters: Converters, software: BenchSoftware) -> None:
+    """Refuse a machine that lacks what the rig says it has."""
+    has, needs = set(hardware.analog_in.names), set(converters.names)
+    if has != needs:
+        odd = ", ".join(sorted(needs ^ has))
+        raise InputError(
+            "analogue channels of the machine", sorted(has), f"the rig has {sorted(needs)}; not both: {odd}"
+        )
+    if converters.encoder is not None and hardware.encoder is None:
+        raise InputError("encoder", "none at the machine", "the rig has one")
+    if software.has_motor and hardware.motor is None:
+        raise InputError("motor", "none at the machine", "the protocol moves the end of the muscle")
+    if software.has_motor and converters.motor is None:
+        raise InputError("outputs.motor", "none", "a machine at the border takes counts: the rig needs this converter")

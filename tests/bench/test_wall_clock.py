@@ -1,0 +1,151 @@
+"""The loop by the wall clock: no sample is left out, the counts are the simulation's, and a stop vents at once."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from short_runs import SHORT, bench, closes, triangle
+
+from mckibben.bench.hardware.in_process import InProcess
+from mckibben.bench.part import PartMachine, timing_of
+from mckibben.bench.run import EmergencyStop, run
+from mckibben.errors import InputError, LineLostError
+from mckibben.recordings.convert import read_any
+
+VALUES = SHORT["isotonic-triangle"]
+MEASURED = ("pressure", "tension", "span")
+
+
+def machine(prepared, *, paced=False):
+    (part,) = prepared.parts()
+    return InProcess(PartMachine(prepared, 0, part, timing_of(prepared)).at_border(), paced=paced)
+
+
+class Until:
+    """A stop that is asked at every sample, and says yes from some sample on."""
+
+    reason = "pressed by the test"
+
+    def __init__(self, at):
+        self.at, self.asked = at, 0
+
+    def __call__(self):
+        self.asked += 1
+        return self.asked > self.at
+
+
+class Wrapped(InProcess):
+    """A machine that is lost at some sample."""
+
+    def __init__(self, inner, at):
+        super().__init__(inner.machine, paced=False)
+        self.at = at
+
+    def wait(self, sample):
+        if sample == self.at:
+            raise LineLostError("line test: nobody answers; stopped")
+        return super().wait(sample)
+
+
+def test_by_the_wall_clock_every_sample_is_taken_and_the_channels_are_those_of_the_simulation(tmp_path):
+    """The same pure step; only the way in which it is compiled differs, which shows in the last bits of true channels."""
+    log = tmp_path / "run.mcap"
+    clocked = run(bench("isotonic-triangle", **VALUES), real_time=True, log=log)
+    deadlines = clocked.meta["deadlines"]
+    assert len(clocked) == len(triangle())
+    # not a sample is left out, however late a busy machine lets them be
+    assert deadlines["samples"] == round(clocked.meta["steps"][-1]["end"] * 1000.0) + 1
+    assert 0 <= deadlines["behind"] <= deadlines["late"] <= deadlines["samples"]
+    assert sorted(clocked.channels) == sorted(triangle().channels)
+    for name in MEASURED:
+        # a last bit may turn a count at its border, and feedback carries that on: a few counts of 256
+        assert np.abs(clocked[name] - triangle()[name]).max() < 0.02 * np.ptp(triangle()[name]), name
+    closes(clocked)
+    kept = read_any(log).recording
+    assert kept.meta["result"] == "done" and kept.meta["digest"] == clocked.meta["digest"]
+    for name in clocked.channels:
+        assert np.array_equal(kept[name], clocked[name], equal_nan=True), name
+
+
+def test_at_the_border_there_are_counts_only_and_they_give_the_same_run():
+    """Paced and unpaced runs differ in nothing but time: bit for bit."""
+    prepared = bench("isotonic-triangle", **VALUES)
+    at_once, paced = (run(prepared, hardware=machine(prepared, paced=p)) for p in (False, True))
+    for name in at_once.channels:
+        assert np.array_equal(at_once[name], paced[name], equal_nan=True), name
+    assert at_once.meta["balance"] == {}  # of a machine that somebody else owns there are no accounts
+
+
+def test_an_emergency_stop_vents_at_the_sample_that_sees_it_and_the_muscle_follows():
+    prepared = bench("isotonic-triangle", **VALUES)
+    rate = timing_of(prepared).sample_rate
+    at = round(4.15 * rate)
+    stopped = run(prepared, hardware=machine(prepared), stop=Until(at))
+    assert stopped.meta["result"] == "stopped"
+    (event,) = [e for e in stopped.meta["events"] if e.get("code") == "emergency_stop"]
+    assert "pressed by the test" in event["text"] and "stopped and vented" in event["text"]
+    assert event["time"] == pytest.approx(at / rate, abs=0.1 / rate)
+    after = stopped.time >= event["time"] - 0.1 / rate
+    command = stopped["valve.command"]
+    assert command[after].max() == 0.0  # from that very sample on, of the two that are allowed
+    assert stopped["pressure"][after][-1] < 0.2 * stopped["pressure"].max()
+    assert stopped.time[-1] == pytest.approx(event["time"] + 0.5, abs=0.01)
+
+
+def test_a_lost_line_ends_the_run_and_keeps_what_there_is():
+    prepared = bench("isotonic-triangle", **VALUES)
+    inner = machine(prepared)
+    lost = Wrapped(inner, 4200)
+    record = run(prepared, hardware=lost)
+    assert record.meta["result"] == "stopped" and "nobody answers" in record.meta["message"]
+    assert record.meta["events"][-1]["code"] == "lost_line"
+    assert lost.valve.vented and 100 < len(record) < len(triangle())
+
+
+def test_a_machine_that_lacks_a_channel_is_refused_before_anything_moves():
+    prepared = bench("isotonic-triangle", **VALUES)
+    hardware = machine(prepared)
+    hardware.analog_in.names = ("pressure",)
+    with pytest.raises(InputError, match="analogue channels of the machine"):
+        run(prepared, hardware=hardware)
+
+
+_CHILD = """
+import sys
+from mckibben.bench.run import EmergencyStop, prepare, run
+from mckibben.experiments.library import protocol
+button = EmergencyStop()
+def show(times, arrays):
+    if times[-1] > 0.2:
+        print("going", flush=True)
+with button.on_signals():
+    record = run(prepare(protocol("isotonic-triangle", load="50 N", frequency="5 Hz", cycles=40), muscle="nylon"),
+                 real_time=True, stop=button, display=show, log=sys.argv[1])
+print(record.meta["message"])
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_signal_vents_and_the_log_says_so(tmp_path):
+    log = tmp_path / "signalled.mcap"
+    child = subprocess.Popen([sys.executable, "-c", _CHILD, str(log)], stdout=subprocess.PIPE, text=True)
+    assert child.stdout.readline().strip() == "going"
+    child.send_signal(signal.SIGTERM)
+    said = child.communicate(timeout=60)[0].strip().splitlines()[-1]
+    assert child.returncode == 0 and "signal SIGTERM; stopped and vented" in said
+    kept = read_any(log).recording
+    assert kept.meta["result"] == "stopped" and kept.meta["message"] == said
+    (event,) = [e for e in kept.meta["events"] if e.get("code") == "emergency_stop"]
+    assert kept["valve.command"][kept.time >= event["time"] - 1e-4].max() == 0.0
+
+
+def test_a_second_signal_ends_the_program():
+    button = EmergencyStop()
+    with button.on_signals():
+        signal.raise_signal(signal.SIGINT)
+        assert button() and button.reason == "signal SIGINT"
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
