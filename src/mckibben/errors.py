@@ -44,6 +44,10 @@ class LineLostError(MckibbenError):
     """A real machine does not answer any more, or not as it should; says which line, what happened and what was done."""
 
 
+class EmptyRunError(MckibbenError):
+    """A run ended before its first step that is recorded; says why it ended."""
+
+
 class MissingDataError(MckibbenError):
     """Measured data that do not ship with the package were asked for and are not there."""
 

@@ -66,7 +66,8 @@ def beforehand(bench: Bench) -> dict[str, Any]:
         "specimen": None if spec is None else spec.id, "rest_length": bench.plan.rest_length,
         "inferred": [*rig.inferred, *(spec.inferred() if spec else [])],
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
-        "converters": _ends(bench), "seed": bench.seed, "warnings": [f.sentence for f in bench.accepted],
+        "converters": _ends(bench), **_calibrated(bench), "seed": bench.seed,
+        "warnings": [*(f.sentence for f in bench.accepted), *bench.cautions],
         "citations": list(dict.fromkeys(
             [*bench.unit.law.cites, *(spec.sources if spec else ()), *(k for k in citations.known_keys() if k in said)]
         )),
@@ -93,7 +94,7 @@ def describe(
         "balance": {name: max(float(getattr(a, name)) for a in closed) for name in CLOSED if closed},
         "friction": {"work": sum(a.friction for a in closed), "dissipated": sum(a.dissipated for a in closed)},
         "energy": document(machine, [a.energy_parts for a in closed]) if closed else {},
-        "saturation": saturated(record, _ends(bench)),
+        "saturation": saturated(record, _true_ends(bench)),
         "timing": {
             "sample_rate": bench.protocol.sample_rate, "control_rate": timing.sample_rate, "latency": timing.latency,
             "step": timing.period / inner,
@@ -106,6 +107,17 @@ def _ends(bench: Bench) -> dict[str, dict[str, float]]:
         name: {"low": float(s.converter.low), "high": float(s.converter.top), "bits": s.converter.bits}
         for name, s in bench.rig.sensors.items()
     }
+
+
+def _true_ends(bench: Bench) -> dict[str, dict[str, float]]:
+    """What the channels measure at the ends of their converters."""
+    true = bench.rig.true
+    return {n: {k: float(true(n, e[k])) for k in ("low", "high")} for n, e in _ends(bench).items()}
+
+
+def _calibrated(bench: Bench) -> dict[str, Any]:
+    used = bench.rig.calibration
+    return {} if used is None else {"calibration": used.plain()}
 
 
 def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:

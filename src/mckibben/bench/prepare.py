@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import math
 import os
 from collections.abc import Iterator, Sequence
@@ -109,6 +110,12 @@ class Bench:
     faults: tuple[Fault, ...] = ()
     findings: tuple[Finding, ...] = ()
     accepted: tuple[Finding, ...] = ()
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What does not forbid the run, but a reader of its recording has to know: a calibration that is too old."""
+        used = self.rig.calibration
+        return () if used is None else used.expired(datetime.datetime.now(datetime.UTC))
 
     def parts(self) -> Iterator[Part]:
         """The plan, divided where a person is asked to do something."""

@@ -5,6 +5,7 @@ The paper's rig and a modern one ship with the package as TOML files, and users 
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,10 +15,13 @@ import jax.numpy as jnp
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
+from ..components.flow import GasState
 from ..errors import InputError
 from ..experiments.limits import Limits
 from ..experiments.protocol import Protocol
 from ..experiments.waveforms import near
+from ..pneumatics.gas import AIR
+from ..recordings.calibration import Calibration
 from .hardware.analogue import AnalogOut, Sensor
 from .hardware.computer import Computer
 from .hardware.converters import Converters
@@ -28,6 +32,9 @@ from .hardware.pneumatics import MUSCLE, Plumbing
 from .software.controllers import ForceControl, PositionControl, PressureControl
 from .software.interlocks import Interlocks
 from .software.motion import MotionEstimate
+
+CHOICES = frozenset(("accumulators", "shut-off"))  # parts by which a way to join them is chosen
+MUSCLE_VOLUME = 1.5e-5  # of gas in a muscle and half its tube, for the rate that a valve can follow [m^3]
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,8 @@ class Rig:
     """The hardware of a test machine with its software's settings.
 
     `plumbing` holds the ways to join the pneumatic parts by name, the usual one first. `shortest` and `longest` bound the
-    span that the frame takes [m]. `inferred` are the dotted paths of what no source states.
+    span that the frame takes [m]. `inferred` are the dotted paths of what no source states. `calibration` is what comparing
+    the channels with references found.
     """
 
     name: str
@@ -74,6 +82,7 @@ class Rig:
     inferred: tuple[str, ...] = ()
     document: Mapping[str, Any] = field(default_factory=dict)
     where: str = ""
+    calibration: Calibration | None = None
 
     def hand(self, ask: str) -> Hand:
         """What a person does for an ask; nothing where the rig does not know it."""
@@ -92,8 +101,8 @@ class Rig:
             return name
         needed = set(protocol.required())
         sorts = [(n, p.parts()) for n, p in self.plumbing.items() if p.has_muscle]
-        exact = [n for n, parts in sorts if needed & _CHOICES == parts & _CHOICES]
-        enough = [n for n, parts in sorts if needed & _CHOICES <= parts]
+        exact = [n for n, parts in sorts if needed & CHOICES == parts & CHOICES]
+        enough = [n for n, parts in sorts if needed & CHOICES <= parts]
         return (exact or enough or list(self.plumbing))[0]
 
     def parts(self, layout: str) -> frozenset[str]:
@@ -127,14 +136,12 @@ class Rig:
         return found if self.encoder is None else found | {"span": float(self.encoder.resolution)}
 
     def _pressure_rate(self, plumbing: Plumbing) -> float:
-        """Steepest change of a set-point that the gas can follow [Pa/s]: choked flow into what has to be filled."""
-        from ..pneumatics.gas import REFERENCE_DENSITY
-
-        gas = 287.05 * float(self.environment.temperature)
-        supply = float(plumbing.supply_pressure + self.environment.pressure_abs)
-        flow = float(plumbing.valve.fill.conductance) * REFERENCE_DENSITY * supply
-        volume = float(plumbing.port_volume + plumbing.valve_accumulator + plumbing.muscle_accumulator)
-        return flow * gas / (volume + MUSCLE_VOLUME)
+        """Steepest change of a set-point that the gas can follow [Pa/s]: the open valve into what has to be filled."""
+        room = self.environment
+        supply = GasState(plumbing.supply_pressure + room.pressure_abs, room.temperature)
+        flow = plumbing.valve.fill.mass_flow(supply, GasState(room.pressure_abs, room.temperature))
+        volume = plumbing.port_volume + plumbing.valve_accumulator + plumbing.muscle_accumulator + MUSCLE_VOLUME
+        return float(flow / AIR.mass(1.0, volume, room.temperature))
 
     def machine(self, layout: str, unit: MuscleUnit | None, *, start: float, moves: bool) -> Machine:
         """Circuit, muscle and stand.
@@ -152,11 +159,37 @@ class Rig:
         )
         return Machine.of(plumbing.circuit(units, self.environment), units, stand, self.environment)
 
+    def calibrated(self, calibration: Calibration | None) -> Rig:
+        """With what its channels truly measure where the nominal scales of their converters indicate something.
+
+        Raises:
+            InputError: if a channel is none of the rig, or the calibration is of another rig.
+        """
+        if calibration is None:
+            return self
+        if calibration.rig != self.name:
+            raise InputError(
+                "rig", calibration.rig, f"the calibration has to be of the rig {self.name}", where="calibration"
+            )
+        known = list(self.resolution())
+        for name in calibration.corrections:
+            if name not in known:
+                raise InputError("channel", name, f"the rig measures {', '.join(known)}", where="calibration")
+        return dataclasses.replace(self, calibration=calibration)
+
+    def true(self, channel: str, indicated: Any) -> Any:
+        """What a channel measures where its nominal scale indicates a value [SI]."""
+        found = {} if self.calibration is None else self.calibration.corrections
+        return found[channel].true(indicated) if channel in found else indicated
+
     def converters(self, mounted: float) -> Converters:
         """What the counts of its inputs and outputs stand for; the encoder is zeroed at a span [m]."""
+        corrections = {} if self.calibration is None else self.calibration.corrections
         return Converters(
             analog={n: s.converter for n, s in self.sensors.items()}, encoder=self.encoder, valve=self.valve_out,
-            motor=self.motor_out, mounted=jnp.asarray(float(mounted)), gain={}, zero={},
+            motor=self.motor_out, mounted=jnp.asarray(float(mounted)),
+            gain={n: jnp.asarray(c.gain) for n, c in corrections.items()},
+            zero={n: jnp.asarray(c.zero) for n, c in corrections.items()},
         )  # fmt: skip
 
     def plant(self, machine: Machine, layout: str, *, mounted: float) -> Rigged:
@@ -169,19 +202,15 @@ class Rig:
     def watch(self, layout: str, *, tension: bool = True) -> Interlocks:
         """The interlocks with the ends of the sensors' ranges; without the tension where its saturation was accepted."""
         ends = {}
-        for name, sensor in self.sensors.items():
-            if name in ("pressure", "tension"):
-                ends[f"{name}_rail"] = sensor.converter.top
-                if float(sensor.converter.low) < float(
-                    sensor.low
-                ):  # a live zero: an intact sensor never reads below it
-                    ends[f"{name}_floor"] = 0.5 * (sensor.converter.low + sensor.low)
+        for name in ("pressure", "tension"):
+            if name in self.sensors:
+                sensor = self.sensors[name]
+                low, converter = sensor.low, sensor.converter
+                ends[f"{name}_rail"] = self.true(name, converter.top)
+                if float(converter.low) < float(low):  # a live zero: an intact sensor never reads below it
+                    ends[f"{name}_floor"] = self.true(name, 0.5 * (converter.low + low))
         force = {} if self.motor is None else {"motor_force": self.motor.largest_force}
         watching: Interlocks = self.interlocks.replace(
             valve_range=self.valve_out.high, watch_tension=tension, **ends, **force
         )
         return watching
-
-
-_CHOICES = frozenset(("accumulators", "shut-off"))
-MUSCLE_VOLUME = 1.5e-5  # of gas in a muscle and half its tube, for the rate that a valve can follow [m^3]

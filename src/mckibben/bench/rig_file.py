@@ -51,7 +51,7 @@ SCHEMA = 1
 UNITS = {"pressure": "Pa", "valve_pressure": "Pa", "tension": "N"}
 SECTIONS = (
     "schema", "name", "title", "source", "note", "inferred", "computer", "sensors", "encoder", "outputs", "motor",
-    "frame", "plumbing", "control", "interlocks", "environment", "hands",
+    "frame", "plumbing", "control", "interlocks", "environment", "hands", "daq",
 )  # fmt: skip
 # Of the interlocks: from the frame, the sensors, the valve's converter and the motor.
 FOLLOWS = (

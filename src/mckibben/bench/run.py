@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..assembly.accounts import Accounts
-from ..errors import ConvergenceError, InputError, LineLostError
+from ..errors import ConvergenceError, EmptyRunError, InputError, LineLostError
 from ..experiments.dry_run import check
 from ..experiments.protocol import Protocol
 from ..recordings.recording import Recording
@@ -111,6 +111,8 @@ class Run:
                 machine = self._part(number, part)
                 if self.result != "done":
                     break
+            if self.result != "done" and not len(self.keeper.chunks):
+                raise EmptyRunError(f"{self.message} Nothing had been recorded by then.")
             record = self.keeper.recording()
             about = describe(
                 self.bench, machine, self.timing, inner=self.finest, closed=self.closed, record=record
@@ -120,7 +122,7 @@ class Run:
                 late = np.concatenate(self.lateness)
                 about["deadlines"] = Lateness.of(late, self.timing.period)._asdict()
             if self.hardware is not None:
-                about["hardware"] = dict(getattr(self.hardware, "statistics", {}))
+                about["hardware"] = _statistics(self.hardware)
             self.keeper.close(self.result, self.message, about)
         return record.with_meta(about, result=self.result, message=self.message)
 
@@ -247,6 +249,12 @@ class Run:
         self.result = "stopped"
         self.events.append({"time": when, "text": self.message, "code": Trip(code).name.lower() if code else "missed"})
         self.keeper.remark(self.message, when)
+
+
+def _statistics(hardware: Hardware) -> dict[str, Any]:
+    """What a machine counted of its line, where it does."""
+    found = getattr(hardware, "statistics", None)
+    return {} if found is None else dict(found._asdict())
 
 
 def _channels(seen: Any, used: int) -> dict[str, np.ndarray]:

@@ -1,11 +1,10 @@
-"""``run``: a protocol on a simulated test machine, from the dry run to the recording."""
+"""``run``: a protocol on a test machine, simulated or real, from the dry run to the recording."""
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+import itertools
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +16,8 @@ from .words import Json, pairs, print_json, progress, table, writable
 
 if TYPE_CHECKING:
     from ..bench.prepare import Bench
+    from ..bench.rig import Rig
+    from ..bench.software.emergency_stop import EmergencyStop
     from ..experiments.dry_run import Finding
     from ..recordings.recording import Recording
 
@@ -33,6 +34,15 @@ Change = Annotated[
         help=f"A value of the protocol (several by commas), of rig.* or muscle.*: {_EXAMPLE}.",
     ),
 ]  # fmt: skip
+On = Annotated[
+    str | None,
+    typer.Option(
+        "--on", metavar="MACHINE", help="A real machine: serial:/dev/ttyACM0, or daq (wired as the rig says)."
+    ),
+]
+CalibrationFile = Annotated[
+    Path | None, typer.Option("--calibration", metavar="FILE.toml", help="Applied to the measured channels.")
+]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -56,22 +66,50 @@ def run(
     dry: Annotated[
         bool, typer.Option("--dry-run", help="Only say what would be done, and what speaks against it.")
     ] = False,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="The simulated machine by the wall clock, as a real one would go.")
+    ] = False,
+    machine: On = None,
+    lock_step: Annotated[
+        bool, typer.Option("--lock-step", help="A simulated device waits for every command, instead of its own clock.")
+    ] = False,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.mcap",
+            help="A log that survives whatever ends this program; by the wall clock, beside --out if not given.",
+        ),
+    ] = None,
+    calibration: CalibrationFile = None,
     as_json: Json = False,
 ) -> None:
-    """Run a protocol on a simulated test machine; nothing moves before the dry run has found nothing."""
+    """Run a protocol on a test machine; nothing moves before the dry run has found nothing."""
+    from ..bench.hardware.connect import connected
+    from ..bench.software.emergency_stop import EmergencyStop
     from ..quantities import parse
 
     writable("--out", out, ".nc", ".csv")
     writable("--figure", figure, ".svg", ".png", ".pdf")
-    bench = _prepared(
-        protocol, muscle, rig, change, plumbing=plumbing, seed=seed, step=_step(parse(step, "s", field="--step")),
-        accept_saturation=accept_saturation,
+    writable("--log", log, ".mcap")
+    if log is not None and log.exists():
+        raise InputError("--log", str(log), "it is there already; a log is never written over")
+    if lock_step and machine is None:
+        raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
+    bench = prepared(
+        protocol, muscle, rig, change, calibration, plumbing=plumbing, seed=seed,
+        step=_step(parse(step, "s", field="--step")), accept_saturation=accept_saturation,
     )  # fmt: skip
     if bench.findings or dry:
         _tell(bench, dry, as_json)
         return
-    with progress("running", PARTS) as advance, _stoppable() as stopped:
-        recording = _run(bench, advance, stopped)
+    for caution in bench.cautions:
+        typer.echo(f"mckibben: {caution}", err=True)
+    if log is None and out is not None and (real_time or machine is not None):
+        log = _unused(out.with_suffix(".mcap"))
+    button, period = EmergencyStop(), 1.0 / bench.plan.sample_rate
+    with connected(machine, bench.rig, period, lock_step=lock_step) as hardware, button.on_signals():
+        with progress("running", PARTS) as advance:
+            recording = _run(bench, advance, button, real_time=real_time, hardware=hardware, log=log, ask=_ask)
     if out is not None:
         recording.save(out)
     if figure is not None:
@@ -79,27 +117,28 @@ def run(
 
         recording_figures.write(recording_figures.time_figure(recording), figure)
     if as_json:
-        print_json(_result(recording, out))
+        print_json(_result(recording, out, log))
     else:
         _print(recording)
-        for path in (out, figure):
+        for path in (out, log, figure):
             if path is not None:
                 typer.echo(f"Written: {path}")
     if recording.meta["result"] != "done":
         raise typer.Exit(130 if recording.meta["result"] == "interrupted" else 1)
 
 
-def _prepared(protocol: str, muscle: str, rig: str, change: list[str] | None, **options: Any) -> Bench:
+def prepared(
+    protocol: str, muscle: str, rig: str, change: list[str] | None, calibration: Path | None, **options: Any
+) -> Bench:
+    """A bench from the words of the command line."""
     from ..assembly.build import unit_from_specimen
     from ..bench.prepare import prepare
-    from ..bench.rig_file import rig as rig_of
     from ..components import paths
     from ..quantities import parse
     from ..specimens import specimen
 
     given = pairs(change, "--set", _EXAMPLE)
     own = [f"{k}={v}" for k, v in given.items() if not k.startswith(("rig.", "muscle."))]
-    on = rig_of(rig, {k.removeprefix("rig."): v for k, v in given.items() if k.startswith("rig.")})
     spec = specimen(muscle)
     unit = unit_from_specimen(spec)
     for key, words in given.items():
@@ -109,7 +148,33 @@ def _prepared(protocol: str, muscle: str, rig: str, change: list[str] | None, **
             value = parse(words, declared.unit, field=f"--set {key}")
             declared.check(f"--set {key}", value)
             unit = paths.put(unit, {path: value})
+    on = chosen_rig(rig, given, calibration)
     return prepare(chosen_protocol(protocol, own), muscle=spec, unit=unit, rig=on, **options)
+
+
+def chosen_rig(name: str, changes: Mapping[str, str], calibration: Path | None = None) -> Rig:
+    """A rig with the values of ``--set rig.*``, and its calibration."""
+    from ..bench.rig_file import rig as rig_of
+
+    on = rig_of(name, {k.removeprefix("rig."): v for k, v in changes.items() if k.startswith("rig.")})
+    if calibration is None:
+        return on
+    from ..bench.calibrate import read_calibration
+
+    return on.calibrated(read_calibration(calibration))
+
+
+def _unused(path: Path) -> Path:
+    """A path beside one that is there already: the log of an earlier run is never written over."""
+    names = (path.with_stem(f"{path.stem}-{i}") if i > 1 else path for i in itertools.count(1))
+    return next(p for p in names if not p.exists())
+
+
+def _ask(what: str) -> None:
+    """Wait until a person has done something."""
+    if not sys.stdin.isatty():
+        raise InputError("person", "nobody at the keyboard", f"the protocol wants somebody to {what}")
+    typer.prompt(f"Please {what}, then press Enter", default="", show_default=False, err=True)
 
 
 def _step(value: float) -> float:
@@ -118,27 +183,7 @@ def _step(value: float) -> float:
     return value
 
 
-@contextmanager
-def _stoppable() -> Iterator[threading.Event]:
-    """The first Ctrl-C ends the run after its chunk and keeps what there is; the second one ends the program."""
-    asked = threading.Event()
-
-    def ask(*_: Any) -> None:
-        if asked.is_set():
-            raise KeyboardInterrupt
-        asked.set()
-
-    if threading.current_thread() is not threading.main_thread():
-        yield asked
-        return
-    before = signal.signal(signal.SIGINT, ask)
-    try:
-        yield asked
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _run(bench: Bench, advance: Any, stopped: threading.Event) -> Recording:
+def _run(bench: Bench, advance: Any, button: EmergencyStop, **where: Any) -> Recording:
     from ..bench.run import run as do
 
     shown = 0
@@ -149,7 +194,7 @@ def _run(bench: Bench, advance: Any, stopped: threading.Event) -> Recording:
             advance(f"{time:.1f} s of {total:.1f} s")
             shown += 1
 
-    return do(bench, progress=tell, stop=stopped.is_set)
+    return do(bench, progress=tell, stop=button, **where)
 
 
 def _tell(bench: Bench, dry: bool, as_json: bool) -> None:
@@ -176,13 +221,14 @@ def _tell(bench: Bench, dry: bool, as_json: bool) -> None:
         raise typer.Exit(2)
 
 
-def _result(recording: Recording, out: Path | None) -> dict[str, Any]:
+def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[str, Any]:
     meta = recording.meta
     keys = ("message", "events", "steps", "saturation", "warnings", "friction", "timing", "seed", "rig", "plumbing")
+    found = {k: meta[k] for k in (*keys, "deadlines", "hardware", "calibration") if k in meta}
     return {
         "result": meta["result"], "file": None if out is None else str(out), "summary": recording.summary(),
-        "balance": {"mass": meta["balance"]["mass"], "energy": meta["balance"]["energy"]},
-        "accounts": meta["balance"], "samples": len(recording), **{k: meta[k] for k in keys},
+        "log": None if log is None else str(log), "balance": {k: meta["balance"].get(k) for k in ("mass", "energy")},
+        "accounts": meta["balance"], "samples": len(recording), **found,
     }  # fmt: skip
 
 
@@ -199,7 +245,15 @@ def _print(recording: Recording) -> None:
     table(title, ["measured", "lowest", "mean", "highest"], rows)
     closed = meta["balance"]
     typer.echo(f"\n{len(recording)} samples. {meta['message']}")
-    typer.echo(f"Balances: mass {closed['mass']:.1e}, energy {closed['energy']:.1e} of what went through.")
+    if closed:
+        typer.echo(f"Balances: mass {closed['mass']:.1e}, energy {closed['energy']:.1e} of what went through.")
+    if "deadlines" in meta:
+        late = meta["deadlines"]
+        half, most, nearly, largest = (1e3 * x for x in late["percentiles"])
+        typer.echo(
+            f"By the clock: {late['samples']} samples, {late['late']} late by a tenth of a period or more; lateness "
+            f"{half:.3g} ms (median), {most:.3g} (99 %), {nearly:.3g} (99.9 %), {largest:.3g} (largest)."
+        )
     for name, one in meta["saturation"].items():
         typer.echo(f"{name}: {one['sentence']}")
     for event in meta["events"]:

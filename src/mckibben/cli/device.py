@@ -1,0 +1,54 @@
+"""``device``: a simulated machine behind a serial line, to try a run on a real one without having it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .run import Change, Muscle, Protocol, RigName, prepared
+
+LOOK = 0.2  # at whether somebody ends it [s]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add this command to the table."""
+    app.command("device")(device)
+
+
+def device(
+    protocol: Protocol,
+    muscle: Muscle,
+    rig: RigName = "paper",
+    change: Change = None,
+    plumbing: Annotated[str | None, typer.Option(help="A way to join the rig's pneumatic parts.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise: same seed, same bits.")] = 0,
+    port: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the name of the port into a file.")] = None,
+    seconds: Annotated[float | None, typer.Option("--for", metavar="SECONDS", help="End by itself.")] = None,
+) -> None:
+    """Host the machine on which a protocol begins behind a simulated microcontroller; say its port; Ctrl-C ends it."""
+    from ..bench.hardware.serial_line.device import About
+    from ..bench.hardware.serial_line.hosting import in_thread
+    from ..bench.part import PartMachine, timing_of
+
+    bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)
+    part = next(bench.parts())
+    machine = PartMachine(bench, 0, part, timing_of(bench)).at_border()
+    out, converters = bench.rig.motor_out, bench.rig.converters(part.start_span)
+    about = About(
+        encoder=converters.encoder is not None, motor=out is not None,
+        motor_rest=0 if out is None else int(out.count(0.0)),
+    )  # fmt: skip
+    end = None if seconds is None else time.monotonic() + seconds
+    with in_thread(machine, about=about) as attached:
+        typer.echo(f"serial:{attached.port}")
+        if port is not None:
+            port.write_text(attached.port, encoding="utf-8")
+        typer.echo(f"Run {protocol} with --on serial:{attached.port}; Ctrl-C ends the device.", err=True)
+        try:
+            while end is None or time.monotonic() < end:
+                time.sleep(LOOK)
+        except KeyboardInterrupt:
+            pass
