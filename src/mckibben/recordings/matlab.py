@@ -7,11 +7,8 @@ too; a struct ``units`` in it says units.
 
 from __future__ import annotations
 
-import pickle
 import re
 import struct
-import subprocess
-import sys
 import warnings
 import zlib
 from collections.abc import Iterable, Mapping
@@ -23,6 +20,7 @@ import numpy as np
 from ..errors import InputError
 from .extras import needed
 from .imports import Given
+from .outside import read_outside
 from .recording import Recording
 from .sidecar import KEY, one_line, retold, told
 from .text import plain_names
@@ -35,12 +33,6 @@ _KEYWORDS = frozenset(
 # Compressed variables have a checksum.
 _KEPT: dict[str, Any] = {"long_field_names": True, "do_compression": True}
 _PLAIN, _COMPRESSED = 14, 15  # types of variables
-_CHILD = """
-import pickle, sys
-from mckibben.recordings.matlab import content
-sys.stdout.buffer.write(pickle.dumps(content(sys.argv[1])))
-"""
-_PATIENCE = 120.0  # [s]
 _DEEPEST = 20  # structs in structs
 
 
@@ -81,7 +73,8 @@ def read_matlab(path: Path) -> Recording | tuple[list[Given], dict[str, Any], li
         if _checked(path):
             found, told_of = content(path)
         else:
-            found, told_of = _content_from_outside(path)
+            # scipy's reader brings down its process where a variable without checksum is damaged, and HDF5 may hang
+            found, told_of = read_outside(content, path)
     except Exception as error:  # whatever zlib, scipy and h5py meet in a broken file
         raise InputError("file", "unreadable", f"allowed is a MATLAB file ({one_line(error)})", where=where) from None
     remarks = list(dict.fromkeys(told_of))
@@ -115,22 +108,11 @@ def content(path: str | Path) -> tuple[dict[str, Any], list[str]]:
     return found, [one_line(w.message) for w in told_of if isinstance(w.message, Warning)]
 
 
-def _content_from_outside(path: Path) -> tuple[dict[str, Any], list[str]]:
-    """The same, read by another process: scipy's reader brings down its own where a variable without checksum is damaged."""
-    done = subprocess.run(
-        [sys.executable, "-c", _CHILD, str(path)], capture_output=True, timeout=_PATIENCE, check=False
-    )
-    if done.returncode:
-        last = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
-        raise ValueError(last[0] if done.returncode > 0 and last else "it is damaged")
-    return pickle.loads(done.stdout)
-
-
 def _checked(path: Path) -> bool:
-    """Whether the checksums of all variables were compared, or HDF5 (version 7.3) does that."""
+    """Whether the checksums of all variables were compared; not in HDF5 (version 7.3)."""
     data = path.read_bytes()
     if data[512:520] == b"\x89HDF\r\n\x1a\n":
-        return True
+        return False
     if data[124:128] != b"\x00\x01IM":
         # version 4 begins with a small number, and 5 may come from a machine with the other order of bytes
         if len(data) < 20 or not (0 in data[:4] or data[124:128] == b"\x01\x00MI"):

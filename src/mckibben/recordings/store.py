@@ -1,9 +1,9 @@
 """Recordings on disk: netCDF for work, CSV for other programs. Both give back exactly what was saved.
 
 netCDF: a coordinate ``time`` [s], one variable per channel with the attributes ``units``, ``long_name`` and ``kind``, and
-the global attributes ``schema`` and ``meta`` (JSON). CSV: the lines ``# schema: 1``, ``# channels: {..}`` (kind and
-meaning) and ``# meta: {..}``, each JSON in one line, then the header ``time [s],tank.pressure [Pa],..`` and the numbers in
-the shortest form that reads back exactly.
+the global attributes ``schema`` and ``meta`` (JSON); at its end a seal, which other programs do not see. CSV: the lines
+``# schema: 1``, ``# channels: {..}`` (kind and meaning) and ``# meta: {..}``, each JSON in one line, then the header
+``time [s],tank.pressure [Pa],..`` and the numbers in the shortest form that reads back exactly.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ import numpy as np
 
 from ..errors import InputError
 from .meta import to_json
+from .outside import read_outside, seal, sealed
 from .recording import Channel, Recording
 from .sidecar import SCHEMA, check_schema, one_line, parsed
 
 if TYPE_CHECKING:
     import xarray
 
+BROKEN_SEAL = "The file is not as it was written: it is damaged, or another program changed it."
 CSV_HEAD = "# mckibben recording"
 # What h5py and xarray raise on files that are no netCDF, or broken.
 _BROKEN = (OSError, ValueError, KeyError, RuntimeError, TypeError, AttributeError)
@@ -98,14 +100,21 @@ def _write_netcdf(recording: Recording, path: Path) -> None:
     dataset = as_dataset(recording)
     # Nothing is missing: without this, xarray marks every NaN as a hole.
     dataset.to_netcdf(path, engine="h5netcdf", encoding={name: {"_FillValue": None} for name in dataset.variables})
+    seal(path)
+
+
+def loaded(path: str | Path) -> xarray.Dataset:
+    """A netCDF file as it is."""
+    import xarray as xr
+
+    with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as opened:
+        return opened.load()
 
 
 def _read_netcdf(path: Path) -> Recording:
-    import xarray as xr
-
+    whole = sealed(path)
     try:
-        with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as opened:
-            dataset = opened.load()
+        dataset = loaded(path) if whole else read_outside(loaded, path)
     except _BROKEN as error:
         raise InputError("file", "unreadable", f"allowed is a netCDF file ({one_line(error)})") from None
     check_schema(dataset.attrs.get("schema"))
@@ -120,6 +129,8 @@ def _read_netcdf(path: Path) -> Recording:
             channels[str(name)] = Channel(variable.values, of["units"], of["kind"], meaning)
     if "time" not in dataset.variables:
         raise InputError("time", "no variable", "a recording has the coordinate time")
+    if whole is False:
+        meta = {**meta, "warnings": [*meta.get("warnings", ()), BROKEN_SEAL]}
     return Recording(dataset["time"].values, channels, meta)
 
 

@@ -1,0 +1,80 @@
+"""Readers that a damaged file can bring down or hang, kept away from this process; and the seal that makes that unneeded.
+
+HDF5 follows whatever addresses it finds in a file, for ever if they form a ring, and holds the interpreter meanwhile. So a
+netCDF file gets a seal at its end, a digest of all before it, which HDF5 does not look at. A file whose seal is whole is as
+it was written. Any other one is read by a process of its own, which may be ended.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+MARK = b"\nmckibben-seal:"
+DIGEST = 32  # [B]
+PATIENCE = 20.0  # longest time of a reader for a small file [s]
+SPEED = 2e6  # least that it reads beyond that [B/s]
+_BLOCK = 1 << 20
+_CHILD = """
+import pickle, sys
+from importlib import import_module
+read = getattr(import_module(sys.argv[1]), sys.argv[2])
+try:
+    found = True, read(sys.argv[3])
+except Exception as error:
+    found = False, str(error) or type(error).__name__
+sys.stdout.buffer.write(pickle.dumps(found))
+"""
+
+
+def seal(path: Path) -> None:
+    """Put a seal at the end of a file."""
+    digest = _digest(path, os.path.getsize(path))
+    with open(path, "ab") as stream:
+        stream.write(MARK + digest)
+
+
+def sealed(path: Path) -> bool | None:
+    """Whether a file is as it was when its seal was put; None where it has none."""
+    size = os.path.getsize(path) - DIGEST - len(MARK)
+    if size < 0:
+        return None
+    with open(path, "rb") as stream:
+        stream.seek(size)
+        end = stream.read()
+    return end[len(MARK) :] == _digest(path, size) if end.startswith(MARK) else None
+
+
+def read_outside(read: Callable[[str], Any], path: Path) -> Any:
+    """What a function of a module makes of a file, in a process of its own.
+
+    Raises:
+        ValueError: it failed, died or did not come to an end; says which.
+    """
+    command = [sys.executable, "-c", _CHILD, read.__module__, read.__name__, str(path)]
+    patience = PATIENCE + os.path.getsize(path) / SPEED
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=patience, check=False)
+    except subprocess.TimeoutExpired:
+        raise ValueError(f"it is damaged: reading it did not come to an end within {patience:.0f} s") from None
+    if done.returncode:
+        raise ValueError("it is damaged, and brought its reader down")
+    good, found = pickle.loads(done.stdout)
+    if not good:
+        raise ValueError(found)
+    return found
+
+
+def _digest(path: Path, size: int) -> bytes:
+    found = hashlib.sha256()
+    with open(path, "rb") as stream:
+        while size > 0 and (block := stream.read(min(_BLOCK, size))):
+            found.update(block)
+            size -= len(block)
+    return found.digest()
