@@ -28,12 +28,12 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..components import Environment
+from ..documents import parse_toml, read_text
 from ..engine import STEP
 from ..errors import InputError
 from ..experiments.waveforms import Waveform, near, read_waveform, time_words
@@ -62,17 +62,9 @@ def read_circuit(path: str | os.PathLike[str]) -> CircuitPlan:
         InputError: names the file, the dotted path, the value and what is allowed.
     """
     where = os.fspath(path)
-    try:
-        raw = Path(path).read_bytes()
-    except IsADirectoryError:
-        raise InputError("file", where, "it is a folder; allowed is a TOML file") from None
-    except OSError:
-        raise InputError("file", where, "no such file") from None
-    try:
-        document = tomllib.loads(raw.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError("file", "not TOML", str(error), where=where) from None
-    return build_plan(document, where=where, digest=hashlib.sha256(raw).hexdigest())
+    text = read_text(path)
+    document = parse_toml(text, where=where)
+    return build_plan(document, where=where, digest=hashlib.sha256(text.encode()).hexdigest())
 
 
 def build_plan(document: Mapping[str, Any], *, where: str, digest: str) -> CircuitPlan:

@@ -23,13 +23,12 @@ from __future__ import annotations
 
 import functools
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 from ..components import Environment
+from ..documents import parse_toml, read_toml
 from ..errors import InputError
 from ..experiments.waveforms import near
 from ..experiments.words import Entry
@@ -78,22 +77,15 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
     """
     text = os.fspath(name)
     if text.lower().endswith(".toml") or os.sep in text:
-        path = Path(text)
-        try:
-            raw, where = path.read_bytes(), str(path)
-        except OSError as error:
-            raise InputError("rig", text, f"it cannot be read ({error.strerror})") from None
+        document, where = read_toml(text, field="rig"), text
     else:
         if text not in rig_names():
             known = rig_names()
             raise InputError(
                 "rig", text, f"{near(text, known)}known are {', '.join(known)}, or the path of a .toml file"
             )
-        raw, where = (resources.files(__package__) / "rigs" / f"{text}.toml").read_bytes(), f"{text}.toml"
-    try:
-        document = tomllib.loads(raw.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError("file", where, f"no TOML: {error}") from None
+        where = f"{text}.toml"
+        document = parse_toml((resources.files(__package__) / "rigs" / where).read_text(encoding="utf-8"), where=where)
     for path_, value in (changes or {}).items():
         _put(document, path_, value, where)
     return read_rig(document, where=where)

@@ -14,10 +14,10 @@ length = "13 cm"            # a free length needs none
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
+from ..documents import read_toml
 from ..errors import InputError
 from .words import print_json
 
@@ -70,12 +70,7 @@ def fit_constraints_file(path: Path, *, as_json: bool) -> None:
 
 
 def _read(path: Path, where: str) -> dict[str, Any]:
-    if not path.is_file():
-        raise InputError("file", where, "no such file")
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError("file", "not TOML", str(error), where=where) from None
+    data = read_toml(path)
     _only(data, {"law", "known", "constraint"}, "file", where)
     if not data.get("constraint"):
         raise InputError("constraint", "none", "allowed is one or more [[constraint]]", where=where)

@@ -24,11 +24,10 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-import tomllib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
+from ..documents import parse_toml, read_text
 from ..errors import InputError
 from .amounts import read_amount
 from .bind import Part, names_in, whole
@@ -56,24 +55,12 @@ def read_protocol(path: str | os.PathLike[str]) -> Protocol:
         InputError: names the file, the dotted path, the value and what is allowed.
     """
     where = os.fspath(path)
-    try:
-        text = Path(path).read_bytes().decode("utf-8")
-    except IsADirectoryError:
-        raise InputError("protocol", where, "it is a folder; allowed is a TOML file") from None
-    except OSError:
-        raise InputError("protocol", where, "no such file") from None
-    except UnicodeDecodeError as error:
-        raise InputError("protocol", "not TOML", str(error), where=where) from None
-    return parse_protocol(text, where=where)
+    return parse_protocol(read_text(path, field="protocol"), where=where)
 
 
 def parse_protocol(text: str, *, where: str) -> Protocol:
     """The protocol of a file's text; raises as `read_protocol` does."""
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError("protocol", "not TOML", str(error), where=where) from None
-    return build_protocol(document, where=where)
+    return build_protocol(parse_toml(text, where=where, field="protocol"), where=where)
 
 
 def build_protocol(document: Mapping[str, Any], *, where: str) -> Protocol:

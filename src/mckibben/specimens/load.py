@@ -5,12 +5,12 @@ from __future__ import annotations
 import difflib
 import functools
 import os
-import tomllib
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..documents import parse_toml, read_text
 from ..errors import InputError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def specimen(name: str | os.PathLike[str]) -> Specimen:
         path = Path(text)
         if not path.is_file():
             raise InputError("specimen", text, "no such file")
-        return _read(_text(path), where=str(path))
+        return _read(read_text(path), where=str(path))
     found = _by_id()
     if text.lower() not in found:
         near = difflib.get_close_matches(text.lower(), found, n=1)
@@ -104,14 +104,7 @@ def _files(folders: str) -> Iterator[tuple[str, str]]:
         if not Path(folder).is_dir():
             raise InputError(FOLDER_VARIABLE, folder, "no such folder")
         for path in sorted(Path(folder).glob("*.toml")):
-            yield str(path), _text(path)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise InputError("file", "not text", "allowed is TOML in UTF-8", where=str(path)) from None
+            yield str(path), read_text(path)
 
 
 def _read(text: str, *, where: str) -> Specimen:
@@ -119,10 +112,7 @@ def _read(text: str, *, where: str) -> Specimen:
 
     from .model import SCHEMA, Specimen
 
-    try:
-        data: dict[str, Any] = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError("file", "not TOML", str(error), where=where) from None
+    data = parse_toml(text, where=where)
     if data.get("schema") != SCHEMA:
         raise InputError("schema", data.get("schema", "missing"), f"this version reads schema {SCHEMA}", where=where)
     try:

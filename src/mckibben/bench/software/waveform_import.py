@@ -9,12 +9,12 @@ from the folder of the protocol.
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ...assembly.signal_table import read_points
+from ...documents import read_toml
 from ...errors import InputError
 from ...experiments import read
 from ...experiments.amounts import CHANNELS
@@ -28,10 +28,7 @@ def read_protocol(path: str | os.PathLike[str]) -> Protocol:
         InputError: names the file, the dotted path, the value and what is allowed.
     """
     where = os.fspath(path)
-    try:
-        document = tomllib.loads(Path(path).read_bytes().decode("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
-        return read.read_protocol(path)  # says what is wrong with it
+    document = read_toml(path, field="protocol")
     for section in ("first", "steps", "last"):
         if isinstance(document.get(section), list):
             document[section] = _steps(document[section], section, where)
