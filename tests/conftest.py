@@ -24,21 +24,6 @@ os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 KEPT = 7 * 86400.0  # [s]; changed sources leave behind what nothing asks for again
 
 
-# The seated braid solves an equilibrium in its law: half a minute of compilation for each of these. That its tension and
-# volume share one potential, that it never pushes, and its closed cycles stay in the suite.
-SLOW = (
-    "test_the_derivative_of_a_fit_equals_central_differences[seated_braid]",
-    "test_slack_is_reported_where_the_tension_is_zero_and_nowhere_else[seated_braid]",
-)
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what takes longest to compile."""
-    for item in items:
-        if item.name in SLOW:
-            item.add_marker(pytest.mark.slow)
-
-
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Drop old compilations, once per run."""
     if not hasattr(session.config, "workerinput"):

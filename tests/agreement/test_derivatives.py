@@ -17,6 +17,9 @@ from mckibben.muscles.laws import LAWS, law_type
 from mckibben.quantities import declared
 from mckibben.recordings import ForceMap
 
+# Half a minute of compilation: it solves an equilibrium in its law. Its potential, pull and closed cycles stay in the suite.
+SEATED_LATER = [pytest.param(law, marks=pytest.mark.slow) if law == "seated_braid" else law for law in LAWS]
+
 
 def _laws_examples() -> ModuleType:
     path = Path(__file__).parents[1] / "laws" / "examples.py"
@@ -59,7 +62,7 @@ def scaled_truth(posed: Problem) -> np.ndarray:
     return np.array([float(getattr(truth(posed.law), name)) for name in posed.free]) / posed.scale
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", SEATED_LATER)
 def test_the_derivative_of_a_fit_equals_central_differences(law: str) -> None:
     posed = problem(law, table(law))
     tension, slopes = posed.functions()

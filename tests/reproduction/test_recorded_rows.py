@@ -59,7 +59,7 @@ def drawn(pressure, friction=2.5, low=0.105, high=0.14):
 
 def test_every_recorded_row_has_a_function():
     wanted = {r.id for r in all_rows() if r.id.startswith(RECORDED)}
-    assert len(wanted) == 34 and wanted <= set(rows._COMPUTE)
+    assert len(wanted) == 34 and wanted <= set(rows._WAYS)
 
 
 def test_the_nylon_loop_is_measured_as_printed(triangle):
@@ -151,7 +151,7 @@ def test_spread_is_relative_to_the_mean():
 
 def test_a_note_that_was_found_is_shown_beside_the_row(monkeypatch):
     row = next(r for r in all_rows() if r.id == "friction.lubricated")
-    monkeypatch.setitem(rows._COMPUTE, row.id, (lambda: Found(0.91, "found"), "1", "static"))
+    monkeypatch.setitem(rows._WAYS, row.id, rows.Way(lambda: Found(0.91, "found"), "1", "static", False))
     outcome = reproduce_row(row)
     assert (outcome.ours, outcome.ok, outcome.note) == (0.91, True, "static; found")
 

@@ -30,7 +30,7 @@ def test_a_row_moves_with_its_input(monkeypatch):
 
 
 def test_every_row_is_listed_even_without_a_verdict(monkeypatch):
-    monkeypatch.setattr(rows, "_COMPUTE", {})
+    monkeypatch.setattr(rows, "_WAYS", {})
     outcomes = reproduce()
     assert [o.row.id for o in outcomes] == [r.id for r in all_rows()]
     assert all(o.verdict == "to come" and o.ours is None for o in outcomes)

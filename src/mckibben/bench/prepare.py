@@ -113,9 +113,17 @@ class Bench:
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What does not forbid the run, but a reader of its recording has to know: a calibration that is too old."""
-        used = self.rig.calibration
-        return () if used is None else used.expired(datetime.datetime.now(datetime.UTC))
+        """What does not forbid the run, but a reader of its recording has to know.
+
+        A calibration that is too old, and what a person is asked to do that the simulated rig knows nothing of.
+        """
+        used, asked = self.rig.calibration, [s.step.ask for s in self.plan.steps if s.step.ask]
+        old = () if used is None else used.expired(datetime.datetime.now(datetime.UTC))
+        unknown = [
+            f"the rig {self.rig.name} does not say what changes when somebody is asked to {ask}: simulated, nothing does"
+            for ask in dict.fromkeys(asked) if self.rig.hand(ask) is None
+        ]  # fmt: skip
+        return (*old, *unknown)
 
     def parts(self) -> Iterator[Part]:
         """The plan, divided where a person is asked to do something."""
@@ -128,7 +136,8 @@ class Bench:
                     steps = []
                 asked = step.step.ask
                 hand = self.rig.hand(asked)
-                layout, friction = hand.plumbing or layout, hand.friction
+                if hand is not None:
+                    layout, friction = hand.plumbing or layout, hand.friction
             steps.append(step)
         yield Part(tuple(steps), layout, friction, asked)
 

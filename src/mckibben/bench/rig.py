@@ -84,9 +84,9 @@ class Rig:
     where: str = ""
     calibration: Calibration | None = None
 
-    def hand(self, ask: str) -> Hand:
-        """What a person does for an ask; nothing where the rig does not know it."""
-        return next((h for h in self.hands if h.ask == ask), Hand(ask))
+    def hand(self, ask: str) -> Hand | None:
+        """What a person does for an ask; None where the rig does not know it, and the person's hands are all that there is."""
+        return next((h for h in self.hands if h.ask == ask), None)
 
     def layout(self, protocol: Protocol, name: str | None = None) -> str:
         """The plumbing that a protocol runs on: the one named, else the first that has all it needs.

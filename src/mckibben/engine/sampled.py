@@ -22,6 +22,7 @@ from .rates import RK4_LIMIT
 from .signals import Signal, Value
 from .step import step
 
+MOST_BLIND = 64  # parts of a step that are tried where the system no longer says how many it needs
 MOST_SPLIT = 8  # parts of a step up to which Runge-Kutta is cheaper than the stiff method
 
 
@@ -184,21 +185,22 @@ def advance(
     while True:
         after, seen = _marched(plant, software, carry, rows, period, inner * split, latency, stiff)
         seen = jax.tree.map(np.asarray, seen)
-        h = period / (inner * split)
-        fastest = float(np.max(seen.steepest))
-        fits = np.isfinite(fastest) and fastest * h <= (ROS2_LIMIT if stiff else RK4_LIMIT) * (1.0 + 1e-9)
-        if fits and bool(seen.sound.all()):
+        h, fastest = period / (inner * split), float(np.max(seen.steepest))
+        short = fastest * h <= (ROS2_LIMIT if stiff else RK4_LIMIT) * (1.0 + 1e-9)  # NaN is not
+        if short and bool(seen.sound.all()):
             return after, seen, inner * split
-        needed = math.ceil(fastest * period / (RK4_LIMIT * inner)) if np.isfinite(fastest) else MOST_SPLIT + 1
-        if needed <= split and not bool(seen.sound.all()):
+        if short:
             raise ConvergenceError(f"A state is not finite, or not possible, with steps of {h:.3g} s.")
-        if stiff or split >= MOST_PARTS:
+        if split >= (MOST_PARTS if np.isfinite(fastest) else MOST_BLIND):
             raise ConvergenceError(f"A mode of the system is too fast ({fastest:.3g} 1/s) for steps of {h:.3g} s.")
-        if needed <= MOST_SPLIT:
-            split = max(needed, split + 1)
+        whole = fastest * period / inner  # of a sample's part before it is split
+        explicit = math.ceil(whole / RK4_LIMIT) if np.isfinite(whole) else 2 * split
+        if not stiff and explicit <= MOST_SPLIT:
+            split = max(explicit, split + 1)
         else:
-            needed = math.ceil(fastest * period / (ROS2_LIMIT * inner)) if np.isfinite(fastest) else MOST_SPLIT
-            split, stiff = min(needed, MOST_PARTS), True
+            least = split + 1 if stiff else 1
+            wanted = math.ceil(whole / ROS2_LIMIT) if np.isfinite(whole) else 2 * split
+            split, stiff = min(max(wanted, least), MOST_PARTS), True
 
 
 def inputs_of(plant: Plant, carry: Carry, latency: float, period: float) -> dict[str, Value]:

@@ -10,8 +10,7 @@ import functools
 import numpy as np
 
 from ..analysis.steps import IsometricTiming, isometric_timing
-from .recorded import recording, step_of
-from .rows import reproduces
+from .recorded import recording, reproduces, step_of
 
 CALIBRATED = "flow and dead time of the valve were inferred from these rows"
 

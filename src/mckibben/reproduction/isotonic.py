@@ -11,8 +11,8 @@ from ..analysis.characteristics import circle_area
 from ..analysis.power import ShorteningPower, TensionError, power_density, shortening_power, tension_error
 from ..recordings import Recording
 from ..specimens import specimen
-from .recorded import SPAN, TENSION, recording, step_of
-from .rows import Found, reproduces
+from .recorded import SPAN, TENSION, recording, reproduces, step_of
+from .rows import Found
 
 LIGHT, FAST = ("10 N", "1 Hz"), ("50 N", "5 Hz")
 LOADS = {LIGHT: 10.0, FAST: 50.0}  # [N]

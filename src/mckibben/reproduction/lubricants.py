@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from ..analysis.loops import Loop, loop, loop_ratio
-from .recorded import SPAN, TENSION, recording, step_of
-from .rows import reproduces
+from .recorded import SPAN, TENSION, recording, reproduces, step_of
 
 CYCLES = {"precondition": 2, "cycles": 3}
 

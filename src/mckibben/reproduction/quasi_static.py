@@ -14,8 +14,8 @@ from ..analysis.loops import Loop, Variation, loop, loop_ratio, variation
 from ..analysis.paths import Path, path_distance, paths
 from ..bench.rig_file import rig
 from ..recordings import Recording
-from .recorded import FIVE_BAR, SPAN, TENSION, recording, saturation_words, step_of
-from .rows import Found, reproduces
+from .recorded import FIVE_BAR, SPAN, TENSION, recording, reproduces, saturation_words, step_of
+from .rows import Found
 
 PRESSURES = ("0 bar", "1 bar", "2 bar", "3 bar", "4 bar", FIVE_BAR)
 

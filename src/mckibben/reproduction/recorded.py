@@ -12,9 +12,11 @@ from ..bench.run import prepare, run
 from ..errors import ConvergenceError
 from ..experiments.library import protocol
 from ..recordings import Recording
+from . import rows
 
 SPAN, TENSION = "span", "tension"  # channels that the machine measures
 FIVE_BAR = "5 bar"
+reproduces = functools.partial(rows.reproduces, recordings=True)  # a row that is computed of recordings
 _tellers: list[Callable[[str], None]] = []
 
 

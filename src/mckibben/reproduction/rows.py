@@ -58,20 +58,35 @@ class Found(NamedTuple):
     note: str = ""
 
 
-# Modules whose rows are computed of recordings.
-OF_RECORDINGS = ("quasi_static", "static_fit", "sinusoids", "lubricants", "isometric", "isotonic")
-Compute = Callable[[], float | Found]
-AnyCompute = TypeVar("AnyCompute", bound=Compute)
-_COMPUTE: dict[str, tuple[Compute, str, str]] = {}
+class Way(NamedTuple):
+    """How a row is computed.
+
+    Attributes:
+        compute: gives the value.
+        si_unit: of the value.
+        note: what is said to it.
+        recordings: whether it is computed of recordings of the simulated test machine, which take their time to make.
+    """
+
+    compute: Callable[[], float | Found]
+    si_unit: str
+    note: str
+    recordings: bool
 
 
-def reproduces(identifier: str, si_unit: str, note: str = "") -> Callable[[AnyCompute], AnyCompute]:
+AnyCompute = TypeVar("AnyCompute", bound=Callable[[], float | Found])
+_WAYS: dict[str, Way] = {}
+
+
+def reproduces(
+    identifier: str, si_unit: str, note: str = "", *, recordings: bool = False
+) -> Callable[[AnyCompute], AnyCompute]:
     """Register the function that computes a row; it returns an SI value whose unit is given here."""
 
     def register(compute: AnyCompute) -> AnyCompute:
-        if identifier in _COMPUTE:
+        if identifier in _WAYS:
             raise ValueError(f"two functions reproduce {identifier}")
-        _COMPUTE[identifier] = (compute, si_unit, note)
+        _WAYS[identifier] = Way(compute, si_unit, note, recordings)
         return compute
 
     return register
@@ -102,20 +117,19 @@ def select(part: str | None = None, identifiers: list[str] | None = None) -> lis
 
 def reproduce_row(row: Row) -> Outcome:
     """Compute one row and judge it."""
-    if row.id not in _COMPUTE:
+    if row.id not in _WAYS:
         return Outcome(row, None, None, row.note)
-    compute, si_unit, remark = _COMPUTE[row.id]
-    computed = compute()
+    way = _WAYS[row.id]
+    computed = way.compute()
     value, found = computed if isinstance(computed, Found) else (computed, "")
-    ours = from_si(value, si_unit, _plain_unit(row.unit))
-    note = "; ".join(filter(None, (row.note, remark, found)))
+    ours = from_si(value, way.si_unit, _plain_unit(row.unit))
+    note = "; ".join(filter(None, (row.note, way.note, found)))
     return Outcome(row, ours, judge(row, ours), note)
 
 
 def needs_recording(row: Row) -> bool:
     """Whether a row is computed of recordings of the simulated test machine, which take their time to make."""
-    compute = _COMPUTE.get(row.id)
-    return compute is not None and compute[0].__module__.rpartition(".")[2] in OF_RECORDINGS
+    return row.id in _WAYS and _WAYS[row.id].recordings
 
 
 def judge(row: Row, ours: float) -> bool | None:

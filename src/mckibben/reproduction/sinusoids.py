@@ -18,8 +18,8 @@ from ..errors import ConvergenceError
 from ..recordings import Recording
 from ..specimens import specimen
 from .quasi_static import without_lag
-from .recorded import SPAN, recording, step_of
-from .rows import Found, reproduces
+from .recorded import SPAN, recording, reproduces, step_of
+from .rows import Found
 
 FIGURE = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)  # of the twelve only the ends are printed [Hz]
 FASTEST = 40.0  # [Hz]; the text's 8 L0/s at the amplitude of the figure

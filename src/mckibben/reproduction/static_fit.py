@@ -17,8 +17,8 @@ from ..analysis.paths import paths
 from ..analysis.sampling import LinearTensionFit, StaticPoint, fit_linear_tension, static_points
 from ..recordings import Recording
 from .quasi_static import triangle
-from .recorded import SPAN, TENSION
-from .rows import Found, reproduces
+from .recorded import SPAN, TENSION, reproduces
+from .rows import Found
 
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
 SHARES = {

@@ -59,5 +59,10 @@ def _made(words: str, rig: Rig, period: float, lock_step: bool) -> Hardware:
 
         if "daq" not in rig.document:
             raise InputError("daq", "missing", "the rig's file has to say how the card is wired", where=rig.where)
-        return DaqHardware(wiring(rig.document["daq"], where=rig.where))
+        wired = wiring(rig.document["daq"], where=rig.where)
+        for name, converter in converters.analog.items():
+            if name in wired.inputs and wired.inputs[name].bits != converter.bits:
+                allowed = f"allowed is {converter.bits}, as sensors.{name}.converter has"
+                raise InputError(f"daq.inputs.{name}.bits", wired.inputs[name].bits, allowed, where=rig.where)
+        return DaqHardware(wired)
     raise InputError("--on", words, ALLOWED)

@@ -1,0 +1,281 @@
+"""A simulated card as the gRPC service `nidaqmx_grpc.NiDAQmx`: the calls that `client` makes of the unmodified `nidaqmx`."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from ....errors import InputError
+from .card import GONE, OVERWRITTEN, TOO_EARLY, Card, CardError
+from .complaints import library
+from .terminals import Analog
+from .wiring import Wiring
+
+NO_DEVICE, NO_CHANNEL, NO_ROUTE, NO_TASK = -200220, -200170, -89136, -200088  # codes of NI-DAQmx
+BAD_VALUE, RESERVED, NOT_STARTED = -200077, -50103, -200846
+TEXTS = {
+    OVERWRITTEN: "The application is not able to keep up with the hardware acquisition.",
+    TOO_EARLY: "Some or all of the samples requested have not yet been acquired.",
+    GONE: "Device cannot be accessed.",
+    NO_DEVICE: "Device identifier is invalid.",
+    NO_CHANNEL: "Physical channel specified does not exist on this device.",
+    NO_ROUTE: "Specified route cannot be satisfied, because the hardware does not support it.",
+    NO_TASK: "Task specified is invalid or does not exist.",
+    BAD_VALUE: "Requested value is not a supported value for this property.",
+    RESERVED: "The specified resource is reserved.",
+    NOT_STARTED: "Write cannot be performed when the task is not started and auto start is false.",
+}
+TIMEBASE = 100e6  # of the sample clock, divided by a whole number [Hz]
+VERSION = {0x1272: 24, 0x1923: 3, 0x2F22: 0}  # of the driver: major, minor, update
+TASK_NAME, SAMPLE_RATE, TICKS, BY_CHANNEL, CONTINUOUS, RESERVE = 0x1276, 0x1344, 10304, 0, 10123, 4
+
+
+@dataclasses.dataclass
+class Task:
+    """What the service knows of one; its channels in small letters, its kind is ai, ao, do or ci."""
+
+    name: str
+    channels: list[str] = dataclasses.field(default_factory=list)
+    kind: str = ""
+    rate: float = 0.0
+    size: int = 0
+    reserved: bool = False
+    running: bool = False
+
+
+def answers(call: Callable[[Calls, Any], dict[str, Any]]) -> Any:
+    """A call of the service: its answer is named after it, and what the card refuses is told as a device server does."""
+    name = call.__name__
+
+    def answered(self: Calls, request: Any, context: Any) -> Any:
+        try:
+            found = call(self, request)
+        except CardError as error:
+            task = request.task.name if hasattr(request, "task") else ""
+            parts = [TEXTS[error.code], error.text, f"Task Name: {task}", f"Status Code: {error.code}"]
+            context.set_trailing_metadata((("ni-error", str(error.code)),))
+            context.abort(self.grpc.StatusCode.UNKNOWN, "\n\n".join(p for p in parts if p))
+        return getattr(self.messages, f"{name}Response")(**found)
+
+    return answered
+
+
+class Calls:
+    """The calls of the service, each from its request to the fields of its answer; the others are not implemented."""
+
+    def __init__(self, card: Card, wiring: Wiring) -> None:
+        missing = sorted(set(wiring.inputs) - set(card.machine.names))
+        if missing:
+            known = ", ".join(card.machine.names)
+            raise InputError(f"inputs.{missing[0]}", "unknown", f"the machine has {known}", where=wiring.where)
+        self.card, self.wiring = card, wiring
+        self.grpc, self.messages = library("grpc"), library("nidaqmx._stubs.nidaqmx_pb2")
+        self.tasks: dict[str, Task] = {}
+        self.lock = threading.Lock()
+        self.numbers = itertools.count()
+        self.scales = {e.channel.lower(): e for e in wiring.inputs.values()}
+        self.inputs = {e.channel.lower(): list(card.machine.names).index(n) for n, e in wiring.inputs.items()}
+        self.outputs: dict[str, tuple[str, Analog]] = {wiring.valve.channel.lower(): ("valve", wiring.valve)}
+        if wiring.motor is not None:
+            self.outputs[wiring.motor.channel.lower()] = "motor", wiring.motor
+
+    def task(self, request: Any) -> Task:
+        """That of a request."""
+        if request.task.name not in self.tasks:
+            raise CardError(NO_TASK)
+        return self.tasks[request.task.name]
+
+    def running(self, request: Any) -> Task:
+        """That of a write, which must have been started."""
+        task = self.task(request)
+        if not task.running:
+            raise CardError(NOT_STARTED)
+        return task
+
+    def add(self, request: Any, kind: str, channel: str, known: Iterable[str]) -> dict[str, Any]:
+        """A terminal to a task."""
+        device, _, rest = channel.partition("/")
+        if device.lower() not in {t.split("/")[0].lower() for t in self.wiring.terminals().values()}:
+            raise CardError(NO_DEVICE, f"Device Specified: {device}")
+        if channel.lower() not in {k.lower() for k in known}:
+            raise CardError(NO_CHANNEL, f"Device: {device}\nPhysical Channel Name: {rest}")
+        task = self.task(request)
+        task.kind = kind
+        task.channels.append(channel.lower())
+        return {}
+
+    @answers
+    def GetSystemInfoAttributeUInt32(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Version of the driver."""
+        return {"value": VERSION.get(request.attribute_raw, 0)}
+
+    @answers
+    def GetErrorString(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Text of a code."""
+        return {"error_string": TEXTS.get(request.error_code, "")}
+
+    @answers
+    def CreateTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """A task, and the session that stands for it."""
+        with self.lock:
+            name = request.session_name or f"_unnamedTask<{next(self.numbers)}>"
+            new = name not in self.tasks
+            self.tasks.setdefault(name, Task(name))
+        return {"task": {"name": name}, "new_session_initialized": new}
+
+    @answers
+    def ClearTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Stop it, and let go of its terminals."""
+        task = self.task(request)
+        self.halt(task)
+        self.card.forget(task.name)
+        del self.tasks[task.name]
+        return {}
+
+    @answers
+    def GetTaskAttributeString(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Its name."""
+        if request.attribute_raw != TASK_NAME:
+            raise CardError(BAD_VALUE)
+        return {"value": self.task(request).name}
+
+    @answers
+    def CreateAIVoltageChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """An analogue input."""
+        return self.add(request, "ai", request.physical_channel, self.inputs)
+
+    @answers
+    def CreateAOVoltageChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """An analogue output."""
+        return self.add(request, "ao", request.physical_channel, self.outputs)
+
+    @answers
+    def CreateDOChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """A digital output."""
+        shut_off = self.wiring.shut_off
+        return self.add(request, "do", request.lines, [] if shut_off is None else [shut_off.line])
+
+    @answers
+    def CreateCIAngEncoderChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """A counter, in ticks."""
+        if request.units_raw != TICKS:
+            raise CardError(BAD_VALUE, "Property: DAQmx_CI_AngEncoder_Units")
+        encoder = self.wiring.encoder
+        return self.add(request, "ci", request.counter, [] if encoder is None else [encoder.counter])
+
+    @answers
+    def SetChanAttributeString(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Terminals of the encoder's signals, which are where they are."""
+        self.task(request)
+        return {}
+
+    @answers
+    def CfgSampClkTiming(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Rate, and where the clock comes from: the inputs have their own, and the counter has that of the inputs."""
+        task = self.task(request)
+        own = "" if task.kind == "ai" else self.wiring.sample_clock
+        if request.source.lower() != own.lower():
+            raise CardError(NO_ROUTE, f"Source Terminal: {request.source}")
+        if request.sample_mode_raw != CONTINUOUS:
+            raise CardError(BAD_VALUE, "Property: DAQmx_SampQuant_SampMode")
+        task.rate, task.size = TIMEBASE / round(TIMEBASE / request.rate), request.samps_per_chan
+        return {}
+
+    @answers
+    def SetBufferAttributeUInt32(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Samples that may wait to be read."""
+        self.task(request).size = request.value
+        return {}
+
+    @answers
+    def GetTimingAttributeDouble(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """The rate that the card makes."""
+        if request.attribute_raw != SAMPLE_RATE:
+            raise CardError(BAD_VALUE)
+        return {"value": self.task(request).rate}
+
+    def reserve(self, task: Task) -> None:
+        """Its terminals are for nobody else until it is cleared."""
+        with self.lock:
+            taken = {c for t in self.tasks.values() if t.reserved and t is not task for c in t.channels}
+            if taken & set(task.channels):
+                raise CardError(RESERVED)
+            task.reserved = True
+
+    @answers
+    def TaskControl(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Reserve it."""
+        if request.action_raw != RESERVE:
+            raise CardError(BAD_VALUE)
+        self.reserve(self.task(request))
+        return {}
+
+    @answers
+    def StartTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Begin; with the task of the inputs their clock begins."""
+        task = self.task(request)
+        self.reserve(task)
+        task.running = True
+        if task.kind in ("ai", "ci"):
+            self.card.ready(task.name)
+        if task.kind == "ai":
+            self.card.start(1.0 / task.rate, task.size)
+        return {}
+
+    @answers
+    def StopTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """End it."""
+        self.halt(self.task(request))
+        return {}
+
+    def halt(self, task: Task) -> None:
+        """Its end."""
+        if task.running and task.kind == "ai":
+            self.card.stop()
+        task.running = False
+
+    def samples(self, request: Any) -> tuple[Task, list[tuple[Sequence[int], int]], int]:
+        """Those that a read asks for; a status instead where they are not there in time."""
+        task = self.task(request)
+        if request.fill_mode_raw != BY_CHANNEL:
+            raise CardError(BAD_VALUE)
+        try:
+            return task, self.card.read(task.name, request.num_samps_per_chan, request.timeout), 0
+        except CardError as error:
+            if error.code != TOO_EARLY:
+                raise
+            return task, [], error.code
+
+    @answers
+    def ReadAnalogF64(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Levels, channel by channel."""
+        task, samples, status = self.samples(request)
+        levels = [self.scales[c].volts(counts[self.inputs[c]]) for c in task.channels for counts, _ in samples]
+        return {"status": status, "read_array": levels, "samps_per_chan_read": len(samples)}
+
+    @answers
+    def ReadCounterF64Ex(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Ticks."""
+        _, samples, status = self.samples(request)
+        return {"status": status, "read_array": [float(n) for _, n in samples], "samps_per_chan_read": len(samples)}
+
+    @answers
+    def WriteAnalogF64(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Levels of the outputs, which take effect together."""
+        found: dict[str, int] = {}
+        for channel, level in zip(self.running(request).channels, request.write_array, strict=True):
+            name, scale = self.outputs[channel]
+            found[name] = scale.count(level)
+        self.card.write(found.get("valve"), found.get("motor"), None)
+        return {"samps_per_chan_written": 1}
+
+    @answers
+    def WriteDigitalLines(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """The level of the shut-off."""
+        self.running(request)
+        assert self.wiring.shut_off is not None
+        self.card.write(None, None, bool(request.write_array[0]) == self.wiring.shut_off.level(True))
+        return {"samps_per_chan_written": 1}
