@@ -38,6 +38,7 @@ lint: $(VENV)/.test ## Style, types and the import order of the house
 bench: $(VENV)/.test ## Compare speed and pressure with other programs, on an idle machine
 	$(BIN)/python benchmarks/fonsim_tank.py
 	$(BIN)/python benchmarks/recording_rate.py
+	$(BIN)/python benchmarks/wall_clock.py
 
 docs: $(VENV)/.docs ## Build the documentation; its examples are executed
 	$(BIN)/python docs/build.py

@@ -41,7 +41,7 @@ def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, Any]:
     """
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # a number of 5,000 digits is a plain ValueError
         raise InputError(field, "not TOML", str(error), where=where) from None
 
 

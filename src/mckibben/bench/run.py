@@ -100,6 +100,7 @@ class Run:
         self.events: list[dict[str, Any]] = []
         self.closed: list[Accounts] = []
         self.lateness: list[np.ndarray] = []
+        self.mounted: list[list[float]] = []  # from a time on [s], the span at which the encoder was zeroed [m]
 
     def go(self) -> Recording:
         """All parts, one after the other."""
@@ -118,6 +119,9 @@ class Run:
                 self.bench, machine, self.timing, inner=self.finest, closed=self.closed, record=record
             )  # fmt: skip
             about |= {"steps": self.table.steps, "events": self.events}
+            encoder = self.bench.rig.encoder
+            if encoder is not None:
+                about["encoder"] = {"resolution": float(encoder.resolution), "mounted": self.mounted}
             if self.lateness:
                 late = np.concatenate(self.lateness)
                 about["deadlines"] = Lateness.of(late, self.timing.period)._asdict()
@@ -139,6 +143,7 @@ class Run:
 
     def _part(self, number: int, part: Part) -> Any:
         software = software_of(self.bench, part, self.timing)
+        self.mounted.append([self.time, part.start_span])
         most = round((self.bench.plan.duration + 2.0 * AFTER_STOP) / self.timing.period)
         if self.hardware is not None:
             unit = rubbed(self.bench.unit, part.friction)

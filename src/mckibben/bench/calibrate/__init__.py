@@ -1,0 +1,29 @@
+"""Calibration: readings beside a reference become gain, zero and skew with their uncertainties, kept in a file.
+
+`session` asks a person for each point and reads the sensors, `estimate` fits, `file` keeps; `recordings.calibration` is what
+comes out and `recordings.recalibration` applies it to a recording.
+"""
+
+from .estimate import Line, Point, Reference, dead_weights, encoder, pressure_reference, zero
+from .file import merged, read_calibration, write_calibration
+from .machine import HardwareReadings
+from .session import Session
+from .skew import skew
+from .sources import SimulatedSensors
+
+__all__ = [
+    "HardwareReadings",
+    "Line",
+    "Point",
+    "Reference",
+    "Session",
+    "SimulatedSensors",
+    "dead_weights",
+    "encoder",
+    "merged",
+    "pressure_reference",
+    "read_calibration",
+    "skew",
+    "write_calibration",
+    "zero",
+]

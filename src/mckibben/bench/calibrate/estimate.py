@@ -1,0 +1,260 @@
+"""Gain and zero from readings beside a reference, with the uncertainties that readings, counts and reference leave.
+
+    I_j = z + s x_j + e_j,   gain = 1/s,   zero = z,   var e_j = (u_r^2 + u_h^2)/m_j + u_q^2 + s^2 u_x^2
+
+A least-squares line of the indicated means I over the true values x, one of each setting j of the reference, with m_j
+readings on the way up and down; the errors of the reference enter as effective errors of the reading. u_r: of the mean of a
+reading's samples, from the scatter of the means of its blocks, so that noise that follows itself is not taken for
+independent; pooled over all readings. u_h: by how much the readings of one setting differ beyond that, hysteresis. u_q: what
+averaging over whole counts leaves, see `of_counts`; a quiet signal lies on the same count twice. u_x: of each value of the
+reference; a mass that is hung twice has the same error twice. A share that all values of the reference have in common, such
+as of gravity, enters the gain only. Where the settings scatter about the line more than all these explain, the variances
+grow by chi^2/(n - 2). Degrees of freedom by Welch and Satterthwaite; intervals are Student's (Evaluation of measurement
+data: Guide to the expression of uncertainty in measurement, JCGM 100:2008, 4.2, 4.3, 5.2, G.4).
+
+Range: straight sensors; references whose errors are small against the range. The buoyancy of air, 1.5e-4 of steel masses,
+is not corrected: state masses by their conventional value less that, or let the scale's uncertainty cover it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...errors import InputError
+from ...recordings.calibration import Term
+
+GRAVITY = 9.80665  # standard [m/s^2]
+# Of gravity where nobody states it: evenly between equator and poles, 9.780 to 9.832 m/s^2.
+GRAVITY_UNCERTAINTY = 0.015
+BLOCKS = 16  # into which the samples of a point are divided
+EXACT = 1e-12  # of a reading; points without any error at all still have weights
+MOST_DEGREES = 1e6  # beyond, Student's t is the normal law
+HARMONICS = 12  # of the error of counts over its period, a count
+
+
+class Reading(NamedTuple):
+    """The samples of a channel at one point [unit of the channel].
+
+    Attributes:
+        mean: of all samples.
+        scatter: standard deviation of the samples.
+        error: standard uncertainty of the mean, from that of the blocks' means.
+        degrees: of freedom of that.
+    """
+
+    mean: float
+    scatter: float
+    error: float
+    degrees: float
+
+
+class Point(NamedTuple):
+    """A reading beside the true value by the reference [unit of the channel]; readings at one `setting` share its error."""
+
+    setting: float
+    true: float
+    reading: Reading
+
+
+class Reference(NamedTuple):
+    """What readings are compared with.
+
+    Attributes:
+        name: for the file.
+        uncertainty: standard, of each of its values [their unit].
+        scale: standard, of all its values alike, as a share [1].
+        exact_nothing: whether nothing is nothing, as where no mass hangs.
+    """
+
+    name: str = ""
+    uncertainty: float = 0.0
+    scale: float = 0.0
+    exact_nothing: bool = False
+
+
+class Line(NamedTuple):
+    """What the points tell.
+
+    Attributes:
+        gain: true over indicated [1].
+        zero: indicated at nothing [unit].
+        correlation: of the two [1].
+        residuals: of each point, true value by the line less that by the reference [unit].
+        hysteresis: largest difference of the residuals at one value of the reference [unit].
+        misfit: chi^2 over its degrees of freedom, NaN for two points [1].
+    """
+
+    gain: Term
+    zero: Term
+    correlation: float
+    residuals: np.ndarray
+    hysteresis: float
+    misfit: float
+
+    @property
+    def linearity(self) -> float:
+        """Largest departure of a point from the line [unit]."""
+        return float(np.abs(self.residuals).max())
+
+
+def reading(samples: np.ndarray) -> Reading:
+    """Mean, scatter and standard uncertainty of samples (n,); n at least 4."""
+    values = np.asarray(samples, float)
+    if values.ndim != 1 or len(values) < 4 or not np.isfinite(values).all():
+        raise InputError("samples", f"{values.size} of which some are no number", "allowed are 4 finite ones or more")
+    blocks = np.array([b.mean() for b in np.array_split(values, min(BLOCKS, len(values)))])
+    error = float(blocks.std(ddof=1) / math.sqrt(len(blocks)))
+    return Reading(float(values.mean()), float(values.std(ddof=1)), error, len(blocks) - 1.0)
+
+
+def of_counts(scatter: float, resolution: float) -> float:
+    """Standard uncertainty that whole counts leave in the mean of many samples [unit].
+
+    q/sqrt 12 for a signal without noise; noise of half a count and more lets averaging see between the counts. For a true
+    value evenly anywhere on a count, sum over k of q^2/(2 pi^2 k^2) exp(-4 pi^2 k^2 s^2/q^2), with the noise s before the
+    converter from scatter^2 = s^2 + q^2/12 less that (B. Widrow and I. Kollar, Quantization Noise, Cambridge 2008,
+    doi:10.1017/CBO9780511754661).
+
+    Args:
+        scatter: standard deviation of the samples [unit], rms over several points where there are.
+        resolution: q, one count [unit].
+    """
+    if not resolution > 0.0:
+        return 0.0
+    k = np.arange(1, HARMONICS + 1)
+    seen = (scatter / resolution) ** 2
+
+    def left(noise: float) -> float:  # in counts^2; without noise the sum has 1/12, which its end must not miss
+        if noise == 0.0:
+            return 1.0 / 12.0
+        return float((np.exp(-4.0 * math.pi**2 * (k * noise) ** 2) / (2.0 * math.pi**2 * k**2)).sum())
+
+    low, high = 0.0, math.sqrt(seen) + 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if middle**2 + 1.0 / 12.0 - left(middle) < seen else (low, middle)
+    return resolution * math.sqrt(left(low if low > 1e-9 else 0.0))
+
+
+def zero(nothing: Reading, *, resolution: float, uncertainty: float = 0.0) -> Term:
+    """What is indicated at nothing.
+
+    Args:
+        nothing: the reading.
+        resolution: one count [unit].
+        uncertainty: standard, of the nothing itself, such as of a hook [unit].
+    """
+    variances = (nothing.error**2, of_counts(nothing.scatter, resolution) ** 2 + uncertainty**2)
+    return Term(
+        nothing.mean, math.sqrt(sum(variances)), _degrees((variances[0], nothing.degrees), total=sum(variances))
+    )
+
+
+def dead_weights(
+    masses: Sequence[tuple[float, Reading]], *, resolution: float, uncertainty: float = 0.0,
+    gravity: float = GRAVITY, gravity_uncertainty: float = 0.0,
+) -> Line:  # fmt: skip
+    """A load cell from masses.
+
+    Args:
+        masses: each mass [kg] with its reading [N]; up and down again shows hysteresis.
+        resolution: one count [N].
+        uncertainty: standard, of each mass [kg].
+        gravity: where the cell is [m/s^2].
+        gravity_uncertainty: standard [m/s^2].
+    """
+    for mass, _ in masses:
+        if not (math.isfinite(mass) and mass >= 0.0):
+            raise InputError("masses", f"{mass:g} kg", "allowed is 0 kg or more")
+    reference = Reference("", uncertainty * gravity, gravity_uncertainty / gravity, exact_nothing=True)
+    return line(
+        [Point(m, m * gravity, r) for m, r in masses], resolution=resolution, reference=reference, what="masses"
+    )
+
+
+def pressure_reference(points: Sequence[Point], *, resolution: float, reference: Reference) -> Line:
+    """A pressure sensor from a reference gauge; points in gauge pressures, resolution [Pa]."""
+    return line(points, resolution=resolution, reference=reference, what="pressures")
+
+
+def encoder(travels: Sequence[Point], *, resolution: float, reference: Reference) -> Line:
+    """An encoder from known travels: the gain is metres per count against nominal ones.
+
+    The zero is where the counter stood in this session, and says nothing about the next one. Points and resolution [m].
+    """
+    return line(travels, resolution=resolution, reference=reference, what="travels")
+
+
+def line(points: Sequence[Point], *, resolution: float, reference: Reference, what: str = "points") -> Line:
+    """The line through points, for any sensor.
+
+    Args:
+        points: two different settings or more.
+        resolution: one count [unit].
+        reference: what gave the true values [unit].
+        what: what the settings are called in a complaint.
+
+    Raises:
+        InputError: if no line follows from the points.
+    """
+    settings = np.array([p.setting for p in points])
+    if len(np.unique(settings)) < 2:
+        known = f"{len(points)} of one value" if len(points) else "none"
+        raise InputError(what, known, "allowed are two different ones or more, for there are a gain and a zero to find")
+    x, y = np.array([p.true for p in points]), np.array([p.reading.mean for p in points])
+    each, which, times = np.unique(settings, return_inverse=True, return_counts=True)
+    xs, ys = (np.bincount(which, v) / times for v in (x, y))
+    if not np.ptp(xs) > 0.0:
+        raise InputError(what, f"all at {xs[0]:g}", "allowed are values of the reference that differ")
+    rough = abs(np.ptp(ys) / np.ptp(xs))
+    apart = (y - rough * x) - ((ys - rough * xs)[which])
+    exact = (each == 0.0) & reference.exact_nothing
+    parts = _variances(points, apart, times, resolution, np.where(exact, 0.0, rough * reference.uncertainty))
+    a = np.stack([np.ones_like(xs), xs / np.abs(xs).max()], axis=1)
+    variance = sum(value for value, _ in parts) + (EXACT * np.abs(ys).max()) ** 2
+    h = np.linalg.solve((a / variance[:, None]).T @ a, (a / variance[:, None]).T)
+    h[1] /= np.abs(xs).max()
+    z, slope = (float(b) for b in h @ ys)
+    if not slope > 0.0:
+        allowed = "the reading does not rise with the reference: is a wire crossed?"
+        raise InputError(what, f"a slope of {slope:.3g}", allowed)
+    free = len(xs) - 2
+    misfit = float((((ys - z - slope * xs) ** 2) / variance).sum()) / free if free else math.nan
+    of = [(h @ np.diag(value) @ h.T, degrees) for value, degrees in parts]
+    whole = sum(one for one, _ in of)
+    of.append((np.asarray(whole) * max((misfit if free else 1.0) - 1.0, 0.0), float(free)))
+    covariance, gain = whole + of[-1][0], 1.0 / slope
+    common = (slope * reference.scale) ** 2
+    total = covariance[0, 0], covariance[1, 1] + common
+    degrees = [_degrees(*((float(one[i, i]), free) for one, free in of), total=total[i]) for i in (0, 1)]
+    residuals = (y - z) / slope - x
+    together = math.sqrt(total[0] * total[1])
+    return Line(
+        Term(gain, gain**2 * math.sqrt(total[1]), degrees[1]), Term(z, math.sqrt(total[0]), degrees[0]),
+        float(-covariance[0, 1] / together) if together > 0.0 else 0.0,
+        residuals, max(float(np.ptp(residuals[settings == setting])) for setting in each), misfit,
+    )  # fmt: skip
+
+
+def _variances(
+    points: Sequence[Point], apart: np.ndarray, times: np.ndarray, resolution: float, by_reference: np.ndarray
+) -> list[tuple[np.ndarray, float]]:
+    """Variances of the settings' means by reading, by hysteresis and by counts and reference, each with its degrees."""
+    read = float(np.mean([p.reading.error**2 for p in points]))
+    scatter = math.sqrt(np.mean([p.reading.scatter**2 for p in points]))
+    again = int((times - 1).sum())
+    beyond = max(float(apart @ apart) / again - read, 0.0) if again else 0.0
+    return [
+        (read / times, sum(p.reading.degrees for p in points)), (beyond / times, again),
+        (of_counts(scatter, resolution) ** 2 + by_reference**2, math.inf),
+    ]  # fmt: skip
+
+
+def _degrees(*parts: tuple[float, float], total: float) -> float:
+    """Welch and Satterthwaite: parts are a variance and its degrees of freedom; the rest has infinitely many."""
+    known = sum(variance**2 / degrees for variance, degrees in parts if degrees > 0.0)
+    return math.inf if known <= total**2 / MOST_DEGREES else max(float(total**2 / known), 1.0)

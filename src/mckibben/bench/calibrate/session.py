@@ -1,0 +1,258 @@
+"""A session: a person brings about one point after the other, the sensors are read at each, and the points are fitted.
+
+A point is refused, in one clear line, where its samples scatter too much, where they touch an end of the converter, and
+where the reading did not follow the reference. What is then done, `again` says: without it the session ends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...experiments.waveforms import Chirp, Sine
+from ...quantities import with_unit
+from ...recordings.calibration import Correction, Origin, Term
+from . import estimate
+from .estimate import GRAVITY, Line, Point, Reading, Reference
+from .skew import skew
+from .sources import SPAN, Ask, Grid, Source, Task
+
+LEAST_FOLLOWED = 0.1  # of a step of the reference, that a reading has to make
+LEAST_SAMPLES, MOST_SAMPLES = 16, 1_000_000
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a session found: corrections by channel, their lines, and the points [SI]."""
+
+    corrections: Mapping[str, Correction]
+    lines: Mapping[str, Line] = field(default_factory=dict)
+    points: Mapping[str, Sequence[Point]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """Calibrates channels of a source of indicated readings.
+
+    Args:
+        source: the readings.
+        ask: brings a task about; what the reference shows, or None where that is what was asked for.
+        date: in ISO 8601.
+        valid_for: time for which it holds [s].
+        sensor: serial number or name of the sensor.
+        samples: that are averaged at each point.
+        most_scatter: standard deviation of the samples of a point, as a share of the channel's range.
+        again: is told of a point that was refused, and the point is asked for again; without it the error is raised.
+    """
+
+    source: Source
+    ask: Ask
+    date: str
+    valid_for: float = math.inf
+    sensor: str = ""
+    samples: int = 1000
+    most_scatter: float = 0.005
+    again: Callable[[InputError], None] | None = None
+
+    def __post_init__(self) -> None:
+        if not LEAST_SAMPLES <= self.samples <= MOST_SAMPLES:
+            raise InputError(
+                "samples", self.samples, f"allowed is a whole number from {LEAST_SAMPLES} to {MOST_SAMPLES}"
+            )
+
+    def zero(self, channels: Sequence[str], *, uncertainty: float = 0.0) -> Outcome:
+        """What the channels indicate at nothing; uncertainty of the nothing, standard [unit of the channels]."""
+        grids = {name: self._grid(name) for name in channels}
+        if SPAN in grids:
+            raise InputError("channel", SPAN, "an encoder is zeroed where it is mounted; allowed are analogue channels")
+        task = Task(f"take all load and pressure off: {_and(channels)} at nothing", dict.fromkeys(channels, 0.0))
+        found, _ = self._read(task, channels, {})
+        corrections = {}
+        for name in channels:
+            term = estimate.zero(found[name], resolution=grids[name].resolution, uncertainty=uncertainty)
+            origin = self._origin("zero", Reference("nothing", uncertainty), 1)
+            corrections[name] = self._correction(grids[name].unit, {"zero": (term, origin)})
+        points = {name: [Point(0.0, 0.0, found[name])] for name in channels}
+        return Outcome(corrections, points=points)
+
+    def weights(
+        self, masses: Sequence[float], *, uncertainty: float = 0.0, gravity: float = GRAVITY,
+        gravity_uncertainty: float = 0.0, name: str = "", channel: str = "tension",
+    ) -> Outcome:  # fmt: skip
+        """A load cell: masses [kg], hung up and down again; uncertainties standard, of each mass [kg] and of gravity."""
+        _different("masses", masses, "kg", least=0.0)
+        asked = [
+            Task(f"hang {_mass(m)} on the cell" if m else "hang nothing on the cell", {channel: m * gravity})
+            for m in masses
+        ]
+        points = self._points(dict(zip(masses, asked, strict=True)), [channel])[channel]
+        grid = self._grid(channel)
+        line = estimate.dead_weights(
+            [(p.setting, p.reading) for p in points], resolution=grid.resolution, uncertainty=uncertainty,
+            gravity=gravity, gravity_uncertainty=gravity_uncertainty,
+        )  # fmt: skip
+        reference = Reference(name, uncertainty * gravity, gravity_uncertainty / gravity)
+        return self._outcome("weights", reference, {channel: line}, {channel: points})
+
+    def pressure(self, pressures: Sequence[float], reference: Reference, channels: Sequence[str]) -> Outcome:
+        """Pressure sensors beside a reference gauge, at gauge pressures [Pa], up and down again."""
+        _different("pressures", pressures, "Pa")
+        asked = {
+            p: Task(f"set the pressure to {with_unit(p, 'Pa')}", dict.fromkeys(channels, p), True) for p in pressures
+        }
+        points = self._points(asked, channels)
+        lines = {
+            n: estimate.pressure_reference(points[n], resolution=self._grid(n).resolution, reference=reference)
+            for n in channels
+        }
+        return self._outcome("pressure", reference, lines, points)
+
+    def encoder(self, travels: Sequence[float], reference: Reference) -> Outcome:
+        """The encoder from known travels [m], such as of gauge blocks; only the gain is found."""
+        _different("travels", travels, "m")
+        asked = {x: Task(f"move the end to the travel {with_unit(x, 'm', 6)}", {SPAN: x}) for x in travels}
+        points = self._points(asked, [SPAN])
+        line = estimate.encoder(points[SPAN], resolution=self._grid(SPAN).resolution, reference=reference)
+        return self._outcome("encoder", reference, {SPAN: line}, points, ("gain",))
+
+    def skew(self, channels: Sequence[str], *, frequency: float, to: float | None = None) -> Outcome:
+        """By how much channels lag the first one, from a sine [Hz] or a linear sweep that all of them see."""
+        grids = {name: self._grid(name) for name in channels}
+        if len(grids) < 2:
+            raise InputError("channels", ", ".join(grids), "allowed are two or more, for one is compared with another")
+        duration = self.samples * self.source.period
+        wave = (
+            Sine(amplitude=1.0, frequency=frequency)
+            if to is None
+            else Chirp(amplitude=1.0, first=frequency, last=to, duration=duration)
+        )
+        what = f"a sine of {frequency:g} Hz" if to is None else f"a sweep from {frequency:g} Hz to {to:g} Hz"
+        self.ask(Task(f"let {_and(channels)} see {what}", {}, wave=wave))
+        seen = self.source.read(self.samples)
+        for name in channels:
+            _off_rails(name, np.asarray(seen[name]), grids[name])
+        time = self.source.period * np.arange(self.samples)
+        resolution = {name: grids[name].resolution for name in channels}
+        terms = skew(time, {n: seen[n] for n in channels}, frequency=frequency, to=to, resolution=resolution)
+        origin = self._origin("skew", Reference(f"{channels[0]}, {what}"), self.samples)
+        return Outcome({n: self._correction(grids[n].unit, {"skew": (term, origin)}) for n, term in terms.items()})
+
+    def _grid(self, channel: str) -> Grid:
+        grids = self.source.grids
+        if channel not in grids:
+            raise InputError("channel", channel, f"the rig has {', '.join(grids)}")
+        return grids[channel]
+
+    def _points(self, asked: Mapping[float, Task], channels: Sequence[str]) -> dict[str, list[Point]]:
+        """All settings up and down again."""
+        for name in channels:
+            self._grid(name)
+        points: dict[str, list[Point]] = {name: [] for name in channels}
+        up = sorted(asked)
+        for setting in (*up, *up[-2::-1]):
+            task = asked[setting]
+            found, shown = self._read(task, channels, {n: p[-1] for n, p in points.items() if p})
+            for name in channels:
+                points[name].append(Point(setting, task.values[name] if shown is None else shown, found[name]))
+        return points
+
+    def _read(
+        self, task: Task, channels: Sequence[str], before: Mapping[str, Point]
+    ) -> tuple[dict[str, Reading], float | None]:
+        """A point's readings that are fit for use, and what the reference showed."""
+        while True:
+            shown = self.ask(task)
+            try:
+                if shown is not None and not math.isfinite(shown):
+                    raise InputError("reference", str(shown), "allowed is a finite number")
+                seen = self.source.read(self.samples)
+                found = {}
+                for name in channels:
+                    true = task.values[name] if shown is None else shown
+                    found[name] = self._sound(name, np.asarray(seen[name]), true, before.get(name))
+                return found, shown
+            except InputError as error:
+                if self.again is None:
+                    raise
+                self.again(error)
+
+    def _sound(self, name: str, samples: np.ndarray, true: float, before: Point | None) -> Reading:
+        grid = self._grid(name)
+        if not grid.least <= true <= grid.most:
+            allowed = f"the sensor sees {with_unit(grid.least, grid.unit)} to {with_unit(grid.most, grid.unit)}"
+            raise InputError(f"reference for {name}", with_unit(true, grid.unit), allowed)
+        _off_rails(name, samples, grid)
+        found = estimate.reading(samples)
+        most = max(self.most_scatter * grid.range, 2.0 * grid.resolution)
+        if found.scatter > most:
+            allowed = f"allowed is {with_unit(most, grid.unit)}: is it at rest?"
+            raise InputError(f"scatter of {name}", with_unit(found.scatter, grid.unit), allowed)
+        if before is not None and true != before.true:
+            step, moved = true - before.true, found.mean - before.reading.mean
+            if moved / step < LEAST_FOLLOWED:
+                at = f"{with_unit(found.mean, grid.unit, 6)} after {with_unit(before.reading.mean, grid.unit, 6)}"
+                went = f"the reference went from {with_unit(before.true, grid.unit)} to {with_unit(true, grid.unit)}"
+                raise InputError(f"reading of {name}", at, f"{went}, which it has to follow")
+        return found
+
+    def _origin(self, method: str, reference: Reference, points: int) -> Origin:
+        return Origin(
+            method=method, date=self.date, reference=reference.name, reference_uncertainty=reference.uncertainty,
+            scale_uncertainty=reference.scale, valid_for=self.valid_for, points=points,
+        )  # fmt: skip
+
+    def _correction(self, unit: str, terms: Mapping[str, tuple[Term, Origin]], **more: Any) -> Correction:
+        made = {n: Term(t.value, t.uncertainty, t.degrees, origin) for n, (t, origin) in terms.items()}
+        return Correction(unit=unit, terms=made, sensor=self.sensor, **more)
+
+    def _outcome(
+        self, method: str, reference: Reference, lines: Mapping[str, Line], points: Mapping[str, Sequence[Point]],
+        wanted: Sequence[str] = ("gain", "zero"),
+    ) -> Outcome:  # fmt: skip
+        corrections = {}
+        for name, line in lines.items():
+            origin = self._origin(method, reference, len(points[name]))
+            terms = {term: (getattr(line, term), origin) for term in wanted}
+            correlation = line.correlation if "zero" in wanted else 0.0
+            unit = self._grid(name).unit
+            corrections[name] = self._correction(unit, terms, correlation=correlation, linearity=line.linearity)
+        return Outcome(corrections, lines, points)
+
+
+def _different(what: str, values: Sequence[float], unit: str, least: float = -math.inf) -> None:
+    """Refuse settings of which no line follows, before a person is asked for the first."""
+    for value in values:
+        if not (math.isfinite(value) and value >= least):
+            raise InputError(
+                what, _mass(value) if unit == "kg" else with_unit(value, unit), f"allowed is {least:g} {unit} or more"
+            )
+    words = ", ".join(_mass(v) if unit == "kg" else with_unit(v, unit) for v in values) or "none"
+    if len(values) < 2:
+        raise InputError(what, words, "allowed are two different ones or more, for there are a gain and a zero to find")
+    if len(set(values)) < len(values):
+        raise InputError(
+            what, words, "allowed are different ones; each is used on the way up and on the way down anyway"
+        )
+
+
+def _off_rails(name: str, samples: np.ndarray, grid: Grid) -> None:
+    room = 0.5 * grid.resolution
+    ends = np.mean((samples <= grid.low + room) | (samples >= grid.high - room))
+    if ends > 0.0:
+        allowed = f"allowed is a reading inside {with_unit(grid.low, grid.unit)} to {with_unit(grid.high, grid.unit)}"
+        raise InputError(
+            f"reading of {name}", f"at an end of its converter for {100.0 * ends:.3g} % of the samples", allowed
+        )
+
+
+def _mass(value: float) -> str:
+    return f"{value:g} kg"
+
+
+def _and(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,209 @@
+"""Where a calibration's readings come from, and the sensors of a rig put to true values; for a machine see `machine`.
+
+Readings are *indicated* values: what the nominal scale of the rig's converters makes of the counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...components.system import Moment, System
+from ...engine.integrate import integrate
+from ...engine.signals import ramped
+from ...experiments.waveforms import Waveform
+from ..hardware.analogue import Sensor
+from ..hardware.converters import SPAN
+from ..hardware.motor import Encoder
+from ..rig import Rig
+from .estimate import Reference
+
+PERIOD = 1e-3  # of the samples [s]
+FINE = 8  # straight pieces per sample from which a filter sees a waveform
+SWING = 0.4  # of a sensor's range, to either side of its middle, that a waveform takes
+LEAD = 0.5  # time for which a filter has seen a waveform before the first sample is kept [s]
+UNITS = {"pressure": "Pa", "valve_pressure": "Pa", "tension": "N", SPAN: "m"}
+
+
+class Grid(NamedTuple):
+    """The nominal scale of a channel [unit].
+
+    Attributes:
+        low: lowest value that its converter shows; minus infinity for an encoder.
+        high: highest.
+        resolution: one count.
+        unit: SI unit.
+        least: lowest true value that its transducer sees.
+        most: highest.
+    """
+
+    low: float
+    high: float
+    resolution: float
+    unit: str
+    least: float = -math.inf
+    most: float = math.inf
+
+    @property
+    def range(self) -> float:
+        """From end to end [unit]; of an encoder a thousand counts."""
+        return self.high - self.low if math.isfinite(self.high - self.low) else 1000.0 * self.resolution
+
+
+class Task(NamedTuple):
+    """What a person is asked for.
+
+    Attributes:
+        sentence: in words.
+        values: true values to bring about, by channel [unit]; empty where a waveform is asked for.
+        gauge: whether the reference shows a value that the person may answer with.
+        wave: of unit amplitude, for all channels at once.
+    """
+
+    sentence: str
+    values: Mapping[str, float]
+    gauge: bool = False
+    wave: Waveform | None = None
+
+
+# Brings a task about; gives what the reference shows [unit], or None where that is what was asked for.
+Ask = Callable[[Task], float | None]
+
+
+class Source(Protocol):
+    """Readings of a rig's channels at rest."""
+
+    @property
+    def period(self) -> float:
+        """Of the samples [s]."""
+
+    @property
+    def grids(self) -> Mapping[str, Grid]:
+        """The nominal scales of the channels."""
+
+    def read(self, samples: int) -> Mapping[str, np.ndarray]:
+        """The next samples of every channel (n,), indicated [unit]."""
+
+
+def grids(rig: Rig) -> dict[str, Grid]:
+    """The nominal scales of a rig's channels; of the encoder that of its travel."""
+    found = {}
+    for name, sensor in rig.sensors.items():
+        at = sensor.converter
+        ends = float(sensor.low), float(sensor.high)
+        found[name] = Grid(float(at.low), float(at.top), float(at.resolution), UNITS[name], *ends)
+    if rig.encoder is not None:
+        found[SPAN] = Grid(-math.inf, math.inf, float(rig.encoder.resolution), "m")
+    return found
+
+
+class SimulatedSensors:
+    """The sensors of a rig, put to true values; nothing else of the machine is there.
+
+    The encoder turns with the motor's pulley, so a motor's pulley radius that differs from the encoder's is an error of its
+    gain; it was zeroed anywhere within a count.
+    """
+
+    def __init__(self, rig: Rig, seed: int = 0, *, period: float = PERIOD) -> None:
+        self.period, self.grids = period, grids(rig)
+        self._sensors = dict(rig.sensors)
+        self._nominal = rig.encoder
+        self._draw = np.random.default_rng([seed, 1])
+        self._encoder: Encoder | None = rig.encoder
+        if rig.encoder is not None and rig.motor is not None:
+            self._encoder = eqx.tree_at(lambda e: e.pulley_radius, rig.encoder, rig.motor.pulley_radius)
+        self._zeroed = float(self._draw.uniform()) * self.grids[SPAN].resolution if SPAN in self.grids else 0.0
+        self.true = dict.fromkeys(self.grids, 0.0)
+        self.wave: Waveform | None = None
+        self._waves: dict[tuple[Waveform, int], tuple[dict[str, Any], dict[str, Any]]] = {}
+
+    def put(self, values: Mapping[str, float]) -> None:
+        """Let channels have true values [unit] from now on."""
+        self.true |= values
+        self.wave = None
+
+    def read(self, samples: int) -> dict[str, np.ndarray]:
+        """The next samples; where a waveform is on, from its beginning."""
+        draws = {n: self._draw.standard_normal(samples) for n in self._sensors}
+        rest = {n: np.float64(self.true[n]) for n in self._sensors}
+        y, x = (None, rest) if self.wave is None else self._waved(self.wave, samples)
+        found = {n: np.asarray(v) for n, v in _readings(self._sensors, y, x, draws).items()}
+        if self._encoder is not None and self._nominal is not None:
+            count = self._encoder.count(self.true[SPAN], self._zeroed)
+            found[SPAN] = np.full(samples, float(self._nominal.span(count, 0.0)))
+        return found
+
+    def _waved(self, wave: Waveform, samples: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Filtered signals and true values at the samples; kept, for they are the same every time."""
+        if (wave, samples) not in self._waves:
+            self._waves = {(wave, samples): self._filtered(wave, samples)}
+        return self._waves[wave, samples]
+
+    def _filtered(self, wave: Waveform, samples: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        lead = round(LEAD / self.period)
+        times = self.period / FINE * np.arange(-lead * FINE, (samples - 1) * FINE + 1)
+        shape = wave.at(np.maximum(times, 0.0)) if wave.kind == "chirp" else wave.at(times)
+        middle = {n: 0.5 * float(s.low + s.high) for n, s in self._sensors.items()}
+        swing = {n: SWING * float(s.high - s.low) for n, s in self._sensors.items()}
+        signals = {n: ramped(middle[n] + swing[n] * shape) for n in self._sensors}
+        first = {n: s.initial(signals[n].values[0]) for n, s in self._sensors.items()}
+        run = integrate(_Filters(self._sensors), first, signals, period=self.period / FINE, method="rk4")
+        return (
+            {n: run.outputs[n][lead * FINE :: FINE] for n in self._sensors},
+            {n: np.asarray(s.values)[lead * FINE :: FINE] for n, s in signals.items()},
+        )
+
+
+class SimulatedPerson:
+    """Brings about on simulated sensors what is asked for, with a reference that has its stated errors, of normal law."""
+
+    def __init__(self, sensors: SimulatedSensors, reference: Reference | None = None, seed: int = 0) -> None:
+        self.sensors, self.reference = sensors, reference or Reference()
+        self._draw = np.random.default_rng([seed, 2])
+        self._common = self.reference.scale * float(self._draw.standard_normal())
+        self._errors: dict[float, float] = {}
+        self.asked: list[str] = []
+
+    def __call__(self, task: Task) -> None:
+        """Put the sensors to what the reference really is; the same value has the same error again."""
+        self.asked.append(task.sentence)
+        self.sensors.put({n: self._true(value) for n, value in task.values.items()})
+        self.sensors.wave = task.wave
+
+    def _true(self, value: float) -> float:
+        if value == 0.0 and self.reference.exact_nothing:
+            return 0.0
+        if value not in self._errors:
+            self._errors[value] = self.reference.uncertainty * float(self._draw.standard_normal())
+        return value * (1.0 + self._common) + self._errors[value]
+
+
+class _Filters(System):
+    """Sensors that see signals, for their filters."""
+
+    sensors: dict[str, Sensor]
+
+    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+        return {n: s.rate(state[n], inputs[n].value) for n, s in self.sensors.items()}
+
+    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+        return ()
+
+    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+        return memory
+
+    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+        return dict(state)
+
+
+@jax.jit
+def _readings(sensors: Any, y: Any, x: Any, draws: Any) -> dict[str, Any]:
+    """Readings (n,) at filtered signals y, settled where there are none, and true values x."""
+    y = {n: s.initial(x[n]) for n, s in sensors.items()} if y is None else y
+    return {n: s.reading(y[n], x[n], draws[n])[0] + jnp.zeros_like(draws[n]) for n, s in sensors.items()}

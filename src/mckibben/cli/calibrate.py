@@ -1,0 +1,310 @@
+"""``calibrate``: gain, zero and skew of a rig's channels beside a reference, kept in a file and applied to recordings."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
+
+from ..errors import InputError
+from .calibrate_show import apply, print_outcome, say_outcome, show
+from .run import On, RigName
+from .words import Json, pairs, print_json, writable
+
+if TYPE_CHECKING:
+    from ..bench.calibrate.estimate import Reference
+    from ..bench.calibrate.session import Outcome, Session
+    from ..bench.calibrate.sources import Ask, Source, Task
+    from ..bench.rig import Rig
+
+calibrate = typer.Typer(
+    name="calibrate",
+    help="Calibrate the channels of a rig: zero, weights, pressure, encoder, skew; show a calibration, or apply it.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+_FAULT = "rig.sensors.tension.offset='3 N'"
+Simulate = Annotated[
+    bool, typer.Option("--simulate", help="Simulated sensors are put to each true value; nobody is asked.")
+]
+Change = Annotated[list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help=f"A value of the rig: {_FAULT}.")]
+Seed = Annotated[int, typer.Option(min=0, help="Of the simulated noise and of the errors of the reference.")]
+Samples = Annotated[int, typer.Option(metavar="N", help="Averaged at each point.")]
+Sensor = Annotated[str, typer.Option(help="Serial number or name of the sensor.")]
+Name = Annotated[str, typer.Option("--reference", help="What it is compared with, such as 'M1 masses'.")]
+Valid = Annotated[
+    str | None, typer.Option("--valid-for", metavar="TIME", help="Such as '365 day'; for ever if left out.")
+]
+Out = Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Where to; what it has of others is kept.")]
+Channels = Annotated[str, typer.Option("--channel", metavar="A,B", help="Channels, parted by commas.")]
+Own = Annotated[
+    str | None, typer.Option("--uncertainty", metavar="VALUE", help="Standard, of each value of the reference.")
+]
+Scale = Annotated[
+    str, typer.Option("--scale-uncertainty", metavar="SHARE", help="Standard, of all values alike: '0.02 %'.")
+]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add these commands to the table."""
+    calibrate.command("show")(show)
+    calibrate.command("apply")(apply)
+    app.add_typer(calibrate)
+
+
+@calibrate.command("zero")
+def zero(
+    rig: RigName, channel: Channels = "pressure,tension", uncertainty: Own = None, machine: On = None,
+    simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 1000, sensor: Sensor = "",
+    valid_for: Valid = None,
+    out: Out = None, as_json: Json = False,
+) -> None:  # fmt: skip
+    """What channels read at nothing: no load, no pressure."""
+    wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
+    names = _names(channel)
+    units = {"tension": "N"}
+    if uncertainty is not None and len({units.get(n, "Pa") for n in names}) > 1:
+        raise InputError("--uncertainty", uncertainty, "allowed for channels of one unit at a time: say --channel")
+    own = _value("--uncertainty", uncertainty, units.get(names[0], "Pa"))
+    with _session(wanted, None) as session:
+        _done(wanted, session, session.zero(names, uncertainty=own))
+
+
+@calibrate.command("weights")
+def weights(
+    rig: RigName,
+    masses: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, such as '0 kg,1 kg,5 kg'.")],
+    uncertainty: Own = None,
+    gravity: Annotated[
+        str | None, typer.Option(metavar="VALUE", help="Where the cell is; if left out, standard to 0.15 %.")
+    ] = None,
+    gravity_uncertainty: Annotated[str | None, typer.Option(metavar="VALUE", help="Standard, of --gravity.")] = None,
+    channel: Annotated[str, typer.Option("--channel", help="The load cell.")] = "tension",
+    machine: On = None,
+    simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 1000, sensor: Sensor = "",
+    reference: Name = "masses", valid_for: Valid = None, out: Out = None, as_json: Json = False,
+) -> None:  # fmt: skip
+    """A load cell from dead weights, hung up and down again."""
+    from ..bench.calibrate.estimate import GRAVITY, GRAVITY_UNCERTAINTY, Reference
+
+    wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
+    own = _value("--uncertainty", uncertainty, "kg")
+    if gravity is None and gravity_uncertainty is not None:
+        raise InputError("--gravity-uncertainty", gravity_uncertainty, "allowed beside --gravity")
+    g = GRAVITY if gravity is None else _value("--gravity", gravity, "m/s^2", 9.7, 9.9)
+    of_g = GRAVITY_UNCERTAINTY if gravity is None else _value("--gravity-uncertainty", gravity_uncertainty, "m/s^2")
+    # what is simulated hangs at standard gravity, unless it is said how far that is known
+    simulated = Reference(reference, own * g, 0.0 if gravity is None else of_g / g, exact_nothing=True)
+    with _session(wanted, simulated) as session:
+        found = session.weights(
+            _values("--masses", masses, "kg"), uncertainty=own, gravity=g, gravity_uncertainty=of_g, name=reference,
+            channel=channel,
+        )  # fmt: skip
+        _done(wanted, session, found)
+
+
+@calibrate.command("pressure")
+def pressure(
+    rig: RigName,
+    pressures: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, gauge, such as '0 bar,3 bar,6 bar'.")],
+    uncertainty: Own = None, scale_uncertainty: Scale = "0 %", channel: Channels = "pressure",
+    machine: On = None,
+    simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 1000, sensor: Sensor = "",
+    reference: Name = "reference gauge", valid_for: Valid = None, out: Out = None, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Pressure sensors beside a reference gauge."""
+    from ..bench.calibrate.estimate import Reference
+
+    wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
+    share = _value("--scale-uncertainty", scale_uncertainty, "1", 0.0, 1.0)
+    gauge = Reference(reference, _value("--uncertainty", uncertainty, "Pa"), share)
+    with _session(wanted, gauge) as session:
+        _done(wanted, session, session.pressure(_values("--pressures", pressures, "Pa"), gauge, _names(channel)))
+
+
+@calibrate.command("encoder")
+def encoder(
+    rig: RigName,
+    travels: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, such as '0 mm,50 mm'.")],
+    uncertainty: Own = None, scale_uncertainty: Scale = "0 %",
+    machine: On = None,
+    simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 100, sensor: Sensor = "",
+    reference: Name = "gauge blocks", valid_for: Valid = None, out: Out = None, as_json: Json = False,
+) -> None:  # fmt: skip
+    """The encoder from known travels, such as of gauge blocks: metres per count against nominal."""
+    from ..bench.calibrate.estimate import Reference
+
+    wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
+    share = _value("--scale-uncertainty", scale_uncertainty, "1", 0.0, 1.0)
+    blocks = Reference(reference, _value("--uncertainty", uncertainty, "m"), share)
+    with _session(wanted, blocks) as session:
+        _done(wanted, session, session.encoder(_values("--travels", travels, "m"), blocks))
+
+
+@calibrate.command("skew")
+def skew(
+    rig: RigName,
+    channel: Channels = "pressure,tension",
+    frequency: Annotated[str, typer.Option(metavar="VALUE", help="Of the sine; of a sweep, at its beginning.")] = "20 Hz",
+    to: Annotated[str | None, typer.Option(metavar="VALUE", help="Of a linear sweep, at the last sample.")] = None,
+    machine: On = None,
+    simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 5000, valid_for: Valid = None,
+    out: Out = None, as_json: Json = False,
+) -> None:  # fmt: skip
+    """By how much channels lag the first one, from a signal that all of them see."""
+    wanted = _Wanted(rig, change, machine, simulate, seed, samples, "", valid_for, out, as_json)
+    first = _value("--frequency", frequency, "1/s", 1e-3, 1e6)
+    last = None if to is None else _value("--to", to, "1/s", 1e-3, 1e6)
+    with _session(wanted, None) as session:
+        _done(wanted, session, session.skew(_names(channel), frequency=first, to=last))
+
+
+class _Wanted(NamedTuple):
+    """The options that all sessions share."""
+
+    rig: str
+    change: list[str] | None
+    machine: str | None
+    simulate: bool
+    seed: int
+    samples: int
+    sensor: str
+    valid_for: str | None
+    out: Path | None
+    as_json: bool
+
+
+@contextmanager
+def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[Session]:
+    """A session with its source of readings; what is wrong with the file is said before anybody is asked."""
+    from ..bench.calibrate.file import merged
+    from ..bench.calibrate.session import Session
+    from ..bench.provenance import created
+    from ..bench.rig_file import rig as rig_of
+    from ..recordings.calibration import LONGEST
+
+    writable("--out", wanted.out, ".toml")
+    given = pairs(wanted.change, "--set", _FAULT)
+    for path, value in given.items():
+        if not path.startswith("rig."):
+            raise InputError(f"--set {path}", value, f"allowed is a value of the rig, such as {_FAULT}")
+    valid = math.inf if wanted.valid_for is None else _value("--valid-for", wanted.valid_for, "s", 1.0, LONGEST)
+    rig = rig_of(wanted.rig, {path.removeprefix("rig."): value for path, value in given.items()})
+    date = created()
+    if wanted.out is not None:
+        merged(wanted.out, rig.name, {}, date)
+    with _source(wanted, rig, reference) as (source, ask, again):
+        yield Session(
+            source=source,
+            ask=ask,
+            date=date,
+            valid_for=valid,
+            sensor=wanted.sensor,
+            samples=wanted.samples,
+            again=again,
+        )
+
+
+@contextmanager
+def _source(wanted: _Wanted, rig: Rig, reference: Reference | None) -> Iterator[tuple[Source, Ask, Any]]:
+    """Where the readings come from, who brings the points about, and who is told of those that are refused."""
+    from ..bench.calibrate.sources import SimulatedPerson, SimulatedSensors
+
+    if wanted.simulate:
+        sensors = SimulatedSensors(rig, wanted.seed)
+        yield sensors, SimulatedPerson(sensors, reference, wanted.seed), None
+        return
+    if wanted.machine is None:
+        raise InputError("--on", "missing", "no machine is connected; allowed is --on MACHINE, or --simulate")
+    if not sys.stdin.isatty():
+        raise InputError("terminal", "none", "nobody can be asked for the points; allowed is a terminal, or --simulate")
+    from ..bench.calibrate.machine import HardwareReadings
+    from ..bench.calibrate.sources import PERIOD, grids
+    from ..bench.hardware.connect import connected
+
+    with connected(wanted.machine, rig, PERIOD) as hardware:
+        assert hardware is not None
+        with HardwareReadings(hardware, rig.converters(0.0), scales=grids(rig)) as readings:
+            yield readings, ask_person, tell_person
+
+
+def ask_person(task: Task) -> float | None:
+    """Ask at the terminal, on standard error; what the reference shows is typed with its unit."""
+    from ..quantities import parse, with_unit
+
+    if not task.gauge:
+        typer.prompt(
+            f"{task.sentence[0].upper()}{task.sentence[1:]}, then press Enter", "", show_default=False, err=True
+        )
+        return None
+    value = next(iter(task.values.values()))
+    while True:
+        asked = f"{task.sentence[0].upper()}{task.sentence[1:]}; what does the reference show"
+        try:
+            return parse(str(typer.prompt(asked, with_unit(value, "Pa"), err=True)), "Pa", field="reference")
+        except InputError as error:
+            tell_person(error)
+
+
+def tell_person(error: InputError) -> None:
+    """Say that a point was refused; it is asked for again."""
+    typer.echo(f"mckibben: {error}; once more", err=True)
+
+
+def _done(wanted: _Wanted, session: Session, found: Outcome) -> None:
+    """Keep and show what was found."""
+    from ..bench.calibrate.file import merged, write_calibration
+    from ..bench.rig_file import rig as rig_of
+    from ..recordings.calibration import Calibration
+
+    name = rig_of(wanted.rig).name
+    notes = []
+    if wanted.out is None:
+        whole = Calibration(rig=name, created=session.date, corrections=found.corrections)
+    else:
+        before = merged(wanted.out, name, {}, session.date).corrections
+        whole = merged(wanted.out, name, found.corrections, session.date)
+        for channel, one in found.corrections.items():
+            other = before[channel].sensor if channel in before else one.sensor
+            if other and one.sensor and other != one.sensor:
+                notes.append(f"{channel} was of the sensor {other}: what was known of it is dropped")
+        write_calibration(whole, wanted.out)
+    if wanted.as_json:
+        print_json(say_outcome(whole, found, wanted.out, notes))
+    else:
+        print_outcome(whole, found, wanted.out, notes)
+
+
+def _names(words: str) -> Sequence[str]:
+    names = [n.strip() for n in words.split(",") if n.strip()]
+    if not names or len(set(names)) < len(names):
+        raise InputError("--channel", words, "allowed are names of channels, parted by commas, each once")
+    return names
+
+
+def _value(option: str, words: str | None, unit: str, low: float = 0.0, high: float = 1e9) -> float:
+    """An option as SI; nothing where it is left out."""
+    from ..quantities import parse, with_unit
+
+    if words is None:
+        return 0.0
+    value = parse(words, unit, field=option)
+    if not low <= value <= high:
+        top = "or more" if high == 1e9 else f"to {with_unit(high, unit)}"
+        raise InputError(option, words, f"allowed is {with_unit(low, unit)} {top}")
+    return value
+
+
+def _values(option: str, words: str, unit: str) -> Sequence[float]:
+    """Several values as SI."""
+    from ..quantities import parse
+
+    found = [parse(word, unit, field=option) for word in words.split(",") if word.strip()]
+    if not found:
+        raise InputError(option, words, "allowed are two different ones or more, parted by commas")
+    return found

@@ -1,0 +1,198 @@
+"""``calibrate show`` and ``calibrate apply``, and what a session says at its end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import InputError
+from .words import Json, print_json, table, writable
+
+if TYPE_CHECKING:
+    import datetime
+
+    from ..bench.calibrate.session import Outcome
+    from ..recordings.calibration import Calibration, Correction
+
+POINTS = 40  # rows of points that a person is shown
+UNITS = {"gain": "1", "skew": "s"}  # that of the channel for the rest
+
+
+def show(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A calibration, .toml, or a recording that carries one.")
+    ],
+    as_json: Json = False,
+) -> None:
+    """Show a calibration: values, 95 % intervals, origin and age; what has expired is marked."""
+    from ..recordings.calibration import moment
+
+    whole = _known(file)
+    now = _now()
+    if as_json:
+        print_json(
+            {
+                "file": str(file), "rig": whole.rig, "created": whole.created, "expired": list(whole.expired(now)),
+                "channels": {name: _told(one, now) for name, one in whole.corrections.items()},
+            }
+        )  # fmt: skip
+        return
+    rows = []
+    for name, one in whole.corrections.items():
+        over = one.expired(now)
+        for key, term in one.terms.items():
+            origin = term.origin
+            age, until, by = "", "", ""
+            if origin is not None:
+                age = f"{(now - moment(origin.date)).total_seconds() / 86400.0:.0f} days"
+                until = "for ever" if origin.expires is None else f"{origin.expires:%Y-%m-%d}"
+                by = f"{origin.method}, {origin.reference}" if origin.reference else origin.method
+            rows.append([name, key, *_shown(one, key), by, one.sensor, age, until, "EXPIRED" if key in over else ""])
+    columns = ["channel", "", "value", "+- 95 %", "by", "sensor", "age", "valid until", ""]
+    table(f"Calibration of the rig {whole.rig}, {whole.created}", columns, rows, right=[2, 3])
+    for sentence in whole.expired(now):
+        typer.echo(f"Note: {sentence}")
+
+
+def apply(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="With or without a calibration.")],
+    out: Annotated[Path, typer.Option(metavar="FILE.nc|.csv", help="Where to.")],
+    calibration: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="What is applied.")] = None,
+    off: Annotated[bool, typer.Option("--off", help="Take the calibration off that the recording carries.")] = False,
+    skew: Annotated[bool, typer.Option("--skew", help="Also shift the channels by their skews.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Apply a calibration to a recording, instead of the one it carries; nothing is lost by it."""
+    from ..bench.calibrate.file import read_calibration
+    from ..recordings import read_recording
+    from ..recordings.recalibration import recalibrate
+
+    writable("--out", out, ".nc", ".csv")
+    if off == (calibration is not None):
+        raise InputError("--calibration", str(calibration or "missing"), "allowed is a file, or --off")
+    if off and skew:
+        raise InputError("--skew", "beside --off", "allowed beside --calibration")
+    new = None if calibration is None else read_calibration(calibration)
+    known = read_recording(recording)
+    try:
+        done = recalibrate(known, new, skew=skew)
+    except InputError as error:
+        raise error.at(str(recording)) from None
+    done.save(out)
+    before = known.meta.get("warnings") or []
+    notes = [w for w in done.meta.get("warnings") or [] if w not in before]
+    if new is not None:
+        notes += [s for s in new.expired(_now()) if s not in notes]
+    measured = [n for n in known.names("measured") if n in done and (done[n] != known[n]).any()]
+    if as_json:
+        print_json(
+            {
+                "file": str(out), "source": str(recording), "changed": measured,
+                "skew_corrected": done.meta.get("skew_corrected") or [], "warnings": notes, "summary": done.summary(),
+                "saturation": done.meta.get("saturation") or {},
+            }
+        )  # fmt: skip
+        return
+    typer.echo(f"Written: {out}, changed are {', '.join(measured) or 'no channels'}")
+    for note in notes:
+        typer.echo(f"Note: {note}")
+
+
+def say_outcome(whole: Calibration, found: Outcome, out: Path | None, notes: list[str]) -> dict[str, Any]:
+    """What a session found, for a program."""
+    now = _now()
+    points = {
+        name: [
+            {"true": p.true, "indicated": p.reading.mean, "scatter": p.reading.scatter}
+            | ({"residual": float(found.lines[name].residuals[i])} if name in found.lines else {})
+            for i, p in enumerate(some)
+        ]
+        for name, some in found.points.items()
+    }
+    return {
+        "file": None if out is None else str(out), "rig": whole.rig, "warnings": notes,
+        "channels": {name: _told(one, now) for name, one in found.corrections.items()}, "points": points,
+        "hysteresis": {name: one.hysteresis for name, one in found.lines.items()},
+        "misfit": {name: one.misfit for name, one in found.lines.items()},
+    }  # fmt: skip
+
+
+def print_outcome(whole: Calibration, found: Outcome, out: Path | None, notes: list[str]) -> None:
+    """What a session found, for a person."""
+    from ..quantities import with_unit
+
+    rows = []
+    for name, some in found.points.items():
+        unit = found.corrections[name].unit
+        for i, p in enumerate(some[:POINTS]):
+            left = with_unit(float(found.lines[name].residuals[i]), unit, 3) if name in found.lines else ""
+            rows.append([name, with_unit(p.true, unit, 6), with_unit(p.reading.mean, unit, 7), left])
+    if rows:
+        table("", ["channel", "true", "indicated", "left"], rows, right=[1, 2, 3])
+        typer.echo("")
+    terms = [[name, key, *_shown(one, key)] for name, one in found.corrections.items() for key in one.terms]
+    table("", ["channel", "", "value", "+- 95 %"], terms, right=[2, 3])
+    for name, line in found.lines.items():
+        unit = found.corrections[name].unit
+        words = f"from the line at most {with_unit(line.linearity, unit, 3)}"
+        typer.echo(f"{name}: {words}, between up and down at most {with_unit(line.hysteresis, unit, 3)}.")
+    for note in notes:
+        typer.echo(f"Note: {note}")
+    if out is not None:
+        typer.echo(f"Written: {out}, of {', '.join(whole.corrections)}")
+
+
+def _known(file: Path) -> Calibration:
+    from ..bench.calibrate.file import read_calibration
+    from ..recordings import read_recording
+    from ..recordings.recalibration import carried
+
+    if file.suffix.lower() == ".toml":
+        return read_calibration(file)
+    try:
+        found = carried(read_recording(file))
+    except InputError as error:
+        raise error if error.where == str(file) else error.at(str(file)) from None
+    if found is None:
+        raise InputError("calibration", "none", "the recording carries none", where=str(file))
+    return found
+
+
+def _told(one: Correction, now: datetime.datetime) -> dict[str, Any]:
+    """A correction for a program: every term with its interval, its origin and whether it has expired."""
+    over = one.expired(now)
+    out: dict[str, Any] = {
+        "unit": one.unit, "sensor": one.sensor, "correlation": one.correlation, "linearity": one.linearity
+    }  # fmt: skip
+    for key, term in one.terms.items():
+        low, high = term.interval()
+        number = {
+            "value": term.value,
+            "uncertainty": term.uncertainty,
+            "degrees": term.degrees,
+            "low": low,
+            "high": high,
+        }
+        origin = {} if term.origin is None else dict(vars(term.origin))
+        out[key] = {**number, "unit": UNITS.get(key, one.unit), "expired": key in over, **origin}
+    return out
+
+
+def _shown(one: Correction, key: str) -> list[str]:
+    """A term's value and half its interval as a person reads them."""
+    from ..quantities import with_unit
+
+    term = one.terms[key]
+    low, high = term.interval()
+    if key == "skew":
+        return [f"{1e6 * term.value:.5g} us", f"{5e5 * (high - low):.2g} us"]
+    unit = UNITS.get(key, one.unit)
+    return [with_unit(term.value, unit, 7), with_unit(0.5 * (high - low), unit, 2)]
+
+
+def _now() -> datetime.datetime:
+    import datetime
+
+    return datetime.datetime.now(datetime.UTC)

@@ -1,0 +1,238 @@
+"""What a calibration says: per channel gain, zero and skew with their uncertainties, and where each of them comes from.
+
+    true = gain (indicated - zero),   true(t) = recorded(t + skew)
+
+*Indicated* is what the nominal scale of the rig's converter gives; of an encoder, the travel since it was zeroed. The skew
+is the time by which a channel lags the first one. A recording carries its calibration in its meta, under ``calibration``,
+as the plain table of `Calibration.plain`, in SI; `bench.calibrate` finds it and keeps it in files.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..errors import InputError
+
+SCHEMA = 1
+DAY = 86400.0  # [s]
+LONGEST = 36525.0 * DAY  # for which a calibration may be said to be valid [s]; without an end is infinite
+# Value where nobody determined it, and bounds [unit of the channel; gain 1, skew s].
+TERMS = {"gain": (1.0, 1e-3, 1e3), "zero": (0.0, -1e9, 1e9), "skew": (0.0, -1.0, 1.0)}
+Moment = datetime.datetime | str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where a number comes from.
+
+    Attributes:
+        method: such as ``weights``.
+        date: in ISO 8601.
+        reference: what it was compared with, such as ``M1 masses, S/N 7``.
+        reference_uncertainty: of the reference, standard, of each of its values [unit of the channel].
+        scale_uncertainty: of the reference, standard, of all its values alike, as a share [1].
+        valid_for: time after the date [s], or infinite.
+        points: how many were compared.
+    """
+
+    method: str
+    date: str
+    reference: str = ""
+    reference_uncertainty: float = 0.0
+    scale_uncertainty: float = 0.0
+    valid_for: float = math.inf
+    points: int = 0
+
+    @property
+    def expires(self) -> datetime.datetime | None:
+        """When it does, in UTC; None where it never does."""
+        if math.isinf(self.valid_for):
+            return None
+        try:
+            return moment(self.date) + datetime.timedelta(seconds=self.valid_for)
+        except OverflowError:  # beyond the year 9999
+            return None
+
+
+@dataclass(frozen=True)
+class Term:
+    """One number of a correction, its standard uncertainty with the degrees of freedom of that, and its origin.
+
+    The uncertainty is NaN, and the origin None, where nobody determined it.
+    """
+
+    value: float
+    uncertainty: float = math.nan
+    degrees: float = math.inf
+    origin: Origin | None = None
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """The two-sided interval, by Student's t [unit]; NaN where nobody determined it."""
+        half = coverage(self.degrees, confidence) * self.uncertainty
+        return self.value - half, self.value + half
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """Of one channel.
+
+    Attributes:
+        unit: SI unit of the channel.
+        terms: ``gain`` [1], ``zero`` [unit], ``skew`` [s]; those that were determined.
+        sensor: serial number or name.
+        correlation: of gain and zero [1].
+        linearity: largest departure of a compared point from the line [unit]; NaN where none were compared.
+    """
+
+    unit: str
+    terms: Mapping[str, Term] = field(default_factory=dict)
+    sensor: str = ""
+    correlation: float = 0.0
+    linearity: float = math.nan
+
+    def term(self, name: str) -> Term:
+        """One of `TERMS`, as it is without a calibration where nobody determined it."""
+        return self.terms.get(name, Term(TERMS[name][0]))
+
+    @property
+    def gain(self) -> float:
+        """True over indicated [1]."""
+        return self.term("gain").value
+
+    @property
+    def zero(self) -> float:
+        """What is indicated at nothing [unit]."""
+        return self.term("zero").value
+
+    @property
+    def skew(self) -> float:
+        """Time by which the channel lags the first one [s]."""
+        return self.term("skew").value
+
+    def true(self, indicated: Any) -> Any:
+        """True values of indicated ones [unit]."""
+        return self.gain * (indicated - self.zero)
+
+    def indicated(self, true: Any) -> Any:
+        """Indicated values of true ones [unit]; the inverse of `true` to rounding."""
+        return true / self.gain + self.zero
+
+    def uncertainty(self, indicated: Any) -> Any:
+        """Standard uncertainty of the true values [unit], of gain, zero and their correlation; NaN without both."""
+        gain, zero = self.term("gain"), self.term("zero")
+        by_gain, by_zero = gain.uncertainty * (indicated - self.zero), -self.gain * zero.uncertainty
+        return (by_gain**2 + by_zero**2 + 2.0 * self.correlation * by_gain * by_zero) ** 0.5
+
+    def expired(self, now: Moment) -> tuple[str, ...]:
+        """The terms whose time is over."""
+        ends = {n: t.origin.expires for n, t in self.terms.items() if t.origin is not None}
+        return tuple(n for n, end in ends.items() if end is not None and moment(now) > end)
+
+    def updated(self, found: Correction) -> Correction:
+        """With what another one determined; a sensor by another name takes nothing over from the one before it.
+
+        Raises:
+            InputError: if the unit differs.
+        """
+        if found.unit != self.unit:
+            raise InputError("unit", found.unit, f"the calibration has {self.unit}")
+        if found.sensor and self.sensor and found.sensor != self.sensor:
+            return found
+        lined = {"gain", "zero"} & set(found.terms)
+        return Correction(
+            unit=self.unit, terms={**self.terms, **found.terms}, sensor=found.sensor or self.sensor,
+            correlation=found.correlation if lined else self.correlation,
+            linearity=found.linearity if "gain" in found.terms else self.linearity,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """Of the channels of a rig, with the date of its last change in ISO 8601."""
+
+    rig: str
+    created: str
+    corrections: Mapping[str, Correction] = field(default_factory=dict)
+
+    def correction(self, channel: str) -> Correction:
+        """That of a channel.
+
+        Raises:
+            InputError: if it is not calibrated.
+        """
+        if channel not in self.corrections:
+            known = ", ".join(self.corrections) or "none"
+            raise InputError("channel", channel, f"calibrated are {known}")
+        return self.corrections[channel]
+
+    def apply(self, channel: str, indicated: Any) -> Any:
+        """True values of a channel for indicated ones [its unit]."""
+        return self.correction(channel).true(indicated)
+
+    def indicated(self, channel: str, true: Any) -> Any:
+        """Indicated values of a channel for true ones [its unit]."""
+        return self.correction(channel).indicated(true)
+
+    def updated(self, found: Mapping[str, Correction], date: str) -> Calibration:
+        """With what was determined at a date; other channels, and other terms of the same sensor, are kept."""
+        kept = dict(self.corrections)
+        for name, one in found.items():
+            kept[name] = kept[name].updated(one) if name in kept else one
+        return Calibration(rig=self.rig, created=date, corrections=kept)
+
+    def expired(self, now: Moment) -> tuple[str, ...]:
+        """One sentence for each channel of which something is older than its validity."""
+        said = []
+        for name, one in self.corrections.items():
+            over = one.expired(now)
+            for method in dict.fromkeys(one.terms[term].origin.method for term in over):  # type: ignore[union-attr]
+                which = [term for term in over if one.terms[term].origin.method == method]  # type: ignore[union-attr]
+                origin = one.terms[which[0]].origin
+                assert origin is not None
+                said.append(
+                    f"the calibration of {name} ({' and '.join(which)} by {method} on {origin.date[:10]}, valid for "
+                    f"{origin.valid_for / DAY:.4g} days) expired on {origin.expires:%Y-%m-%d}"
+                )
+        return tuple(said)
+
+    def plain(self) -> dict[str, Any]:
+        """As a table of JSON's own types, in SI: what `calibration_table.read_plain` takes."""
+        channels = {name: _plain_correction(one) for name, one in self.corrections.items()}
+        return {"schema": SCHEMA, "rig": self.rig, "created": self.created, "channels": channels}
+
+
+def moment(value: Moment) -> datetime.datetime:
+    """A date and time in UTC, which is meant where a text names no zone.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        found = datetime.datetime.fromisoformat(value) if isinstance(value, str) else value
+        return found.replace(tzinfo=datetime.UTC) if found.tzinfo is None else found.astimezone(datetime.UTC)
+    except (TypeError, ValueError, AttributeError, OverflowError):
+        raise InputError("date", str(value), "allowed is a date such as 2026-03-31T12:00:00+00:00") from None
+
+
+def coverage(degrees: float, confidence: float = 0.95) -> float:
+    """By how many standard uncertainties an interval reaches to either side: Student's t."""
+    from scipy import stats
+
+    share = 0.5 + confidence / 2.0
+    return float(stats.norm.ppf(share) if math.isinf(degrees) else stats.t.ppf(share, degrees))
+
+
+def _plain_correction(one: Correction) -> dict[str, Any]:
+    out: dict[str, Any] = {"unit": one.unit, "sensor": one.sensor, "correlation": one.correlation}
+    if not math.isnan(one.linearity):
+        out["linearity"] = one.linearity
+    for name, term in one.terms.items():
+        number: dict[str, Any] = {"value": term.value}
+        if not math.isnan(term.uncertainty):
+            number |= {"uncertainty": term.uncertainty, "degrees": term.degrees}
+        out[name] = number | ({} if term.origin is None else dict(vars(term.origin)))
+    return out
