@@ -49,7 +49,7 @@ def test_an_expired_calibration_is_said_and_another_rigs_is_refused():
     prepared = bench("isotonic-triangle", on=on.calibrated(calibration(valid_for=86400.0)), **VALUES)
     (said,) = prepared.cautions
     assert "tension" in said and "expired on 2020-01-02" in said
-    with pytest.raises(InputError, match="allowed is a calibration of paper"):
+    with pytest.raises(InputError, match="has to be of the rig paper"):
         on.calibrated(calibration("modern"))
     odd = dataclasses.replace(calibration(), corrections={"colour": calibration().correction("tension")})
     with pytest.raises(InputError, match="channel is 'colour'; the rig measures"):
