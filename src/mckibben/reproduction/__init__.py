@@ -26,7 +26,7 @@ def reproduce(
         tell: called with words while a recording is made, of which several rows are computed; that takes minutes.
         recordings: off leaves out the rows that need them.
     """
-    from . import discussion, isometric, isotonic, lubricants, part1, part2, quasi_static, sinusoids, static_fit  # noqa: F401
+    from . import discussion, isometric, isotonic, lubricants, part1, part2, part4, quasi_static, sinusoids, static_fit  # noqa: F401
     from .recorded import told
 
     outcomes = []

@@ -22,6 +22,7 @@ FOLDER_VARIABLE = "MCKIBBEN_SPECIMENS"
 KNOWN_PROPERTIES = {
     "rest_length": "m",
     "upper_length": "m",
+    "stretched_length": "m",
     "diameter_shortened": "m",
     "rest_inner_diameter": "m",
     "wall_thickness": "m",

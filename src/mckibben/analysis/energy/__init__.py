@@ -1,0 +1,33 @@
+"""The energy of working cycles, Part IV of the paper: what goes in, what comes out, and where the rest goes.
+
+    muscle = cycle_muscle(law, "potential")
+    one = energy_cycle(muscle, "maximal", Conditions(pressure=5e5, stretched_length=0.155, friction=2.5))
+    one.input, one.output, one.efficiency
+
+Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753, and the
+longer report of the same work, whose Part IV this is.
+"""
+
+from .curves import EnergyCurve, best_pressure, energy_curve, zero_pressure
+from .cycles import CYCLES, READINGS, Conditions, EnergyCycle, energy_cycle
+from .loops import CycleLoops, Path, cycle_loops
+from .volumes import VOLUMES, CycleMuscle, cycle_muscle, has_paper_volume
+
+__all__ = [
+    "CYCLES",
+    "READINGS",
+    "VOLUMES",
+    "Conditions",
+    "CycleLoops",
+    "CycleMuscle",
+    "EnergyCurve",
+    "EnergyCycle",
+    "Path",
+    "best_pressure",
+    "cycle_loops",
+    "cycle_muscle",
+    "energy_curve",
+    "energy_cycle",
+    "has_paper_volume",
+    "zero_pressure",
+]

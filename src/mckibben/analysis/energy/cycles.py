@@ -1,0 +1,289 @@
+"""Working cycles of a muscle: shorten under a high pressure, give the air away, be stretched again (Part IV of the paper).
+
+    maximal    at constant pressure from the stretched length until the muscle pulls no more          ABCD, Fig. 12
+    isotonic   against a constant load while the pressure rises to its highest                        EFGH, Fig. 13
+    valve      the same, the air from a supply at the highest pressure through a valve                EF'GH, Fig. 13
+
+Air comes from the surroundings, or from an accumulator at ``exchange_pressure``, is compressed isothermally by a piston
+without losses, and goes back there. All else is quasi-stationary. With the pressures P' above the surroundings, P'x that of
+the exchange, P and Px absolute, and V1 the volume at the short end,
+
+    input = P V1 (ln(P/Px) - 1 + Px/P)  +  integral of (P' - P'x) dV from the stretched to the short end     (eqs. 34, 39)
+    output = integral of the tendon's tension over the shortening, less the same over the stretch                (eq. 40)
+
+What is not output is traced: friction, what the valve throttles, and what leaves with the air: its exergy, the work of the
+muscle as it empties, the spring of the slack braid. Each is an integral of its own; ``unaccounted`` is what they do not
+explain, zero but for rounding where tension and volume come from one potential.
+Range: taut lengths of the law, pressures above its threshold. Heat, leaks and the volume of tubes are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...components import Environment
+from ...errors import InputError
+from ...quantities import with_unit
+from .volumes import CycleMuscle, Probe
+
+CYCLES = {
+    "maximal": "constant pressure, maximal shortening",
+    "isotonic": "isotonic, the pressure programmed",
+    "valve": "isotonic, constant supply through a valve",
+}
+# Where friction acts in the isotonic cycles. The printed joules leave it out of the path and take it off the output.
+READINGS = {
+    "printed": "the load's mean is taken as tension inside the braid: friction lessens the output only",
+    "throughout": "the load's mean is tension of the tendon: friction is in the length, the pressure and the output",
+}
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(32)
+
+
+class Conditions(NamedTuple):
+    """What a cycle is run between.
+
+    Attributes:
+        pressure: highest gauge pressure, that of the supply [Pa].
+        stretched_length: length at which each cycle begins, L2 [m].
+        ambient: the surroundings; only their pressure counts.
+        exchange_pressure: gauge pressure of the accumulator; zero is the surroundings [Pa].
+        friction: Coulomb friction while shortening [N].
+        return_friction: the same while stretched again, zero in the paper [N].
+        reading: of `READINGS`, where friction acts in the isotonic cycles.
+    """
+
+    pressure: float
+    stretched_length: float
+    ambient: Environment = Environment()
+    exchange_pressure: float = 0.0
+    friction: float = 0.0
+    return_friction: float = 0.0
+    reading: str = "printed"
+
+    def check(self, muscle: CycleMuscle) -> None:
+        """Raise `InputError` for conditions under which the muscle makes no cycle."""
+        known = {"friction": "N", "return_friction": "N", "stretched_length": "m"}
+        for name, unit in known.items():
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(name, f"{value:g} {unit}", "allowed is a number that is not negative")
+        if self.reading not in READINGS:
+            raise InputError("reading", self.reading, f"known are {', '.join(READINGS)}")
+        _check_pressures(self, float(muscle.threshold()))
+        _check_length(self, muscle)
+
+
+class EnergyCycle(NamedTuple):
+    """One working cycle [J], its ends and its air; plain floats, or arrays in a curve.
+
+    Attributes:
+        input: work of the piston.
+        output: net work given to the load; negative where friction takes more than is given.
+        efficiency: output over input [1].
+        compression: work until the muscle begins to shorten.
+        delivery: work while it shortens.
+        friction: turned into heat by friction.
+        throttling: lost in the valve of the supply.
+        exhaust: exergy of the air that leaves, against the exchange.
+        emptying: work of the muscle on that air while it empties.
+        slackening: energy of the empty braid that springs back to its free length.
+        unaccounted: input less all of these, a remainder.
+        shortened_length: short end, L1 or L3 [m].
+        shortened_volume: gas volume there [m^3].
+        stretched_volume: gas volume at the stretched length and the exchange pressure, V2 [m^3].
+        load: tension of the tendon as the shortening begins [N].
+        start_pressure: gauge pressure at which it begins [Pa].
+        taut_length: length from which stretching takes force [m].
+    """
+
+    input: Any
+    output: Any
+    efficiency: Any
+    compression: Any
+    delivery: Any
+    friction: Any
+    throttling: Any
+    exhaust: Any
+    emptying: Any
+    slackening: Any
+    unaccounted: Any
+    shortened_length: Any
+    shortened_volume: Any
+    stretched_volume: Any
+    load: Any
+    start_pressure: Any
+    taut_length: Any
+
+
+def energy_cycle(muscle: CycleMuscle, name: str, conditions: Conditions) -> EnergyCycle:
+    """One cycle in numbers.
+
+    Args:
+        muscle: from `cycle_muscle`.
+        name: of `CYCLES`.
+        conditions: between which pressures and lengths, and with which friction.
+
+    Raises:
+        InputError: a name is unknown, the pressure does not exceed the threshold, the stretch is out of the law's domain,
+            or the muscle cannot shorten.
+    """
+    if name not in CYCLES:
+        raise InputError("cycle", name, f"known are {', '.join(CYCLES)}")
+    conditions.check(muscle)
+    found = EnergyCycle(*(float(v) for v in computed(muscle, name, conditions)))
+    if not math.isfinite(found.input):
+        raise InputError(
+            "pressure",
+            with_unit(conditions.pressure, "Pa"),
+            f"the cycle '{name}' cannot begin; allowed is more, or a lower exchange pressure",
+        )
+    return found
+
+
+def _check_pressures(c: Conditions, threshold: float) -> None:
+    ambient = float(c.ambient.pressure_abs)
+    if not (math.isfinite(c.pressure) and threshold < c.pressure <= 1e8):
+        least = f"the threshold of {with_unit(threshold, 'Pa')}" if threshold else "that of the surroundings"
+        raise InputError("pressure", with_unit(c.pressure, "Pa"), f"allowed is above {least}, up to 1000 bar")
+    if not -0.99 * ambient <= c.exchange_pressure < c.pressure:
+        raise InputError(
+            "exchange_pressure", with_unit(c.exchange_pressure, "Pa"), "allowed is below the pressure, above a vacuum"
+        )
+
+
+def _check_length(c: Conditions, muscle: CycleMuscle) -> None:
+    shown, thread = with_unit(c.stretched_length, "m"), getattr(muscle.law, "thread_length", None)
+    if thread is not None and c.stretched_length >= float(thread):
+        longest = with_unit(float(thread), "m")
+        raise InputError("stretched_length", shown, f"allowed is below {longest}, the length of its threads")
+    probe = Probe(muscle)
+    full, empty = probe.tension(c.stretched_length, [c.pressure, 0.0])
+    if probe.volume(c.stretched_length, c.pressure) <= 0.0 or full <= empty:
+        raise InputError(
+            "stretched_length", shown, "the braid holds no gas there that pulls; allowed is a shorter stretch"
+        )
+    if full <= c.friction:
+        words = "the muscle does not shorten from there against its friction; allowed is a longer stretch"
+        raise InputError("stretched_length", shown, words)
+
+
+# ---- the numbers, for one pressure or an array of them
+
+
+def computed(muscle: CycleMuscle, name: str, c: Conditions, pressure: np.ndarray | float | None = None) -> EnergyCycle:
+    """A cycle under conditions that were checked, or at other gauge pressures (n,) [Pa]; not a number where impossible."""
+    probe, long = Probe(muscle), c.stretched_length
+    high, low = np.asarray(c.pressure if pressure is None else pressure, float), c.exchange_pressure
+    start, inside, load = _start(probe, name, c, high)
+    least, most = (float(v) for v in muscle.length_range())
+    end = rising_root(lambda x: probe.tension(x, high) - inside, np.full_like(high, least), np.full_like(high, long))
+    short, rest = probe.volume(end, high), probe.volume(long, low)
+    fill = _filling(probe, long, low, start)
+
+    def along(function: Callable[[Any], np.ndarray], a: Any, b: Any) -> np.ndarray:
+        return _integral(function, a, b, most)
+
+    if name == "maximal":
+        delivery = (high - low) * (short - probe.volume(long, high))
+        given = along(lambda x: probe.tension(x, _wide(high)), end, long)
+    else:
+        delivery = along(lambda x: _isotonic_power(probe, x, _wide(inside), low, _wide(high)), end, long)
+        given = inside * (long - end)
+    throttling = (high - low) * (short - rest) - fill - delivery if name == "valve" else np.zeros_like(high)
+    exhaust = _exergy(c, high, short)
+    taut = rising_root(lambda x: probe.tension(x, low), end, np.full_like(high, long))
+    taken = along(lambda x: probe.tension(x, low) + c.return_friction, taut, long)
+    rubbed = c.friction * (long - end)
+    friction = rubbed + c.return_friction * (long - taut)
+    emptying = _filling(probe, end, low, high)
+    slackening = -along(lambda x: probe.tension(x, low), end, taut)
+    put_in, output = exhaust + fill + delivery + throttling, given - rubbed - taken
+    possible = probe.tension(long, high) >= inside
+    if name != "maximal":
+        possible &= probe.tension(long, low) <= inside
+    put_in, output = np.where(possible, put_in, np.nan), np.where(possible, output, np.nan)
+    return EnergyCycle(
+        input=put_in,
+        output=output,
+        efficiency=output / put_in,
+        compression=exhaust + fill,
+        delivery=delivery + throttling,
+        friction=friction,
+        throttling=throttling,
+        exhaust=exhaust,
+        emptying=emptying,
+        slackening=slackening,
+        unaccounted=put_in - output - friction - throttling - exhaust - emptying - slackening,
+        shortened_length=end,
+        shortened_volume=short,
+        stretched_volume=np.broadcast_to(rest, high.shape),
+        load=load,
+        start_pressure=start,
+        taut_length=taut,
+    )
+
+
+def _start(probe: Probe, name: str, c: Conditions, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How a shortening begins: gauge pressure [Pa], tension inside the braid at its end, tension of the tendon then [N]."""
+    strongest = probe.tension(c.stretched_length, high) - c.friction
+    if name == "maximal":
+        return high, np.full_like(high, c.friction), strongest
+    empty = np.maximum(probe.tension(c.stretched_length, 0.0), 0.0)
+    inside = 0.5 * (strongest + empty) + (c.friction if c.reading == "throughout" else 0.0)
+    at = isotonic_pressure(probe, np.full_like(high, c.stretched_length), inside, c.exchange_pressure, high)
+    return at, inside, inside - c.friction
+
+
+def isotonic_pressure(probe: Probe, length: np.ndarray, inside: Any, low: Any, high: Any) -> np.ndarray:
+    """Gauge pressure from low to high at which the braid pulls with a tension [N] at a length [m] [Pa]."""
+    ends = (np.broadcast_to(np.asarray(v, float), length.shape) for v in (low, high))
+    return rising_root(lambda p: probe.tension(length, p) - inside, *ends)
+
+
+def _isotonic_power(probe: Probe, length: np.ndarray, inside: Any, low: Any, high: Any) -> np.ndarray:
+    """Piston work per length of an isotonic shortening, (P' - P'x) times -dV/dL along it [N]."""
+    p = isotonic_pressure(probe, length, inside, low, high)
+    tension_by_length, tension_by_pressure, volume_by_length, volume_by_pressure = probe.slopes(length, p)
+    pulls = np.where(tension_by_pressure > 0.0, tension_by_pressure, np.nan)  # below the threshold no pressure is found
+    swell = volume_by_length - volume_by_pressure * tension_by_length / pulls
+    return -(p - low) * swell
+
+
+def _exergy(c: Conditions, high: np.ndarray, volume: np.ndarray) -> np.ndarray:
+    """Isothermal work that the air of a volume at the highest pressure could do down to the exchange [J], eq. 34."""
+    top, bottom = (p + float(c.ambient.pressure_abs) for p in (high, c.exchange_pressure))
+    return np.asarray(top * volume * (np.log(top / bottom) - 1.0 + bottom / top))
+
+
+def _filling(probe: Probe, length: Any, low: Any, high: Any) -> np.ndarray:
+    """Integral of (P' - low) dV at one length while the pressure goes from low to high [J]."""
+    stored = probe.gas_energy(length, high) - probe.gas_energy(length, low)
+    return np.asarray((high - low) * probe.volume(length, high) - stored)
+
+
+def _wide(value: Any) -> np.ndarray:
+    """An array with an axis more, along which the nodes of an integral lie."""
+    return np.asarray(value, float)[..., None]
+
+
+def _integral(function: Callable[[Any], np.ndarray], low: Any, high: Any, cut: float) -> np.ndarray:
+    """Integral over length, in two pieces where the law's range ends between."""
+    low, high = np.broadcast_arrays(np.asarray(low, float), np.asarray(high, float))
+    middle, total = np.clip(cut, low, high), np.zeros(low.shape)
+    for a, b in ((low, middle), (middle, high)):
+        if np.any(a < b):
+            total = total + 0.5 * (b - a) * (function(_wide(0.5 * (a + b)) + _wide(0.5 * (b - a)) * NODES) @ WEIGHTS)
+    return total
+
+
+def rising_root(function: Callable[[Any], np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Where a rising function passes zero; the end that is nearer where it does not."""
+    for _ in range(54):
+        middle = 0.5 * (low + high)
+        below = function(middle) < 0.0
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return np.asarray(0.5 * (low + high))

@@ -1,0 +1,301 @@
+"""``energy``: what a working cycle of a muscle takes from a compressor, what it gives, and where the rest goes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
+
+from ..errors import InputError
+from .words import Json, Set, parameters, print_json, table, writable
+
+if TYPE_CHECKING:
+    from ..analysis.energy import Conditions, CycleMuscle, EnergyCurve, EnergyCycle
+    from ..specimens import Specimen
+
+LOSSES = ("friction", "throttling", "exhaust", "emptying", "slackening", "unaccounted")
+CURVE_POINTS = 91
+
+
+class Asked(NamedTuple):
+    """One call, resolved: the specimen, its law's name, the muscle under each volume, and the conditions."""
+
+    spec: Specimen
+    law: str
+    muscles: dict[str, CycleMuscle]
+    volume: str
+    conditions: Conditions
+    names: list[str]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add this command to the table."""
+    app.command("energy")(energy)
+
+
+def energy(
+    name: Annotated[str, typer.Argument(metavar="SPECIMEN", help="Specimen id or .toml file.")],
+    pressure: Annotated[str, typer.Option(help="Gauge pressure of the supply, such as '5 bar'.")],
+    cycle: Annotated[
+        list[str] | None, typer.Option("--cycle", help="maximal, isotonic or valve; all three where left out.")
+    ] = None,
+    accumulator: Annotated[
+        bool, typer.Option("--accumulator", help="Exchange air with an accumulator at the threshold pressure.")
+    ] = False,
+    accumulator_pressure: Annotated[
+        str | None, typer.Option(help="Exchange air with an accumulator at this gauge pressure.")
+    ] = None,
+    no_friction: Annotated[bool, typer.Option("--no-friction", help="Leave friction out.")] = False,
+    friction: Annotated[
+        str | None, typer.Option(help="Coulomb friction while shortening; as the specimen states it where left out.")
+    ] = None,
+    reading: Annotated[
+        str, typer.Option(help="Where friction acts in the isotonic cycles: printed (output only) or throughout.")
+    ] = "printed",
+    volume: Annotated[
+        str | None, typer.Option(help="paper (eq. 38b) or potential (the law's own); paper where the law has it.")
+    ] = None,
+    stretched: Annotated[
+        str | None, typer.Option(help="Length at which cycles begin; the upper working length where left out.")
+    ] = None,
+    ambient: Annotated[str | None, typer.Option(help="Absolute pressure of the surroundings.")] = None,
+    law: Annotated[str | None, typer.Option("--law", help="Law to use, where the specimen states several.")] = None,
+    change: Set = None,
+    curve: Annotated[
+        bool, typer.Option("--curve", help="Also over the pressure, from the threshold to twice it.")
+    ] = False,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="Draw the loops, or with --curve the efficiency: SVG or PNG file.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Input of an ideal compressor, output and efficiency of a muscle's working cycles."""
+    from ..analysis.energy import energy_cycle
+
+    writable("--figure", figure, ".svg", ".png")
+    spec, chosen, muscles, which = _muscles(name, law, change, volume)
+    between = _conditions(
+        spec, muscles[which], pressure, stretched, ambient,
+        exchange=_exchange(accumulator, accumulator_pressure, muscles[which], chosen),
+        friction=_friction(spec, friction, none=no_friction), reading=reading,
+    )  # fmt: skip
+    asked = Asked(spec, chosen, muscles, which, between, _names(cycle))
+    found = {n: {v: energy_cycle(m, n, between) for v, m in muscles.items()} for n in asked.names}
+    curves = {n: _curve(asked, n) for n in asked.names} if curve else {}
+    if figure is not None:
+        _draw(asked, curves, figure)
+    if as_json:
+        print_json(_json(asked, found, curves))
+    else:
+        _print(asked, found, curves)
+
+
+def _names(cycle: list[str] | None) -> list[str]:
+    from ..analysis.energy import CYCLES
+
+    for name in cycle or []:
+        if name not in CYCLES:
+            raise InputError("--cycle", name, f"known are {', '.join(CYCLES)}")
+    return list(dict.fromkeys(cycle or CYCLES))
+
+
+def _muscles(
+    name: str, law: str | None, change: list[str] | None, volume: str | None
+) -> tuple[Specimen, str, dict[str, CycleMuscle], str]:
+    """The specimen, the name of its law, the muscle with each volume that it has, and the volume that is asked for."""
+    from ..analysis.energy import VOLUMES, cycle_muscle, has_paper_volume
+    from ..muscles.build import law_from_specimen
+    from ..specimens import specimen
+
+    spec = specimen(name)
+    if spec.kind != "mckibben":
+        raise InputError("specimen", spec.id, f"its kind is {spec.kind}; allowed is a McKibben muscle")
+    chosen = law or spec.law
+    built = law_from_specimen(spec, chosen, changes=parameters(change, chosen))
+    which = volume or ("paper" if has_paper_volume(built) else "potential")
+    order = [which, *(v for v in VOLUMES if v != which and (v == "potential" or has_paper_volume(built)))]
+    return spec, chosen, {v: cycle_muscle(built, v) for v in order}, which
+
+
+def _conditions(
+    spec: Specimen, muscle: CycleMuscle, pressure: str, stretched: str | None, ambient: str | None, **more: Any
+) -> Conditions:
+    from ..analysis.energy import Conditions
+    from ..components import Environment
+    from ..quantities import parse
+
+    around = Environment.of_the_papers() if "chou1996" in spec.sources else Environment()
+    if ambient is not None:
+        around = Environment(pressure_abs=parse(ambient, "Pa", field="--ambient"))
+    between = Conditions(
+        pressure=parse(pressure, "Pa", field="--pressure"),
+        stretched_length=_stretched(spec, muscle, stretched),
+        ambient=around,
+        exchange_pressure=more["exchange"],
+        friction=more["friction"],
+        reading=more["reading"],
+    )
+    between.check(muscle)
+    return between
+
+
+def _stretched(spec: Specimen, muscle: CycleMuscle, text: str | None) -> float:
+    """The length at which cycles begin [m], below that of the threads wherever the specimen states one."""
+    from ..quantities import parse, with_unit
+
+    if text is None:
+        known = [n for n in ("stretched_length", "upper_length", "rest_length") if n in spec.properties]
+        return spec.property_si(known[0], "m") if known else float(muscle.length_range()[1])
+    length = parse(text, "m", field="--stretched")
+    for group in spec.laws.values():
+        if "thread_length" in group:
+            threads = group["thread_length"].si("m", field="thread_length", where=spec.where)
+            if isinstance(threads, float) and length >= threads:
+                raise InputError(
+                    "--stretched", text, f"allowed is below {with_unit(threads, 'm')}, the length of its threads"
+                )
+    return length
+
+
+def _exchange(wanted: bool, text: str | None, muscle: CycleMuscle, law: str) -> float:
+    from ..quantities import parse
+
+    if text is not None and wanted:
+        raise InputError("--accumulator-pressure", text, "allowed without --accumulator, which is at the threshold")
+    if text is not None:
+        return parse(text, "Pa", field="--accumulator-pressure")
+    if wanted and float(muscle.threshold()) <= 0.0:
+        words = (
+            f"the law '{law}' has no threshold pressure; allowed is --accumulator-pressure with one, such as '0.9 bar'"
+        )
+        raise InputError("--accumulator", "given", words)
+    return float(muscle.threshold()) if wanted else 0.0
+
+
+def _friction(spec: Specimen, text: str | None, *, none: bool) -> float:
+    from ..quantities import parse
+
+    if none and text is not None:
+        raise InputError("--friction", text, "allowed without --no-friction")
+    if none:
+        return 0.0
+    if text is not None:
+        return parse(text, "N", field="--friction")
+    return spec.property_si("coulomb_friction", "N") if "coulomb_friction" in spec.properties else 0.0
+
+
+def _curve(asked: Asked, name: str) -> EnergyCurve:
+    import numpy as np
+
+    from ..analysis.energy import energy_curve
+
+    muscle, between = asked.muscles[asked.volume], asked.conditions
+    low = max(float(muscle.threshold()), between.exchange_pressure, 0.0)
+    at = low + (2.0 * between.pressure - low) * np.linspace(0.0, 1.0, CURVE_POINTS)[1:]
+    return energy_curve(muscle, name, at, between)
+
+
+def _draw(asked: Asked, curves: dict[str, EnergyCurve], path: Path) -> None:
+    from ..analysis.energy import cycle_loops
+    from ..report.figures import energy_figures, style
+
+    if curves:
+        drawn = [energy_figures.Line(n, c) for n, c in curves.items()]
+        fig = energy_figures.efficiency_figure(drawn, title=asked.spec.title)
+    else:
+        muscle = asked.muscles[asked.volume]
+        loops = [cycle_loops(muscle, n, asked.conditions) for n in asked.names]
+        fig = energy_figures.loops_figure(loops, title=asked.spec.title)
+    style.save(fig, path)
+
+
+def _json(asked: Asked, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]) -> dict[str, Any]:
+    from ..analysis.energy import CYCLES
+
+    c, cycles = asked.conditions, []
+    for name, by in found.items():
+        beside = {v: {k: getattr(e, k) for k in ("input", "output", "efficiency")} for v, e in by.items()}
+        del beside[asked.volume]
+        cycles.append(
+            {
+                "name": name,
+                "title": CYCLES[name],
+                **by[asked.volume]._asdict(),
+                "volume": asked.volume,
+                "beside": beside,
+            }
+        )
+    return {
+        "cycles": cycles,
+        "specimen": asked.spec.id,
+        "law": asked.law,
+        "volume": asked.volume,
+        "pressure": c.pressure,
+        "exchange_pressure": c.exchange_pressure,
+        "ambient_pressure": float(c.ambient.pressure_abs),
+        "stretched_length": c.stretched_length,
+        "overstretched": _overstretched(asked),
+        "friction": c.friction,
+        "reading": c.reading,
+    } | ({"curves": [_curve_json(v) for v in curves.values()]} if curves else {})
+
+
+def _curve_json(curve: EnergyCurve) -> dict[str, Any]:
+    return {"name": curve.name, "pressure": curve.pressure} | {
+        k: getattr(curve.cycles, k) for k in ("input", "output", "efficiency")
+    }
+
+
+def _overstretched(asked: Asked) -> bool:
+    return bool(asked.muscles[asked.volume].law.overstretched(asked.conditions.stretched_length))
+
+
+def _print(asked: Asked, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]) -> None:
+    from ..analysis.energy import CYCLES, READINGS
+    from ..quantities import with_unit
+
+    c = asked.conditions
+    around = with_unit(float(c.ambient.pressure_abs), "Pa", 5)
+    source = f"an accumulator at {with_unit(c.exchange_pressure, 'Pa')}" if c.exchange_pressure else "the surroundings"
+    title = f"{asked.spec.title}, {asked.law}, at {with_unit(c.pressure, 'Pa')}, air from {source} and back"
+    rows = [
+        [
+            name, CYCLES[name], volume, f"{e.input:.3f}", f"{e.output:.3f}", f"{100.0 * e.efficiency:.2f}",
+            f"{100.0 * e.shortened_length:.2f}", f"{e.load:.1f}",
+        ]
+        for name, by in found.items()
+        for volume, e in by.items()
+    ]  # fmt: skip
+    columns = ["cycle", "", "volume", "input, J", "output, J", "efficiency, %", "down to, cm", "load at first, N"]
+    table(title, columns, rows, right=[3, 4, 5, 6, 7])
+    rows = [
+        [name, volume, f"{e.output:.3f}", *(f"{round(getattr(e, k), 3) + 0.0:.3f}" for k in LOSSES)]
+        for name, by in found.items()
+        for volume, e in by.items()
+    ]
+    typer.echo("")
+    table("Where the input goes, J", ["cycle", "volume", "output", *LOSSES], rows, right=range(2, 9))
+    if curves:
+        typer.echo("")
+        _print_curves(curves)
+    said = f"\nBegins at {with_unit(c.stretched_length, 'm')}, surroundings {around}, friction {with_unit(c.friction, 'N')}."
+    isotonic = any(name != "maximal" for name in found) and c.friction
+    typer.echo(said + (f" Reading '{c.reading}': {READINGS[c.reading]}." if isotonic else ""))
+    if "paper" in asked.muscles and abs(next(iter(found.values()))["paper"].unaccounted) > 5e-4:
+        typer.echo("Unaccounted: eq. 38b moves with the length below the threshold too, where the gas does not pull.")
+    if _overstretched(asked):
+        most = with_unit(float(asked.muscles[asked.volume].law.length_range()[1]), "m")
+        typer.echo(f"Overstretched: the law is made for up to {most}. The stop beyond is left out, as in the paper.")
+
+
+def _print_curves(curves: dict[str, EnergyCurve]) -> None:
+    from ..quantities import from_si
+
+    first = next(iter(curves.values()))
+    rows = [
+        [f"{from_si(float(p), 'Pa', 'bar'):.3f}", *(f"{100.0 * c.cycles.efficiency[i]:.2f}" for c in curves.values())]
+        for i, p in enumerate(first.pressure)
+        if i % 6 == 0
+    ]
+    table("Efficiency over pressure, %", ["bar", *curves], rows, right=range(1 + len(curves)))

@@ -1,0 +1,314 @@
+"""Working cycles: pressure over volume, tension over length, and efficiency over pressure (Figs. 12 and 13 of the paper)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...analysis.energy import CycleLoops, EnergyCurve, Path, cycle_loops, energy_curve
+from ...quantities import from_si
+from ...reproduction import part4
+from . import style
+from .style import CAUTION, COLOURS, INK, INK_2, INK_3, PANEL, SMALL, number
+
+HEIGHT, LEFT, FOOT, TOP = 3.75, 0.45, 0.5, 0.82  # [inch]
+FILL = 0.13
+# Where the letter of a corner stands, right of it and above [pt]; free of both curves.
+BESIDE_PISTON = {
+    "A": (5, -9), "B": (7, 7), "C": (-7, 7), "D": (-8, -6), "A'": (8, 7), "D'": (10, 7),
+    "E": (5, -9), "F": (9, 5), "G": (-7, 7), "H": (-8, -6), "E'": (8, 7), "H'": (10, 7), "F'": (4, 9),
+}  # fmt: skip
+BESIDE_TENDON = {
+    "A": (9, -3), "B": (8, 6), "C": (-7, -6), "D": (2, -9), "E": (9, -3), "F": (8, 6), "G": (-7, 7), "H": (-8, -6)
+}  # fmt: skip
+HALO = {"boxstyle": "square,pad=0.15", "fc": PANEL, "ec": "none", "alpha": 0.85}
+SHORTENING = {True: "Maximal shortening at constant pressure", False: "Isotonic shortening"}
+DASHED = "dashed: volume of the potential"
+Printed = Mapping[tuple[str, bool], tuple[float, float]]
+
+
+class Line(NamedTuple):
+    """A curve of efficiency with the words at its end, or none; the dash tells curves apart."""
+
+    words: str
+    curve: EnergyCurve
+    dash: Any = "-"
+    colour: str = INK
+
+
+class Mark(NamedTuple):
+    """A printed efficiency [1] at a gauge pressure [Pa], with words, and whether it is a misprint."""
+
+    pressure: float
+    efficiency: float
+    words: str
+    misprint: bool = False
+
+
+# ---- figures
+
+
+@style.styled()
+def loops_figure(loops: Sequence[CycleLoops], *, title: str, printed: Printed | None = None) -> Figure:
+    """Cycles as closed paths, piston on the left and tendon on the right; the maximal above, the isotonic ones below.
+
+    Args:
+        loops: from `cycle_loops`; those of one muscle with and without an accumulator may be given together.
+        title: of the muscle.
+        printed: input and output in print [J], by the name of the cycle and whether it has an accumulator.
+    """
+    rows = [r for r in ([p for p in loops if p.name == "maximal"], [p for p in loops if p.name != "maximal"]) if r]
+    tall = HEIGHT * len(rows)
+    fig = style.figure(style.WIDE * 0.8, tall)
+    for i, row in enumerate(rows):
+        for ax, draw in zip(
+            _row(fig, (1.12, 1.0), HEIGHT * (len(rows) - 1 - i)), (draw_piston, draw_tendon), strict=True
+        ):
+            draw(ax, row, printed or {})
+        what = SHORTENING[row[0].name == "maximal"]
+        style.heading(fig.axes[2 * i], title if i == 0 else what, what if i == 0 else "", above=40.0)
+    return fig
+
+
+@style.styled()
+def efficiency_figure(lines: Sequence[Line], *, title: str, marks: Sequence[Mark] = (), note: str = "") -> Figure:
+    """Efficiency over the gauge pressure of the supply, one line per curve, the printed values as marks."""
+    fig = style.figure(style.MIDDLE, HEIGHT)
+    ax = fig.add_axes((0.07, FOOT / HEIGHT, 0.77, (HEIGHT - FOOT - TOP) / HEIGHT))
+    draw_efficiency(ax, lines, marks, note=note)
+    style.heading(ax, title, above=40.0)
+    return fig
+
+
+@style.styled()
+def figure_12() -> Figure:
+    """Fig. 12a to c of the paper: the cycle of maximal shortening at 5 bar, and its efficiency over pressure."""
+    fig = style.figure(style.WIDE * 1.16, HEIGHT)
+    panels = _row(fig, (1.0, 1.0, 0.9), 0.0, right=1.1)
+    loops = [cycle_loops(part4.muscle(), "maximal", part4.conditions(accumulator=a)) for a in (False, True)]
+    draw_piston(panels[0], loops, printed_joules(), letter="a")
+    draw_tendon(panels[1], loops, printed_joules(), letter="b")
+    draw_efficiency(panels[2], efficiency_lines(), printed_marks(), letter="c", note=DASHED)
+    style.heading(panels[0], "Fig. 12. Maximal shortening at constant pressure, nylon muscle, 5 bar", above=40.0)
+    return fig
+
+
+@style.styled()
+def figure_13() -> Figure:
+    """Fig. 13a and b of the paper: both isotonic cycles at 5 bar."""
+    loops = [
+        cycle_loops(part4.muscle(), name, part4.conditions(accumulator=a))
+        for name in ("isotonic", "valve")
+        for a in (False, True)
+    ]
+    fig = style.figure(style.WIDE * 0.8, HEIGHT)
+    left, right = _row(fig, (1.12, 1.0), 0.0)
+    draw_piston(left, loops, printed_joules(), letter="a")
+    draw_tendon(right, loops, printed_joules(), letter="b")
+    style.heading(left, "Fig. 13. Isotonic shortening, nylon muscle, up to 5 bar", above=40.0)
+    return fig
+
+
+def printed_joules() -> Printed:
+    """What Part IV prints: input and output [J] of each cycle, without and with the accumulator."""
+    output = {"maximal": "maximal.output", "isotonic": "isotonic.output", "valve": "isotonic.output"}
+    return {
+        (name, full): (part4.printed(f"{name}.input" + "_accumulator" * full), part4.printed(output[name]))
+        for name in output
+        for full in (False, True)
+    }
+
+
+def efficiency_lines() -> list[Line]:
+    """The curves of Fig. 12c, and beside them those with the consistent volume."""
+    lines = []
+    for volume, dash, colour in (("paper", "-", INK), ("potential", style.RECORDING_DASHES[1], INK_3)):
+        for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
+            muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator)
+            low = 1e-3 + float(muscle.threshold())
+            at = low + (10e5 - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
+            said = words if volume == "paper" else ""
+            lines.append(Line(said, energy_curve(muscle, "maximal", at, between), dash, colour))
+    return lines
+
+
+def printed_marks() -> list[Mark]:
+    """The printed efficiencies of the maximal cycle at 5 bar."""
+    right, wrong = (part4.printed(f"maximal.efficiency{more}") for more in ("", "_accumulator"))
+    joules = part4.printed("maximal.output") / part4.printed("maximal.input_accumulator")
+    return [
+        Mark(part4.PRESSURE, right, f"printed {100.0 * right:.0f} %"),
+        Mark(
+            part4.PRESSURE,
+            wrong,
+            f"printed {100.0 * wrong:.0f} %, from its joules {100.0 * joules:.0f} %",
+            misprint=True,
+        ),
+    ]
+
+
+def _row(fig: Figure, shares: tuple[float, ...], above: float, right: float = 0.25) -> list[Axes]:
+    """Panels beside each other, `above` the lower edge of the figure [inch]."""
+    wide, tall = fig.get_size_inches()
+    gap = 0.62
+    room = (wide - LEFT - right - gap * (len(shares) - 1)) / sum(shares)
+    x, panels = LEFT, []
+    for share in shares:
+        panels.append(
+            fig.add_axes((x / wide, (above + FOOT) / tall, share * room / wide, (HEIGHT - FOOT - TOP) / tall))
+        )
+        x += share * room + gap
+    return panels
+
+
+# ---- panels
+
+
+def draw_piston(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, letter: str = "") -> None:
+    """Absolute pressure over the volume of the piston and of the stretched muscle; the filled area is the input."""
+    ml, bar = from_si(1.0, "m^3", "cm^3"), from_si(1.0, "Pa", "bar")
+    first = loops[0]
+    paths = [(p, p.piston.x * ml, p.piston.y * bar) for p in loops]
+    right, top = max(float(x.max()) for _, x, _ in paths), max(float(y.max()) for *_, y in paths)
+    ax.set_xlim(0.0, 1.04 * right)
+    ax.set_ylim(0.0, 1.16 * top)
+    style.quantity_axes(
+        ax, x=("Volume of piston and stretched muscle, cm³", None), y=("Absolute pressure, bar", "pressure")
+    )
+    style.heading(ax, f"{letter}  Air".strip(), "the input is the area", above=20.0)
+    blue = COLOURS["pressure"]
+    ax.fill(*paths[0][1:], color=blue, alpha=FILL, lw=0, zorder=1)
+    for loop, x, y in paths:
+        valve, main = loop.name == "valve", loop is first
+        if valve and first.name == "isotonic" and loop.conditions == first.conditions:
+            _wasted(ax, first.piston, loop, ml, bar)
+        dash = "-" if main else style.RECORDING_DASHES[1 if loop.conditions.exchange_pressure else 2]
+        ax.plot(x, y, color=blue, lw=style.LINE + (0.4 if main else 0.0), ls=dash, zorder=3 if main else 2)
+    _corners(ax, [p.piston for p in loops], (ml, bar), BESIDE_PISTON)
+    if first.name == "maximal":
+        _parts(ax, first, ml, bar)
+    _areas(ax, [(_word(p.piston), p.cycle.input, printed.get(_key(p), (None, None))[0]) for p in loops])
+
+
+def draw_tendon(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, letter: str = "") -> None:
+    """Tension over length; the filled area is the output."""
+    cm, first = from_si(1.0, "m", "cm"), loops[0]
+    x, y = first.tendon.x * cm, first.tendon.y
+    room = 0.07 * float(np.ptp(x))
+    ax.set_xlim(float(x.min()) - room, float(x.max()) + 1.3 * room)
+    ax.set_ylim(-0.1 * float(y.max()), 1.16 * float(y.max()))
+    style.quantity_axes(ax, x=("Length, cm", "length"), y=("Tension, N", "tension"))
+    style.heading(ax, f"{letter}  Tendon".strip(), "the output is the area", above=20.0)
+    ax.fill(x, y, color=COLOURS["tension"], alpha=FILL, lw=0, zorder=1)
+    ax.plot(x, y, color=COLOURS["tension"], lw=style.LINE + 0.4, zorder=3)
+    _corners(ax, [first.tendon], (cm, 1.0), BESIDE_TENDON)
+    said = [(_word(first.tendon), first.cycle.output, printed.get(_key(first), (None, None))[1])]
+    for other in loops[1:]:
+        if abs(other.cycle.output - first.cycle.output) > 5e-4 * abs(first.cycle.output):
+            ax.plot(
+                other.tendon.x * cm, other.tendon.y, color=COLOURS["tension"], ls=style.RECORDING_DASHES[1], zorder=2
+            )
+            said.append((_word(other.tendon), other.cycle.output, printed.get(_key(other), (None, None))[1]))
+    _areas(ax, said, left=True)
+
+
+def draw_efficiency(
+    ax: Axes, lines: Sequence[Line], marks: Sequence[Mark], *, letter: str = "", note: str = ""
+) -> None:
+    """Efficiency over the gauge pressure of the supply, where it is not negative."""
+    bar = from_si(1.0, "Pa", "bar")
+    top = max(float(np.nanmax(line.curve.cycles.efficiency)) for line in lines)
+    top = 100.0 * max([top, *(m.efficiency for m in marks)])
+    ax.set_xlim(0.0, max(float(line.curve.pressure[-1]) for line in lines) * bar)
+    ax.set_ylim(0.0, 1.12 * top)
+    style.quantity_axes(ax, x=("Gauge pressure of the supply, bar", "pressure"), y=("Efficiency, %", None))
+    style.heading(ax, f"{letter}  Over pressure".strip(), note, above=20.0)
+    ends = []
+    for line in lines:
+        x, y = line.curve.pressure * bar, 100.0 * line.curve.cycles.efficiency
+        ax.plot(x, y, color=line.colour, ls=line.dash, lw=style.LINE + 0.2, zorder=3)
+        ends += [(float(x[-1]), float(y[-1]), line.words)] * bool(line.words)
+    for mark in marks:
+        at, share = mark.pressure * bar, 100.0 * mark.efficiency
+        look: dict[str, Any] = (
+            {"marker": "x", "mec": CAUTION} if mark.misprint else {"marker": "o", "mec": INK, "mfc": PANEL}
+        )
+        ax.plot([at], [share], ls="none", ms=6.5, mew=1.4, zorder=5, **look)
+        ax.annotate(
+            mark.words, (at, share), (7, 6 if mark.misprint else -13), textcoords="offset points", fontsize=SMALL,
+            color=CAUTION if mark.misprint else INK, zorder=6,
+        )  # fmt: skip
+    style.end_labels(ax, ends, quantity=None, bold=False)
+
+
+# ---- what stands in a panel
+
+
+def _key(loop: CycleLoops) -> tuple[str, bool]:
+    return loop.name, loop.conditions.exchange_pressure > 0.0
+
+
+def _word(path: Path) -> str:
+    """The corners as one word."""
+    return "".join(path.corners).replace("'", "′")
+
+
+def _corners(
+    ax: Axes, paths: Sequence[Path], scale: tuple[float, float], beside: Mapping[str, tuple[int, int]]
+) -> None:
+    """A dot and a letter at each corner."""
+    drawn: list[str] = []
+    for path in paths:
+        for letter, i in path.corners.items():
+            if letter in drawn:
+                continue
+            drawn.append(letter)
+            at = float(path.x[i]) * scale[0], float(path.y[i]) * scale[1]
+            ax.plot(*at, "o", ms=4.0, mfc=INK, mec=PANEL, mew=0.6, zorder=6, clip_on=False)
+            ax.annotate(
+                letter.replace("'", "′"), at, beside.get(letter, beside[letter[0]]), textcoords="offset points", ha="center",
+                va="center", fontsize=SMALL + 0.5, fontweight="bold", color=INK, zorder=7, annotation_clip=False,
+            )  # fmt: skip
+
+
+def _parts(ax: Axes, loop: CycleLoops, ml: float, bar: float) -> None:
+    """The line at V1 that divides the input into compressing and shortening (eqs. 34 and 39)."""
+    i, low = loop.piston.corners["B"], float(loop.piston.y.min()) * bar
+    x, high = float(loop.piston.x[i]) * ml, float(loop.piston.y[i]) * bar
+    ax.plot([x, x], [low, high], color=INK_2, lw=0.8, ls=(0, (4, 2)), zorder=2)
+    rest = loop.cycle.stretched_volume * ml
+    middle = 0.5 * (low + high)
+    ax.text(0.5 * (x + rest), middle, "$W_{12}$", ha="center", va="center", fontsize=SMALL + 0.5, color=INK_2)
+    across = x + 0.13 * (float(loop.piston.x.max()) * ml - x)
+    isotherm = float(np.interp(across, loop.piston.x[: i + 1][::-1] * ml, loop.piston.y[: i + 1][::-1] * bar))
+    ax.text(
+        across, low + 0.55 * (isotherm - low), "$W_{01}$", ha="center", va="center", fontsize=SMALL + 0.5, color=INK_2
+    )
+
+
+def _wasted(ax: Axes, isotonic: Path, valve: CycleLoops, ml: float, bar: float) -> None:
+    """What the valve throttles, the area between both paths: FF'G, and where the bladder fills a sliver below F."""
+    end, corner = isotonic.corners["G"] + 1, valve.piston.corners["F'"] + 1
+    x = np.concatenate([isotonic.x[:end][::-1], valve.piston.x[:corner]])
+    y = np.concatenate([isotonic.y[:end][::-1], valve.piston.y[:corner]])
+    ax.fill(x * ml, y * bar, fc="none", ec=INK_3, hatch="////", lw=0, zorder=1.5)
+    high, left, right = float(y.max()) * bar, float(isotonic.x[end - 1]) * ml, float(valve.piston.x[corner - 1]) * ml
+    ax.annotate(
+        f"FF′G {number(valve.cycle.throttling, 2)} J throttled", (0.5 * (left + right), 0.97 * high),
+        (right + 0.07 * ax.get_xlim()[1], 0.99 * high), textcoords="data", fontsize=SMALL, color=INK_2, va="center",
+        arrowprops={"arrowstyle": "-", "color": INK_3, "linewidth": 0.6}, bbox=HALO,
+    )  # fmt: skip
+
+
+def _areas(ax: Axes, said: Sequence[tuple[str, float, float | None]], *, left: bool = False) -> None:
+    """Areas in words, ours and in brackets the printed one."""
+    for i, (word, ours, paper) in enumerate(said):
+        text = f"{word}  {number(ours, 2)} J" + (f"  (printed {number(paper, 2)})" if paper is not None else "")
+        style.note(
+            ax, text, x=0.1 if left else 0.985, y=0.8 if left else 0.74, dy=-13.0 * i, ha="left" if left else "right",
+            color=INK, bbox=HALO, zorder=8,
+        )  # fmt: skip

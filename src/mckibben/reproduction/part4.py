@@ -1,0 +1,207 @@
+"""Part IV of the paper: input, output and efficiency of the nylon muscle's cycles, from the muscle and never from the print.
+
+As the paper does it: the line of eq. 13, the volume of eq. 38b, surroundings of 1.0336 bar, friction off the output only.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from ..analysis.energy import (
+    Conditions,
+    CycleMuscle,
+    EnergyCycle,
+    best_pressure,
+    cycle_muscle,
+    energy_curve,
+    energy_cycle,
+    zero_pressure,
+)
+from ..components import Environment
+from ..muscles.build import law_from_specimen
+from ..specimens import specimen
+from . import part1
+from .rows import Found, all_rows, reproduces
+
+MUSCLE = "nylon"
+PRESSURE = 5e5  # [Pa]
+PRESSURES = np.linspace(1e5, 10e5, 91)  # of Fig. 12c, where the largest Wa/W12 is sought [Pa]
+INFERRED = "V0 and L2 are not printed and were inferred from the joules of this cycle"
+READING = "friction in the output only, as the printed joules have it; V0 and L2 as inferred from the first cycle"
+
+
+def muscle(volume: str = "paper") -> CycleMuscle:
+    """The muscle of Part IV: eq. 13 as printed, with a volume of `VOLUMES`."""
+    law = law_from_specimen(specimen(MUSCLE))
+    line = {
+        "stiffness_per_pressure": part1.KG,
+        "shortest_length": part1.LMIN,
+        "passive_stiffness": part1.passive_stiffness(),
+        "threshold_pressure": part1.threshold_pressure(),
+    }
+    return cycle_muscle(law.replace(**line), volume)
+
+
+def stretched_length() -> float:
+    """L2, where the cycles begin [m]."""
+    return specimen(MUSCLE).property_si("stretched_length", "m")
+
+
+def conditions(*, accumulator: bool = False, friction: bool = True, reading: str = "printed") -> Conditions:
+    """Between what Part IV runs its cycles, at 5 bar; the accumulator is at the threshold."""
+    return Conditions(
+        pressure=PRESSURE,
+        stretched_length=stretched_length(),
+        ambient=Environment.of_the_papers(),
+        exchange_pressure=float(muscle().threshold()) if accumulator else 0.0,
+        friction=specimen(MUSCLE).property_si("coulomb_friction", "N") if friction else 0.0,
+        reading=reading,
+    )
+
+
+@functools.cache
+def cycle(
+    name: str, *, accumulator: bool = False, friction: bool = True, reading: str = "printed", volume: str = "paper"
+) -> EnergyCycle:
+    """A cycle at 5 bar."""
+    between = conditions(accumulator=accumulator, friction=friction, reading=reading)
+    return energy_cycle(muscle(volume), name, between)
+
+
+def printed(identifier: str) -> float:
+    """What the paper prints for a row of Part IV, in the row's unit; the figures draw it."""
+    value = next(row.paper for row in all_rows() if row.id == f"energy.{identifier}")
+    assert isinstance(value, float)
+    return value
+
+
+def _beside(name: str, what: str, unit: str = "", *, accumulator: bool = False) -> str:
+    """The same from the consistent potential and, for the isotonic cycles, with friction throughout."""
+    digits = ".3f" if what == "efficiency" else ".2f"
+
+    def ours(**options: str) -> str:
+        return f"{getattr(cycle(name, accumulator=accumulator, **options), what):{digits}}{unit}"
+
+    words = f"{ours(volume='potential')} with the volume of the potential"
+    return words if name == "maximal" else f"{words}, {ours(reading='throughout')} with friction throughout"
+
+
+# ---- maximal shortening at constant pressure
+
+
+@reproduces("energy.maximal.input", "J", INFERRED)
+def maximal_input() -> Found:
+    """W01 + W12."""
+    return Found(cycle("maximal").input, _beside("maximal", "input", " J"))
+
+
+@reproduces("energy.maximal.input_accumulator", "J", INFERRED)
+def maximal_input_accumulator() -> Found:
+    """The same, exchanged with the accumulator."""
+    return Found(cycle("maximal", accumulator=True).input, _beside("maximal", "input", " J", accumulator=True))
+
+
+@reproduces("energy.maximal.output", "J", INFERRED)
+def maximal_output() -> Found:
+    """Wa."""
+    return Found(cycle("maximal").output, _beside("maximal", "output", " J"))
+
+
+@reproduces("energy.maximal.efficiency", "1", INFERRED)
+def maximal_efficiency() -> Found:
+    """Ea."""
+    found = cycle("maximal").efficiency
+    return Found(found, f"{found:.4f} unrounded; {_beside('maximal', 'efficiency')}")
+
+
+@reproduces("energy.maximal.efficiency_accumulator", "1", INFERRED)
+def maximal_efficiency_accumulator() -> Found:
+    """Ea with the accumulator."""
+    smooth = cycle("maximal", accumulator=True, friction=False).efficiency
+    words = f"{smooth:.3f} without friction, which is what is printed"
+    found = cycle("maximal", accumulator=True).efficiency
+    return Found(found, f"{words}; {_beside('maximal', 'efficiency', accumulator=True)}")
+
+
+@reproduces("energy.maximal.best_pressure", "Pa")
+def maximal_best_pressure() -> Found:
+    """Where Ea is largest."""
+    at, share = best_pressure(muscle(), "maximal", conditions())
+    high = energy_curve(muscle(), "maximal", [10e5], conditions()).cycles.efficiency[0]
+    return Found(at, f"Ea is {share:.4f} there and still {high:.3f} at 10 bar")
+
+
+@reproduces("energy.maximal.zero_pressure", "Pa", "where friction takes all that the gas gives")
+def maximal_zero_pressure() -> float:
+    """Where the output passes zero."""
+    return zero_pressure(muscle(), "maximal", conditions())
+
+
+@reproduces("energy.maximal.output_below_W12", "1")
+def maximal_output_below_delivery() -> Found:
+    """Largest Wa/W12."""
+    found = energy_curve(muscle(), "maximal", PRESSURES, conditions()).cycles
+    share = found.output / found.delivery
+    return Found(float(np.nanmax(share)), f"at {1e-5 * PRESSURES[int(np.nanargmax(share))]:.1f} bar")
+
+
+# ---- isotonic shortening
+
+
+@reproduces("energy.isotonic.input", "J", READING)
+def isotonic_input() -> Found:
+    """Area EFGH."""
+    return Found(cycle("isotonic").input, _beside("isotonic", "input", " J"))
+
+
+@reproduces("energy.isotonic.input_accumulator", "J", READING)
+def isotonic_input_accumulator() -> Found:
+    """Area E'FGH'."""
+    return Found(cycle("isotonic", accumulator=True).input, _beside("isotonic", "input", " J", accumulator=True))
+
+
+@reproduces("energy.isotonic.output", "J", READING)
+def isotonic_output() -> Found:
+    """Work given by both isotonic cycles."""
+    one = cycle("isotonic")
+    words = f"tendon at {one.load:.1f} N down to {100 * one.shortened_length:.3f} cm"
+    return Found(one.output, f"{words}; {_beside('isotonic', 'output', ' J')}")
+
+
+@reproduces("energy.isotonic.efficiency", "1", READING)
+def isotonic_efficiency() -> Found:
+    """Eb."""
+    return Found(cycle("isotonic").efficiency, _beside("isotonic", "efficiency"))
+
+
+@reproduces("energy.isotonic.efficiency_accumulator", "1", READING)
+def isotonic_efficiency_accumulator() -> Found:
+    """Eb with the accumulator."""
+    return Found(cycle("isotonic", accumulator=True).efficiency, _beside("isotonic", "efficiency", accumulator=True))
+
+
+@reproduces("energy.valve.input", "J", READING)
+def valve_input() -> Found:
+    """Area EF'GH."""
+    one = cycle("valve")
+    return Found(one.input, f"{one.throttling:.2f} J of it, area FF'G, throttled; {_beside('valve', 'input', ' J')}")
+
+
+@reproduces("energy.valve.input_accumulator", "J", READING)
+def valve_input_accumulator() -> Found:
+    """Area E'F'GH'."""
+    return Found(cycle("valve", accumulator=True).input, _beside("valve", "input", " J", accumulator=True))
+
+
+@reproduces("energy.valve.efficiency", "1", READING)
+def valve_efficiency() -> Found:
+    """Ec."""
+    return Found(cycle("valve").efficiency, _beside("valve", "efficiency"))
+
+
+@reproduces("energy.valve.efficiency_accumulator", "1", READING)
+def valve_efficiency_accumulator() -> Found:
+    """Ec with the accumulator."""
+    return Found(cycle("valve", accumulator=True).efficiency, _beside("valve", "efficiency", accumulator=True))
