@@ -1,0 +1,178 @@
+#include "frame.h"
+
+#define NOT_COBS ((size_t)-1)
+
+/* Of every half byte: a table of 64 bytes, two look-ups per byte. */
+static const uint32_t half[16] = {
+    0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u, 0x4DB26158u, 0x5005713Cu,
+    0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu, 0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu};
+
+uint32_t frame_crc(uint32_t crc, const uint8_t *data, size_t size)
+{
+    size_t i;
+    crc = ~crc;
+    for (i = 0; i < size; i++) {
+        crc ^= data[i];
+        crc = (crc >> 4) ^ half[crc & 15u];
+        crc = (crc >> 4) ^ half[crc & 15u];
+    }
+    return ~crc;
+}
+
+/* Bytes as they come into COBS; the length of a run is written where the run ends. */
+struct coder {
+    uint8_t *out;
+    size_t at, length; /* next byte; where the length of this run stands */
+};
+
+static void code_begin(struct coder *c, uint8_t *out)
+{
+    c->out = out;
+    c->length = 0;
+    c->at = 1;
+}
+
+static void code_end(struct coder *c)
+{
+    c->out[c->length] = (uint8_t)(c->at - c->length);
+    c->length = c->at++;
+}
+
+static void code_bytes(struct coder *c, const uint8_t *data, size_t size)
+{
+    size_t i;
+    for (i = 0; i < size; i++) {
+        if (data[i] == 0u) {
+            code_end(c);
+        } else {
+            c->out[c->at++] = data[i];
+            if (c->at - c->length == 255u) {
+                code_end(c);
+            }
+        }
+    }
+}
+
+static size_t code_finish(struct coder *c)
+{
+    code_end(c);
+    return c->length;
+}
+
+size_t frame_code(const uint8_t *data, size_t size, uint8_t *out)
+{
+    struct coder c;
+    code_begin(&c, out);
+    code_bytes(&c, data, size);
+    return code_finish(&c);
+}
+
+size_t frame_uncode(const uint8_t *data, size_t size, uint8_t *out)
+{
+    size_t at = 0, put = 0, i;
+    while (at < size) {
+        size_t code = data[at];
+        if (code == 0u || code > size - at) {
+            return NOT_COBS;
+        }
+        for (i = 1; i < code; i++) {
+            out[put++] = data[at + i];
+        }
+        at += code;
+        if (code < 255u && at < size) {
+            out[put++] = 0u;
+        }
+    }
+    return put;
+}
+
+size_t frame_write(uint8_t kind, uint32_t sequence, const uint8_t *payload, size_t size, uint8_t *out)
+{
+    struct coder c;
+    uint8_t head[5], tail[4];
+    size_t end;
+    if (size > FRAME_PAYLOAD) {
+        return 0;
+    }
+    head[0] = kind;
+    frame_put32(head + 1, sequence);
+    frame_put32(tail, frame_crc(frame_crc(0, head, sizeof head), payload, size));
+    code_begin(&c, out);
+    code_bytes(&c, head, sizeof head);
+    code_bytes(&c, payload, size);
+    code_bytes(&c, tail, sizeof tail);
+    end = code_finish(&c);
+    out[end] = 0u;
+    return end + 1u;
+}
+
+/* The frame of what came between two zeros. */
+static int whole(struct frame_decoder *d, struct frame *found)
+{
+    size_t size;
+    if (d->count == 0) {
+        return 0;
+    }
+    size = frame_uncode(d->bytes, d->count, d->bytes);
+    if (size == NOT_COBS || size < FRAME_SHORTEST || size > FRAME_LONGEST) {
+        d->undecodable++;
+        return 0;
+    }
+    if (frame_crc(0, d->bytes, size - 4u) != frame_get32(d->bytes + size - 4u)) {
+        d->bad_checksum++;
+        return 0;
+    }
+    found->kind = d->bytes[0];
+    found->sequence = frame_get32(d->bytes + 1);
+    found->payload = d->bytes + 5;
+    found->size = size - FRAME_SHORTEST;
+    return 1;
+}
+
+int frame_feed(struct frame_decoder *d, uint8_t byte, struct frame *found)
+{
+    int complete = 0;
+    if (byte == 0u) {
+        if (!d->skipping) {
+            complete = whole(d, found);
+        }
+        d->skipping = 0;
+        d->count = 0;
+    } else if (!d->skipping) {
+        if (d->count == FRAME_CODED) {
+            d->oversized++;
+            d->skipping = 1;
+        } else {
+            d->bytes[d->count++] = byte;
+        }
+    }
+    return complete;
+}
+
+void frame_put16(uint8_t *out, uint16_t value)
+{
+    out[0] = (uint8_t)value;
+    out[1] = (uint8_t)(value >> 8);
+}
+
+void frame_put32(uint8_t *out, uint32_t value)
+{
+    frame_put16(out, (uint16_t)value);
+    frame_put16(out + 2, (uint16_t)(value >> 16));
+}
+
+void frame_put64(uint8_t *out, uint64_t value)
+{
+    frame_put32(out, (uint32_t)value);
+    frame_put32(out + 4, (uint32_t)(value >> 32));
+}
+
+uint16_t frame_get16(const uint8_t *data)
+{
+    return (uint16_t)(data[0] | (data[1] << 8));
+}
+
+uint32_t frame_get32(const uint8_t *data)
+{
+    return (uint32_t)frame_get16(data) | ((uint32_t)frame_get16(data + 2) << 16);
+}

@@ -1,0 +1,8 @@
+"""A machine behind a microcontroller on a serial line, and one that is simulated there.
+
+`frames` documents the protocol, ``firmware/`` is the device's side of it in C.
+"""
+
+from .link import SerialHardware, Statistics
+
+__all__ = ["SerialHardware", "Statistics"]

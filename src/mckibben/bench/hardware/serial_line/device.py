@@ -1,0 +1,233 @@
+"""The state machine of a device on the serial line, and the board around it on which a machine is simulated.
+
+`Device` says byte for byte what `firmware/bench.c` says, which a test compares; `compiled.CompiledDevice` is the latter.
+The protocol is that of `frames`. Nothing here knows time but by the clock it is given, nor the machine's physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+from ....errors import InputError
+from . import messages
+from .frames import VERSION, Frames
+from .messages import BY_ITSELF, DAMAGED, FREE, LOCK_STEP, UNANSWERED, VENTED, Command, Sample, Welcome
+
+MOST_CHANNELS = 32
+LEAST_WATCHDOG = 2  # [samples]; with 1, a command would be too old at the next sample
+LAST = 2**32 - 1  # sample
+WORD = 2**32
+
+
+class Machine(Protocol):
+    """What a device samples and drives: a simulated machine behind its converters.
+
+    Attributes:
+        period: of the samples, set where a run begins, when it also zeroes its encoder [s].
+    """
+
+    period: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The analogue channels in their order."""
+
+    @property
+    def bits(self) -> tuple[int, ...]:
+        """Of the converter of each."""
+
+    def sample(self) -> tuple[Sequence[int], int]:
+        """Counts of the channels, and of the encoder (0 where there is none)."""
+
+    def advance(self, valve: int, motor: int, opened: bool) -> None:
+        """The physics of one period with these counts of the outputs, and whether the shut-off is open."""
+
+
+class About(NamedTuple):
+    """What a device says of itself.
+
+    Attributes:
+        firmware: its name and version.
+        shortest: period it can sample with [ns].
+        encoder: whether there is one.
+        motor: whether there is one.
+        motor_rest: count at which the motor does nothing.
+    """
+
+    firmware: str = "mckibben reference 1"
+    shortest: int = 100_000
+    encoder: bool = True
+    motor: bool = True
+    motor_rest: int = 0
+
+
+class Board:
+    """A machine with outputs that are held, as a device's hardware sees it.
+
+    Attributes:
+        outputs: that are held: counts of valve and motor, and whether the shut-off is open.
+        told: whether outputs were put since the newest sample.
+        starts: how many runs were begun.
+        clocked: whether the timer runs.
+        failed: what ended the machine, if something did.
+    """
+
+    def __init__(self, machine: Machine, about: About, clock: Callable[[], int]) -> None:
+        names, bits = tuple(machine.names), tuple(machine.bits)
+        if not len(names) == len(set(names)) == len(bits) <= MOST_CHANNELS:
+            raise InputError("names", names, f"allowed are at most {MOST_CHANNELS} different ones, each with its bits")
+        self.machine, self.about, self.clock = machine, about, clock
+        self.welcome = Welcome(
+            0, VERSION, about.shortest, about.encoder, about.motor, about.motor_rest, bits, about.firmware, names
+        )
+        try:
+            messages.encode(self.welcome)
+        except ValueError:
+            raise InputError("names", names, "allowed are names of 255 bytes, together below a frame's 1024") from None
+        self.outputs = (0, about.motor_rest, True)
+        self.told = False
+        self.starts = 0
+        self.period = 0  # [ns]
+        self.clocked = False
+        self.failed: Exception | None = None
+        self._begun = False
+
+    def start(self, period: int, clocked: bool) -> None:
+        """A run with a period [ns]; its first sample comes without an advance."""
+        self.machine.period = period / 1e9
+        self.period, self.clocked, self._begun = period, clocked, False
+        self.starts += 1
+
+    def stop(self) -> None:
+        """The timer does not run any more."""
+        self.clocked = False
+
+    def write(self, valve: int, motor: int, opened: bool) -> None:
+        """Outputs from now on."""
+        self.outputs, self.told = (valve, motor, opened), True
+
+    def read(self) -> tuple[list[int], int] | None:
+        """The counts of the next sample, or None if the machine failed."""
+        try:
+            if self._begun:
+                self.machine.advance(*self.outputs)
+            self._begun = True
+            self.told = False
+            counts, encoder = self.machine.sample()
+            held = [min(max(int(count), 0), WORD - 1) for count in counts]
+            return held, (int(encoder) + WORD // 2) % WORD - WORD // 2
+        except Exception as error:  # whatever it is, a device has to say so and to vent
+            self.failed = error
+            return None
+
+
+class Device:
+    """The state machine in Python.
+
+    Args:
+        board: its hardware.
+        send: takes the bytes of one frame.
+    """
+
+    def __init__(self, board: Board, send: Callable[[bytes], None]) -> None:
+        self.board, self._send = board, send
+        self._frames = Frames()
+        self._dropped = self._told = 0  # frames dropped: unknown ones, and all until the newest sample
+        self._greeted = self.running = self.due = False
+        self._vented = self._by_itself = False
+        self._run = self._mode = self._watchdog = self._silent = 0
+        self._next = self._unanswered = 0  # next sample; the oldest that a command may answer
+        self._valve, self._motor, self._open = board.outputs
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host."""
+        for frame in self._frames.feed(data):
+            message = messages.message_of(frame)
+            match message:
+                case messages.Command():
+                    self._command(message)
+                case messages.Vent():
+                    self._vented = True
+                    self._write(0, self._motor, True)
+                case messages.Stop():
+                    self._halt()
+                case messages.Hello():
+                    self._halt()
+                    self._greeted = message.version == VERSION
+                    self._tell(self.board.welcome._replace(sequence=message.sequence))
+                case messages.Start():
+                    self._start(message)
+                case _:
+                    self._dropped += 1
+
+    def tick(self) -> None:
+        """The next sample: called by the timer, or in lock-step where it is `due`."""
+        if not self.running or (self._mode == LOCK_STEP and not self.due):
+            return
+        number, flags = self._next, 0
+        time = number * self.board.period if self._mode == LOCK_STEP else self.board.clock()
+        read = self.board.read()
+        if read is None:
+            self._fault(messages.HARDWARE, "the machine cannot be read")
+            return
+        counts, encoder = read
+        if self._mode == FREE and number > 0:
+            self._silent += 1
+            if self._silent >= self._watchdog:
+                self._vented = self._by_itself = True
+                self._rest()
+            if self._unanswered != number:
+                flags |= UNANSWERED
+        dropped = self._frames.damaged + self._dropped
+        flags |= DAMAGED if dropped != self._told else 0
+        flags |= (VENTED if self._vented else 0) | (BY_ITSELF if self._by_itself else 0)
+        self._told, self.due = dropped, False
+        self._tell(Sample(number, self._run, time, flags, encoder, tuple(counts)))
+        self._next = number + 1
+        if self._next == LAST:
+            self._fault(messages.END, "a run has no more samples")
+
+    def _start(self, start: messages.Start) -> None:
+        self._halt()
+        if not self._greeted:
+            self._fault(messages.WRONG_VERSION, "not the version of the protocol")
+            return
+        slow = start.period >= self.board.about.shortest and start.period > 0
+        watched = start.mode == LOCK_STEP or (start.mode == FREE and start.watchdog >= LEAST_WATCHDOG)
+        if not (slow and watched):
+            self._fault(messages.REFUSED, "this period, mode or watchdog is not possible")
+            return
+        self._run, self._mode, self._watchdog = start.run % 2**16, start.mode, start.watchdog
+        self._next = self._unanswered = self._silent = 0
+        self._vented = self._by_itself = False
+        self.running, self.due = True, start.mode == LOCK_STEP
+        self._told = self._frames.damaged + self._dropped
+        self.board.start(start.period, start.mode == FREE)
+
+    def _command(self, command: Command) -> None:
+        if not self.running or not self._unanswered <= command.sequence < self._next:
+            return
+        self._unanswered, self._silent = command.sequence + 1, 0
+        self.due = self._mode == LOCK_STEP
+        valve, opened = (0, True) if self._vented else (command.valve, command.opened)
+        self._write(valve, self._motor if self._by_itself else command.motor, opened)
+
+    def _write(self, valve: int, motor: int, opened: bool) -> None:
+        self._valve, self._motor, self._open = valve, motor, opened
+        self.board.write(valve, motor, opened)
+
+    def _rest(self) -> None:
+        self._write(0, self.board.about.motor_rest, True)
+
+    def _halt(self) -> None:
+        self.running = self.due = False
+        self.board.stop()
+        self._rest()
+
+    def _fault(self, code: int, text: str) -> None:
+        self._halt()
+        self._tell(messages.Fault(self._next, code, text))
+
+    def _tell(self, message: messages.Message) -> None:
+        self._send(messages.encode(message))

@@ -1,0 +1,192 @@
+"""A simulated microcontroller: the device's end of a serial line, which hosts any `device.Machine`.
+
+Its state machine is `device.Device`, or the reference firmware compiled for a host. It samples by its own timer, or in
+lock-step as fast as commands come. A system keeps a process from its ticks now and then; they are made up for as fast as the
+host answers, so that it does not lose the line for it.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from . import frames, messages
+from .compiled import CompiledDevice
+from .device import About, Board, Device, Machine
+
+NEVER = 3600.0  # longest time for which it sleeps [s]
+_CHUNK = 4096  # [B]
+_ROOM = 1 << 16  # [B] that may wait to be sent; what comes then is dropped
+
+
+class Faults(NamedTuple):
+    """What goes wrong, for tests.
+
+    Attributes:
+        at: by sample, what happens to its frame: ``checksum``, ``lost``, ``repeated``, ``late`` (with all that follow),
+            ``silent`` (no frame any more) or ``unplug``.
+        delay: of a late frame [s].
+        version: of the protocol that WELCOME claims.
+    """
+
+    at: Mapping[int, str] = {}
+    delay: float = 0.0
+    version: int = frames.VERSION
+
+
+class Report(NamedTuple):
+    """How a device kept its time: number of ticks by its timer, and how late each was [s]; frames for which no room was."""
+
+    ticks: int
+    lateness: tuple[float, ...]
+    dropped: int
+
+
+class Microcontroller:
+    """A device at the end of a line.
+
+    Args:
+        machine: that it samples and drives.
+        line: file descriptor of its end; `run` closes it.
+        about: what it says of itself.
+        library: the compiled firmware, or None for the state machine in Python.
+        faults: what goes wrong.
+        spin: time before a tick from which it does not sleep [s].
+
+    Attributes:
+        board: the machine and its outputs.
+        lateness: of the ticks by the timer [s].
+    """
+
+    def __init__(
+        self, machine: Machine, line: int, *, about: About | None = None, library: Path | str | None = None,
+        faults: Faults | None = None, spin: float = 0.0,
+    ) -> None:  # fmt: skip
+        self.board = Board(machine, about or About(), time.perf_counter_ns)
+        self.device: Device | CompiledDevice = (
+            Device(self.board, self._send) if library is None else CompiledDevice(self.board, self._send, library)
+        )
+        self._line, self._spin, self._faults = line, spin, faults or Faults()
+        os.set_blocking(line, False)
+        self._wake, self._waker = os.pipe()
+        self._out: deque[tuple[float, bytes]] = deque()  # not before a time [s]
+        self._held = 0.0  # nothing is sent before this time [s]
+        self._stopped = self._ended = self._silent = False
+        self._ending = threading.Lock()  # a closed descriptor may be somebody else's by now
+        self._starts = self._deadline = self._ticked = 0  # runs begun; the next tick and the newest [ns]
+        self._dropped = 0
+        self.lateness: list[float] = []
+
+    @property
+    def report(self) -> Report:
+        """How it kept its time."""
+        return Report(len(self.lateness), tuple(self.lateness), self._dropped)
+
+    def run(self) -> None:
+        """Until `stop` or the end of the line."""
+        try:
+            while not self._stopped:
+                self._listen()
+                now = time.perf_counter_ns()
+                if self.board.starts != self._starts:
+                    self._starts, self._deadline, self._ticked = self.board.starts, now, 0
+                if self.board.clocked and now >= self._due():
+                    self.lateness.append((now - self._deadline) * 1e-9)
+                    self._deadline += self.board.period
+                    self._ticked = now
+                    self.device.tick()
+                self._flush()
+        finally:
+            self.board.stop()
+            with self._ending:
+                self._stopped = self._ended = True
+                for descriptor in (self._line, self._wake, self._waker):
+                    os.close(descriptor)
+
+    def stop(self) -> None:
+        """Let `run` return; from any thread."""
+        self._stopped = True
+        with self._ending:
+            if not self._ended:
+                os.write(self._waker, b"\0")
+
+    def _due(self) -> int:
+        """When the timer's next sample is to be taken [ns]; it waits a period for the answer to the one before."""
+        return self._deadline if self.board.told else max(self._deadline, self._ticked + self.board.period)
+
+    def _listen(self) -> None:
+        """Until bytes come, a tick is due, or what waits can be sent; the bytes to the device."""
+        seconds = NEVER
+        if self.board.clocked:
+            seconds = (self._due() - time.perf_counter_ns()) * 1e-9 - self._spin
+        if self._out:
+            seconds = min(seconds, max(self._out[0][0] - time.perf_counter(), 1e-3))
+        ready, _, _ = select.select([self._line, self._wake], [], [], max(seconds, 0.0))
+        if self._line in ready:
+            try:
+                data = os.read(self._line, _CHUNK)
+            except BlockingIOError:
+                return
+            except OSError:
+                self._stopped = True  # nobody holds the other end
+                return
+            self._hear(data)
+
+    def _hear(self, data: bytes) -> None:
+        """Bytes to the device, frame by frame: in lock-step each command has its sample before the next frame is read."""
+        *ended, rest = data.split(b"\0")
+        for part in ended:
+            self.device.receive(part + b"\0")
+            while self.device.due and not self._stopped:
+                self.device.tick()
+        self.device.receive(rest)
+
+    def _send(self, data: bytes) -> None:
+        """A frame from the device, if nothing happens to it."""
+        faults, count = self._faults, 1
+        if faults.at or faults.version != frames.VERSION:
+            frame = frames.Frames().feed(data)[0]
+            message = messages.message_of(frame)
+            if isinstance(message, messages.Welcome) and faults.version != frames.VERSION:
+                data = frames.frame(
+                    frame.kind, frame.sequence, faults.version.to_bytes(2, "little") + frame.payload[2:]
+                )
+            fault = faults.at.get(message.sequence, "") if isinstance(message, messages.Sample) else ""
+            if fault == "unplug":
+                self._stopped = True
+            self._silent = self._silent or fault in ("silent", "unplug")
+            self._held = time.perf_counter() + faults.delay if fault == "late" else self._held
+            data = _spoiled(data) if fault == "checksum" else data
+            count = 0 if fault == "lost" or self._silent else 2 if fault == "repeated" else 1
+        if sum(len(part) for _, part in self._out) + len(data) > _ROOM:
+            self._dropped += 1
+            return
+        self._out.extend([(self._held, data)] * count)
+        self._flush()
+
+    def _flush(self) -> None:
+        while self._out and self._out[0][0] <= time.perf_counter():
+            at, data = self._out.popleft()
+            try:
+                data = data[os.write(self._line, data) :]
+            except BlockingIOError:
+                self._out.appendleft((at, data))
+                return
+            except OSError:
+                self._stopped = True
+                return
+            if data:
+                self._out.appendleft((at, data))
+
+
+def _spoiled(data: bytes) -> bytes:
+    """A frame with another checksum."""
+    body = bytearray(frames.decoded(data[:-1]) or b"")
+    body[-1] ^= 1
+    return frames.coded(bytes(body)) + b"\0"
