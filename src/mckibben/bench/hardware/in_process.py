@@ -50,7 +50,8 @@ class SimulatedMachine:
     ) -> None:  # fmt: skip
         self.names = plant.converters.names
         self.bits = tuple(plant.converters.analog[n].bits for n in self.names)
-        self.period = period
+        self._period = period
+        self._zero: int | None = 0
         self._rows = rows
         self._drawn: deque[np.ndarray] = deque()
         physics, row = carry._replace(software=()), jax.tree.map(lambda x: x[0], self._draw())
@@ -67,6 +68,18 @@ class SimulatedMachine:
         self.looks: deque[np.ndarray] = deque()  # what was true at every sample, until somebody takes it
         while len(self._drawn) * period < ahead:
             self._draw()
+
+    @property
+    def period(self) -> float:
+        """Of the samples [s]. A device sets it where a run begins: then the encoder is zeroed at the next sample."""
+        return self._period
+
+    @period.setter
+    def period(self, period: float) -> None:
+        if abs(period / self._period - 1.0) > 1e-6:
+            made = f"it was made for samples every {self._period:g} s, not {period:g} s"
+            raise LineLostError(f"simulated machine: {made}")
+        self._zero = None
 
     def _draw(self) -> Any:
         rows = self._rows.next()
@@ -85,7 +98,10 @@ class SimulatedMachine:
         self.looks.append(look)
         if not np.isfinite(measured).all():
             raise LineLostError("simulated machine: its state is not finite any more")
-        return [int(measured[i]) for i in self._places], 0 if self._span is None else int(measured[self._span])
+        count = 0 if self._span is None else int(measured[self._span])
+        if self._zero is None:
+            self._zero = count
+        return [int(measured[i]) for i in self._places], count - self._zero
 
     def advance(self, valve: int, motor: int, opened: bool) -> None:
         """The physics until the next sample, with counts of the outputs."""
