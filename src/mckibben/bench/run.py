@@ -113,7 +113,7 @@ class Run:
                 if self.result != "done":
                     break
             if self.result != "done" and not len(self.keeper.chunks):
-                raise EmptyRunError(f"{self.message.rstrip(".")}; nothing had been recorded by then")
+                raise EmptyRunError(f"{self.message.rstrip('.')}; nothing had been recorded by then")
             record = self.keeper.recording()
             about = describe(
                 self.bench, machine, self.timing, inner=self.finest, closed=self.closed, record=record
