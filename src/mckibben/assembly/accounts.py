@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ..engine import Run
+from ..muscles.stored import stored_change
+from ..pneumatics.exergy import stored_exergy
 from .machine import Machine
+from .where_it_went import Gained, WhereItWent, where_it_went
 
-# Nodes of the quadrature of a law's elastic tension over a piece of length; its kinks are parabolas, met within 1e-8.
-NODES, PIECES = 8, 256
 LEAST = 1e-6  # [J]; of less work than this, rounding of what is stored is all that an account shows
 
 
@@ -26,6 +25,9 @@ class Accounts(NamedTuple):
         energy: of the whole, over the same and the outside work; nothing that passes from part to part enters it.
         friction: work that friction and creep took [J], as their own ledger says.
         dissipated: what they turned into heat of it [J].
+        exergy: of the whole in exergy, over the exergy that crossed the border; over the work in the muscles where that is
+            more.
+        energy_parts: where exergy and energy went [J].
     """
 
     mass: float
@@ -35,6 +37,8 @@ class Accounts(NamedTuple):
     energy: float
     friction: float
     dissipated: float
+    exergy: float
+    energy_parts: WhereItWent
 
 
 def accounts(
@@ -49,30 +53,45 @@ def accounts(
         first: inputs at the start.
         last: inputs at the end.
     """
-    circuit, (begin, memory), end = machine.joined, start, run.state
+    (begin, memory), end = start, run.state
     flow = {k: float(v) for k, v in run.integrals.items()}
     seen = [machine.with_lengths(s, i) for s, i in ((begin, first), (end, last))]
     (mass, before), (mass_after, after) = (
-        circuit.stored(s["circuit"], i) for s, i in zip((begin, end), seen, strict=True)
+        machine.joined.stored(s["circuit"], i) for s, i in zip((begin, end), seen, strict=True)
     )
-    stored = sum(_muscle_energy(machine, name, begin, end) for name in machine.units)
+    worth = [
+        stored_exergy(machine.joined, s["circuit"], i, machine.environment)
+        for s, i in zip((begin, end), seen, strict=True)
+    ]
     taken, dissipated = (_ledger(run.memory, what) - _ledger(memory, what) for what in ("work", "dissipated"))
-    moving = _mechanical(machine, end, last) - _mechanical(machine, begin, first)
-    # The atmosphere takes P0 dV of what the gas does in the muscles; other walls are moved from outside.
-    lifted = sum(_atmosphere(machine, name, begin, end) for name in machine.units)
+    got = Gained(
+        gas=after - before,
+        gas_exergy=worth[1] - worth[0],
+        muscle=sum(_muscle_energy(machine, name, begin, end) for name in machine.units),
+        tendon=_of_units(machine, end, last) - _of_units(machine, begin, first),
+        load=float(machine.load.stored_energy(end["load"]) - machine.load.stored_energy(begin["load"])),
+        friction=taken,
+        dissipated=dissipated,
+        # The atmosphere takes P0 dV of what the gas does in the muscles; other walls are moved from outside.
+        lifted=sum(_atmosphere(machine, name, begin, end) for name in machine.units),
+    )
+    moving = got.tendon + got.load
     entered = flow["enthalpy"] + flow["heat"] + flow["shaft"] - (flow["work"] - flow["muscle_work"])
     # With closed valves no enthalpy crosses the border, and the work in the muscles is what there is.
     crossed = max(flow["enthalpy_turnover"], flow["exchanged"], LEAST)
-    whole = float(after - before) + stored + lifted + moving + taken - entered - flow["outside"] + flow["lost"]
+    whole = got.gas + got.muscle + got.lifted + moving + taken - entered - flow["outside"] + flow["lost"]
+    parts = where_it_went(machine, flow, got)
     return Accounts(
         mass=abs(mass_after - mass - flow["mass"]) / max(flow["mass_turnover"], mass),
-        gas=abs(float(after - before) - entered + flow["muscle_work"]) / crossed,
-        muscle=abs(stored - flow["braid"] - flow["filling"]) / max(flow["exchanged"], LEAST),
+        gas=abs(got.gas - entered + flow["muscle_work"]) / crossed,
+        muscle=abs(got.muscle - flow["braid"] - flow["filling"]) / max(flow["exchanged"], LEAST),
         mechanics=abs(moving + taken - (flow["outside"] - flow["lost"] - flow["braid"]))
         / max(flow["exchanged"] + flow["outside_turnover"], LEAST),
         energy=abs(whole) / (crossed + flow["outside_turnover"]),
         friction=taken,
         dissipated=dissipated,
+        exergy=abs(parts.exergy.remainder) / max(flow["exergy_turnover"], flow["exchanged"], LEAST),
+        energy_parts=parts,
     )
 
 
@@ -88,26 +107,15 @@ def _atmosphere(machine: Machine, name: str, start: Any, end: Any) -> float:
 
 
 def _muscle_energy(machine: Machine, name: str, start: Any, end: Any) -> float:
-    """Gain of the energy stored in bladder and braid, E(L) + P' V - integral of V dP' [J]."""
-    law = machine.units[name].law
+    """Gain of the energy stored in bladder and braid [J]."""
     ambient = float(machine.environment.pressure_abs)
-    (l0, p0), (l1, p1) = (
+    first, last = (
         (float(s["muscles"][name].length), float(s["circuit"]["pressure"][name]) - ambient) for s in (start, end)
     )
-    edges = np.linspace(l0, l1, PIECES + 1)
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    half = 0.5 * np.diff(edges)
-    at = 0.5 * (edges[1:] + edges[:-1])[:, None] + half[:, None] * nodes
-    elastic = float(np.sum(half[:, None] * weights * np.asarray(law.elastic_tension(at))))
-
-    def gas(length: float, pressure: float) -> float:
-        return float(pressure * law.braid_volume(length, pressure) - law.gas_energy(length, pressure))
-
-    return elastic + gas(l1, p1) - gas(l0, p0)
+    return stored_change(machine.units[name].law, first, last)
 
 
-def _mechanical(machine: Machine, state: Any, inputs: Mapping[str, Any]) -> float:
-    """Energy of end masses, tendons and load [J]."""
+def _of_units(machine: Machine, state: Any, inputs: Mapping[str, Any]) -> float:
+    """Energy of end masses and tendons [J]."""
     spans = machine.load.spans(state["load"], inputs)
-    own = sum(float(u.kinetic_and_elastic(state["muscles"][n], spans[n].span)) for n, u in machine.units.items())
-    return own + float(machine.load.stored_energy(state["load"]))
+    return sum(float(u.kinetic_and_elastic(state["muscles"][n], spans[n].span)) for n, u in machine.units.items())

@@ -13,6 +13,7 @@ from ..engine.signals import Value
 from ..errors import InputError
 from ..muscles.law import law_name
 from ..pneumatics.circuit import Circuit
+from ..pneumatics.exergy import exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
 from .muscle_unit import MuscleUnit, Path, UnitState
@@ -142,29 +143,32 @@ class Machine(System):
         return {"circuit": gas, "muscles": muscles, "load": self.load.rates(state["load"], felt, inputs)}
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """The circuit's accounts, and the powers of the mechanics [W].
+        """The circuit's accounts, those of exergy with them, and the powers of the mechanics [W].
 
         ``braid`` goes into the braids by their motion and ``filling`` by the gas, ``exchanged`` is the size of both,
-        ``muscle_work`` is what the gas does in the muscles, the atmosphere's share included; ``outside`` enters the load,
-        ``outside_turnover`` is its size, ``lost`` is turned into heat by dampers.
+        ``muscle_work`` is what the gas does in the muscles, the atmosphere's share included; ``delivered`` goes from the
+        muscles into the load, ``outside`` enters the load from elsewhere, ``outside_turnover`` is its size; ``lost`` is turned
+        into heat by dampers, of which ``viscous`` in the muscles and their tendons.
         """
         seen, joined = self.with_lengths(state, inputs), self.joined
-        out = dict(joined.integrands(state["circuit"], memory["circuit"], seen))
-        gas = joined.rate(state["circuit"], memory["circuit"], seen)["pressure"]
+        now = joined.passing(state["circuit"], memory["circuit"], seen)
+        out = joined.crossing(now) | exergies(joined, now, self.environment)
         spans, _, felt = self.pulls(state, memory, inputs)
         outside, lost = self.load.powers(state["load"], felt, inputs)
-        braid, filling, exchanged, work = (jnp.zeros(()) for _ in range(4))
+        braid, filling, exchanged, work, viscous, delivered = (jnp.zeros(()) for _ in range(6))
         for name, unit in self.units.items():
             at: UnitState = state["muscles"][name]
             gauge = self.gauge(state, name)
-            swelling = joined.swelling(name, state["circuit"], seen, gas[name])
+            swelling = now.swelling(name)
             moved, filled = unit.law.braid_tension(at.length, gauge) * at.velocity, gauge * swelling
             braid, filling = braid + moved, filling + filled
             exchanged = exchanged + jnp.abs(moved) + jnp.abs(filled)
             work = work + state["circuit"]["pressure"][name] * swelling
-            lost = lost + unit.lost(at, *spans[name])
-        own = {"braid": braid, "filling": filling, "exchanged": exchanged, "muscle_work": work}
-        return out | own | {"outside": outside, "outside_turnover": jnp.abs(outside), "lost": lost}
+            viscous = viscous + unit.lost(at, *spans[name])
+            delivered = delivered - felt[name] * spans[name].velocity
+        own = {"braid": braid, "filling": filling, "exchanged": exchanged, "muscle_work": work, "delivered": delivered}
+        outer = {"outside": outside, "outside_turnover": jnp.abs(outside), "lost": lost + viscous, "viscous": viscous}
+        return out | own | outer
 
     def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Friction and creep along the piece of path, and the memory of valves."""

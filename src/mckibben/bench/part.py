@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -73,13 +74,15 @@ class PartMachine:
             self.plant, carry, self.rows, period=timing.period, inner=timing.inner, latency=timing.latency, ahead=ahead
         )
 
-    def closed(self, carry: sampled.Carry) -> Accounts:
-        """The accounts from the start until now."""
+    def closed(self, carry: sampled.Carry, begun: sampled.Carry | None = None) -> Accounts:
+        """The accounts from the start, or from what was then, until now."""
         timing = self.timing
-        begun = sampled.rest(self.plant, self.start, self.commands, timing.depth)
+        if begun is None:
+            begun = sampled.rest(self.plant, self.start, self.commands, timing.depth)
         first, last = (sampled.inputs_of(self.plant, c, timing.latency, timing.period) for c in (begun, carry))
-        ended: Any = _Ended(carry.state["machine"], carry.memory, carry.integrals)
-        return accounts(self.machine, (self.start[0]["machine"], self.start[1]), ended, first, last)
+        sums = jax.tree.map(lambda end, begin: end - begin, carry.integrals, begun.integrals)
+        ended: Any = _Ended(carry.state["machine"], carry.memory, sums)
+        return accounts(self.machine, (begun.state["machine"], begun.memory), ended, first, last)
 
 
 class _Ended(NamedTuple):

@@ -12,8 +12,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -23,6 +24,7 @@ from ..errors import InputError, LineLostError
 from .hardware.border import Hardware
 from .hardware.converters import SPAN, Converters
 from .hardware.in_process import InProcess
+from .session_machine import Lent
 from .software.loop import BenchSoftware
 from .source import AFTER_STOP, Chunk
 
@@ -54,8 +56,19 @@ class Lateness(NamedTuple):
         return cls(lateness.size, late, behind, (half, most, nearly, largest))
 
 
+class Source(Protocol):
+    """Set-points that come with the samples; read at every one of them, so it only hands out what is there."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of what a sample brings."""
+
+    def __call__(self) -> np.ndarray:
+        """The numbers of this sample, in the order of the names."""
+
+
 class Loop:
-    """One part of a run on one machine.
+    """One part of a run on one machine, or its operation by hand.
 
     Args:
         hardware: at the border.
@@ -65,6 +78,7 @@ class Loop:
         period: of the samples [s].
         longest: at most so many samples.
         stop: asked at every sample; where it says so, the machine is stopped and vented.
+        source: of what else a row of the software has.
 
     Raises:
         InputError: if the machine does not have the channels or outputs that the software needs.
@@ -72,29 +86,34 @@ class Loop:
 
     def __init__(
         self, hardware: Hardware, converters: Converters, software: BenchSoftware, *, outputs: Iterable[str],
-        period: float, longest: int, stop: Callable[[], bool],
+        period: float, longest: int, stop: Callable[[], bool], source: Source | None = None,
     ) -> None:  # fmt: skip
         _fits(hardware, converters, software)
         self.hardware, self.period, self.longest, self.stop = hardware, period, longest, stop
         self.names = tuple(hardware.analog_in.names)
         inputs = (*self.names, *([SPAN] if converters.encoder is not None else []))
         counts, shows = np.zeros(len(inputs)), frozenset(outputs)
+        self._outputs, self.source, told = shows, source, () if source is None else tuple(source.names)
 
         def read(seen: Any) -> dict[str, Any]:
             return converters.read({name: seen[i] for i, name in enumerate(inputs)})
 
-        def think(state: Any, seen: Any, pressed: Any) -> tuple[Any, ...]:
-            measured = read(seen)
-            state, commands, shown = software.step(state, measured, {"stop": pressed}, period)
+        def think(state: Any, seen: Any, pressed: Any, *asked: Any) -> tuple[Any, ...]:
+            measured, row = read(seen), {name: asked[0][i] for i, name in enumerate(told)}
+            state, commands, shown = software.step(state, measured, {"stop": pressed, **row}, period)
             out = converters.write(commands)
             held = {n: v for n, v in converters.held(out).items() if n in shows}
             return state, jnp.stack([out[n] for n in ("valve", "motor", "open")]), measured, held, shown
 
         self._begin = Packed(lambda seen: (software.initial(read(seen)),), counts)
         state = self._begin.tree(0, self._begin(counts)[0])
-        self._think = Packed(think, state, counts, np.zeros(()))
-        self._counts, self._pressed, self._released = counts, np.ones(1), np.zeros(1)
-        self._places = {name: self._think.index(4, name) for name in ("running", "code", "missed")}
+        self._think = Packed(think, state, counts, np.zeros(()), *([] if source is None else [np.zeros(len(told))]))
+        leaves, shape = jax.tree.flatten(state)
+        self.places: dict[str, Any] = jax.tree.unflatten(shape, list(range(len(leaves))))
+        self._inputs, self._pressed, self._released = len(inputs), np.ones(1), np.zeros(1)
+        self._halts = [self._think.index(4, name) for name in ("running", "code", "missed")]
+        self.state: np.ndarray | None = None
+        self.held, self.shown = np.zeros(self._think.size(3)), np.zeros(self._think.size(4))
         self.kept: deque[tuple[np.ndarray, ...]] = deque()
         self.lateness = np.zeros(longest)
         self.taken = 0
@@ -119,31 +138,59 @@ class Loop:
         finally:
             gc.enable()
             sys.setswitchinterval(interval)
+            if isinstance(self.hardware, Lent):
+                self.hardware.give_back(self)
 
     def _samples(self) -> None:
-        hardware, state = self.hardware, None
-        encoder, motor, counts = hardware.encoder, hardware.motor, self._counts
-        running, code, missed = (self._places[n] for n in ("running", "code", "missed"))
+        running, code, missed = self._halts
         left = round(AFTER_STOP / self.period)
         for k in range(self.longest):
-            self.lateness[k] = hardware.wait(k)
-            analog = hardware.analog_in.read()
-            counts = np.array([*analog, encoder.read()] if encoder is not None else analog, float)
-            if state is None:
-                (state,) = self._begin(counts)
-            pressed = self._pressed if self.stop() else self._released
-            state, out, measured, held, shown = self._think(state, counts, pressed)
-            hardware.valve.write(int(out[0]), opened=out[2] > 0.5)
-            if motor is not None:
-                motor.write(int(out[1]))
-            hardware.send()
-            self.kept.append((measured, held, shown))
+            self.lateness[k] = self._sample(k)
             self.taken = k + 1
+            shown = self.shown
             if shown[running] < 0.5:
                 halted = shown[code] > 0.5 or shown[missed] > 0.5
                 left = left - 1 if halted else 0
                 if left <= 0:
                     return
+
+    def _sample(self, k: int) -> float:
+        """One sample, counted from 0; how late it was [s]."""
+        hardware, encoder, motor = self.hardware, self.hardware.encoder, self.hardware.motor
+        late = hardware.wait(k)
+        analog = hardware.analog_in.read()
+        counts = np.array([*analog, encoder.read()] if encoder is not None else analog, float)[: self._inputs]
+        state = self.state
+        if state is None:
+            state = self._first(counts)
+        asked = () if self.source is None else (self.source(),)
+        pressed = self._pressed if self.stop() else self._released
+        self.state, out, measured, self.held, self.shown = self._think(state, counts, pressed, *asked)
+        hardware.valve.write(int(out[0]), opened=out[2] > 0.5)
+        if motor is not None:
+            motor.write(int(out[1]))
+        hardware.send()
+        self.kept.append((measured, self.held, self.shown))
+        return late
+
+    def _first(self, counts: np.ndarray) -> np.ndarray:
+        """The software's state before the first sample; a machine that goes on has something of it."""
+        (state,) = self._begin(counts)
+        return self.hardware.continued(self, state) if isinstance(self.hardware, Lent) else state
+
+    def number(self, name: str) -> float:
+        """What the software showed at the newest sample, by name [SI]."""
+        return float(self.shown[self._think.index(4, name)])
+
+    @property
+    def halted(self) -> bool:
+        """Whether the software has stopped the machine."""
+        return self.state is not None and self.state[self.places["stopped"]] > 0.5
+
+    @property
+    def opened(self) -> bool:
+        """Whether the shut-off, where there is one, was asked to be open at the newest sample."""
+        return "open" not in self._outputs or self.held[self._think.index(3, "open")] > 0.5
 
     def chunk(self, count: int) -> Chunk:
         """The oldest samples that nobody has taken yet, `count` of them; with what was true, where that is known."""
@@ -153,7 +200,12 @@ class Loop:
         outputs: dict[str, Any] = {}
         if isinstance(self.hardware, InProcess):
             outputs = self.hardware.machine.seen(count).outputs
-        return Chunk(sampled.Seen(outputs, measured, held, shown, np.zeros(count), np.ones(count, bool)), count)
+        elif isinstance(self.hardware, Lent):
+            outputs = self.hardware.seen(count)
+        seen = sampled.Seen(outputs, measured, held, shown, np.zeros(count), np.ones(count, bool))
+        if isinstance(self.hardware, Lent):
+            self.hardware.tell(seen, count)
+        return Chunk(seen, count)
 
     def _nothing(self) -> list[np.ndarray]:
         return [np.zeros((0, self._think.size(i))) for i in (2, 3, 4)]

@@ -10,7 +10,21 @@ import typer
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError
-from . import calibrate, circuit_fit, compare, device, energy, fit, muscles, protocols, record, reproduce, run, study
+from . import (
+    calibrate,
+    circuit_fit,
+    compare,
+    console,
+    device,
+    energy,
+    fit,
+    muscles,
+    protocols,
+    record,
+    reproduce,
+    run,
+    study,
+)
 
 app = typer.Typer(
     name="mckibben",
@@ -43,6 +57,7 @@ circuit_fit.add_to(app)
 protocols.add_to(app)
 record.add_to(app)
 run.add_to(app)
+console.add_to(app)
 device.add_to(app)
 calibrate.add_to(app)
 energy.add_to(app)

@@ -10,6 +10,7 @@ import typer
 
 from ..errors import InputError
 from .convert import convert, repair
+from .record_report import report
 from .words import Json, pairs, print_json, table, writable
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ STEPS = 40  # rows of steps that a person is shown
 
 record = typer.Typer(
     name="record",
-    help="Recordings: show what one holds, plot it, convert it, repair a log.",
+    help="Recordings: show what one holds, plot it, report on it, convert it, repair a log.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -31,6 +32,7 @@ def add_to(app: typer.Typer) -> None:
     """Add these commands to the table."""
     record.command("convert")(convert)
     record.command("repair")(repair)
+    record.command("report")(report)
     app.add_typer(record)
 
 

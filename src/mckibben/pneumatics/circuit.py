@@ -18,6 +18,7 @@ from ..components import Scalar
 from ..components.flow import FlowElement, GasState
 from ..components.system import Moment, System
 from ..errors import InputError
+from .exergy import Passing, Stream, kind_of, path_name
 from .gas import AIR, Gas
 from .heat import Inflow, VolumeState
 from .topology import check_topology
@@ -111,7 +112,7 @@ class Circuit(System):
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Rates of masses, pressures and the elements' own states."""
         seen = self._gas_states(state, inputs)
-        inflow, _ = self._inflows(state, memory, seen, inputs)
+        inflow, _ = self._inflows(self._streams(state, memory, seen, inputs), seen)
         masses, pressures = {}, {}
         for name in self.chambers:
             volume = self._volume(name, state["pressure"][name], inputs)
@@ -127,30 +128,43 @@ class Circuit(System):
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
         """What crosses the border: mass [kg/s], enthalpy, heat, work on moving walls, and of machines on the gas [W]."""
-        seen = self._gas_states(state, inputs)
-        inflow, heating = self._inflows(state, memory, seen, inputs)
+        return self.crossing(self.passing(state, memory, inputs))
+
+    def crossing(self, now: Passing) -> dict[str, Scalar]:
+        """The same, of a moment that is known."""
         out: dict[str, Any] = {
             "mass": 0.0,
             "enthalpy": 0.0,
             "heat": 0.0,
             "work": 0.0,
-            "shaft": heating,
+            "shaft": now.added,
             "mass_turnover": 0.0,
             "enthalpy_turnover": 0.0,
         }
         for name, node in self.nodes.items():
-            flow = inflow[name]
+            flow = now.inflow[name]
             if isinstance(node, Reservoir):
                 out["mass"] -= flow.mass
                 out["enthalpy"] -= flow.enthalpy
                 out["mass_turnover"] += jnp.abs(flow.mass)
                 out["enthalpy_turnover"] += jnp.abs(flow.enthalpy)
                 continue
-            volume = self._volume(name, state["pressure"][name], inputs)
-            rate, heat = node.heat.rates(self.gas, *seen[name], volume, flow)
-            out["heat"] += heat
-            out["work"] += seen[name].pressure_abs * self.swelling(name, state, inputs, rate)
+            out["heat"] += now.heat[name]
+            out["work"] += now.gas[name].pressure_abs * now.swelling(name)
         return {name: jnp.asarray(value) for name, value in out.items()}
+
+    def passing(self, state: Any, memory: Any, inputs: Any) -> Passing:
+        """All that the accounts need of a moment: gas, volumes, what flows where, and heat."""
+        seen, volumes = self._gas_states(state, inputs), self.volumes(state, inputs)
+        streams = self._streams(state, memory, seen, inputs)
+        inflow, added = self._inflows(streams, seen)
+        rates = {n: self._chamber(n).heat.rates(self.gas, *seen[n], volumes[n], inflow[n]) for n in volumes}
+        pressure_rates, heat = ({n: r[i] for n, r in rates.items()} for i in (0, 1))
+        return Passing(seen, volumes, streams, inflow, added, pressure_rates, heat)
+
+    def volumes(self, state: Any, inputs: Any) -> dict[str, VolumeState]:
+        """Of every chamber."""
+        return {name: self._volume(name, state["pressure"][name], inputs) for name in self.chambers}
 
     def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Every element's memory after the gas at its ports has changed."""
@@ -168,11 +182,8 @@ class Circuit(System):
         out |= {f"{name}.mass": state["mass"][name] for name in self.chambers}
         for name, flows in self._flows(state, memory, seen, inputs).items():
             element = self.elements[name]
-            if len(flows) == 1:
-                out[f"{name}.mass_flow"] = flows[0]
-            else:
-                for (i, j), flow in zip(element.paths, flows, strict=True):
-                    out[f"{name}.{element.ports[i]}_to_{element.ports[j]}.mass_flow"] = flow
+            for path, flow in zip(element.paths, flows, strict=True):
+                out[f"{path_name(element, name, path)}.mass_flow"] = flow
             own = state["elements"][name], _kept(memory, name), self._command(name, inputs)
             out |= {f"{name}.{key}": value for key, value in element.outputs(self._at(name, seen), *own).items()}
         return out
@@ -181,11 +192,6 @@ class Circuit(System):
         """Whether every volume holds gas at a pressure above vacuum."""
         held = [state[what][name] > 0.0 for what in ("mass", "pressure") for name in self.chambers]
         return jnp.stack(held).all()
-
-    def swelling(self, name: str, state: Any, inputs: Any, pressure_rate: Any) -> Scalar:
-        """Rate at which a volume grows, by its motion and by its pressure [m^3/s]."""
-        volume = self._volume(name, state["pressure"][name], inputs)
-        return volume.moving + volume.per_pressure * pressure_rate
 
     def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Bound from the steepest slope of each restriction and the capacity of the nodes it joins [1/s].
@@ -252,6 +258,10 @@ class Circuit(System):
         node = self._chamber(name)
         length, velocity = (0.0, 0.0) if node.signal is None else inputs[node.signal]
         volume = node.volume(pressure_abs, length, velocity)
+        return volume._replace(value=volume.value + self.inner_volume(name))
+
+    def inner_volume(self, name: str) -> Scalar:
+        """What the elements at a node add to its volume [m^3]."""
         # By name: a tree that was taken apart and put together has its tables sorted.
         own = [
             inner
@@ -259,7 +269,7 @@ class Circuit(System):
             for end, inner in zip(ends, self.elements[element].inner_volumes(), strict=True)
             if end == name
         ]
-        return volume._replace(value=volume.value + sum(own))
+        return sum(own, start=jnp.zeros(()))
 
     def _flows(self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, tuple[Scalar, ...]]:
         return {
@@ -269,23 +279,30 @@ class Circuit(System):
             for name, element in self.elements.items()
         }
 
-    def _inflows(
-        self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any
-    ) -> tuple[dict[str, Inflow], Scalar]:
+    def _streams(self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, Stream]:
+        """The gas on every path."""
+        found = {}
+        for name, flows in self._flows(state, memory, seen, inputs).items():
+            element, ends = self.elements[name], self.ends[name][0]
+            power: Any = [None] * len(flows)
+            if kind_of(element) == "machine":
+                own = state["elements"][name], _kept(memory, name), self._command(name, inputs)
+                power = element.heating(self._at(name, seen), *own)
+            for path, flow, gain in zip(element.paths, flows, power, strict=True):
+                found[path_name(element, name, path)] = Stream(name, (ends[path[0]], ends[path[1]]), flow, gain)
+        return found
+
+    def _inflows(self, streams: Mapping[str, Stream], seen: dict[str, GasState]) -> tuple[dict[str, Inflow], Scalar]:
         """What enters each node, and what machines add to the gas on its way [W]."""
         mass: dict[str, Any] = {name: 0.0 for name in self.nodes}
         enthalpy: dict[str, Any] = {name: 0.0 for name in self.nodes}
         total: Any = jnp.zeros(())
-        for name, flows in self._flows(state, memory, seen, inputs).items():
-            element, ends = self.elements[name], self.ends[name][0]
-            own = state["elements"][name], _kept(memory, name), self._command(name, inputs)
-            added = element.heating(self._at(name, seen), *own)
-            for (i, j), flow, power in zip(element.paths, flows, added, strict=True):
-                a, b = ends[i], ends[j]
-                carried = flow * self.gas.cp * jnp.where(flow >= 0.0, seen[a].temperature, seen[b].temperature)
-                mass[a], mass[b] = mass[a] - flow, mass[b] + flow
-                enthalpy[a], enthalpy[b] = enthalpy[a] - carried, enthalpy[b] + carried + power
-                total = total + power
+        for _, (a, b), flow, power in streams.values():
+            carried = flow * self.gas.cp * jnp.where(flow >= 0.0, seen[a].temperature, seen[b].temperature)
+            mass[a], mass[b] = mass[a] - flow, mass[b] + flow
+            enthalpy[a], enthalpy[b] = enthalpy[a] - carried, enthalpy[b] + carried
+            if power is not None:
+                enthalpy[b], total = enthalpy[b] + power, total + power
         return {name: Inflow(mass[name], enthalpy[name]) for name in self.nodes}, total
 
 

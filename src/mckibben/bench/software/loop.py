@@ -17,6 +17,7 @@ from ...components.sampled import Software
 from ...quantities import quantity
 from .controllers import ForceControl, PositionControl, PressureControl
 from .interlocks import Interlocks
+from .manual import Manual
 from .motion import MotionEstimate
 from .sequencer import SPAN, TENSION, VELOCITY, Sequencer, SetPoints
 
@@ -24,9 +25,12 @@ CHANNELS = ("pressure", "valve_pressure", "tension", "span")
 
 
 class BenchSoftware(Software):
-    """Sequencer, controllers and interlocks of one run."""
+    """Sequencer, controllers and interlocks of one run, or of manual operation.
 
-    sequencer: Sequencer
+    A `start_motor` that is NaN begins at the measured span.
+    """
+
+    sequencer: Sequencer | Manual
     motion: MotionEstimate
     pressure: PressureControl
     position: PositionControl
@@ -41,7 +45,9 @@ class BenchSoftware(Software):
         """At the first sample of the protocol."""
         span = measured.get("span", jnp.zeros(()))
         return {
-            "place": self.sequencer.initial(self.start_pressure, self.start_motor),
+            "place": self.sequencer.initial(
+                self.start_pressure, jnp.where(jnp.isnan(self.start_motor), span, self.start_motor)
+            ),
             "motion": self.motion.initial(span),
             "pressure": self.pressure.initial(),
             "position": self.position.initial(measured.get("tension", 0.0)),
@@ -56,13 +62,16 @@ class BenchSoftware(Software):
     ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
         """One sample: commands ``valve`` [Pa], ``motor`` [N] and ``open``; shown are set-points, place and code.
 
-        A row may have ``stop``, 1 while the emergency stop is pressed.
+        A row may have ``stop``, 1 while the emergency stop is pressed, and has what `manual.ROW` names in manual mode.
         """
         read = {name: measured[name] for name in CHANNELS if name in measured}
         nothing = jnp.zeros(())
         tension, span = read.get("tension", nothing), read.get("span", nothing)
         motion, velocity = self.motion.step(state["motion"], span, dt)
-        asked = self.sequencer.set_points(state["place"], dt)
+        at = state["place"]
+        if isinstance(self.sequencer, Manual):
+            at = self.sequencer.heard(at, row)
+        asked = self.sequencer.set_points(at, dt)
         going = ~state["stopped"]
         pressure, valve = self.pressure.step(
             state["pressure"], asked.pressure, read.get("pressure", asked.pressure), dt, jnp.where(going, 1.0, 0.0)
@@ -84,11 +93,9 @@ class BenchSoftware(Software):
         watched = {**commands, "valve": jnp.where(asked.open > 0.5, valve, 0.0)}
         pressed = row.get("stop", 0.0)
         watching, code = self.interlocks.step(state["interlocks"], read, watched, velocity, dt, pressed)
-        stopped = state["stopped"] | (code > 0) | state["place"].missed
-        place = self.sequencer.advance(
-            state["place"], asked, {**read, "velocity": velocity}, (span, velocity, tension), dt
-        )
-        place = place._replace(step=jnp.where(stopped, state["place"].step, place.step))
+        stopped = state["stopped"] | (code > 0) | at.missed
+        place: Any = self.sequencer.advance(at, asked, {**read, "velocity": velocity}, (span, velocity, tension), dt)
+        place = place._replace(step=jnp.where(stopped, at.step, place.step))
         commands = {
             "valve": jnp.where(stopped, 0.0, commands["valve"]),
             "motor": jnp.where(stopped, -self.brake * velocity, commands["motor"]) if self.has_motor else nothing,
@@ -98,7 +105,7 @@ class BenchSoftware(Software):
             "place": place, "motion": motion, "pressure": pressure, "position": position, "force": force,
             "interlocks": watching, "driven": driven, "stopped": stopped,
         }  # fmt: skip
-        return new, commands, self._shown(asked, velocity, code, state["place"].missed, stopped)
+        return new, commands, self._shown(asked, velocity, code, at.missed, stopped)
 
     def _shown(self, asked: SetPoints, velocity: Any, code: Any, missed: Any, stopped: Any) -> dict[str, Scalar]:
         mode = asked.mode

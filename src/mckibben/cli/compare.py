@@ -1,0 +1,199 @@
+"""``compare``: muscles side by side, braided and biological, from their laws, from recordings, and in the same protocols."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import InputError
+from .words import Json, print_json, table, told, writable
+
+if TYPE_CHECKING:
+    from ..studies.comparison import Subject, Table
+    from ..studies.comparison.match import Match, Tuned
+    from ..studies.comparison.protocols import Trials
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add this command to the table."""
+    app.command("compare")(compare)
+
+
+def compare(
+    muscles: Annotated[
+        list[str] | None, typer.Argument(metavar="ID ID ..", help="Specimens by id, or .toml files of them.")
+    ] = None,
+    recording: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="A recording as a further column; may be repeated."),
+    ] = None,
+    pressure: Annotated[
+        str, typer.Option(help="Gauge pressure that counts as the full drive of McKibben muscles.")
+    ] = "5 bar",
+    protocols: Annotated[
+        bool,
+        typer.Option("--protocols", help="Also run twitch, step, release, force-velocity and work loop on each."),
+    ] = False,
+    match: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ID", help="Also search elements that bring each McKibben muscle close to this biological one."
+        ),
+    ] = None,
+    rig: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="Test machine of the protocols; the paper's where its range allows."),
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw what was computed, normalised, .svg or .png.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Compare muscles by Table 1 of the paper, with what is published of biological muscle beside them."""
+    from ..quantities import parse
+    from ..studies.comparison import Table, subject
+    from ..studies.comparison import compare as tabled
+
+    writable("--figure", figure, ".svg", ".png")
+    full = parse(pressure, "Pa", field="--pressure")
+    chosen = [subject(name, pressure=full) for name in muscles or []]
+    target = None if match is None else _target(match)
+    if match is not None and not any(s.unit is not None for s in chosen):
+        raise InputError("--match", match, "needed is a McKibben muscle among those compared")
+    found = tabled(chosen, recording or [])
+    done: list[Trials] = []
+    matches: list[Match] = []
+    with told("comparing") as tell:
+        if protocols:
+            done = _done(chosen, rig, tell)
+            found = Table((*(t.column() for t in done), *found.columns[len(done) :]), found.published)
+        if target is not None:
+            matches = _matches(chosen, target, rig, done, tell)
+    if figure is not None:
+        _draw(figure, chosen, done, matches)
+    if as_json:
+        print_json(_as_json(found, matches))
+    else:
+        _print(found, matches)
+        if figure is not None:
+            typer.echo(f"\nWritten: {figure}")
+
+
+def _target(name: str) -> Subject:
+    from ..studies.comparison import subject
+
+    target = subject(name)
+    if target.fibre is None:
+        raise InputError("--match", name, "it is a McKibben muscle; allowed is a biological one")
+    return target
+
+
+def _done(chosen: list[Subject], rig: str | None, tell: Any) -> list[Trials]:
+    from ..studies.comparison.protocols import rig_for, trials
+
+    on = rig or rig_for(chosen)
+    return [trials(s, rig=on, progress=tell) for s in chosen]
+
+
+def _matches(chosen: list[Subject], target: Subject, rig: str | None, done: list[Trials], tell: Any) -> list[Match]:
+    from ..studies.comparison.match import TWITCH, match
+
+    records = {t.muscle.id: t.records[TWITCH] for t in done if TWITCH in t.records}
+    braided = [s for s in chosen if s.unit is not None]
+    return [match(s, target, records=records, rig=rig, progress=tell) for s in braided]
+
+
+def _draw(path: Path, chosen: list[Subject], done: list[Trials], matches: list[Match]) -> None:
+    from ..report.figures import style
+    from ..report.figures.comparison_figures import comparison_figure
+    from ..studies.comparison.protocols import trials
+
+    if not chosen:
+        raise InputError("--figure", str(path), "needed is a specimen: a recording alone has no law to draw")
+    style.save(comparison_figure(done or [trials(s, names=()) for s in chosen], matches), path, dpi=130.0)
+
+
+def _as_json(found: Table, matches: list[Match]) -> dict[str, Any]:
+    rows = []
+    for row in found.rows():
+        one: dict[str, Any] = {"property": row.property.name, "unit": row.property.unit, "values": row.shown()}
+        one |= {"title": row.property.title, "published": None}
+        ends, p = row.shown_range(), row.published
+        if ends is not None and p is not None:
+            one["published"] = {
+                "low": ends[0], "high": ends[1], "sources": list(p.sources), "through": p.through, "derived": p.derived,
+                "note": p.note,
+            }  # fmt: skip
+        rows.append(one)
+    out: dict[str, Any] = {
+        "columns": [c.name for c in found.columns], "rows": rows,
+        "about": [{"title": c.title, "from": c.kind, "notes": list(c.notes)} for c in found.columns],
+    }  # fmt: skip
+    return out | ({"match": [_match_json(m) for m in matches]} if matches else {})
+
+
+def _match_json(found: Match) -> dict[str, Any]:
+    keys = ("path", "title", "unit", "start", "value", "low", "high", "hit")
+    return {
+        "muscle": found.muscle.id, "target": found.target.id, "before": dict(found.rms_before),
+        "after": dict(found.rms_after), "twitch_simulated": found.rms_simulated,
+        "parameters": [{k: getattr(p, k) for k in keys} for p in found.parameters],
+    }  # fmt: skip
+
+
+def _print(found: Table, matches: list[Match]) -> None:
+    from ..citations import reference
+
+    lines, keys = [], {"chou1996": None}
+    for row in found.rows():
+        ends = row.shown_range()
+        published = "" if ends is None else _number(ends[0]) if ends[0] == ends[1] else " to ".join(map(_number, ends))
+        lines.append([row.property.title, row.property.unit, *(_number(v) for v in row.shown()), published])
+        if row.published is not None:
+            keys |= dict.fromkeys(row.published.sources)
+    names = [c.name for c in found.columns]
+    table("Muscles side by side", ["", "unit", *names, "biological, published"], lines, right=range(2, len(names) + 3))
+    for column in found.columns:
+        for note in column.notes:
+            typer.echo(f"{column.name}: {note}.")
+    for one in matches:
+        _print_match(one)
+    typer.echo("")
+    for key in keys:
+        typer.echo(f"[{key}] {reference(key)}")
+
+
+def _print_match(found: Match) -> None:
+    typer.echo("")
+    titles = {
+        "force_length": "force-length",
+        "passive": "passive",
+        "force_velocity": "force-velocity",
+        "all": "together",
+    }
+    rows = [[titles.get(n, n), f"{found.rms_before[n]:.3f}", f"{found.rms_after[n]:.3f}"] for n in found.rms_before]
+    table(
+        f"{found.muscle.id} with elements, towards {found.target.id}: rms difference over the tension at rest length",
+        ["curve", "as built", "with elements"], rows, right=[1, 2],
+    )  # fmt: skip
+    if found.simulated is not None:
+        typer.echo(f"The twitch with elements on the test machine, circuit and all: {found.rms_simulated:.3f}.")
+    typer.echo("")
+    table("", ["element", "as built", "found", "at its bound"], [_tuned(p) for p in found.parameters], right=[1, 2])
+
+
+def _tuned(p: Tuned) -> list[str]:
+    from ..quantities import with_unit
+
+    if not p.hit:
+        return [p.title, with_unit(p.start, p.unit), with_unit(p.value, p.unit), ""]
+    end = p.low if p.hit == "low" else p.high  # the search stops a rounding before it
+    return [p.title, with_unit(p.start, p.unit), with_unit(end, p.unit), "lower" if p.hit == "low" else "upper"]
+
+
+def _number(value: float | None) -> str:
+    if value is None or value != value:
+        return "\N{EN DASH}"
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"

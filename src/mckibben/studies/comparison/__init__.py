@@ -1,0 +1,12 @@
+"""McKibben and biological muscles side by side: Table 1, the same protocols on both, and how close elements can bring them.
+
+Everything is relative to the muscle: lengths to its rest length L0, tensions to F0, what it pulls at L0 fully driven, and
+the drive to the full one. A pressure set-point over the full pressure is what an activation is to a biological muscle.
+"""
+
+from .subject import FULL_PRESSURE, Subject, subject
+from .table import PROPERTIES, Column, Property, Row, Table, compare
+
+__all__ = [
+    "FULL_PRESSURE", "PROPERTIES", "Column", "Property", "Row", "Subject", "Table", "compare", "subject",
+]  # fmt: skip

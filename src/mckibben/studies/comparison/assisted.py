@@ -1,0 +1,161 @@
+"""A McKibben muscle with elements added: a spring and a damper beside the braid, a tendon behind it, a delay before it.
+
+    T = tendon(X - L) = max(braid(L, P') + spring(L) - Fc(P') + c v, 0)       in steady shortening at v = dX/dt < 0
+
+Beside the braid the spring becomes part of its law, so that tension and volume still come from one potential. The static
+solution here and the motion in `twitch_of` are those of a `MuscleUnit`, which a test machine takes as it is. Chou and
+Hannaford propose these elements, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753 (discussion).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from ...assembly.muscle_unit import MuscleUnit, Path, UnitState
+from ...components import Module, Scalar
+from ...components.system import Moment, System
+from ...engine import march, ramped
+from ...muscles.elements import PassiveSpring
+from ...muscles.law import TensionLaw
+from ...quantities import quantity
+
+HALVINGS = 50
+
+
+class Accompanied(TensionLaw):
+    """A law with a spring beside the braid: one length, the forces add. The gas knows nothing of the spring.
+
+    Range: that of the law.
+    """
+
+    law: TensionLaw
+    spring: PassiveSpring
+
+    title = "With a spring beside it"
+    cites = ("chou1996",)
+    fitted = ()
+
+    def elastic_tension(self, length: Any) -> Scalar:
+        """Of the braid and the spring [N]."""
+        return self.law.elastic_tension(length) + self.spring.force(length)
+
+    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+        """Of the law [J]."""
+        return self.law.gas_energy(length, pressure)
+
+    def length_range(self) -> tuple[Scalar, Scalar]:
+        """Of the law [m]."""
+        return self.law.length_range()
+
+    def has_volume(self) -> bool:
+        """Whether the law does."""
+        return self.law.has_volume()
+
+
+class Assisted(Module):
+    """A muscle with its elements; the span that counts as its rest length; and a pure delay of its command."""
+
+    unit: MuscleUnit
+    rest_span: Scalar = quantity("m", (1e-3, 100.0), "span that counts as the rest length", symbol="X0")
+    delay: Scalar = quantity("s", (0.0, 0.2), "pure delay of the command", symbol="td", default=0.0)
+
+
+def with_spring(unit: MuscleUnit, *, rest_length: float) -> MuscleUnit:
+    """The same muscle with a spring beside the braid that does not pull yet; its rest length in [m]."""
+    spring = PassiveSpring(rest_length=rest_length, stiffness=0.0)
+    changed: MuscleUnit = unit.replace(law=Accompanied(law=unit.law, spring=spring))
+    return changed
+
+
+def steady(unit: MuscleUnit, span: Any, pressure: Any, velocity: Any = 0.0, direction: Any = 0.0) -> tuple[Any, Any]:
+    """Tension of the tendon [N] and length of the braid [m] at rest or in steady motion, elementwise.
+
+    Args:
+        unit: the muscle.
+        span: between the anchors [m].
+        pressure: gauge pressure [Pa].
+        velocity: of span and braid alike [m/s], positive while lengthening.
+        direction: +1 with the full friction of lengthening, -1 of shortening, 0 without.
+    """
+    span, pressure, velocity, direction = jnp.broadcast_arrays(
+        *(jnp.asarray(x, float) for x in (span, pressure, velocity, direction))
+    )
+    rubbing = 0.0 if unit.friction is None else unit.friction.largest_force(pressure)
+    resisting = direction * rubbing + unit.viscosity * velocity
+
+    def pull(length: Any) -> Any:
+        return unit.law.braid_tension(length, pressure) + resisting
+
+    def excess(length: Any) -> Any:
+        return pull(length) - unit.tendon.force(span - length)
+
+    longest = span - unit.tendon.slack_length
+
+    def halve(_: int, ends: tuple[Any, Any]) -> tuple[Any, Any]:
+        middle = 0.5 * (ends[0] + ends[1])
+        over = excess(middle) > 0.0
+        return jnp.where(over, ends[0], middle), jnp.where(over, middle, ends[1])
+
+    low = 0.05 * span
+    start = jax.lax.stop_gradient(
+        0.5 * sum(jax.lax.fori_loop(0, HALVINGS, halve, jax.lax.stop_gradient((low, longest))))
+    )
+    # One Newton step carries the derivative through the implicit function, as in the law's free length.
+    off, stiffness = jax.jvp(excess, (start,), (jnp.ones_like(start),))
+    stiffness = jax.lax.stop_gradient(stiffness)
+    length = start - jnp.where(stiffness > 0.0, off / jnp.where(stiffness > 0.0, stiffness, 1.0), 0.0)
+    taut = pull(longest) > 0.0
+    return jnp.where(taut, unit.tendon.force(span - length), 0.0), jnp.where(taut, length, longest)
+
+
+class Mounted(System):
+    """A muscle between fixed ends whose pressure is known: input ``pressure`` [Pa], gauge."""
+
+    unit: MuscleUnit
+    span: Scalar
+
+    def rate(self, state: UnitState, memory: Any, inputs: Any) -> UnitState:
+        """Of length and velocity of the braid."""
+        pull = self.unit.tension(state, self.span, 0.0)
+        return self.unit.rate(state, memory, inputs["pressure"].value, pull)
+
+    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """None."""
+        return ()
+
+    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+        """Friction along the piece of path."""
+        pull = self.unit.tension(end.state, self.span, 0.0)
+        moved = end.state.length - start.state.length
+        pressures = start.inputs["pressure"].value, end.inputs["pressure"].value
+        return self.unit.slide(memory, Path(moved, jnp.zeros(()), *pressures, pull), duration)
+
+    def outputs(self, state: UnitState, memory: Any, inputs: Any) -> dict[str, Any]:
+        """Tension and length."""
+        return {"tension": self.unit.tension(state, self.span, 0.0), "length": state.length}
+
+
+def twitch_of(muscle: Assisted, pressure: Any, period: float) -> Any:
+    """Tension [N] between fixed ends at the rest span while the pressure takes a course, by the stiff method.
+
+    The pressure is that of a muscle that was recorded before; that it would change a little with the length is left out,
+    and a run on the test machine shows how little.
+
+    Args:
+        muscle: with its elements.
+        pressure: gauge pressure at the samples (n,) [Pa], from rest.
+        period: of the samples [s].
+
+    Returns:
+        (n,) [N].
+    """
+    _, length = steady(muscle.unit, muscle.rest_span, pressure[0])
+    start = UnitState(length, jnp.zeros(()))
+    signal = ramped(pressure).delayed(muscle.delay)
+    system = Mounted(unit=muscle.unit, span=muscle.rest_span)
+    memory = muscle.unit.initial_memory()
+    _, seen = march(system, start, memory, {"pressure": signal}, period, 1, len(pressure) - 1, True)
+    return seen[2]["tension"]
