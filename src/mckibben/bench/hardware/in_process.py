@@ -76,6 +76,7 @@ class SimulatedMachine:
 
     @period.setter
     def period(self, period: float) -> None:
+        """Refused where it is another one than the machine was made for."""
         if abs(period / self._period - 1.0) > 1e-6:
             made = f"it was made for samples every {self._period:g} s, not {period:g} s"
             raise LineLostError(f"simulated machine: {made}")

@@ -1,0 +1,115 @@
+"""What is measured, and of a simulation what is true, as signals that are triggered, read and followed."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..session_run import LOOK
+from .machine import Keys, Machine, Reading
+from .status import Status
+
+Subscriber = Callable[[Reading], None]
+
+
+class Signal:
+    """One channel of the machine.
+
+    Bluesky: Readable, Triggerable, Configurable, Subscribable, HasHints, HasParent.
+
+    Args:
+        machine: whose.
+        channel: its name in recordings.
+        over: time over which a reading is the mean, after the trigger [s]; 0: the newest sample.
+    """
+
+    parent = None
+
+    def __init__(self, machine: Machine, channel: str, *, over: float = 0.0) -> None:
+        self.machine, self.channel, self.over = machine, channel, over
+        self.name = machine.key(channel)
+        self._subscribers: list[Subscriber] = []
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name})"
+
+    @property
+    def hints(self) -> dict[str, Any]:
+        """What to plot."""
+        return {"fields": [self.name]}
+
+    def trigger(self) -> Status:
+        """Done when a later sample is there, and where the mean over a time is read, that time."""
+        session = self.machine.session
+        until = session.latest()["time"] + max(self.over - session.period, 0.0)
+        return Status.of(f"trigger {self.name}", lambda _: self.machine.after(until))
+
+    def read(self) -> Reading:
+        """The newest sample, or the mean over the newest time [SI]."""
+        session = self.machine.session
+        newest = session.latest()
+        value, when = newest[self.channel], newest["time"]
+        if self.over > session.period:
+            times, arrays = session.since(when - self.over + 0.5 * session.period)
+            value, when = float(np.mean(arrays[self.channel])), float(times[-1])
+        return {self.name: {"value": value, "timestamp": self.machine.stamp(when)}}
+
+    def describe(self) -> Keys:
+        """Unit, kind and meaning."""
+        return {self.name: self.machine.described(self.channel)}
+
+    def _settings(self) -> tuple[dict[str, Any], dict[str, str]]:
+        """What does not change, and its units."""
+        fine = self.machine.session.setup.limits.resolution.get(self.channel)
+        known = {} if fine is None else {"resolution": fine}
+        return {"over": self.over, **known}, {"over": "s", "resolution": self.machine.kinds[self.channel][0]}
+
+    def read_configuration(self) -> Reading:
+        """The rig, the specimen, and how it is read."""
+        return self.machine.configuration(self.name, self._settings()[0])
+
+    def describe_configuration(self) -> Keys:
+        """The units of that."""
+        return self.machine.described_configuration(self.name, *self._settings())
+
+    def subscribe(self, function: Subscriber) -> None:
+        """Tell a function of new readings, some 20 a second: what a display needs. A flyer has every sample."""
+        with self._lock:
+            self._subscribers.append(function)
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._follow, name=f"follow {self.name}", daemon=True)
+                self._thread.start()
+
+    def clear_sub(self, function: Subscriber) -> None:
+        """Tell it no more."""
+        with self._lock:
+            if function in self._subscribers:
+                self._subscribers.remove(function)
+
+    def _follow(self) -> None:
+        last: float | None = None
+        while True:
+            with self._lock:
+                told = list(self._subscribers)
+                if not told or self.machine.session.gone:
+                    self._thread = None
+                    return
+            reading = self.read()
+            if reading[self.name]["timestamp"] != last:
+                last = reading[self.name]["timestamp"]
+                for function in told:
+                    self._tell(function, reading)
+            time.sleep(LOOK)
+
+    def _tell(self, function: Subscriber, reading: Reading) -> None:
+        try:
+            function(reading)
+        except Exception:
+            logging.getLogger(__name__).exception("a subscriber of %r failed", self)
