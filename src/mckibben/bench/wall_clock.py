@@ -106,8 +106,10 @@ class Loop:
             return state, jnp.stack([out[n] for n in ("valve", "motor", "open")]), measured, held, shown
 
         self._begin = Packed(lambda seen: (software.initial(read(seen)),), counts)
-        state = self._begin.tree(0, self._begin(counts)[0])
-        self._think = Packed(think, state, counts, np.zeros(()), *([] if source is None else [np.zeros(len(told))]))
+        (begun,) = self._begin(counts)
+        state, rows = self._begin.tree(0, begun), [] if source is None else [np.zeros(len(told))]
+        self._think = Packed(think, state, counts, np.zeros(()), *rows)
+        self._think(begun, counts, np.zeros(1), *rows)  # the first call of all is slow
         leaves, shape = jax.tree.flatten(state)
         self.places: dict[str, Any] = jax.tree.unflatten(shape, list(range(len(leaves))))
         self._inputs, self._pressed, self._released = len(inputs), np.ones(1), np.zeros(1)

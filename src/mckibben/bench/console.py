@@ -1,0 +1,255 @@
+"""The console of the test machine: interprets commands, one line each, and answers in words.
+
+What it knows stands once, in `console_commands.COMMANDS`: help, completion and the documentation come from there. It has no
+terminal of its own, so that a prompt, a script and a page can each be one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ..errors import InputError
+from ..experiments.dry_run import check
+from ..experiments.library import protocol_names, shipped
+from ..experiments.protocol import Protocol
+from ..experiments.read import SETTINGS, with_values
+from ..experiments.waveforms import near
+from ..quantities import parse, with_unit
+from ..recordings.convert import write
+from ..recordings.recording import Recording
+from ..specimens import specimens
+from .console_commands import COMMANDS, FORMATS, LISTS, complete, usage, words_of
+from .console_load import loaded
+from .rig_file import rig_names
+from .run import Progress
+from .session import Session
+
+TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
+LONGEST = 86400.0  # that `wait` waits [s]
+
+
+class Console:
+    """A session that is spoken to.
+
+    Args:
+        session: the machine.
+        ask: told what a person has to do during a protocol; returns when it is done.
+        progress: told how far a run is.
+
+    Attributes:
+        over: whether somebody said `quit`.
+        protocol: the loaded one.
+        recording: the last one.
+    """
+
+    def __init__(
+        self, session: Session, *, ask: Callable[[str], None] | None = None, progress: Progress | None = None
+    ) -> None:
+        self.session, self.ask, self.progress = session, ask, progress
+        self.over = False
+        self.protocol: Protocol | None = None
+        self.recording: Recording | None = None
+        self._heard = 0
+
+    def execute(self, line: str) -> str:
+        """Do what a line says, and answer; nothing for an empty line or a comment.
+
+        Raises:
+            InputError: one clear line; the console stays as it is.
+            MckibbenError: what the laboratory could not do.
+        """
+        words = words_of(line)
+        if not words:
+            return ""
+        name, rest = words[0].lower(), words[1:]
+        if name not in COMMANDS:
+            hint = near(name, COMMANDS)
+            raise InputError("command", words[0], f"{hint}known are {', '.join(COMMANDS)}")
+        answer: str = getattr(self, f"_{name}")(rest)
+        return answer
+
+    def news(self) -> list[str]:
+        """The messages of the machine since this was asked last."""
+        found = self.session.messages(self._heard)
+        self._heard = found[-1].number if found else self._heard
+        return [f"[{m.time:9.3f} s] {m.text}" for m in found]
+
+    def complete(self, text: str) -> list[str]:
+        """What the last word of a line can become."""
+        names = [] if self.protocol is None else [*self.protocol.variables(), *SETTINGS]
+        return complete(text, names)
+
+    def _amount(self, name: str, words: list[str]) -> str:
+        self.session.set(**{name: _some(name, words)})
+        manual = self.session.setup.manual
+        rates = {
+            "pressure": (manual.pressure_rate, "Pa", "/s"), "span": (manual.speed, "m/s", ""),
+            "velocity": (manual.acceleration, "m/s^2", ""), "tension": (manual.tension_rate, "N", "/s"),
+        }  # fmt: skip
+        rate, unit, per = rates[name]
+        return f"{name} to {' '.join(words)}, at {with_unit(float(rate), unit, 3)}{per} at most"
+
+    def _pressure(self, words: list[str]) -> str:
+        return self._amount("pressure", words)
+
+    def _span(self, words: list[str]) -> str:
+        return self._amount("span", words)
+
+    def _velocity(self, words: list[str]) -> str:
+        return self._amount("velocity", words)
+
+    def _tension(self, words: list[str]) -> str:
+        return self._amount("tension", words)
+
+    def _vent(self, words: list[str]) -> str:
+        _none("vent", words)
+        self.session.vent()
+        return ""
+
+    def _stop(self, words: list[str]) -> str:
+        self.session.emergency_stop(" ".join(words) or "from the console")
+        return ""
+
+    def _reset(self, words: list[str]) -> str:
+        _none("reset", words)
+        self.session.reset()
+        return ""
+
+    def _status(self, words: list[str]) -> str:
+        _none("status", words)
+        status = self.session.status()
+        return "\n".join(status.lines())
+
+    def _load(self, words: list[str]) -> str:
+        name, channel = _some("load", words[:1]), None
+        if words[1:]:
+            if len(words) != 3 or words[1] != "as":
+                raise usage("load", words)
+            channel = words[2]
+        self.protocol = loaded(name, channel)
+        return f"{self.protocol.name}: {self.protocol.title}"
+
+    def _set(self, words: list[str]) -> str:
+        protocol = self._chosen()
+        given: dict[str, str] = {}
+        for word in words:
+            name, equals, value = word.partition("=")
+            if equals:
+                given[name] = value
+            elif given:  # what belongs to the value before, such as a unit
+                last = next(reversed(given))
+                given[last] = f"{given[last]} {word}".strip()
+            else:
+                raise usage("set", words)
+        if not given or not all(v.strip() for v in given.values()):
+            raise usage("set", words)
+        self.protocol = with_values(protocol, {name: _several(name, v) for name, v in given.items()})
+        return self._short(self.protocol)
+
+    def _short(self, protocol: Protocol) -> str:
+        values = protocol.variables().items()
+        return ", ".join(f"{n} {', '.join(map(str, v))}" for n, v in values if v) or protocol.title
+
+    def _show(self, words: list[str]) -> str:
+        _none("show", words)
+        bench = self.session.prepared(self._chosen())
+        found = [f.sentence for f in bench.findings] or [
+            f"At most {bench.plan.duration:.4g} s; nothing speaks against it."
+        ]
+        return "\n".join([bench.protocol.sentence(), *found])
+
+    def _run(self, words: list[str]) -> str:
+        if words:
+            self._load(words)
+        bench = self.session.prepared(self._chosen())
+        check(list(bench.findings))
+        self.recording = self.session.run(bench, progress=self.progress, ask=self.ask)
+        return _told(self.recording)
+
+    def _record(self, words: list[str]) -> str:
+        if words[:1] == ["on"] and len(words) <= 2:
+            self.session.start_recording(log=words[1] if words[1:] else None)
+            return ""
+        if words != ["off"]:
+            raise usage("record", words)
+        self.recording = self.session.stop_recording()
+        return _told(self.recording)
+
+    def _save(self, words: list[str]) -> str:
+        path = Path(" ".join(_some("save", words).split()))
+        if path.suffix.lower() not in FORMATS:
+            raise InputError("save", str(path), f"allowed is a name that ends in {', '.join(FORMATS)}")
+        if not path.absolute().parent.is_dir():
+            raise InputError("save", str(path), "no such folder")
+        if self.recording is None:
+            raise InputError("save", str(path), "there is no recording yet; allowed is after a run or record off")
+        return "\n".join([f"Written: {path}", *write(self.recording, path)])
+
+    def _list(self, words: list[str]) -> str:
+        if len(words) != 1 or words[0] not in LISTS:
+            raise usage("list", words)
+        if words[0] == "protocols":
+            return _columns([(n, shipped(n).title) for n in protocol_names()])
+        if words[0] == "rigs":
+            return _columns([(n, "here" if n == self.session.setup.rig.name else "") for n in rig_names()])
+        mounted = self.session.setup.bench.specimen
+        known = [s for s in specimens() if s.kind != "valve"]
+        here = None if mounted is None else mounted.id
+        return _columns([(s.id, f"{s.title}{' (mounted)' if s.id == here else ''}") for s in known])
+
+    def _wait(self, words: list[str]) -> str:
+        text = _some("wait", words)
+        seconds = parse(text, "s", field="wait")
+        if not 0.0 <= seconds <= LONGEST:
+            raise InputError("wait", text, f"allowed is 0 s to {LONGEST:g} s")
+        self.session.wait(seconds)
+        return self.session.status().line()
+
+    def _help(self, words: list[str]) -> str:
+        if not words:
+            return _columns([(c.usage, c.about) for c in COMMANDS.values()])
+        if len(words) != 1 or words[0] not in COMMANDS:
+            raise InputError("help", " ".join(words), f"{near(words[0], COMMANDS)}known are {', '.join(COMMANDS)}")
+        command = COMMANDS[words[0]]
+        return f"{command.usage}\n{command.about}"
+
+    def _quit(self, words: list[str]) -> str:
+        _none("quit", words)
+        self.over = True
+        return ""
+
+    def _chosen(self) -> Protocol:
+        if self.protocol is None:
+            raise InputError("protocol", "none", f"load one first; known are {', '.join(protocol_names())}")
+        return self.protocol
+
+
+def _some(name: str, words: list[str]) -> str:
+    if not words:
+        raise usage(name, words)
+    return " ".join(words)
+
+
+def _none(name: str, words: list[str]) -> None:
+    if words:
+        raise usage(name, words)
+
+
+def _several(name: str, words: str) -> str | list[str]:
+    values = [] if name in TEXTS else [w.strip() for w in words.split(",") if w.strip()]
+    return values if len(values) > 1 else words.strip()
+
+
+def _columns(rows: list[tuple[str, str]]) -> str:
+    width = max(len(first) for first, _ in rows)
+    return "\n".join(f"{first:<{width}}  {second}".rstrip() for first, second in rows)
+
+
+def _told(recording: Recording) -> str:
+    """What was measured, a line for each channel."""
+    rows = [("", f"{'lowest':>12}{'mean':>12}{'highest':>12}")]
+    for name, one in recording.summary().items():
+        if one["kind"] == "measured":
+            rows.append((name, "".join(f"{with_unit(one[k], one['unit']):>12}" for k in ("min", "mean", "max"))))
+    return f"{len(recording)} samples, {recording.duration:.4g} s\n{_columns(rows)}"

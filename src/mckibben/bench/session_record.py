@@ -1,0 +1,123 @@
+"""What is kept of a session while somebody records it: the samples, the log, and at the end the same meta as of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..assembly.accounts import Accounts
+from ..errors import InputError
+from ..recordings.recording import Recording
+from .about import describe
+from .keeping import Keeper
+from .prepare import Bench
+from .session_machine import Ground
+from .software.timing import Timing
+from .wall_clock import Lateness
+
+LEAVES = "by hand"  # label of the only step
+ENDED = 2.0  # time within which a machine that is sampled comes to its next sample [s]
+
+
+class Recorder:
+    """From one sample of a session to another.
+
+    Args:
+        bench: what is operated, for the head of the log.
+        timing: of the loop.
+        ground: the machine.
+        log: a new ``.mcap`` file.
+    """
+
+    def __init__(self, bench: Bench, timing: Timing, ground: Ground, log: str | Path | None = None) -> None:
+        self.bench, self.timing, self.ground = bench, timing, ground
+        self.keeper = Keeper(bench, timing.period, log)
+        self.first: int | None = None
+        self.last: int | None = None
+        self.taken, self.events = 0, []  # type: int, list[dict[str, Any]]
+        self._lateness: list[np.ndarray] = []
+        self._begun: np.ndarray | None = None
+        self._ended: np.ndarray | None = None
+
+    @property
+    def time(self) -> float:
+        """How much was recorded [s]."""
+        return self.taken * self.timing.period
+
+    def complete(self) -> bool:
+        """Whether the last sample is there."""
+        return self.last is not None and self.first is not None and self.taken >= self.last - self.first
+
+    def begin(self, number: int) -> None:
+        """Record from a sample on, which is the next one."""
+        self.first = number
+        self._begun = self._state()
+
+    def end(self, number: int) -> None:
+        """Record no more from a sample on, which is the next one."""
+        self.last = number
+        self._ended = self._state()
+
+    def take(self, numbers: np.ndarray, lateness: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:
+        """The samples of a chunk that lie within it; the time of a recording begins at 0."""
+        if self.first is None:
+            return
+        keep = (numbers >= self.first) & (numbers < (np.inf if self.last is None else self.last))
+        times = self.timing.period * (numbers - self.first)
+        self.keeper.take(times[keep], {n: v[keep] for n, v in arrays.items()}, np.ones(int(keep.sum()), bool))
+        self._lateness.append(lateness[keep])
+        self.taken += int(keep.sum())
+
+    def remark(self, text: str, time: float, **more: Any) -> None:
+        """What happened at a time of the session [s]."""
+        begun = 0 if self.first is None else self.first
+        own = max(0.0, time - begun * self.timing.period)
+        self.events.append({"time": own, "text": text, **more})
+        self.keeper.remark(text, own)
+
+    def close(
+        self, machine: Any, closed: Callable[[np.ndarray, np.ndarray], Accounts] | None, message: str
+    ) -> Recording:
+        """End the log.
+
+        Args:
+            machine: whose parameters are written down.
+            closed: the accounts between two states of a simulated machine.
+            message: how it ended.
+
+        Raises:
+            InputError: if nothing was recorded.
+        """
+        with self.keeper:
+            if not self.taken:
+                raise InputError("record", "empty", "no time went by; allowed is one sample or more")
+            record = self.keeper.recording()
+            sums = []
+            if closed is not None and self._begun is not None and self._ended is not None:
+                sums.append(closed(self._begun, self._ended))
+            about = describe(self.bench, machine, self.timing, inner=self.timing.inner, closed=sums, record=record)
+            late = Lateness.of(np.concatenate(self._lateness), self.timing.period)
+            encoder = self.bench.rig.encoder
+            if encoder is not None:
+                mounted = [[0.0, next(self.bench.parts()).start_span]]
+                about["encoder"] = {"resolution": float(encoder.resolution), "mounted": mounted}
+            about |= {"steps": self._step(), "events": self.events, "deadlines": late._asdict()}
+            self.keeper.close("done", message, about)
+        return record.with_meta(about, result="done", message=message)
+
+    def _state(self) -> np.ndarray | None:
+        machine = self.ground.machine
+        return None if machine is None else machine.state()
+
+    def _step(self) -> list[dict[str, Any]]:
+        """The whole of it as one step."""
+        sentence = self.bench.protocol.sentence()
+        return [
+            {
+                "index": 1, "path": "steps.1", "label": LEAVES, "case": {}, "start": 0.0, "end": self.time,
+                "ended_by": "stop", "recorded": True, "sentence": sentence,
+            }
+        ]  # fmt: skip

@@ -1,0 +1,113 @@
+"""What a session says of itself: its state, its values and what happened, each with its time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from ..experiments.waveforms import time_words
+from ..quantities import with_unit
+from . import channels
+from .wall_clock import Lateness
+
+IDLE, MANUAL, RUNNING, STOPPED, LOST, CLOSED = "idle", "manual", "running", "stopped", "lost", "closed"
+REMEMBERED = 2000  # messages
+SHOWN = ("pressure", "tension", "span")  # of the measured channels, in a line
+
+
+class Message(NamedTuple):
+    """Something that happened.
+
+    Attributes:
+        number: counted from 1.
+        time: of the session [s].
+        kind: ``note``, ``done`` or ``stop``.
+        text: a sentence.
+    """
+
+    number: int
+    time: float
+    kind: str
+    text: str
+
+
+class Messages:
+    """The newest of them; safe for use by several threads."""
+
+    def __init__(self) -> None:
+        self._kept: deque[Message] = deque(maxlen=REMEMBERED)
+        self._count = 0
+
+    def say(self, text: str, time: float, kind: str = "note") -> None:
+        """One more; called under the lock of its owner."""
+        self._count += 1
+        self._kept.append(Message(self._count, time, kind, text))
+
+    def after(self, number: int) -> list[Message]:
+        """All later than the one of a number, in their order."""
+        return [m for m in list(self._kept) if m.number > number]
+
+
+@dataclass(frozen=True)
+class Status:
+    """A machine at its newest sample, in SI units; pressures are gauge.
+
+    Attributes:
+        state: idle, manual, running, stopped, lost or closed.
+        why: what stopped it or how it was lost.
+        time: of the session [s].
+        measured: channels.
+        set_points: where they are now: of the pressure, and of what the motor controls.
+        deadlines: how the manual loop kept them.
+        protocol: what runs, with the time done and the longest [s].
+        recorded: how long something has been recorded by hand [s]; None where nothing is.
+    """
+
+    state: str
+    why: str
+    time: float
+    measured: Mapping[str, float]
+    set_points: Mapping[str, float]
+    deadlines: Lateness
+    protocol: tuple[str, float, float] | None = None
+    recorded: float | None = None
+    units: Mapping[str, str] = field(default_factory=lambda: {n: u for n, (u, _) in channels.MEASURED.items()})
+
+    def line(self) -> str:
+        """In a few words: state, and the values that a person looks at."""
+        values = [f"{n} {with_unit(self.measured[n], self.units[n])}" for n in SHOWN if n in self.measured]
+        return "  ".join([self.doing(), *values, f"{self.time:.1f} s"])
+
+    def doing(self) -> str:
+        """The state, with what runs."""
+        if self.protocol is not None:
+            name, done, total = self.protocol
+            return f"{self.state} {name} {done:.1f} s of {total:.1f} s"
+        return self.state if self.recorded is None else f"{self.state}, recording {self.recorded:.1f} s"
+
+    def lines(self) -> list[str]:
+        """All of it for a person."""
+        found = [f"{self.doing()}{': ' if self.why else ''}{self.why}"]
+        for name, value in self.measured.items():
+            own = "pressure" if name == "valve_pressure" else name
+            asked = self.set_points.get(own)
+            text = f"{name:<15}{with_unit(value, self.units[name]):>11}"
+            found.append(text if asked is None else f"{text}   set-point {with_unit(asked, self.units[name])}")
+        for name in self.set_points.keys() - self.measured.keys():
+            unit = channels.COMMANDS[f"command.{name}"][0]
+            found.append(f"{name:<15}{'':>11}   set-point {with_unit(self.set_points[name], unit)}")
+        late = self.deadlines
+        half, worst = (time_words(float(f"{late.percentiles[i]:.2g}")) for i in (0, 3))
+        told = f", half of them late by {half} or more, the latest by {worst}" if late.percentiles[3] > 0.0 else ""
+        found.append(f"{self.time:.3f} s; {late.samples} samples by hand{told}")
+        return found
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "state": self.state, "why": self.why, "time": self.time, "measured": dict(self.measured),
+            "set_points": dict(self.set_points), "deadlines": self.deadlines._asdict(),
+            "protocol": None if self.protocol is None else list(self.protocol), "recorded": self.recorded,
+        }  # fmt: skip

@@ -1,0 +1,263 @@
+"""``console``: the test machine at a prompt, by a script, or by what is piped into it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import ConvergenceError, InputError, MckibbenError
+from .run import CalibrationFile, Muscle, On, RigName, chosen_rig
+from .run import _ask as ask_person
+from .words import progress
+
+if TYPE_CHECKING:
+    from ..bench.console import Console
+    from ..bench.hardware.border import Hardware
+    from ..bench.rig import Rig
+
+PARTS = 1000  # of a progress bar
+LOOK = 0.2  # time between two looks at the machine for the line at the bottom and its messages [s]
+ENDED = 143  # exit code after a signal that ends the program
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add this command to the table."""
+    app.command("console")(console)
+
+
+def console(
+    muscle: Muscle,
+    rig: RigName = "paper",
+    script: Annotated[
+        Path | None, typer.Option("--script", metavar="FILE", help="Commands, one per line; # begins a comment.")
+    ] = None,
+    machine: On = None,
+    calibration: CalibrationFile = None,
+    span: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Where the muscle is mounted; at its rest length if not said.")
+    ] = None,
+    plumbing: Annotated[str | None, typer.Option(help="A way to join the rig's pneumatic parts.")] = None,
+    rate: Annotated[str | None, typer.Option(metavar="RATE", help="Samples per second, such as '1 kHz'.")] = None,
+    as_fast_as_it_goes: Annotated[
+        bool,
+        typer.Option(
+            "--as-fast-as-it-goes", help="Simulated time goes only while something runs or waits, and then fast."
+        ),
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of the simulated sensors' noise.")] = 0,
+) -> None:
+    """Operate a test machine, simulated or real: set, run, watch and save; with a prompt, a script, or a pipe."""
+    from ..bench.console import Console
+    from ..bench.session import Session
+    from ..quantities import parse
+
+    lines = None if script is None else _lines(script)
+    if machine is not None and as_fast_as_it_goes:
+        raise InputError("--as-fast-as-it-goes", f"with --on {machine}", "a real machine has its own time")
+    on, wanted = chosen_rig(rig, {}, calibration), None if rate is None else parse(rate, "1/s", field="--rate")
+    by_hand = lines is None and sys.stdin.isatty()
+    if by_hand:
+        typer.echo("Getting the machine ready ..", err=True)
+    with _ending(), _machine(machine, on, wanted) as hardware:
+        session = Session(
+            on, muscle, hardware, span=span, plumbing=plumbing, rate=wanted, speed=None if as_fast_as_it_goes else 1.0,
+            seed=seed,
+        )  # fmt: skip
+        with session:
+            spoken = Console(session, ask=ask_person)
+            if by_hand:
+                _at_a_prompt(spoken)
+                code = 0
+            else:
+                code = _by_script(spoken, sys.stdin if lines is None else lines, str(script or "standard input"))
+    if by_hand:
+        typer.echo("Vented.")
+    if code:
+        raise typer.Exit(code)
+
+
+def _machine(words: str | None, rig: Rig, rate: float | None) -> AbstractContextManager[Hardware | None]:
+    """The machine that is meant, open for as long as this lasts; None for a simulated one."""
+    from ..bench.hardware.connect import connected
+    from ..bench.session_setup import RATE
+
+    return connected(words, rig, rig.computer.period(rate or RATE))
+
+
+def _lines(script: Path) -> list[str]:
+    try:
+        return script.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "it is no text"
+        raise InputError("--script", str(script), f"it cannot be read: {why}") from None
+
+
+@contextmanager
+def _ending() -> Iterator[None]:
+    """A wish of the system that the program ends vents first."""
+    names = [n for n in ("SIGTERM", "SIGHUP") if hasattr(signal, n)]
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(*_: Any) -> None:
+        raise SystemExit(ENDED)
+
+    before = {name: signal.signal(getattr(signal, name), end) for name in names}
+    try:
+        yield
+    finally:
+        for name, handler in before.items():
+            signal.signal(getattr(signal, name), handler)
+
+
+def _by_script(console: Console, lines: Iterable[str], where: str) -> int:
+    """Command after command, echoed; the exit code, 2 after the first that is wrong, 1 if the machine stopped by itself."""
+    for number, line in enumerate(lines, 1):
+        text = line.strip()
+        if not text or text.startswith("#"):
+            continue
+        typer.echo(f"> {text}")
+        try:
+            with console.session.button.on_signals():
+                answer = console.execute(text)
+        except ConvergenceError as error:
+            return _ended(console, f"{where}: line {number}: {error}", 1)
+        except (MckibbenError, OSError) as error:
+            return _ended(console, f"{where}: line {number}: {_said(error)}", 2)
+        _tell(console, answer)
+        if console.session.button.reason.startswith("signal"):
+            return _ended(console, f"{where}: line {number}: interrupted", 130)
+        if console.session.why and not text.lower().startswith("stop"):
+            return _ended(console, f"{where}: line {number}: {console.session.why}", 1)
+        if console.over:
+            break
+    return 0
+
+
+def _ended(console: Console, sentence: str, code: int) -> int:
+    _tell(console, "")
+    typer.echo(f"mckibben: {sentence}", err=True)
+    return code
+
+
+def _said(error: Exception) -> str:
+    """A complaint as one line."""
+    return f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
+
+
+def _tell(console: Console, answer: str) -> None:
+    """What the machine said meanwhile, and the answer."""
+    for line in [*console.news(), *([answer] if answer else [])]:
+        typer.echo(line)
+
+
+def _at_a_prompt(console: Console) -> None:
+    """Until somebody leaves; Ctrl-C stops what goes on, else it clears the line; Ctrl-D leaves."""
+    from prompt_toolkit import PromptSession
+    from prompt_toolkit.completion import Completer, Completion
+    from prompt_toolkit.history import FileHistory, InMemoryHistory
+    from prompt_toolkit.patch_stdout import patch_stdout
+
+    class Words(Completer):
+        def get_completions(self, document: Any, _: Any) -> Iterator[Completion]:
+            text = document.text_before_cursor
+            last = text.rpartition(" ")[2]
+            for word in console.complete(text):
+                yield Completion(word, start_position=-len(last))
+
+    place = _history()
+    prompt: PromptSession[str] = PromptSession(
+        "mckibben> ", history=InMemoryHistory() if place is None else FileHistory(place), completer=Words(),
+        complete_while_typing=False, bottom_toolbar=lambda: console.session.status().line(), refresh_interval=LOOK,
+        enable_history_search=True,
+    )  # fmt: skip
+    typer.echo(f"{console.session.setup.rig.title}, {_mounted(console)}. help says what it knows.")
+    while not console.over:
+        try:
+            with patch_stdout(), _echoed(console):
+                line = prompt.prompt()
+        except KeyboardInterrupt:
+            continue
+        except EOFError:
+            return
+        _do(console, line)
+
+
+def _mounted(console: Console) -> str:
+    bench = console.session.setup.bench
+    return "a muscle" if bench.specimen is None else bench.specimen.id
+
+
+def _do(console: Console, line: str) -> None:
+    """One command; what is wrong is said, and the prompt comes back."""
+    try:
+        with console.session.button.on_signals(), _bar(console, line):
+            answer = console.execute(line)
+    except (MckibbenError, OSError) as error:
+        typer.echo(f"mckibben: {_said(error)}", err=True)
+        answer = ""
+    _tell(console, answer)
+
+
+@contextmanager
+def _bar(console: Console, line: str) -> Iterator[None]:
+    """How far it is, where something runs."""
+    if not line.split() or line.split()[0].lower() != "run":
+        yield
+        return
+    shown = 0
+
+    def tell(time: float, total: float) -> None:
+        nonlocal shown
+        parts = int(PARTS * time / total)
+        if parts > shown:
+            advance(f"{time:.1f} s of {total:.1f} s", parts - shown)
+            shown = parts
+
+    with progress("running", PARTS) as advance:
+        console.progress = tell
+        yield
+
+
+@contextmanager
+def _echoed(console: Console) -> Iterator[None]:
+    """While somebody thinks, the machine's messages appear above the line."""
+    done = threading.Event()
+
+    def echo() -> None:
+        while not done.wait(LOOK):
+            for line in console.news():
+                print(line)
+
+    thread = threading.Thread(target=echo, name="console messages", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+
+
+def _history() -> str | None:
+    """The file that keeps what was typed, if there is a place for it."""
+    home = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
+    if not os.path.isabs(home):
+        return None
+    folder = os.path.join(home, "mckibben")
+    try:
+        os.makedirs(folder, exist_ok=True)
+        path = os.path.join(folder, "console-history")
+        with open(path, "a", encoding="utf-8"):
+            pass
+    except OSError:
+        return None
+    return path
