@@ -7,7 +7,7 @@ import pytest
 from short_runs import paper
 
 from mckibben.bench.console import Console
-from mckibben.bench.console_commands import COMMANDS
+from mckibben.bench.console.commands import COMMANDS
 from mckibben.bench.session import Session
 from mckibben.errors import InputError
 from mckibben.experiments.library import protocol_names

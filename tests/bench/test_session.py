@@ -10,7 +10,7 @@ from mckibben.bench.hardware.in_process import InProcess
 from mckibben.bench.part import PartMachine, timing_of
 from mckibben.bench.run import run
 from mckibben.bench.session import Session
-from mckibben.bench.session_ring import Ring
+from mckibben.bench.session.ring import Ring
 from mckibben.errors import InputError, LineLostError
 from mckibben.experiments.library import protocol
 from mckibben.experiments.read import parse_protocol

@@ -85,7 +85,7 @@ class Rig:
     calibration: Calibration | None = None
 
     def hand(self, ask: str) -> Hand | None:
-        """What a person does for an ask; None where the rig does not know it, and the person's hands are all that there is."""
+        """What a person does for an ask; None where the rig does not know it."""
         return next((h for h in self.hands if h.ask == ask), None)
 
     def layout(self, protocol: Protocol, name: str | None = None) -> str:

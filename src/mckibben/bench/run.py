@@ -222,7 +222,7 @@ class Run:
         """Take the first samples of a chunk."""
         period, total = self.timing.period, self.bench.plan.duration
         times = period * (self.samples + np.arange(used))
-        arrays = _channels(seen, used)
+        arrays = channels_of(seen, used)
         record = seen.shown["record"][:used].astype(bool) | stopped
         clocked_ = (self.samples + np.arange(used)) % self.bench.every == 0
         self.keeper.take(times, arrays, record & clocked_)
@@ -262,7 +262,7 @@ def _statistics(hardware: Hardware) -> dict[str, Any]:
     return {} if found is None else dict(found._asdict())
 
 
-def _channels(seen: Any, used: int) -> dict[str, np.ndarray]:
+def channels_of(seen: Any, used: int) -> dict[str, np.ndarray]:
     """The channels of a recording from what was seen of a chunk."""
     found = {n: v[:used] for n, v in seen.measured.items() if not n.endswith(".code")}
     found |= {n: v[:used] for n, v in seen.shown.items() if n.startswith("command.")}

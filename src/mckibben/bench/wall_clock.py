@@ -24,7 +24,7 @@ from ..errors import InputError, LineLostError
 from .hardware.border import Hardware
 from .hardware.converters import SPAN, Converters
 from .hardware.in_process import InProcess
-from .session_machine import Lent
+from .hardware.ongoing import Lent
 from .software.loop import BenchSoftware
 from .source import AFTER_STOP, Chunk
 

@@ -15,7 +15,7 @@ import typer
 
 from ..errors import ConvergenceError, InputError, MckibbenError
 from .run import CalibrationFile, Muscle, On, RigName, chosen_rig
-from .run import _ask as ask_person
+from .run import ask_person as ask_person
 from .words import progress
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def console(
 def _machine(words: str | None, rig: Rig, rate: float | None) -> AbstractContextManager[Hardware | None]:
     """The machine that is meant, open for as long as this lasts; None for a simulated one."""
     from ..bench.hardware.connect import connected
-    from ..bench.session_setup import RATE
+    from ..bench.session.setup import RATE
 
     return connected(words, rig, rig.computer.period(rate or RATE))
 

@@ -109,7 +109,7 @@ def run(
     button, period = EmergencyStop(), 1.0 / bench.plan.sample_rate
     with connected(machine, bench.rig, period, lock_step=lock_step) as hardware, button.on_signals():
         with progress("running", PARTS) as advance:
-            recording = _run(bench, advance, button, real_time=real_time, hardware=hardware, log=log, ask=_ask)
+            recording = _run(bench, advance, button, real_time=real_time, hardware=hardware, log=log, ask=ask_person)
     if out is not None:
         recording.save(out)
     if figure is not None:
@@ -170,7 +170,7 @@ def _unused(path: Path) -> Path:
     return next(p for p in names if not p.exists())
 
 
-def _ask(what: str) -> None:
+def ask_person(what: str) -> None:
     """Wait until a person has done something."""
     if not sys.stdin.isatty():
         raise InputError("person", "nobody at the keyboard", f"the protocol wants somebody to {what}")

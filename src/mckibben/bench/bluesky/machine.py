@@ -17,7 +17,7 @@ from ...errors import InputError, MckibbenError
 from .. import channels
 from ..about import beforehand
 from ..session import Session
-from ..session_status import IDLE, MANUAL
+from ..session.status import IDLE, MANUAL
 from .status import Status
 
 Reading = dict[str, dict[str, Any]]  # by key: value and timestamp

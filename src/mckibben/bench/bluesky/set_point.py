@@ -9,7 +9,7 @@ from typing import Any, Self
 from ...errors import InputError, MckibbenError, UnreachableError
 from ...experiments.amounts import CHANNELS
 from ...quantities import with_unit
-from ..session_run import CLOSE, LONG, LOOK, NEAR
+from ..session.run import CLOSE, LONG, LOOK, NEAR
 from .machine import Keys, Machine
 from .signals import Signal
 from .status import Status
@@ -45,7 +45,7 @@ class SetPoint(Signal):
     @property
     def limits(self) -> tuple[float, float]:
         """What the rig allows by hand [SI]."""
-        return self.machine.session.setup._allowed(self.axis)  # noqa: SLF001
+        return self.machine.session.setup.allowed(self.axis)  # noqa: SLF001
 
     def check_value(self, value: float | str) -> None:
         """Refuse what the rig does not allow.

@@ -7,25 +7,25 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from ..assembly.accounts import Accounts
-from ..assembly.build import unit_from_specimen
-from ..assembly.muscle_unit import MuscleUnit
-from ..engine import sampled
-from ..errors import InputError
-from ..experiments.amounts import CHANNELS, read_amount
-from ..experiments.dry_run import check
-from ..experiments.read import build_protocol
-from ..quantities import with_unit
-from ..specimens import Specimen, specimen
-from .hardware.border import Hardware
-from .part import PartMachine, software_of, timing_of
-from .rig import Rig
-from .rig_file import rig as rig_of
-from .session_machine import AtSpeed, Ground, Ongoing
-from .session_run import OnMachine, prepared
-from .software.loop import BenchSoftware
-from .software.manual import Manual
-from .software.sequencer import SPAN, TENSION, VELOCITY
+from ...assembly.accounts import Accounts
+from ...assembly.build import unit_from_specimen
+from ...assembly.muscle_unit import MuscleUnit
+from ...engine import sampled
+from ...errors import InputError
+from ...experiments.amounts import CHANNELS, read_amount
+from ...experiments.dry_run import check
+from ...experiments.read import build_protocol
+from ...quantities import with_unit
+from ...specimens import Specimen, specimen
+from ..hardware.border import Hardware
+from ..hardware.ongoing import AtSpeed, Ground, Ongoing
+from ..part import PartMachine, software_of, timing_of
+from ..rig import Rig
+from ..rig_file import rig as rig_of
+from ..software.loop import BenchSoftware
+from ..software.manual import Manual
+from ..software.sequencer import SPAN, TENSION, VELOCITY
+from .run import OnMachine, prepared
 
 RATE = 1000.0  # samples per second, where the computer can [1/s]
 MODES = {"span": SPAN, "velocity": VELOCITY, "tension": TENSION}
@@ -110,13 +110,14 @@ class Setup:
         )
         if name != "pressure" and self.rig.motor is None:
             raise InputError(name, with_unit(si, unit), f"the rig {self.rig.name} has no motor")
-        low, high = self._allowed(name)
+        low, high = self.allowed(name)
         if not low <= si <= high:
             ends = f"{with_unit(low, unit)} to {with_unit(high, unit)}"
             raise InputError(name, with_unit(si, unit), f"the rig {self.rig.name} allows {ends} by hand")
         return si
 
-    def _allowed(self, name: str) -> tuple[float, float]:
+    def allowed(self, name: str) -> tuple[float, float]:
+        """Least and most of a set-point [SI]."""
         limits, speed = self.limits, float(self.manual.speed)
         if name == "pressure":
             return limits.pressure[0], min(limits.pressure[1], limits.burst_pressure)
@@ -127,7 +128,7 @@ class Setup:
         return 0.0, min(limits.tension, limits.motor_force, float(self.watch.most_tension))
 
     def closed(self, begin: Any, end: Any) -> Accounts:
-        """The accounts of a simulated machine between two of its states, as `session_machine.Ongoing.state` gives them."""
+        """The accounts of a simulated machine between two of its states, as `ongoing.Ongoing.state` gives them."""
         machine = self.ground.machine
         assert machine is not None and self._own is not None
         return self._own.closed(machine.carry_of(end), machine.carry_of(begin))

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import LineLostError
-from .session_machine import carried
-from .software.manual import ROW
-from .software.sequencer import SPAN, TENSION
-from .wall_clock import Lateness, Loop
+from ...errors import LineLostError
+from ..hardware.ongoing import carried
+from ..software.manual import ROW
+from ..software.sequencer import SPAN, TENSION
+from ..wall_clock import Lateness, Loop
 
 SHOWN = 20000  # samples whose lateness is remembered
 MODES = ("command.span", "command.velocity", "command.tension")  # in the order of the motor's modes

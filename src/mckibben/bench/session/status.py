@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from ..experiments.waveforms import time_words
-from ..quantities import with_unit
-from . import channels
-from .wall_clock import Lateness
+from ...experiments.waveforms import time_words
+from ...quantities import with_unit
+from .. import channels
+from ..wall_clock import Lateness
 
 IDLE, MANUAL, RUNNING, STOPPED, LOST, CLOSED = "idle", "manual", "running", "stopped", "lost", "closed"
 REMEMBERED = 2000  # messages

@@ -1,6 +1,6 @@
 """The console of the test machine: interprets commands, one line each, and answers in words.
 
-What it knows stands once, in `console_commands.COMMANDS`: help, completion and the documentation come from there. It has no
+What it knows stands once, in `commands.COMMANDS`: help, completion and the documentation come from there. It has no
 terminal of its own, so that a prompt, a script and a page can each be one.
 """
 
@@ -9,21 +9,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from ..errors import InputError
-from ..experiments.dry_run import check
-from ..experiments.library import protocol_names, shipped
-from ..experiments.protocol import Protocol
-from ..experiments.read import SETTINGS, with_values
-from ..experiments.waveforms import near
-from ..quantities import parse, with_unit
-from ..recordings.convert import write
-from ..recordings.recording import Recording
-from ..specimens import specimens
-from .console_commands import COMMANDS, FORMATS, LISTS, complete, usage, words_of
-from .console_load import loaded
-from .rig_file import rig_names
-from .run import Progress
-from .session import Session
+from ...errors import InputError
+from ...experiments.dry_run import check
+from ...experiments.library import protocol_names, shipped
+from ...experiments.protocol import Protocol
+from ...experiments.read import SETTINGS, with_values
+from ...experiments.waveforms import near
+from ...quantities import parse, with_unit
+from ...recordings.convert import write
+from ...recordings.recording import Recording
+from ...specimens import specimens
+from ..rig_file import rig_names
+from ..run import Progress
+from ..session import Session
+from .commands import COMMANDS, FORMATS, LISTS, complete, usage, words_of
+from .load import loaded
 
 TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
 LONGEST = 86400.0  # that `wait` waits [s]

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..assembly.where_it_went import document
-from ..errors import InputError
-from ..experiments.dry_run import check
-from ..experiments.protocol import Protocol
-from ..quantities import with_unit
-from ..recordings.recording import Recording
-from .about import CLOSED
-from .hardware.converters import SPAN
-from .prepare import Bench, Part, prepare
-from .run import Display, Progress, Run
-from .session_machine import Lent
-from .wall_clock import Loop
+from ...assembly.where_it_went import document
+from ...errors import InputError
+from ...experiments.dry_run import check
+from ...experiments.protocol import Protocol
+from ...quantities import with_unit
+from ...recordings.recording import Recording
+from ..about import CLOSED
+from ..hardware.converters import SPAN
+from ..hardware.ongoing import Lent
+from ..prepare import Bench, Part, prepare
+from ..run import Display, Progress, Run
+from ..wall_clock import Loop
 
 if TYPE_CHECKING:
     from .session import Session

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly.accounts import Accounts
-from ..errors import InputError
-from ..recordings.recording import Recording
-from .about import describe
-from .keeping import Keeper
-from .prepare import Bench
-from .session_machine import Ground
-from .software.timing import Timing
-from .wall_clock import Lateness
+from ...assembly.accounts import Accounts
+from ...errors import InputError
+from ...recordings.recording import Recording
+from ..about import describe
+from ..hardware.ongoing import Ground
+from ..keeping import Keeper
+from ..prepare import Bench
+from ..software.timing import Timing
+from ..wall_clock import Lateness
 
 LEAVES = "by hand"  # label of the only step
 ENDED = 2.0  # time within which a machine that is sampled comes to its next sample [s]

@@ -11,22 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from ..engine import sampled
-from ..errors import InputError, LineLostError, MckibbenError
-from . import channels
-from .run import _channels as channels_of
-from .session_loop import Gate, ManualLoop, Wishes, motor_of
-from .session_machine import Lent
-from .session_record import Recorder
-from .session_ring import Ring
-from .session_run import SessionRun
-from .session_setup import Setup
-from .session_status import CLOSED, IDLE, LOST, MANUAL, RUNNING, STOPPED, Message, Messages, Status
-from .software.emergency_stop import EmergencyStop
-from .software.interlocks import Trip
-from .software.manual import ABANDONED
-from .software.sequencer import SPAN, TENSION
-from .wall_clock import LOOK, Loop
+from ...engine import sampled
+from ...errors import InputError, LineLostError, MckibbenError
+from .. import channels
+from ..hardware.ongoing import Lent
+from ..run import channels_of as channels_of
+from ..software.emergency_stop import EmergencyStop
+from ..software.interlocks import Trip
+from ..software.manual import ABANDONED
+from ..software.sequencer import SPAN, TENSION
+from ..wall_clock import LOOK, Loop
+from .loop import Gate, ManualLoop, Wishes, motor_of
+from .record import Recorder
+from .ring import Ring
+from .run import SessionRun
+from .setup import Setup
+from .status import CLOSED, IDLE, LOST, MANUAL, RUNNING, STOPPED, Message, Messages, Status
 
 STEP = 0.1  # time between two looks at a machine whose time goes only while somebody waits [s]
 

@@ -6,14 +6,14 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ..assembly.signal_table import read_points
-from ..errors import InputError
-from ..experiments.amounts import CHANNELS
-from ..experiments.library import shipped
-from ..experiments.protocol import Protocol
-from ..experiments.read import build_protocol
-from ..experiments.waveforms import near
-from .software.waveform_import import read_protocol
+from ...assembly.signal_table import read_points
+from ...errors import InputError
+from ...experiments.amounts import CHANNELS
+from ...experiments.library import shipped
+from ...experiments.protocol import Protocol
+from ...experiments.read import build_protocol
+from ...experiments.waveforms import near
+from ..software.waveform_import import read_protocol
 
 PROTOCOL = ".toml"
 

@@ -20,24 +20,24 @@ from typing import Self
 
 import numpy as np
 
-from ..assembly.muscle_unit import MuscleUnit
-from ..engine import STEP
-from ..errors import InputError
-from ..experiments.protocol import Protocol
-from ..quantities import with_unit
-from ..recordings.recording import Recording
-from ..specimens import Specimen
-from .hardware.border import Hardware
-from .rig import Rig
-from .run import Display, Progress
-from .session_core import Core
-from .session_record import Recorder
-from .session_run import OnMachine, SessionRun, prepared
-from .session_setup import MODES, Setup
-from .session_status import CLOSED, Message, Status
-from .software.emergency_stop import EmergencyStop
-from .software.sequencer import SPAN, VELOCITY
-from .source import AFTER_STOP
+from ...assembly.muscle_unit import MuscleUnit
+from ...engine import STEP
+from ...errors import InputError
+from ...experiments.protocol import Protocol
+from ...quantities import with_unit
+from ...recordings.recording import Recording
+from ...specimens import Specimen
+from ..hardware.border import Hardware
+from ..rig import Rig
+from ..run import Display, Progress
+from ..software.emergency_stop import EmergencyStop
+from ..software.sequencer import SPAN, VELOCITY
+from ..source import AFTER_STOP
+from .core import Core
+from .record import Recorder
+from .run import OnMachine, SessionRun, prepared
+from .setup import MODES, Setup
+from .status import CLOSED, Message, Status
 
 __all__ = ["Message", "Session", "Status"]
 

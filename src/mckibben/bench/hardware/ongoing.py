@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..engine import sampled
-from ..errors import InputError
-from .hardware.border import AnalogIn, AnalogLine, Hardware, Valve
-from .hardware.in_process import InProcess, SimulatedMachine
+from ...engine import sampled
+from ...errors import InputError
+from .border import AnalogIn, AnalogLine, Hardware, Valve
+from .in_process import InProcess, SimulatedMachine
 
 if TYPE_CHECKING:
-    from .wall_clock import Loop
+    from ..wall_clock import Loop
 
 BEHIND = 1.0  # a simulated machine that is later than this begins a new clock, rather than to hurry after it [s]
 OWN = "place"  # of a software's state, what belongs to its own set-points
