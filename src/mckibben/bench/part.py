@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -64,21 +65,24 @@ class PartMachine:
 
     def carry(self, software: BenchSoftware) -> sampled.Carry:
         """What goes into the first sample of a simulation with some software."""
-        return sampled.begin(self.plant, software, self.start, self.commands, self.rows.first(), self.timing.depth)
+        return sampled.with_software(self.plant, software, self.rested, self.rows.first())
+
+    @functools.cached_property
+    def rested(self) -> sampled.Carry:
+        """The machine where the part begins, commanded by nobody."""
+        return sampled.rest(self.plant, self.start, self.commands, self.timing.depth)
 
     def at_border(self, ahead: float = 0.0) -> SimulatedMachine:
         """The machine behind the hardware border; for `ahead` [s] all draws are made before it begins."""
         timing = self.timing
-        carry = sampled.rest(self.plant, self.start, self.commands, timing.depth)
         return SimulatedMachine(
-            self.plant, carry, self.rows, period=timing.period, inner=timing.inner, latency=timing.latency, ahead=ahead
+            self.plant, self.rested, self.rows, period=timing.period, inner=timing.inner, latency=timing.latency, ahead=ahead
         )
 
     def closed(self, carry: sampled.Carry, begun: sampled.Carry | None = None) -> Accounts:
         """The accounts from the start, or from what was then, until now."""
         timing = self.timing
-        if begun is None:
-            begun = sampled.rest(self.plant, self.start, self.commands, timing.depth)
+        begun = self.rested if begun is None else begun
         first, last = (sampled.inputs_of(self.plant, c, timing.latency, timing.period) for c in (begun, carry))
         sums = jax.tree.map(lambda end, begin: end - begin, carry.integrals, begun.integrals)
         ended: Any = _Ended(carry.state["machine"], carry.memory, sums)

@@ -77,9 +77,13 @@ def begin(
         row: as the first sample's.
         depth: of the history, in samples: enough for latency and dead times, at least 2.
     """
-    carry = rest(plant, start, commands, depth)
+    return with_software(plant, software, rest(plant, start, commands, depth), row)
+
+
+def with_software(plant: Plant, software: Software, carry: Carry, row: Any) -> Carry:
+    """A machine at rest with the software that is to command it, at the first sample's row."""
     now = _inputs(plant, carry.history, 0.0, 1.0, 1.0)
-    return carry._replace(software=software.initial(plant.sense(*start, now, row)))
+    return carry._replace(software=software.initial(plant.sense(carry.state, carry.memory, now, row)))
 
 
 def rest(plant: Plant, start: tuple[Any, Any], commands: Mapping[str, float], depth: int) -> Carry:

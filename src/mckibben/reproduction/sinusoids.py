@@ -46,7 +46,7 @@ def _words(frequency: float) -> str:
     return f"{frequency:g} Hz"
 
 
-def _recorded(frequency: float) -> Recording:
+def recorded_sines(frequency: float) -> Recording:
     """The sine of a frequency [Hz] with about the amplitude of the figure.
 
     Raises:
@@ -85,7 +85,7 @@ def _rest_length() -> float:
 @functools.cache
 def sine(frequency: float) -> Sine:
     """The loop at a frequency [Hz]."""
-    record = _recorded(frequency)
+    record = recorded_sines(frequency)
     gas = loop(record, length=SPAN, tension="pressure")
     return Sine(without_lag(record), peak_velocity(record, length=SPAN) / _rest_length(), gas.height)
 

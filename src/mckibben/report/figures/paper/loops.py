@@ -1,0 +1,303 @@
+"""Figs. 3 and 4 of the paper: loops of tension over displacement at constant pressure, from recordings."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ....analysis.paths import paths
+from ....muscles.build import law_from_specimen
+from ....quantities import from_si
+from ....recordings import Recording
+from ....reproduction import quasi_static, sinusoids
+from ....reproduction.recorded import FIVE_BAR, SPAN, TENSION, recording, step_of
+from ....reproduction.sinusoids import recorded_sines as recorded_sine
+from ....specimens import specimen
+from .. import style
+from ..style import COLOURS, INK, INK_2, INK_3, number
+from .common import (
+    MARK,
+    PRINTED,
+    Entry,
+    entry,
+    key,
+    numbers,
+    ours,
+    panel,
+    printed,
+    printed_key,
+    right_axis,
+    sample,
+    shown,
+    stack,
+    title,
+)
+
+CM, BAR = from_si(1.0, "m", "cm"), from_si(1.0, "Pa", "bar")
+FEWER = {"precondition": 1, "cycles": 2}  # of recordings that no row needs: the second cycle is like the first
+BESIDE, DX = 3.1, 34.0  # with a second axis between [inch, pt]
+SHIFT = 0.004  # between the loops of Fig. 4 [m]
+POINTS = 81  # of a path
+SAMPLES: dict[str, Any] = {"color": COLOURS["tension"], "lw": 0.4, "alpha": 0.3, "zorder": 2}
+HALO = {"boxstyle": "square,pad=0.1", "fc": style.PANEL, "ec": "none", "alpha": 0.8}
+DASHED = style.RECORDING_DASHES[1]
+
+
+class Subject(NamedTuple):
+    """A muscle with the stroke and the rig of its loops."""
+
+    muscle: str
+    stroke: str
+    rig: str = "paper"
+
+
+NYLON, SMALL_RANGE = Subject("nylon", "large"), Subject("nylon", "small")
+FIBERGLASS, BRIDGESTONE = (
+    Subject("fiberglass", "fiberglass"),
+    Subject("bridgestone", "bridgestone", quasi_static.MODERN),
+)
+
+
+def loops_of(subject: Subject, pressure: str) -> Recording:
+    """Recorded cycles at a pressure; those that a row needs are the row's."""
+    if pressure == FIVE_BAR or subject == NYLON:
+        return quasi_static.triangle(subject.muscle, stroke=subject.stroke, rig=subject.rig, pressure=pressure)
+    whole = recording(
+        "quasi-static",
+        subject.muscle,
+        rig=subject.rig,
+        range=subject.stroke,
+        frequency="1 Hz",
+        pressure=pressure,
+        **FEWER,
+    )
+    return step_of(whole, "loops")
+
+
+def rest_length(muscle: str) -> float:
+    """L0 [m]."""
+    return specimen(muscle).property_si("rest_length", "m")
+
+
+# ---- Fig. 3
+
+
+@style.styled()
+def figure_3a() -> Figure:
+    """Nylon muscle, large range."""
+    fig, ax, other = _quasi_static("3a", NYLON, "Nylon muscle, 1 Hz, large range")
+    _printed_lines(ax, NYLON)
+    numbers(
+        ax, [
+            entry("Width, 5 bar", "loop.width"), entry("Height, 5 bar", "loop.height"),
+            entry("Friction", "friction.nylon"), entry("Pressure varies by", "loop.pressure_variation", 2),
+            entry("Area, 0.25 to 1 Hz", "loop.rate_ratio"),
+        ], dx=DX,
+    )  # fmt: skip
+    _key(ax, [sample("paper: eq. 12, 2–5 bar", **PRINTED)])
+    return fig
+
+
+@style.styled()
+def figure_3b() -> Figure:
+    """Nylon muscle, small range."""
+    fig, ax, _ = _quasi_static("3b", SMALL_RANGE, "Nylon muscle, 1 Hz, small range", ends=False)
+    large = loops_of(NYLON, FIVE_BAR)
+    look: dict[str, Any] = {"color": INK_3, "lw": 0.7, "ls": DASHED}
+    ax.plot(*_mean(large, NYLON), zorder=3, **look)
+    ax.set_xlim(-3.6, -1.5)
+    numbers(
+        ax, [
+            entry("Width to large range", "loop.small_range_ratio"),
+            entry("Rising paths apart", "loop.rising_path_distance", 2),
+        ], dx=DX,
+    )  # fmt: skip
+    _key(ax, [sample("large range, 5 bar", **look)], marks=False)
+    return fig
+
+
+@style.styled()
+def figure_3c(figure: str = "3c") -> Figure:
+    """Fiberglass muscle."""
+    fig, ax, _ = _quasi_static(figure, FIBERGLASS, "Fiberglass muscle, 1 Hz")
+    numbers(ax, [entry("Width, 5 bar", "loop.width_fiberglass"), entry("Friction", "friction.fiberglass")], dx=DX)
+    _key(ax)
+    return fig
+
+
+@style.styled()
+def figure_3d() -> Figure:
+    """Bridgestone muscle."""
+    fig, ax, _ = _quasi_static("3d", BRIDGESTONE, "Bridgestone muscle, 1 Hz")
+    numbers(
+        ax, [entry("Width, 5 bar", "loop.width_bridgestone"), entry("Friction", "friction.bridgestone")], dx=DX,
+        remarks=("With a cell of 1 kN: the paper's", "ends at 100 N."),
+    )  # fmt: skip
+    _key(ax)
+    return fig
+
+
+@style.styled()
+def both_ranges(figure: str) -> Figure:
+    """The nylon muscle over both ranges, as the paper of 1994 shows it: large dashed, small full."""
+    fig, ax, other = _quasi_static(figure, SMALL_RANGE, "Nylon muscle, 1 Hz, large and small range", named=False)
+    look: dict[str, Any] = {"color": COLOURS["tension"], "lw": 0.8, "ls": DASHED}
+    for pressure in quasi_static.PRESSURES:
+        ax.plot(*_mean(loops_of(NYLON, pressure), NYLON), zorder=3, **look)
+        other.plot(*_mean(loops_of(NYLON, pressure), NYLON, "pressure"), color=COLOURS["pressure"], lw=0.8, zorder=2)
+        _name(ax, loops_of(NYLON, pressure), NYLON, pressure)
+    numbers(
+        ax, [
+            entry("Width, large range", "loop.width"), entry("Height, large range", "loop.height"),
+            entry("Width, small to large", "loop.small_range_ratio"),
+            entry("Rising paths apart", "loop.rising_path_distance", 2),
+            entry("Area, 0.25 to 1 Hz", "loop.rate_ratio"),
+        ], dx=DX,
+    )  # fmt: skip
+    _key(ax, [sample("large range", **look)], words="small range")
+    return fig
+
+
+def _curve(record: Recording, subject: Subject) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement from L0 [cm] and tension [N]."""
+    return (record[SPAN] - rest_length(subject.muscle)) * CM, record[TENSION]
+
+
+def _mean(record: Recording, subject: Subject, channel: str = TENSION) -> tuple[np.ndarray, np.ndarray]:
+    """The mean cycle, up the rising path and back down the falling one, closed: displacement [cm], and [N] or [bar]."""
+    rising, falling = paths(record, length=SPAN, tension=channel)
+    low, high = max(rising.length[0], falling.length[0]), min(rising.length[-1], falling.length[-1])
+    at = np.linspace(low, high, POINTS)
+    x, y = (
+        np.concatenate([at, at[::-1], at[:1]]),
+        np.concatenate([rising.at(at), falling.at(at[::-1]), rising.at(at[:1])]),
+    )
+    return (x - rest_length(subject.muscle)) * CM, y * (BAR if channel == "pressure" else 1.0)
+
+
+def _quasi_static(
+    figure: str, subject: Subject, words: str, *, ends: bool = True, named: bool = True
+) -> tuple[Figure, Axes, Axes]:
+    """Pairs of curves at six pressures: tension at the left axis, pressure at the right one."""
+    fig, ax = panel(4.4, beside=BESIDE)
+    other = right_axis(ax, "Pressure, bar", "pressure")
+    ax.set_zorder(other.get_zorder() + 1)
+    top = 0.0
+    for pressure in quasi_static.PRESSURES:
+        record = loops_of(subject, pressure)
+        ax.plot(*_curve(record, subject), gid=f"{pressure}, samples", **SAMPLES)
+        x, y = _mean(record, subject)
+        ax.plot(x, y, gid=pressure, **ours("tension", lw=1.1))
+        other.plot(*_mean(record, subject, "pressure"), color=COLOURS["pressure"], lw=0.8, zorder=2)
+        top = max(top, float(y.max()))
+    rest, spec = rest_length(subject.muscle), specimen(subject.muscle)
+    if ends:
+        strongest, upper = printed(f"table1.{subject.muscle}.max_tension"), spec.property_si("upper_length", "m")
+        shortest = upper / rest - printed(f"table1.{subject.muscle}.dynamic_range")
+        ax.plot([(shortest - 1.0) * rest * CM, (upper - rest) * CM], [0.0, strongest], **MARK, clip_on=False)
+        top = max(top, strongest)
+    ax.set_ylim(-0.03 * top, 1.08 * top)
+    other.set_ylim(-0.03 * 6.5, 1.08 * 6.5)
+    style.quantity_axes(ax, x=("Displacement from L₀, cm", "length"), y=("Tension, N", "tension"))
+    title(ax, figure, words)
+    if named:
+        for pressure in quasi_static.PRESSURES[1:]:
+            _name(ax, loops_of(subject, pressure), subject, pressure)
+    return fig, ax, other
+
+
+def _name(ax: Axes, record: Recording, subject: Subject, pressure: str) -> None:
+    """The pressure just above the loop, near its right end."""
+    x, y = _curve(record, subject)
+    near = x > np.quantile(x, 0.9)
+    if y[near].max() < 1.0:
+        return
+    at = float(x[near].mean())
+    ax.annotate(
+        pressure, (at, float(y[near].max())), (-10, 3), textcoords="offset points", fontsize=style.SMALL, ha="right",
+        fontweight="bold", color=COLOURS["pressure"], zorder=7, bbox=HALO,
+    )  # fmt: skip
+
+
+def _printed_lines(ax: Axes, subject: Subject) -> None:
+    """The linear law with its printed numbers, above the rounded threshold."""
+    law = law_from_specimen(specimen(subject.muscle))
+    span = np.linspace(0.75, 1.1, 2) * rest_length(subject.muscle)
+    for pressure in (2e5, 3e5, 4e5, 5e5):
+        at = np.array([max(span[0], float(np.asarray(law.free_length(pressure)))), span[1]])
+        ax.plot((at - rest_length(subject.muscle)) * CM, np.asarray(law.tension(at, pressure)), **PRINTED, zorder=5)
+
+
+def _key(ax: Axes, more: Sequence[Any] = (), *, marks: bool = True, words: str = "tension") -> None:
+    lines = [
+        sample(words, **ours("tension", zorder=1)),
+        sample("pressure", color=COLOURS["pressure"], lw=0.6),
+        *more,
+        *([printed_key("paper, Table 1, 5 bar")] if marks else []),
+    ]
+    key(ax, lines, dx=DX)
+
+
+# ---- Fig. 4
+
+
+@functools.cache
+def sines() -> Mapping[float, tuple[Recording, sinusoids.Sine]]:
+    """Recordings and loops by frequency [Hz]: the twelve of the figure, and the one that reaches 8 L0/s."""
+    return {f: (recorded_sine(f), sinusoids.sine(f)) for f in (*sinusoids.FIGURE, sinusoids.FASTEST)}
+
+
+@style.styled()
+def figure_4(figure: str = "4") -> Figure:
+    """Twelve loops shifted along the displacement, and the width of each below, over the peak velocity."""
+    fig, (top, low) = stack([2.3, 1.0], 5.6, wide=style.WIDE, beside=3.1, gap=0.85)
+    rest = rest_length("nylon")
+    for i, frequency in enumerate(sinusoids.FIGURE):
+        record, one = sines()[frequency]
+        middle = 0.5 * (one.loop.raw.length_low + one.loop.raw.length_high)
+        x = (record[SPAN] - middle + i * SHIFT) * CM
+        top.plot(x, record[TENSION], gid=f"{frequency:g} Hz", **ours("tension", lw=0.7))
+        foot, head = float(record[TENSION].min()), float(record[TENSION].max())
+        look: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "fontsize": style.SMALL}
+        top.annotate(number(frequency), (x.min(), foot), (2, -11), **look, color=INK, fontweight="bold")
+        top.annotate(f"{one.velocity:.2f}", (x.max(), head), (0, 4), **look, color=INK_2)
+    low_y, high_y = top.get_ylim()
+    top.set_ylim(low_y - 6.0, high_y + 4.0)
+    across = "Displacement, each loop 0.4 cm further right, cm"
+    style.quantity_axes(top, x=(across, "length"), y=("Tension, N", "tension"))
+    title(
+        top,
+        figure,
+        "Nylon muscle, 5 bar: sines; below each loop its frequency in Hz, above it the peak velocity in L₀/s",
+    )
+    all_sines = [one for _, one in sines().values()]
+    speed = [s.velocity for s in all_sines]
+    raw, fixed = ([getattr(s.loop, n).width * CM for s in all_sines] for n in ("raw", "corrected"))
+    low.plot(speed, raw, gid="raw", marker="s", ms=4.0, **ours("tension", ls=DASHED, lw=0.8))
+    low.plot(speed[:-1], fixed[:-1], gid="corrected", marker="^", ms=5.0, **ours("tension"))
+    low.set_ylim(0.0, 1.15 * max(raw))
+    low.set_xlim(0.0, 8.5)
+    style.quantity_axes(low, x=("Peak velocity, L₀/s", None), y=("Width of the loop, cm", "length"))
+    found = [
+        entry("Spread, corrected", "loop.sine_width_spread", 2),
+        Entry("Spread, raw", shown(sinusoids.spread(raw[:-1]), 2)),
+        entry("Highest velocity", "loop.max_velocity"),
+    ]
+    numbers(
+        top, found, remarks=(
+            "Corrected: without the lag of the", "cell's filter. At 40 Hz the inertia of", "the fittings turns the loop.",
+            f"Amplitude {sinusoids.AMPLITUDE:g} L₀, {sinusoids.AMPLITUDE * rest * CM:.2f} cm.",
+        ),
+    )  # fmt: skip
+    key(
+        low, [
+            sample("corrected", marker="^", ms=5.0, **ours("tension", zorder=1)),
+            sample("raw, up to 40 Hz", marker="s", ms=4.0, **ours("tension", ls=DASHED, lw=0.8, zorder=1)),
+        ],
+    )  # fmt: skip
+    return fig

@@ -1,0 +1,278 @@
+"""Figs. 5 and 6 of the paper: the static laws of the nylon muscle, the linear model, and its fit to ten points."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ....muscles import braid
+from ....muscles.build import law_from_specimen
+from ....muscles.laws.ideal import Ideal
+from ....muscles.laws.linear_threshold import LinearThreshold
+from ....muscles.laws.thick_wall import ThickWall
+from ....muscles.stop import stop_tension
+from ....quantities import from_si
+from ....reproduction import part1, static_fit
+from ....specimens import specimen
+from .. import style
+from ..style import COLOURS, INK_2, INK_3
+from .common import (
+    MARK,
+    PRINTED,
+    Entry,
+    entry,
+    key,
+    numbers,
+    ours,
+    panel,
+    printed,
+    printed_key,
+    right_axis,
+    sample,
+    shown,
+    title,
+)
+
+ENDS = {"marker": "o", "ms": 4.5, "mfc": style.PANEL, "mew": 1.0, "markevery": [0, -1]}  # of a printed stretch
+SHORTEST, SAMPLES = 0.09, 141  # lengths that are drawn begin here [m]
+TALL = 3.0  # of Figs. 5a to e [inch]
+WALL = style.RECORDING_DASHES[1]  # with wall thickness, dashed as in the paper
+CM, BAR = from_si(1.0, "m", "cm"), from_si(1.0, "Pa", "bar")
+
+
+@functools.cache
+def laws() -> tuple[Ideal, ThickWall]:
+    """The nylon muscle without and with the thickness of its wall."""
+    without, wall = (law_from_specimen(specimen("nylon"), name) for name in ("ideal", "thick_wall"))
+    assert isinstance(without, Ideal) and isinstance(wall, ThickWall)
+    return without, wall
+
+
+@functools.cache
+def linear() -> LinearThreshold:
+    """The linear law of the nylon muscle, its numbers as printed."""
+    law = law_from_specimen(specimen("nylon"))
+    assert isinstance(law, LinearThreshold)
+    return law
+
+
+def _shape() -> dict[str, Any]:
+    _, wall = laws()
+    return {"thread_length": wall.thread_length, "turns": wall.turns, "wall_thickness": wall.wall_thickness}
+
+
+def lengths() -> np.ndarray:
+    """Braid lengths of Fig. 5, up to the upper working length [m]."""
+    return np.linspace(SHORTEST, float(laws()[1].upper_length), SAMPLES)
+
+
+def _over_length(
+    figure: str, words: str, y: tuple[str, str | None], without: Any, wall: Any | None
+) -> tuple[Figure, Axes, list[Any]]:
+    """A panel of Fig. 5 with its one or two curves, and what goes into its key."""
+    fig, ax = panel(TALL)
+    at = lengths() * CM
+    ax.plot(at, np.asarray(without), gid="without wall", **ours(y[1]))
+    handles = [sample("without wall thickness", **ours(y[1], zorder=1))]
+    if wall is not None:
+        ax.plot(at, np.asarray(wall), gid="with wall", **ours(y[1], ls=WALL))
+        handles.append(sample("with wall thickness", **ours(y[1], ls=WALL, zorder=1)))
+    ax.set_xlim(at[0] - 0.15, at[-1] + 0.25)
+    style.quantity_axes(ax, x=("Length, cm", "length"), y=y)
+    title(ax, figure, words)
+    return fig, ax, handles
+
+
+@style.styled()
+def figure_5a() -> Figure:
+    """Braid angle over length."""
+    threads = laws()[0].thread_length
+    angle = np.degrees(np.asarray(braid.angle(lengths(), thread_length=threads)))
+    fig, ax, handles = _over_length("5a", "Nylon muscle: angle of the braid", ("Braid angle, °", None), angle, None)
+    free = printed("static.zero_force_angle")
+    ax.axhline(free, **PRINTED)
+    at = float(braid.length_at(math.radians(free), thread_length=threads)) * CM
+    ax.plot([at], [free], **MARK)
+    ax.set_ylim(0.0, 65.0)
+    numbers(
+        ax, [entry("Angle of no tension", "static.zero_force_angle")], remarks=("wall thickness leaves it as it is",)
+    )
+    key(ax, [sample("cos θ = L/b", **ours(None, zorder=1)), printed_key("paper: no tension", line=True)])
+    return fig
+
+
+@style.styled()
+def figure_5b() -> Figure:
+    """Diameter over length."""
+    shape, at = _shape(), lengths()
+    outer = braid.diameter(at, thread_length=shape["thread_length"], turns=shape["turns"])
+    inner = np.asarray(braid.inner_diameter(at, **shape)) * CM
+    fig, ax, handles = _over_length(
+        "5b", "Nylon muscle: diameter", ("Diameter, cm", "length"), np.asarray(outer) * CM, inner
+    )
+    free = printed("static.zero_tension_length") * specimen("nylon").property_si("rest_length", "m")
+    measured = specimen("nylon").property_si("diameter_shortened", "m") * CM
+    ax.plot([free * CM], [measured], **MARK)
+    ax.set_ylim(0.0, 1.55)
+    found = float(braid.inner_diameter(free, **shape)) * CM
+    numbers(ax, [Entry("Inside at 0.75 L₀, cm", shown(found), shown(measured, 2))])
+    key(ax, [*handles, printed_key("paper: 5 bar, no load")])
+    return fig
+
+
+@style.styled()
+def figure_5c() -> Figure:
+    """Volume over length."""
+    shape, at, ml = _shape(), lengths(), from_si(1.0, "m^3", "cm^3")
+    whole = braid.volume(at, thread_length=shape["thread_length"], turns=shape["turns"])
+    inside = np.asarray(braid.inner_volume(at, **shape)) * ml
+    fig, ax, handles = _over_length("5c", "Nylon muscle: volume", ("Volume, cm³", None), np.asarray(whole) * ml, inside)
+    ax.set_ylim(0.0, 16.5)
+    rest = specimen("nylon").property_si("rest_length", "m")
+    found = float(braid.inner_volume(rest, **shape)) * ml
+    inferred = float(linear().rest_volume) * ml
+    diamond = MARK | {"marker": "D", "ms": 5.0}
+    ax.plot([rest * CM], [inferred], **diamond)
+    numbers(
+        ax, [Entry("Inside at L₀, cm³", shown(found), shown(inferred) + "‡")],
+        remarks=("‡ inferred from the printed", "   8.86 J of Part IV, not printed"),
+    )  # fmt: skip
+    key(
+        ax,
+        [
+            *handles,
+            sample("from Part IV", **{k: v for k, v in MARK.items() if k != "zorder"} | {"marker": "D", "ms": 5.0}),
+        ],
+    )
+    return fig
+
+
+@style.styled()
+def figure_5d() -> Figure:
+    """Tension per pressure over length."""
+    per_bar, at = from_si(1.0, "N/Pa", "N/bar"), lengths()
+    curves = [np.asarray(law.active_tension(at, part1.PRESSURE)) / part1.PRESSURE * per_bar for law in laws()]
+    fig, ax, handles = _over_length(
+        "5d", "Nylon muscle: tension per pressure", ("Tension per pressure, N/bar", "tension"), *curves
+    )
+    ax.axhline(0.0, color=INK_3, lw=style.HAIR)
+    rest = specimen("nylon").property_si("rest_length", "m")
+    ends = [np.asarray(law.active_tension(rest, part1.PRESSURE)) / part1.PRESSURE * per_bar for law in laws()]
+    free = [float(np.asarray(law.free_length(part1.PRESSURE))) / rest for law in laws()]
+    numbers(
+        ax, [
+            *(Entry(f"At L₀, {w} wall, N/bar", shown(float(end))) for w, end in zip(("without", "with"), ends, strict=True)),
+            *(Entry(f"Free, {w} wall, L₀", shown(f)) for w, f in zip(("without", "with"), free, strict=True)),
+        ], remarks=("The measured 0.75 L₀ holds the bladder,", "which these laws leave out."),
+    )  # fmt: skip
+    key(ax, handles)
+    return fig
+
+
+@style.styled()
+def figure_5e() -> Figure:
+    """Stiffness per pressure over length."""
+    at, low, high = lengths(), min(part1.LENGTHS), max(part1.LENGTHS)
+    curves = [np.asarray(law.braid_stiffness(at, part1.PRESSURE)) / part1.PRESSURE for law in laws()]
+    curves[1] = np.where(at < laws()[1].upper_length, curves[1], np.nan)  # the stop begins there
+    fig, ax, handles = _over_length(
+        "5e", "Nylon muscle: stiffness per pressure", ("Stiffness per pressure Kg, cm", None), *(c * CM for c in curves)
+    )
+    ax.plot([low * CM, high * CM], [printed("static.stiffness_per_pressure")] * 2, **PRINTED | ENDS, zorder=5)
+    ax.set_ylim(0.0, 0.75)
+    inside = (at >= low - 1e-9) & (at <= high + 1e-9)
+    spans = [f"{100.0 * np.ptp(c[inside]) / c[inside].mean():.0f} %" for c in curves]
+    numbers(
+        ax, [
+            entry("Kg", "static.stiffness_per_pressure"),
+            Entry("Spread 10–14 cm, with wall", spans[1]),
+            Entry("the same, without", spans[0]),
+        ], remarks=(f"Kg: slope of dF/dP′ over {len(part1.LENGTHS)} lengths",),
+    )  # fmt: skip
+    key(ax, [*handles, sample("paper: constant", **PRINTED | ENDS)])
+    return fig
+
+
+# ---- the linear model
+
+
+@style.styled()
+def figure_6a(figure: str = "6a") -> Figure:
+    """The linear model at 5 bar: total, active, passive and non-linear term."""
+    law = linear()
+    fig, ax = panel(3.9)
+    at = np.linspace(0.095, 0.1555, 243)
+    beyond = np.asarray(stop_tension(at, begins_at=law.upper_length, stiffness=law.stop_stiffness))
+    active = np.asarray(law.active_tension(at, part1.PRESSURE))
+    passive = np.asarray(law.elastic_tension(at)) - beyond
+    terms = (
+        ("total", active + passive + beyond, ours("tension", lw=style.HEAVY + 0.3)),
+        ("active: Kg (P′ − Pth)(L − Lmin)", active, ours("tension", ls=WALL)),
+        ("passive: Kp (L − L₀)", passive, ours("tension", ls=style.RECORDING_DASHES[2])),
+        ("non-linear: nl(L), inferred", beyond, ours(None, color=INK_3, ls=(0, (5, 1.7, 1.2, 1.7)))),
+    )
+    for words, curve, look in terms:
+        ax.plot(at * CM, curve, gid=words.split(":")[0], **look)
+    ax.axhline(0.0, color=INK_3, lw=style.HAIR, zorder=1)
+    rest = float(law.rest_length) * CM
+    marks = {0.75 * rest: 0.0, 1.1 * rest: printed("static.max_tension")}
+    ax.plot(list(marks), list(marks.values()), **MARK)
+    ax.set_xlim(9.3, 15.7)
+    ax.set_ylim(-30.0, 150.0)
+    style.quantity_axes(ax, x=("Length, cm", "length"), y=("Tension, N", "tension"))
+    title(ax, figure, "Linear model of the nylon muscle at 5 bar (eq. 12a)")
+    numbers(
+        ax, [
+            entry("Stiffness", "static.stiffness_5bar", 2), entry("Stiffness", "static.stiffness_5bar_per_length"),
+            entry("Tension, 1.1 L₀", "static.max_tension"),
+            entry("No tension", "static.zero_tension_length", 2), entry("Work", "static.work_per_cycle", 2),
+            entry("Pth", "static.threshold_pressure"), entry("Kp", "static.passive_stiffness"),
+        ],
+    )  # fmt: skip
+    key(ax, [*(sample(w, **look | {"zorder": 1}) for w, _, look in terms), printed_key("paper, Table 1")])
+    return fig
+
+
+@style.styled()
+def figure_6b(figure: str = "6b") -> Figure:
+    """Ten points of the recordings, eq. 13 through them, and with the printed numbers."""
+    points, fit = static_fit.ten_points(static_fit.LENGTH), static_fit.fits().corrected
+    length, pressure, tension = (np.array([getattr(p, n) for p in points]) for n in ("length", "pressure", "tension"))
+    fig, ax = panel(4.2, beside=3.1)
+    law, span = linear(), np.linspace(length.min() - 0.004, length.max() + 0.003, 2)
+    levels = sorted({round(float(p) * BAR) for p in pressure})
+    for level in levels:
+        ax.plot(span * CM, np.asarray(law.tension(span, level / BAR)), **PRINTED, zorder=2)
+    cross: dict[str, Any] = {"ls": "none", "ms": 7.0, "mew": 1.4, "zorder": 6}
+    ax.plot(length * CM, tension, marker="+", color=COLOURS["tension"], gid="tension", **cross)
+    looks = MARK | {"ms": 8.5, "mfc": "none", "mec": INK_2, "mew": 0.9, "zorder": 5}
+    ax.plot(length * CM, fit.tension(length, pressure), gid="eq. 13", **looks)
+    ax.set_ylim(0.0, 84.0)
+    ax.set_xlim(float(span[0]) * CM - 0.1, float(span[1]) * CM + 0.1)
+    style.quantity_axes(ax, x=("Length, cm", "length"), y=("Tension, N", "tension"))
+    other = right_axis(ax, "Pressure, bar", "pressure")
+    other.plot(length * CM, pressure * BAR, marker="x", color=COLOURS["pressure"], gid="pressure", **cross)
+    other.set_ylim(0.0, 7.0)
+    title(ax, figure, "Eq. 13 through ten points, nylon muscle")
+    beside = 34.0
+    numbers(
+        ax, [
+            entry("Kg", "static.fit_Kg"), entry("Pa", "static.fit_Pa", 2), entry("Lmin", "static.fit_Lmin"),
+            entry("Fa", "static.fit_Fa"), Entry("rms, N", shown(fit.rms, 2)),
+        ], dx=beside,
+    )  # fmt: skip
+    plain = {k: v for k, v in looks.items() if k != "zorder"}
+    key(
+        ax, [
+            sample("sampled pressure", marker="x", color=COLOURS["pressure"], ls="none", ms=7.0, mew=1.4),
+            sample("sampled tension", marker="+", color=COLOURS["tension"], ls="none", ms=7.0, mew=1.4),
+            sample("eq. 13, fitted", **plain),
+            printed_key("paper: eq. 13 at " + ", ".join(map(str, levels)) + " bar", line=True),
+        ], dx=beside,
+    )  # fmt: skip
+    return fig
