@@ -23,6 +23,7 @@ from . import (
     record,
     reproduce,
     run,
+    size,
     study,
 )
 
@@ -63,6 +64,7 @@ calibrate.add_to(app)
 energy.add_to(app)
 compare.add_to(app)
 reproduce.add_to(app)
+size.add_to(app)
 study.add_to(app)
 
 

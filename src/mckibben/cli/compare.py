@@ -49,6 +49,9 @@ def compare(
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw what was computed, normalised, .svg or .png.")
     ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write tables and figure into one .html or .pdf file.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Compare muscles by Table 1 of the paper, with what is published of biological muscle beside them."""
@@ -57,6 +60,7 @@ def compare(
     from ..studies.comparison import compare as tabled
 
     writable("--figure", figure, ".svg", ".png")
+    writable("--report", report, ".html", ".pdf")
     full = parse(pressure, "Pa", field="--pressure")
     chosen = [subject(name, pressure=full) for name in muscles or []]
     target = None if match is None else _target(match)
@@ -71,14 +75,22 @@ def compare(
             found = Table((*(t.column() for t in done), *found.columns[len(done) :]), found.published)
         if target is not None:
             matches = _matches(chosen, target, rig, done, tell)
+    drawn = _drawn(chosen, done, matches) if figure is not None or (report is not None and chosen) else None
     if figure is not None:
-        _draw(figure, chosen, done, matches)
+        from ..report.figures import style
+
+        style.save(drawn, figure, dpi=130.0)
+    if report is not None:
+        from ..report.comparison_report import muscle_comparison
+
+        muscle_comparison(found, drawn, matches).write(report)
     if as_json:
         print_json(_as_json(found, matches))
     else:
         _print(found, matches)
-        if figure is not None:
-            typer.echo(f"\nWritten: {figure}")
+        for path in (figure, report):
+            if path is not None:
+                typer.echo(f"\nWritten: {path}")
 
 
 def _target(name: str) -> Subject:
@@ -105,14 +117,13 @@ def _matches(chosen: list[Subject], target: Subject, rig: str | None, done: list
     return [match(s, target, records=records, rig=rig, progress=tell) for s in braided]
 
 
-def _draw(path: Path, chosen: list[Subject], done: list[Trials], matches: list[Match]) -> None:
-    from ..report.figures import style
+def _drawn(chosen: list[Subject], done: list[Trials], matches: list[Match]) -> Any:
     from ..report.figures.comparison_figures import comparison_figure
     from ..studies.comparison.protocols import trials
 
     if not chosen:
-        raise InputError("--figure", str(path), "needed is a specimen: a recording alone has no law to draw")
-    style.save(comparison_figure(done or [trials(s, names=()) for s in chosen], matches), path, dpi=130.0)
+        raise InputError("--figure", "asked for", "needed is a specimen: a recording alone has no law to draw")
+    return comparison_figure(done or [trials(s, names=()) for s in chosen], matches)
 
 
 def _as_json(found: Table, matches: list[Match]) -> dict[str, Any]:

@@ -48,7 +48,9 @@ def fit(
     train_below: Annotated[
         str | None, typer.Option(help="Also train up to this gauge pressure and predict above it.")
     ] = None,
-    report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report with figures.")] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a report with figures, .html or .pdf.")
+    ] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw laws and ranking into this SVG or PNG file.")] = None,
     save: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Save the fitted laws as a specimen.")] = None,
     as_json: Json = False,
@@ -59,7 +61,10 @@ def fit(
     if any(f.endswith(".toml") for f in files):
         _constraints(files, as_json)
         return
-    writable("--report", report, ".html")
+    if report is not None:
+        from ..report.document import checked_place
+
+        checked_place(report, field="--report")
     writable("--save", save, ".toml")
     writable("--figure", figure, ".svg", ".png")
     rest = None if rest_length is None else parse(rest_length, "m", field="--rest-length")

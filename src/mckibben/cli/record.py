@@ -10,6 +10,7 @@ import typer
 
 from ..errors import InputError
 from .convert import convert, repair
+from .record_energy import energy
 from .record_report import report
 from .words import Json, pairs, print_json, table, writable
 
@@ -31,6 +32,7 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help="A recording of mckib
 def add_to(app: typer.Typer) -> None:
     """Add these commands to the table."""
     record.command("convert")(convert)
+    record.command("energy")(energy)
     record.command("repair")(repair)
     record.command("report")(report)
     app.add_typer(record)

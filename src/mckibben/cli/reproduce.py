@@ -1,12 +1,25 @@
-"""``reproduce``: the papers' numbers, row by row."""
+"""``reproduce``: the papers' numbers row by row, and their figures."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import sys
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .words import Json, print_json, progress, table
+from ..errors import InputError
+from .words import Json, print_json, progress
+
+if TYPE_CHECKING:
+    from ..report.paper_figures import PaperFigure
+    from ..report.reproduction_report import Drawn
+    from ..reproduction import Outcome
+
+REPORTS = ("reproduction.html", "reproduction.pdf")  # what --out writes
+WIDTH = 120  # of the table, where nobody's screen says another
+GAP = "  "
 
 
 def add_to(app: typer.Typer) -> None:
@@ -19,8 +32,20 @@ def reproduce(
     row: Annotated[
         list[str] | None, typer.Option("--row", help="Only rows whose name begins so, such as table1.nylon.")
     ] = None,
+    figure: Annotated[
+        list[str] | None,
+        typer.Option("--figure", metavar="ID", help="Only this figure and its rows, such as 3a; drawn into --out."),
+    ] = None,
+    report: Annotated[
+        list[Path] | None,
+        typer.Option("--report", metavar="FILE", help="Write rows and figures to an .html or .pdf file; repeatable."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Write both reports there; with --figure the figures as SVG files."),
+    ] = None,
     recordings: Annotated[
-        bool, typer.Option(help="Leave out the rows that need recordings of the test machine, which take minutes.")
+        bool, typer.Option(help="Leave out what needs recordings of the test machine, which take minutes.")
     ] = True,
     as_json: Json = False,
 ) -> None:
@@ -29,23 +54,102 @@ def reproduce(
     Rows of loops, friction, steps and power come from recordings of the simulated machine, which take minutes;
     --no-recordings leaves them out.
     """
-    from ..reproduction import reproduce as run
     from ..reproduction.rows import select
 
-    with progress("reproducing", len(select(part, row))) as advance:
-        outcomes = run(
-            part, row, progress=lambda r: advance(r.id), tell=lambda words: advance(words, 0), recordings=recordings
-        )
+    select(part, row)  # refuses a wrong word before anything is loaded
+    places = _places(report, out, figures_only=bool(figure))
+    pictures = _pictures(figure, part, row, recordings) if figure or places else []
+    rows = _rows(row, pictures) if figure else row
+    outcomes, drawn = _done(part, rows, pictures, recordings)
+    written = [str(p) for p in _write(places, outcomes, drawn, recordings)]
+    if figure:
+        written += _save(drawn, out or Path())
     failed = sum(o.ok is False for o in outcomes)
     if as_json:
-        print_json({"rows": [_as_json(o) for o in outcomes], "failed": failed})
+        found: dict[str, Any] = {"rows": [_as_json(o) for o in outcomes], "failed": failed}
+        print_json(found | ({"files": written} if written else {}))
     else:
         _print(outcomes, failed)
+        for path in written:
+            typer.echo(f"Written: {path}")
     if failed:
         raise typer.Exit(1)
 
 
-def _as_json(o: Any) -> dict[str, Any]:
+def _places(report: list[Path] | None, out: Path | None, *, figures_only: bool) -> list[Path]:
+    """Where reports go; refused before minutes of work are done."""
+    from ..report.document import checked_place
+
+    if out is not None:
+        if out.exists() and not out.is_dir():
+            raise InputError("--out", str(out), "it is a file; allowed is a folder")
+        if not out.absolute().parent.is_dir():
+            raise InputError("--out", str(out), "no such folder above it")
+        out.mkdir(exist_ok=True)
+    both = [] if out is None or figures_only else [out / name for name in REPORTS]
+    named = [checked_place(path, field="--report") for path in report or []]
+    return named + [checked_place(path, field="--out") for path in both]
+
+
+def _pictures(figure: list[str] | None, part: str | None, row: list[str] | None, recordings: bool) -> list[PaperFigure]:
+    from ..report.reproduction_report import chosen_figures
+
+    return chosen_figures(figure, part=part, rows=row, recordings=recordings)
+
+
+def _rows(row: list[str] | None, pictures: list[PaperFigure]) -> list[str] | None:
+    """Rows that are asked for by name or by a figure; None stands for all of them, an empty list for none."""
+    return [*(row or []), *dict.fromkeys(r for p in pictures for r in p.rows)]
+
+
+def _done(
+    part: str | None, rows: list[str] | None, pictures: list[PaperFigure], recordings: bool
+) -> tuple[list[Outcome], list[Drawn]]:
+    from ..reproduction import reproduce as run
+    from ..reproduction.rows import select
+
+    asked = [] if rows == [] else select(part, rows)
+    with progress("reproducing", len(asked) + len(pictures)) as advance:
+        outcomes = (
+            run(
+                part,
+                rows,
+                progress=lambda r: advance(r.id),
+                tell=lambda words: advance(words, 0),
+                recordings=recordings,
+            )
+            if asked
+            else []
+        )
+        if not pictures:
+            return outcomes, []
+        from ..report.reproduction_report import draw
+        from ..reproduction.recorded import told
+
+        with told(lambda words: advance(words, 0)):
+            return outcomes, draw(pictures, lambda f: advance(f"figure {f.id}: {f.title}"))
+
+
+def _write(places: list[Path], outcomes: list[Outcome], drawn: list[Drawn], recordings: bool) -> list[Path]:
+    if not places:
+        return []
+    from ..report.reproduction_report import reproduction_report
+
+    left = "" if recordings else "What is computed of recordings of the simulated test machine was left out."
+    document = reproduction_report(outcomes, drawn, left_out=left)
+    return [document.write(place) for place in places]
+
+
+def _save(drawn: list[Drawn], folder: Path) -> list[str]:
+    from ..report.figures import style
+
+    files = [folder / f"figure-{one.of.id}.svg" for one in drawn]
+    for path, one in zip(files, drawn, strict=True):
+        style.save(one.picture, path)
+    return [str(path) for path in files]
+
+
+def _as_json(o: Outcome) -> dict[str, Any]:
     return {
         "id": o.row.id,
         "paper": o.row.paper,
@@ -59,24 +163,49 @@ def _as_json(o: Any) -> dict[str, Any]:
     }
 
 
-def _print(outcomes: list[Any], failed: int) -> None:
-    rows = []
-    for o in outcomes:
-        if o.ours is None:
-            continue
-        paper = o.row.paper
-        printed = " to ".join(f"{v:g}" for v in paper) if isinstance(paper, tuple) else f"{paper:g}"
-        off = "" if isinstance(paper, tuple) or not paper else f"{100 * (o.ours / paper - 1):+.1f} %"
-        rows.append(
-            [o.row.id, printed, f"{o.ours:.4g}", "" if o.row.unit == "-" else o.row.unit, off, o.verdict, o.note]
-        )
-    table(
-        "The papers, number by number",
-        ["row", "paper", "ours", "unit", "off by", "verdict", "note"],
-        rows,
-        right=[1, 2, 4],
-    )
+# ---- for a person
+
+
+def _print(outcomes: list[Outcome], failed: int) -> None:
+    from rich.console import Console
+
+    if not outcomes:
+        typer.echo("No row is asked for.")
+        return
+    wide = Console().width if sys.stdout.isatty() else WIDTH
+    lines = [_cells(o) for o in outcomes]
+    heads = ["row", "paper", "ours", "unit", "difference", "verdict"]
+    widths = [max(len(cells[i]) for cells in [heads, *lines]) for i in range(len(heads))]
+    part = ""
+    for o, cells in zip(outcomes, lines, strict=True):
+        if o.row.part != part:
+            typer.echo(("\n" if part else "") + _titled(o.row.part))
+            typer.echo(_line(heads, widths))
+            part = o.row.part
+        typer.echo(_line(cells, widths))
+        for line in textwrap.wrap(o.note, max(wide - 4, 40)):
+            typer.echo(f"    {line}")
     computed = sum(o.ours is not None for o in outcomes)
-    typer.echo(
-        f"\n{computed} of {len(outcomes)} rows computed, {failed} fall short, {len(outcomes) - computed} to come."
-    )
+    rest = len(outcomes) - computed
+    typer.echo(f"\n{computed} of {len(outcomes)} rows computed, {failed} fall short, {rest} to come.")
+
+
+def _titled(part: str) -> str:
+    from ..report.reproduction_report import PARTS
+
+    return PARTS.get(part, part)
+
+
+def _cells(o: Outcome) -> list[str]:
+    from ..report.reproduction_report import difference, printed
+    from ..report.words import significant
+
+    ours = "–" if o.ours is None else significant(o.ours)
+    unit = "" if o.row.unit == "-" else o.row.unit
+    return [o.row.id, printed(o.row.paper), ours, unit, difference(o.row, o.ours), o.verdict]
+
+
+def _line(cells: list[str], widths: list[int]) -> str:
+    right = (1, 2, 4)
+    parts = (c.rjust(w) if i in right else c.ljust(w) for i, (c, w) in enumerate(zip(cells, widths, strict=True)))
+    return GAP.join(parts).rstrip()

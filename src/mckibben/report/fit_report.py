@@ -1,4 +1,4 @@
-"""The report of an identification: one HTML file that needs nothing else, for people who want to trust a law or not.
+"""The report of an identification: for people who want to trust a law or not.
 
 It holds the data and their source, the ranking, figures, parameters with intervals, cautions in plain words, versions
 and the papers. The same studies give the same file: it carries no date.
@@ -7,85 +7,87 @@ and the papers. The same studies give the same file: it carries no date.
 from __future__ import annotations
 
 import math
-import platform
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from markupsafe import Markup, escape
 
 from ..citations import reference
 from ..identification import Fit
 from ..muscles.laws import law_type
 from ..quantities import declared, from_si, shown_unit, with_unit
+from .document import (
+    Block,
+    Cell,
+    Cite,
+    Column,
+    Document,
+    Figure,
+    Fold,
+    Gauge,
+    Heading,
+    KeyValues,
+    Link,
+    Note,
+    Paragraph,
+    References,
+    Row,
+    Section,
+    Span,
+    Table,
+    Text,
+)
 from .figures import fit_figures
 from .figures.fit_figures import law_title
-from .figures.style import inline_svg, number, symbol_text
+from .figures.style import number, symbol_text
 from .study import Study
+from .words import listed, power_text, unit_text, versions, versions_text
+
+__all__ = ["fit_document", "fit_report", "versions", "write_fit_report"]
 
 # Open-access tables that ship with the package, by the key of their paper.
 ATTRIBUTIONS = {"martens2017": "M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0"}
 SCHEMES = {"pressure": "pressure", "length": "length", "block": "block", "rest_length": "rest length"}
 DIVERGES = 10.0  # a prediction that errs by more than this many times the largest tension says nothing
-
-
-class Cell(NamedTuple):
-    """One number of a table: its text, what a dash stands for, and whether it is the best of its column."""
-
-    text: str
-    title: str = ""
-    best: bool = False
-
-
-class Row(NamedTuple):
-    """One law in the ranking."""
-
-    place: str
-    name: str
-    cites: tuple[int, ...]
-    parameters: str
-    cells: list[Cell]
-    state: str
-    words: str
-    anchor: str
-
-
-class ParameterRow(NamedTuple):
-    """One fitted parameter as a person reads it."""
-
-    symbol: Markup
-    name: str
-    meaning: str
-    value: Markup
-    half: Markup
-    unit: Markup
-    relative: float | None
-
-
-class Picture(NamedTuple):
-    """A figure as an element of the page, and its caption."""
-
-    svg: Markup
-    caption: str
-    wide: bool = True
-
-
-class LawBlock(NamedTuple):
-    """All about one law of a study."""
-
-    anchor: str
-    title: str
-    meaning: str
-    cites: tuple[int, ...]
-    parameters: list[ParameterRow]
-    held: str
-    cautions: list[str]
-    pictures: list[Picture]
+READING = (
+    (
+        "Fitted",
+        "Least squares of the tension over all points that carry any, all weighted alike, from many starting "
+        "points. A small error here says that the formula can bend to the data, no more.",
+    ),
+    (
+        "Left out",
+        "Every pressure, length or block of neighbouring points is left out once and predicted by a fit to the "
+        "rest. The order of the laws follows the pressures. Leaving out the shortest or the longest length asks "
+        "for extrapolation, which is why that column is the worst.",
+    ),
+    (
+        "Trained up to",
+        "A separate fit sees only the lower pressures and predicts the upper ones: what to expect beyond your own "
+        "measurement.",
+    ),
+    (
+        "ΔAICc",
+        "Akaike's criterion, corrected for small samples, above its lowest value: misfit with a charge for each "
+        "parameter; 0 is the best, 10 is a clear difference. It takes errors as independent, which systematic "
+        "misfit is not.",
+    ),
+    (
+        "Intervals",
+        "95 %, linearised at the solution, from Student's t. They too take errors as independent, so that true "
+        "ones are wider. Two parameters that correlate near ±1 trade places within theirs.",
+    ),
+    (
+        "Slack",
+        "A braid cannot push. Points without tension say where the muscle hangs slack, not how large a force is, "
+        "and are left out of fits and errors unless stated above.",
+    ),
+)
 
 
 def write_fit_report(studies: Iterable[Study], path: str | Path) -> Path:
-    """Write the report of one or more studies as one self-contained HTML file.
+    """Write the report of one or more studies to an ``.html`` or ``.pdf`` file.
 
     Args:
         studies: one for each force map, with its fits, best first.
@@ -94,77 +96,65 @@ def write_fit_report(studies: Iterable[Study], path: str | Path) -> Path:
     Returns:
         The path.
     """
-    text = fit_report(studies)
-    path = Path(path)
-    path.write_text(text, encoding="utf-8", newline="\n")
-    return path
+    return fit_document(studies).write(path)
 
 
 def fit_report(studies: Iterable[Study]) -> str:
     """The report of one or more studies as HTML text; arguments as for `write_fit_report`."""
-    import jinja2
+    return fit_document(studies).html()
 
+
+def fit_document(studies: Iterable[Study]) -> Document:
+    """The report of one or more studies; arguments as for `write_fit_report`."""
     found = list(studies)
-    keys = _cited(found)
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("mckibben.report"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    these = "this muscle" if len(found) == 1 else "these muscles"
+    lead = f"Which law describes {these}, how well it predicts what it was not shown, and what its parameters are."
+    versions_said = f"{versions_text()}. Fits are deterministic: the same table and versions give this file again."
+    sections = (
+        *(Section(study.title, tuple(_study(study, f"s{i}")), f"s{i}") for i, study in enumerate(found, 1)),
+        Section("How to read this", (KeyValues(READING),), "reading"),
+        Section("Papers this rests on", (References(tuple(_cited(found))),), "papers"),
+        Section("Versions", (Paragraph(versions_said),), "versions"),
     )
-    return environment.get_template("fit_report.html.j2").render(
-        studies=[_study_page(study, f"s{i}", keys) for i, study in enumerate(found, 1)],
-        references=[reference(key) for key in keys],
-        versions=versions(),
-    )
-
-
-def versions() -> list[tuple[str, str]]:
-    """What computed a report: name and version of the package, of the libraries under it, and of Python."""
-    from importlib.metadata import version
-
-    from .. import __version__
-
-    return [
-        ("mckibben", __version__),
-        *((n, version(n)) for n in ("jax", "numpy", "scipy")),
-        ("Python", platform.python_version()),
-    ]
+    return Document("Tension laws fitted to measured force", sections, lead)
 
 
 # ---- a study
 
 
-def _study_page(study: Study, mark: str, keys: list[str]) -> dict[str, Any]:
+def _study(study: Study, mark: str) -> list[Block]:
     best = study.fits[0]
-    schemes = [s for s in SCHEMES if any(s in f.cross for f in study.fits)]
+    facts: list[tuple[str, Text]] = [*_facts(study)]
+    sources = _sources(study)
+    facts += [("Source", f"Data: {'; '.join(sources)}")] if sources else []
+    blocks: list[Block] = [
+        Paragraph(_summary(study), "lead"),
+        KeyValues(tuple(facts)),
+        Heading("Ranking"),
+        _ranking(study),
+        *_table(study, mark),
+    ]
+    for fit in study.fits:
+        anchor, inner = f"{mark}-{fit.law}", _law(fit, study, main=fit is best)
+        count = len(_cautions(fit, study.points.largest))
+        words = f"▲ {count} caution{'s' if count > 1 else ''}"
+        title = (law_title(fit), *((" ", Span(words, "caution")) if count else ()))
+        blocks += [Fold(title, tuple(inner), anchor, opened=fit is best)]
+        if fit is best and len(study.fits) > 1:
+            blocks.append(Heading("Other laws"))
+    return blocks
+
+
+def _ranking(study: Study) -> Figure:
     held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
-    ranking = Picture(
-        _inline(
-            fit_figures.ranking(study),
-            f"{mark}r",
-            f"Ranking of the laws for {study.title}; the table below has its numbers.",
-        ),
+    return Figure(
+        fit_figures.ranking(study),
         "Filled triangle: root mean square error of points whose pressure the fit was not shown; "
         "the bar ends at the largest. "
         + (f"Open triangle, dashed: points above, {held_out}. " if held_out else "")
         + "A black mark on the frame: outside of it.",
+        f"Ranking of the laws for {study.title}; the table below has its numbers.",
     )
-    return {
-        "mark": mark,
-        "title": study.title,
-        "summary": _summary(study),
-        "facts": _facts(study),
-        "sources": _sources(study),
-        "largest": number(study.points.largest, 1),
-        "schemes": [SCHEMES[s] for s in schemes],
-        "held_out": held_out,
-        "rows": _ranking_rows(study, mark, schemes, bool(held_out), keys),
-        "ranking": ranking,
-        "laws": [_law_block(fit, study, f"{mark}-{fit.law}", keys, main=fit is best) for fit in study.fits],
-        "skipped": [(_title(name), reason) for name, reason in study.skipped.items()],
-    }
 
 
 def _summary(study: Study) -> str:
@@ -222,7 +212,31 @@ def _range(values: np.ndarray, unit: str) -> str:
 # ---- the ranking
 
 
-def _ranking_rows(study: Study, mark: str, schemes: list[str], held_out: bool, keys: list[str]) -> list[Row]:
+def _table(study: Study, mark: str) -> list[Block]:
+    schemes = [s for s in SCHEMES if any(s in f.cross for f in study.fits)]
+    held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
+    groups = [f"each {SCHEMES[s]} left out" for s in schemes] + ([held_out] if held_out else [])
+    columns = [
+        Column("", number=True), Column("Law"), Column("Par.", number=True), Column("rms", "N", True, group="fitted"),
+        Column("largest", "N", True, group="fitted"), Column("largest", "%", True, group="fitted"),
+    ]  # fmt: skip
+    for group in groups:
+        columns += [Column("rms", "N", True, group=group), Column("largest", "%", True, group=group)]
+    columns += [Column("ΔAICc", number=True), Column("Verdict", wide=True)]
+    largest = number(study.points.largest, 1)
+    note = (
+        "Ranked by the root mean square error of points predicted with their pressure left out. Errors in N, the largest "
+        f"also in % of the largest tension, {largest} N; the best of each column is bold."
+    )
+    rows = tuple(_ranking_rows(study, mark, schemes, bool(held_out)))
+    blocks: list[Block] = [Paragraph(note, "quiet"), Table(tuple(columns), rows, head=1)]
+    if study.skipped:
+        told = "; ".join(f"{_title(name)} ({reason})" for name, reason in study.skipped.items())
+        blocks.append(Paragraph(f"Passed over: {told}.", "quiet"))
+    return blocks
+
+
+def _ranking_rows(study: Study, mark: str, schemes: list[str], held_out: bool) -> list[Row]:
     size = study.points.largest
     numbers = [_numbers(fit, schemes, held_out, size) for fit in study.fits]
     usable = [n for n, f in zip(numbers, study.fits, strict=True) if f.converged]
@@ -233,20 +247,19 @@ def _ranking_rows(study: Study, mark: str, schemes: list[str], held_out: bool, k
         cells = [_cell(v, b, j, size, fit.converged) for j, (v, b) in enumerate(zip(values, best, strict=True))]
         distance = fit.aicc - lowest
         if math.isfinite(distance):
-            cells.append(Cell(number(distance, 1 if distance < 100.0 else 0), best=distance == 0.0))
+            look: Any = "best" if distance == 0.0 else ""
+            cells.append(Cell(number(distance, 1 if distance < 100.0 else 0), look))
         else:
-            cells.append(Cell("–", "too few points for this criterion"))
-        state, words = _state(fit, size)
-        cites = _cite_numbers(law_type(fit.law).cites, keys)
-        place = str(i) if fit.converged else "–"
-        rows.append(
-            Row(place, law_title(fit), cites, str(len(fit.parameters)), cells, state, words, f"{mark}-{fit.law}")
-        )
+            cells.append(Cell("–", hint="too few points for this criterion"))
+        place, name = str(i) if fit.converged else "–", Link(law_title(fit), f"{mark}-{fit.law}")
+        first: Any = "first" if place == "1" else ""
+        rows.append(Row((place, name, str(len(fit.parameters)), *cells, _state(fit, size)), look=first))
     for title, error in study.published:
         rms, most = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
         cells = [_cell(v, math.nan, j, size, True) for j, v in enumerate((rms, most, most / size))]
-        cells += [Cell("–", "nothing was fitted, so nothing was left out")] * (2 * (len(schemes) + held_out) + 1)
-        rows.append(Row("", title, (), "–", cells, "", "not fitted here", ""))
+        none = Cell("–", hint="nothing was fitted, so nothing was left out")
+        cells += [none] * (2 * (len(schemes) + held_out) + 1)
+        rows.append(Row(("", title, "–", *cells, "not fitted here"), look="quiet"))
     return rows
 
 
@@ -268,19 +281,19 @@ def _numbers(fit: Fit, schemes: list[str], held_out: bool, size: float) -> list[
 def _cell(value: float | None, best: float, column: int, size: float, converged: bool) -> Cell:
     share = column == 2 or (column > 2 and column % 2 == 0)
     if value is None:
-        return Cell("–", "not asked for, or the table has one group only")
+        return Cell("–", hint="not asked for, or the table has one group only")
     if not math.isfinite(value):
-        return Cell("–", "a fit without the points left out did not converge, or had too few points")
+        return Cell("–", hint="a fit without the points left out did not converge, or had too few points")
     if value > (DIVERGES if share else DIVERGES * size):
-        return Cell("diverges", "more than ten times the largest tension")
+        return Cell("diverges", hint="more than ten times the largest tension")
     digits = (2 if value < 0.1 else 1) if share else (2 if value < 10.0 else 1)
-    return Cell(number(100.0 * value if share else value, digits), best=converged and value == best)
+    return Cell(number(100.0 * value if share else value, digits), "best" if converged and value == best else "")
 
 
-def _state(fit: Fit, size: float) -> tuple[str, str]:
+def _state(fit: Fit, size: float) -> Cell:
     """A mark and a few words: whether a fit converged, and what to mind."""
     if not fit.converged:
-        return "stop", "did not converge"
+        return Cell("did not converge", "stop")
     words = []
     if any("apart" in w for w in fit.warnings):
         words.append("parameters hard to tell apart")
@@ -292,88 +305,88 @@ def _state(fit: Fit, size: float) -> tuple[str, str]:
         words.append("does not extrapolate in pressure")
     if any(c.failed for c in fit.cross.values()):
         words.append("some points could not be predicted")
-    return ("caution", "; ".join(words)) if words else ("", "converged")
+    return Cell("; ".join(words), "caution") if words else Cell("converged")
 
 
 # ---- one law
 
 
-def _law_block(fit: Fit, study: Study, anchor: str, keys: list[str], *, main: bool) -> LawBlock:
+def _law(fit: Fit, study: Study, *, main: bool) -> list[Block]:
     kind = law_type(fit.law)
-    return LawBlock(
-        anchor=anchor,
-        title=law_title(fit),
-        meaning=(kind.__doc__ or "").strip().split("\n")[0],
-        cites=_cite_numbers(kind.cites, keys),
-        parameters=[_parameter(name, fit) for name in fit.parameters],
-        held=_held(fit),
-        cautions=_cautions(fit, study.points.largest),
-        pictures=[_curves(fit, study, anchor), *(_more_pictures(fit, anchor) if main else [])],
-    )
+    meaning = (kind.__doc__ or "").strip().split("\n")[0]
+    cautions, held = _cautions(fit, study.points.largest), _held(fit)
+    columns = (
+        Column(""), Column("Parameter"), Column("Value", number=True), Column("Half-width", number=True), Column("Unit"),
+        Column("−50 % to +50 % of the value"),
+    )  # fmt: skip
+    rows = tuple(_parameter(name, fit) for name in fit.parameters)
+    blocks: list[Block] = [Paragraph((meaning, " ", Cite(tuple(kind.cites))))]
+    blocks += [Note("Caution", tuple(cautions))] if cautions else []
+    blocks.append(Table(columns, rows, "Parameters with 95 % intervals", head=1))
+    blocks += [Paragraph(f"Not fitted: {held}.", "quiet")] if held else []
+    return [*blocks, _curves(fit, study), *(_more_pictures(fit) if main else [])]
 
 
-def _curves(fit: Fit, study: Study, anchor: str) -> Picture:
-    title = law_title(fit)
-    fig = fit_figures.tension_curves(fit, study.points)
-    return Picture(
-        _inline(
-            fig, _word(anchor, "c"), f"{study.title}: measured tension over length and {title}, one line per pressure."
-        ),
+def _curves(fit: Fit, study: Study) -> Figure:
+    return Figure(
+        fit_figures.tension_curves(fit, study.points),
         "Tension over length. Triangles are measured, lines the fitted law, each from its free length on; "
         "the gauge pressure stands at the line's end. Open circles: the muscle hung slack there at one or more pressures.",
+        f"{study.title}: measured tension over length and {law_title(fit)}, one line per pressure.",
         wide=False,
     )
 
 
-def _more_pictures(fit: Fit, anchor: str) -> list[Picture]:
+def _more_pictures(fit: Fit) -> list[Figure]:
     title, found = law_title(fit), []
     matrix = fit_figures.correlation(fit)
     if matrix is not None:
-        found.append(
-            Picture(
-                _inline(matrix, _word(anchor, "k"), f"Correlation of the estimates of {title}."),
-                "Near +1 or −1 the data fix a combination of the two parameters, not each of them.",
-                wide=False,
-            )
-        )
+        words = "Near +1 or −1 the data fix a combination of the two parameters, not each of them."
+        found.append(Figure(matrix, words, f"Correlation of the estimates of {title}.", wide=False))
     found.append(
-        Picture(
-            _inline(fit_figures.residuals(fit), _word(anchor, "e"), f"Errors of {title}, fitted and predicted."),
+        Figure(
+            fit_figures.residuals(fit),
             "Errors of the fit, and of points predicted by fits that were not shown their pressure or length. "
             "The band is 1\N{NO-BREAK SPACE}% of the largest tension; "
             "black marks on the frame stand for points outside of it.",
+            f"Errors of {title}, fitted and predicted.",
         )
     )
     beyond = fit_figures.hold_out(fit)
     if beyond is not None:
         found.append(
-            Picture(
-                _inline(beyond, _word(anchor, "h"), f"{title} trained at low pressure and asked above."),
+            Figure(
+                beyond,
                 "A separate fit saw the shaded pressures only. Filled triangles are measured, open ones predicted; "
                 "the length stands at the line's end. The band is 3\N{NO-BREAK SPACE}% of the largest tension.",
+                f"{title} trained at low pressure and asked above.",
             )
         )
     return found
 
 
-def _word(anchor: str, letter: str) -> str:
-    return anchor.replace("_", "") + letter
-
-
-def _parameter(name: str, fit: Fit) -> ParameterRow:
+def _parameter(name: str, fit: Fit) -> Row:
     estimate, q = fit.parameters[name], declared(law_type(fit.law))[name]
     unit = shown_unit(estimate.unit)
     value, low, high = (from_si(v, estimate.unit, unit) if math.isfinite(v) else v for v in estimate[:3])
     half = 0.5 * (high - low) if math.isfinite(high - low) else math.inf
     text, spread = _value_and_half(value, half)
-    relative = half / abs(value) if value and math.isfinite(half) else None
-    return ParameterRow(_symbol(q.symbol, name), name, q.doc, text, spread, _unit(unit), relative)
+    meaning = (f"{q.doc} ", Span(name, "code"))
+    return Row((_symbol(q.symbol, name), meaning, Cell(text, "best"), spread, unit_text(unit), _whisker(value, half)))
 
 
-def _value_and_half(value: float, half: float) -> tuple[Markup, Markup]:
+def _whisker(value: float, half: float) -> Gauge | str:
+    if not (value and math.isfinite(half)):
+        return "–"
+    share = half / abs(value)
+    label = f"half-width {100.0 * share:.3g} % of the value"
+    return Gauge(label, 0.0, whisker=(-2.0 * share, 2.0 * share), ruled=(-1.0, 0.0, 1.0))
+
+
+def _value_and_half(value: float, half: float) -> tuple[str, str]:
     """A value and its half-width with the same power of ten, the half-width to two digits."""
     if not math.isfinite(value):
-        return Markup("–"), Markup("–")
+        return "–", "–"
     size = max(abs(value), half if math.isfinite(half) else 0.0, 1e-300)
     power = math.floor(math.log10(size))
     power = power if power >= 6 or power <= -4 else 0
@@ -382,11 +395,10 @@ def _value_and_half(value: float, half: float) -> tuple[Markup, Markup]:
         digits = min(max(1 - math.floor(math.log10(spread)), 0), 6)
     else:
         digits = min(max(3 - math.floor(math.log10(max(abs(scaled), 1e-6))), 0), 6)
-    tail = Markup("\N{THIN SPACE}×\N{THIN SPACE}10<sup>{}</sup>").format(number(power)) if power else Markup("")
+    tail = power_text(power) if power else ""
     if not math.isfinite(spread):
-        return escape(number(scaled, digits)) + tail, escape("not determined")
-    width = Markup("±\N{THIN SPACE}{}").format(number(spread, digits)) + tail
-    return escape(number(scaled, digits)) + tail, width
+        return number(scaled, digits) + tail, "not determined"
+    return number(scaled, digits) + tail, f"±\N{THIN SPACE}{number(spread, digits)}{tail}"
 
 
 def _held(fit: Fit) -> str:
@@ -426,7 +438,7 @@ def _cautions(fit: Fit, size: float) -> list[str]:
         found.append(f"{what}, it misses what lies above {how}. Do not use it beyond the pressures measured.")
     across = [n for n, e in fit.parameters.items() if math.isfinite(e.high - e.low) and e.low < 0.0 < e.high]
     if across:
-        found.append(f"The interval of {_listed(across)} includes zero.")
+        found.append(f"The interval of {listed(across)} includes zero.")
     return found
 
 
@@ -442,16 +454,8 @@ def _cited(studies: list[Study]) -> list[str]:
     return list(keys)
 
 
-def _cite_numbers(cites: Iterable[str], keys: list[str]) -> tuple[int, ...]:
-    return tuple(sorted(keys.index(key) + 1 for key in cites))
-
-
 def _title(law: str) -> str:
     return str(law_type(law).title)
-
-
-def _inline(fig: Any, name: str, label: str) -> Markup:
-    return Markup(inline_svg(fig, name, label))
 
 
 def _newton(value: float, digits: int | None = None) -> str:
@@ -468,31 +472,18 @@ def _readable(text: str) -> str:
     return text.replace("-", "\N{MINUS SIGN}").replace(" deg", "°").replace(" ", "\N{NO-BREAK SPACE}")
 
 
-def _unit(unit: str) -> Markup:
-    import re
-
-    if unit == "1":
-        return Markup("")
-    text = str(escape(unit)).replace("deg", "°").replace("*", "\N{MIDDLE DOT}").replace("^0.5", "^½")
-    return Markup(re.sub(r"\^(-?\d+|½)", r"<sup>\1</sup>", text))
-
-
-def _symbol(symbol: str, name: str) -> Markup:
+def _symbol(symbol: str, name: str) -> Text:
     if not symbol:
-        return Markup("")
+        return ""
     head = symbol.rstrip("0123456789")
     if head == symbol and "_" in symbol:
         head = symbol.split("_")[0]
     elif head == symbol and symbol_text(symbol) == symbol and len(symbol) > 1:
         head = symbol[0]
     low = symbol[len(head) :].lstrip("_")
-    return Markup("<i>{}</i>").format(symbol_text(head)) + (Markup("<sub>{}</sub>").format(low) if low else Markup(""))
+    return (Span(symbol_text(head), "symbol"), *((Span(low, "sub"),) if low else ()))
 
 
 def _sentence(text: str) -> str:
     first = text.split(" ", 1)[0]
     return (text if "_" in first else text[:1].upper() + text[1:]).rstrip(".") + "."
-
-
-def _listed(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]

@@ -1,0 +1,137 @@
+"""The report of a comparison: tables and figures side by side, remarks, and the papers that the numbers rest on.
+
+`comparison_report` takes any tables and figures; `muscle_comparison` makes them of the comparison of muscles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..quantities import with_unit
+from ..studies.comparison.match import Match
+from ..studies.comparison.table import Row as ComparedRow
+from ..studies.comparison.table import Table as Compared
+from .document import (
+    Block,
+    Cell,
+    Cite,
+    Column,
+    Document,
+    Figure,
+    Heading,
+    KeyValues,
+    Paragraph,
+    References,
+    Row,
+    Section,
+    Table,
+    Text,
+)
+from .words import minus, significant, unit_text, versions_text
+
+CURVES = {"force_length": "Force over length", "passive": "Passive force", "force_velocity": "Force over velocity"}
+PAPER = "chou1996"
+
+
+def comparison_report(
+    title: str,
+    tables: Sequence[Table],
+    figures: Sequence[Figure] = (),
+    *,
+    lead: Text = "",
+    remarks: Sequence[tuple[str, Text]] = (),
+    details: Sequence[Block] = (),
+    keys: Sequence[str] = (),
+) -> Document:
+    """A report of tables and figures.
+
+    Args:
+        title: of the report.
+        tables: in their order.
+        figures: below them.
+        lead: what is compared.
+        remarks: of what or whom, and what is to be said.
+        details: blocks after the figures, such as what a search reached.
+        keys: of the papers.
+    """
+    said = (Heading("Remarks"), KeyValues(tuple(remarks))) if remarks else ()
+    sections = [Section("Side by side", (*tables, *said), "table")]
+    sections += [Section("Figures", tuple(figures), "figures")] if figures else []
+    sections += [Section("Details", tuple(details), "details")] if details else []
+    sections += [Section("Papers", (References(tuple(dict.fromkeys(keys))),), "papers")] if keys else []
+    sections.append(Section("Versions", (KeyValues((("Computed by", versions_text()),)),), "versions"))
+    return Document(title, tuple(sections), lead)
+
+
+def muscle_comparison(found: Compared, drawn: Any = None, matches: Sequence[Match] = ()) -> Document:
+    """The report of a comparison of muscles.
+
+    Args:
+        found: the table.
+        drawn: its figure, as `figures.comparison_figures` draws it.
+        matches: searches for elements that bring a muscle close to a biological one.
+    """
+    names = [c.name for c in found.columns]
+    rows = found.rows()
+    keys = dict.fromkeys([PAPER, *(k for r in rows if r.published for k in r.published.sources)])
+    columns = (
+        Column("", wide=True), Column("Unit"), *(Column(n, number=True) for n in names),
+        Column("Biological, published", number=True),
+    )  # fmt: skip
+    table = Table(columns, tuple(_row(r) for r in rows), "Table 1 of the paper, for these muscles")
+    pictures = []
+    if drawn is not None:
+        caption = (
+            "Normalised. McKibben muscles have the colour of tension, biological ones ink; a letter ends each line."
+        )
+        pictures.append(Figure(drawn, caption, f"Curves of {', '.join(names)}; the table has the numbers."))
+    remarks = [(c.name, f"{c.title}, from {c.kind}" + "".join(f"; {n}" for n in c.notes)) for c in found.columns]
+    details = [block for m in matches for block in _match(m)]
+    lead = "L₀ is each muscle's own resting length, F₀ its tension there; a dash says that nothing tells the property."
+    return comparison_report(
+        f"Muscles side by side: {', '.join(names)}", [table], pictures, lead=lead, remarks=remarks, details=details,
+        keys=[*keys],
+    )  # fmt: skip
+
+
+def _row(row: ComparedRow) -> Row:
+    ends = row.shown_range()
+    published: Text = ""
+    note = ""
+    if ends is not None and row.published is not None:
+        words = significant(ends[0], 3) if ends[0] == ends[1] else " to ".join(significant(e, 3) for e in ends)
+        published = (words, "\N{THIN SPACE}", Cite(tuple(row.published.sources)))
+        note = row.published.note
+    values = (Cell("\N{EN DASH}") if v is None else significant(v, 3) for v in row.shown())
+    return Row((row.property.title, unit_text(row.property.unit), *values, published), note=note)
+
+
+def _match(found: Match) -> list[Block]:
+    title = f"{found.muscle.id} with elements, towards {found.target.id}"
+    rows = tuple(
+        Row((CURVES.get(n, "Together" if n == "all" else n.replace("_", " ")), significant(found.rms_before[n], 3),
+             significant(found.rms_after[n], 3)))
+        for n in found.rms_before
+    )  # fmt: skip
+    curves = Table(
+        (Column("Curve"), Column("As built", number=True), Column("With elements", number=True)),
+        rows,
+        "Root mean square difference over the tension at rest length",
+    )
+    elements = tuple(Row((p.title, *_values(p.start, p.value, unit=p.unit), _hit(p))) for p in found.parameters)
+    columns = (Column("Element"), Column("As built", number=True), Column("Found", number=True), Column("", wide=True))
+    blocks: list[Block] = [Heading(title), curves, Table(columns, elements)]
+    if found.simulated is not None:
+        words = f"The twitch with elements on the test machine, circuit and all: {significant(found.rms_simulated, 3)}."
+        blocks.append(Paragraph(words))
+    return blocks
+
+
+def _values(*values: float, unit: str) -> list[str]:
+    return [minus(with_unit(v, unit)) for v in values]
+
+
+def _hit(p: Any) -> str:
+    ends = {"low": ("lower", p.low), "high": ("upper", p.high)}
+    return f"at its {ends[p.hit][0]} bound, {minus(with_unit(ends[p.hit][1], p.unit))}" if p.hit in ends else ""

@@ -1,0 +1,201 @@
+"""Where the parameters of a recorded run come from: printed in a source, a rig's file, inferred, or a default.
+
+A recording keeps the resolved parameters by the paths of the assembled machine, and the names of what was inferred by the
+paths of the files of specimen and rig. This module brings both together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from ..assembly.build import INFERRED
+from ..errors import InputError
+from ..specimens import Parameter, Specimen, specimen
+from .words import amount, flat, is_number, mapping, minus, significant, tied, unit_text
+
+# What no file states and the assembly infers, by what follows the unit's name in a path.
+_USUAL = {
+    name: INFERRED[key].value
+    for name, key in {
+        "end_mass": "end_mass", "viscosity": "viscosity", "stop_damping": "stop_damping",
+        "tendon.stiffness": "tendon_stiffness", "tendon.toe_length": "tendon_toe", "tendon.loss": "tendon_loss",
+    }.items()
+}  # fmt: skip
+SAME = 1e-6  # relative; a value that differs by more from its file's was set for the run
+
+
+class Resolved(NamedTuple):
+    """A parameter of the run: its dotted path, value and unit in words, origin in words, and whether it was inferred."""
+
+    path: str
+    value: str
+    origin: str
+    inferred: bool
+
+
+class Inferred(NamedTuple):
+    """What a file says is inferred: its name there, which file, the value in words, and why."""
+
+    name: str
+    file: str
+    value: str
+    note: str
+
+
+def known_specimen(meta: Mapping[str, Any]) -> Specimen | None:
+    """The specimen that a recording names, where this installation knows it."""
+    try:
+        return specimen(str(meta["specimen"]))
+    except (KeyError, InputError):
+        return None
+
+
+def parameters(meta: Mapping[str, Any]) -> list[Resolved]:
+    """Every resolved parameter of a recording, in its order; the gas of a circuit stands once, not at each of its parts."""
+    spec, found = known_specimen(meta), []
+    for path, entry in mapping(meta.get("parameters")).items():
+        if _repeated(str(path), entry, mapping(meta.get("parameters"))):
+            continue
+        value, unit = (mapping(entry).get(k) for k in ("value", "unit"))
+        names = [*_names(str(path), meta)]
+        why, inferred = _origin(names, value, str(unit), meta, spec)
+        found.append(Resolved(str(path), _value(value, str(unit)), why, inferred))
+    return found
+
+
+def inferred_inputs(meta: Mapping[str, Any]) -> list[Inferred]:
+    """What no source prints of the files of rig and specimen, as far as this run used it."""
+    spec, rig = known_specimen(meta), mapping(meta.get("rig_document"))
+    listed, found = meta.get("inferred"), []
+    layout, used = str(meta.get("plumbing", "")), {"laws": _laws(meta, spec), "friction": _frictions(spec)}
+    for name in (str(n) for n in (listed if isinstance(listed, list) else [])):
+        room, _, rest = name.partition(".")
+        if room == "plumbing" and layout and not rest.startswith(f"{layout}."):
+            continue
+        if room in used and used[room] and rest.partition(".")[0] not in used[room]:
+            continue
+        given, printed = _walk(rig, name), _stated(spec, name)
+        if given is None and printed is not None:
+            note = printed.note
+            if printed.range is not None:
+                ends = " to ".join(significant(v) for v in printed.range)
+                note = "; ".join(filter(None, (note, f"plausible {tied(ends, printed.unit)}")))
+            found.append(Inferred(name, f"specimen {meta.get('specimen')}", _printed(printed), note))
+        elif given is not None:
+            found.append(Inferred(name, f"rig {meta.get('rig')}", "; ".join(_lines(given)), ""))
+        else:
+            found.append(Inferred(name, "", "", ""))
+    return found
+
+
+def _repeated(path: str, entry: Any, all_of_them: Mapping[str, Any]) -> bool:
+    """Whether a part of the circuit says again what the circuit's gas is."""
+    _, inside, last = path.partition(".gas.")
+    return bool(inside) and f"circuit.gas.{last}" != path and all_of_them.get(f"circuit.gas.{last}") == entry
+
+
+def _names(path: str, meta: Mapping[str, Any]) -> Iterator[str]:
+    """What the files of rig and specimen may call the parameter of a path."""
+    head, _, rest = path.partition(".")
+    layout = f"plumbing.{meta.get('plumbing', '')}"
+    if head == "circuit":
+        kind, _, rest = rest.partition(".")
+        if kind == "elements" and ".gas." not in rest:
+            yield f"{layout}.{rest}"
+        elif kind == "nodes":
+            last = {"size": "port_volume", "dead": "muscle_accumulator"}.get(rest.rpartition(".")[2])
+            yield f"{layout}.{last}" if last else f"{layout}.supply_pressure" if rest == "supply.pressure_abs" else rest
+    elif head == "load":
+        yield rest
+    elif head == "units":
+        kind, _, last = rest.partition(".")[2].partition(".")
+        if kind == "law":
+            yield from (f"laws.{law}.{last}" for law in _laws(meta, known_specimen(meta)))
+        elif kind == "friction":
+            for model in _frictions(known_specimen(meta)):
+                yield f"friction.{model}.{last.rpartition('.')[2]}"
+                yield f"friction.{model}"
+        else:
+            yield f"{kind}.{last}".removesuffix(".")
+    else:
+        yield path
+
+
+def _origin(
+    names: list[str], value: Any, unit: str, meta: Mapping[str, Any], spec: Specimen | None
+) -> tuple[str, bool]:
+    listed = meta.get("inferred")
+    guessed = {str(n) for n in listed} if isinstance(listed, list) else set()
+    if any(_USUAL.get(name) == value for name in names):
+        return "inferred: as such parts usually are", True
+    for name in names:
+        printed = _stated(spec, name)
+        if printed is not None and _differs(printed, value, unit):
+            return "set for this run", False
+        above = [g for g in guessed if g == name or name.startswith(f"{g}.")]
+        if above or any(g.startswith(f"{name}.") for g in guessed):
+            return f"inferred: {max(above, key=len) if above else name}", True
+        if printed is not None:
+            return f"specimen {meta.get('specimen')}, {printed.source or spec.source()}" if spec else "", False
+        if _walk(mapping(meta.get("rig_document")), name) is not None:
+            return f"rig {meta.get('rig')}", False
+    return "default or derived", False
+
+
+def _differs(printed: Parameter, value: Any, unit: str) -> bool:
+    if not is_number(value) or isinstance(printed.value, list):
+        return False
+    try:
+        stated = printed.si(unit, field="value")
+    except InputError:
+        return False
+    assert isinstance(stated, float)
+    return abs(value - stated) > SAME * max(abs(value), abs(stated))
+
+
+def _laws(meta: Mapping[str, Any], spec: Specimen | None) -> list[str]:
+    told = mapping(mapping(meta.get("energy")).get("laws")).values()
+    return [str(law) for law in told] or ([spec.law] if spec else [])
+
+
+def _frictions(spec: Specimen | None) -> list[str]:
+    """The one that a run takes, see `assembly.build.unit_from_specimen`."""
+    stated = [*spec.friction] if spec else []
+    return ["maxwell_slip"] if "maxwell_slip" in stated else stated[:1]
+
+
+def _stated(spec: Specimen | None, name: str) -> Parameter | None:
+    group: Any = spec
+    for word in name.split("."):
+        group = group.get(word) if isinstance(group, dict) else getattr(group, word, None)
+    return group if isinstance(group, Parameter) else None
+
+
+def _walk(table: Any, name: str) -> Any:
+    for word in name.split("."):
+        table = mapping(table).get(word)
+    return table
+
+
+def _lines(given: Any) -> list[str]:
+    return [minus(f"{name} {text}".strip()) for name, text in flat(given)]
+
+
+def _printed(one: Parameter) -> str:
+    values = one.value if isinstance(one.value, list) else [one.value]
+    return tied(", ".join(significant(float(v)) for v in values), one.unit)
+
+
+def _value(value: Any, unit: str) -> str:
+    if is_number(value):
+        try:
+            return amount(float(value), unit)
+        except InputError:
+            return tied(significant(float(value)), unit)
+    numbers = [float(v) for v in value] if isinstance(value, list) and all(map(is_number, value)) else []
+    if not numbers:
+        return f"{value} {unit_text(unit)}".strip()
+    low, high = min(numbers), max(numbers)
+    ends = amount(low, unit) if low == high else f"{amount(low, unit)} to {amount(high, unit)}"
+    return f"{ends}, {len(numbers)} values"

@@ -1,0 +1,280 @@
+"""The papers, number by number and figure by figure: what is printed, what is computed, and what that says.
+
+The figures come from the registry `paper_figures.FIGURES`; each is drawn anew from the laboratory's own runs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from decimal import Decimal
+from typing import Any, NamedTuple
+
+from ..errors import InputError
+from ..reproduction import Outcome, Row
+from .document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Figure,
+    Gauge,
+    KeyValues,
+    Link,
+    Note,
+    Paragraph,
+    References,
+    Section,
+    Span,
+    Table,
+    Text,
+)
+from .document import Row as TableRow
+from .paper_figures import CONFERENCE, FIGURES, JOURNAL, PaperFigure
+from .words import minus, significant, unit_text, versions_text
+
+PARTS = {
+    "I": "Part I. Static and dynamic tension-length relationships",
+    "II": "Part II. Pneumatic circuits",
+    "III": "Part III. Isometric and isotonic experiments",
+    "IV": "Part IV. Energy conversion and efficiency",
+    "discussion": "Discussion",
+}
+# What a verdict says, the sign before it, and the order in which verdicts are counted.
+VERDICTS = {
+    "holds": ("✓", "ours agrees with the print as closely as the row asks"),
+    "holds, calibrated": ("(✓)", "agrees, but an input was inferred from this row or its companion: no prediction"),
+    "misprint": ("▲", "the printed value is wrong; ours is the corrected one"),
+    "open": ("○", "ours is told with the reason for the difference, and never tuned to the print"),
+    "synthetic": ("◇", "no measured curve is printed; ours is computed against the distributed reference"),
+    "falls short": ("■", "ours does not agree"),
+    "to come": ("…", "not computed yet"),
+}
+_LOOKS = {"misprint": "caution", "falls short": "stop"}
+_ENDS = 0.5  # place on a gauge where the tolerance ends
+
+
+class Drawn(NamedTuple):
+    """A figure of the papers, and what it became: a matplotlib figure."""
+
+    of: PaperFigure
+    picture: Any
+
+
+def chosen_figures(
+    ids: Sequence[str] | None = None,
+    *,
+    part: str | None = None,
+    rows: Sequence[str] | None = None,
+    recordings: bool = True,
+    known: Mapping[str, PaperFigure] = FIGURES,
+) -> list[PaperFigure]:
+    """Figures by their identifiers, or those that show one of the rows; of one part, where it is given.
+
+    Args:
+        ids: such as ``3a``; a number alone stands for all its panels.
+        part: ``I`` to ``IV`` or ``discussion``.
+        rows: beginnings of identifiers of rows; asked only where no figure is named.
+        recordings: off leaves out the figures that need them.
+        known: the registry.
+
+    Raises:
+        InputError: there is no such figure, or it is named and left out.
+    """
+    found = [*known.values()]
+    if ids:
+        named: dict[str, PaperFigure] = {}
+        for word in ids:
+            panels = {k: f for k, f in known.items() if k == word or re.fullmatch(re.escape(word) + "[a-z]", k)}
+            if not panels:
+                raise InputError("--figure", word, f"known are {', '.join(known)}")
+            named |= panels
+        found = [*named.values()]
+        elsewhere = [f.id for f in found if part not in (None, f.part)]
+        if elsewhere:
+            raise InputError("--figure", ", ".join(elsewhere), f"not in part {part}")
+        left = [f.id for f in found if f.recordings and not recordings]
+        if left:
+            raise InputError("--figure", ", ".join(left), "drawn of recordings, which --no-recordings leaves out")
+    elif rows:
+        found = [f for f in found if any(a.startswith(b) for a in f.rows for b in rows)]
+    return [f for f in found if (part is None or f.part == part) and (recordings or not f.recordings)]
+
+
+def draw(figures: Iterable[PaperFigure], tell: Callable[[PaperFigure], None] | None = None) -> list[Drawn]:
+    """Draw figures, one after the other; `tell` is called with each before."""
+    found = []
+    for figure in figures:
+        if tell:
+            tell(figure)
+        found.append(Drawn(figure, figure.draw()))
+    return found
+
+
+def reproduction_report(outcomes: Sequence[Outcome], drawn: Sequence[Drawn] = (), *, left_out: str = "") -> Document:
+    """The report of rows and figures.
+
+    Args:
+        outcomes: judged rows.
+        drawn: figures.
+        left_out: a sentence on what was not asked for.
+    """
+    first, second = ([d for d in drawn if (d.of.paper == CONFERENCE) is later] for later in (False, True))
+    parts = dict.fromkeys([*(o.row.part for o in outcomes), *(d.of.part for d in first)])
+    order = sorted(parts, key=lambda p: [*PARTS].index(p) if p in PARTS else len(PARTS))
+    sections = [
+        Section("Verdict", tuple(_verdict(outcomes, drawn, left_out)), "verdict"),
+        *(_part(part, outcomes, first) for part in order),
+        *([Section("Figures of the paper of 1994", tuple(_figure(d) for d in second), "conference")] if second else []),
+        Section("Papers", (References((JOURNAL, CONFERENCE)),), "papers"),
+        Section("Versions", (KeyValues((("Computed by", versions_text()),)),), "versions"),
+    ]
+    lead = (
+        "Every printed number and figure of the papers on the McKibben muscle by Chou and Hannaford, computed anew: theirs, "
+        "ours, and what the difference says."
+    )
+    return Document("The papers, reproduced", tuple(sections), lead)
+
+
+# ---- numbers
+
+
+def printed(value: float | tuple[float, float]) -> str:
+    """A printed value, or the interval that is printed."""
+    if isinstance(value, tuple):
+        return " to ".join(significant(v, 6) for v in value)
+    return significant(value, 6)
+
+
+def difference(row: Row, ours: float | None) -> str:
+    """How far ours lies from the print, or the nearer end of an interval: in per cent, or of a printed 0 in its unit."""
+    if ours is None:
+        return ""
+    paper = row.paper
+    if isinstance(paper, tuple):
+        if paper[0] <= ours <= paper[1]:
+            return "inside"
+        paper = min(paper, key=lambda end: abs(ours - end))
+    if not paper:
+        return _signed(ours - paper, 3)
+    share = 100.0 * (ours - paper) / abs(paper)
+    digits = 0 if abs(share) >= 99.95 else 1 if abs(share) >= 0.95 else 2
+    return f"{minus(f'{share:+.{digits}f}')}\N{THIN SPACE}%"
+
+
+def _signed(value: float, digits: int) -> str:
+    return ("+" if value > 0.0 else "") + significant(value, digits)
+
+
+def tolerance(row: Row) -> tuple[float, float] | None:
+    """Middle and half-width of what counts as agreement [the row's unit]; None where nothing does."""
+    if isinstance(row.paper, tuple):
+        low, high = row.paper
+        return 0.5 * (low + high), 0.5 * (high - low)
+    if row.expect == "near":
+        return row.paper, row.tolerance * abs(row.paper)
+    if row.expect == "printed":
+        exponent = Decimal(repr(row.paper).removesuffix(".0")).as_tuple().exponent
+        return row.paper, 0.5 * 10.0 ** int(exponent)
+    return None
+
+
+def _gauge(row: Row, ours: float | None) -> Gauge | str:
+    allowed = tolerance(row)
+    if allowed is None or ours is None or not allowed[1] > 0.0:
+        return ""
+    middle, half = allowed
+    place = _ENDS * (ours - middle) / half
+    label = f"{significant(ours - middle, 2)} from the middle of a tolerance of plus or minus {significant(half, 2)}"
+    tick = None if isinstance(row.paper, tuple) else 0.0
+    return Gauge(label, place, tick=tick, band=(-_ENDS, _ENDS))
+
+
+# ---- sections
+
+
+def _verdict(outcomes: Sequence[Outcome], drawn: Sequence[Drawn], left_out: str) -> Iterator[Block]:
+    failed = [o for o in outcomes if o.ok is False]
+    done = sum(o.ours is not None for o in outcomes)
+    if failed:
+        names = tuple((Span(o.row.id, "code"), f" {o.row.what}") for o in failed)
+        yield Note(f"{len(failed)} of {done} numbers fall short", names, "stop")
+    elif outcomes:
+        few = f"{done} of {len(outcomes)} numbers were computed, and none of them falls short"
+        pictures = f"; {len(drawn)} figure{'s are' if len(drawn) != 1 else ' is'} drawn below" if drawn else ""
+        yield Paragraph(f"{few}{pictures}.", "lead")
+    if left_out:
+        yield Paragraph(left_out)
+    counts = Counter(o.verdict for o in outcomes)
+    rows = tuple(
+        TableRow((_mark(verdict), str(counts[verdict]), words))
+        for verdict, (_, words) in VERDICTS.items()
+        if counts[verdict]
+    )
+    if rows:
+        yield Table((Column("Verdict"), Column("Rows", number=True), Column("What it says")), rows)
+        yield Paragraph(
+            "A gauge beside a number shows the tolerance in grey, the print as a tick and ours as a dot; an arrow is a "
+            "number beyond twice the tolerance. No number is tuned to its row; what was inferred from the print is marked.",
+            "quiet",
+        )
+
+
+def _mark(verdict: str) -> Cell:
+    sign, _ = VERDICTS[verdict]
+    look: Any = _LOOKS.get(verdict, "")
+    words = verdict.replace(" ", "\N{NO-BREAK SPACE}")
+    return Cell(words if look else f"{sign}\N{NO-BREAK SPACE}{words}", look)
+
+
+def _part(part: str, outcomes: Sequence[Outcome], drawn: Sequence[Drawn]) -> Section:
+    rows = [o for o in outcomes if o.row.part == part]
+    pictures = [d for d in drawn if d.of.part == part]
+    blocks: list[Block] = [_table(rows, drawn)] if rows else []
+    blocks += [_figure(d) for d in pictures]
+    return Section(PARTS.get(part, part), tuple(blocks), _anchor("part", part))
+
+
+def _table(outcomes: Sequence[Outcome], drawn: Sequence[Drawn]) -> Table:
+    columns = (
+        Column("Verdict"), Column("What", wide=True), Column("Paper", number=True), Column("Ours", number=True),
+        Column("Unit"), Column("Difference", number=True), Column("Tolerance"),
+    )  # fmt: skip
+    return Table(columns, tuple(_row(o, drawn) for o in outcomes), head=1)
+
+
+def _row(outcome: Outcome, drawn: Sequence[Drawn]) -> TableRow:
+    row, ours = outcome.row, outcome.ours
+    theirs: Text = printed(row.paper)
+    if outcome.verdict == "misprint":
+        theirs = Span(printed(row.paper), "struck")
+    shows = [d.of for d in drawn if row.id in d.of.rows]
+    links = tuple(p for f in shows for p in ("  ", Link(_named(f), _anchor("figure", f.id))))
+    first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
+    named = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
+    what = (named, " ", Span(row.id, "code"), *links)
+    own = Cell(significant(ours) if ours is not None else "\N{EN DASH}", "best" if ours is not None else "")
+    cells = (_mark(outcome.verdict), what, theirs, own, unit_text(row.unit), difference(row, ours), _gauge(row, ours))
+    return TableRow(cells, note=_said(outcome.note))
+
+
+def _said(note: str) -> Text:
+    """A note in type; what stands between backticks is code."""
+    return tuple(Span(p, "code") if i % 2 else minus(p.replace("+-", "±")) for i, p in enumerate(note.split("`")))
+
+
+def _figure(drawn: Drawn) -> Figure:
+    of = drawn.of
+    caption = (Span(f"{_named(of)}. {of.title}.", "strong"), f" {of.caption}" if of.caption else "")
+    return Figure(drawn.picture, caption, f"{_named(of)}: {of.title}", anchor=_anchor("figure", of.id))
+
+
+def _named(figure: PaperFigure) -> str:
+    year, _, number = figure.id.rpartition("-")
+    name = f"Table {number.removeprefix('table')}" if number.startswith("table") else f"Fig. {number}"
+    return name.replace(" ", "\N{NO-BREAK SPACE}") + (f" of {year}" if year else "")
+
+
+def _anchor(kind: str, name: str) -> str:
+    return f"{kind}-" + re.sub(r"[^A-Za-z0-9]+", "-", name)

@@ -1,0 +1,123 @@
+"""Numbers, units and flat tables as a report writes them, and what computed it."""
+
+from __future__ import annotations
+
+import math
+import platform
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from ..quantities import from_si, shown_unit
+
+TIED = "\N{THIN SPACE}\N{WORD JOINER}"  # between a number and its unit: it never breaks
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_UNITS = {"1": "", "-": "", "deg": "°", "percent": "%", "ohm": "Ω", "kg/s": "g/s", "kg": "g"}
+_SCALED = {"kg/s": "g/s", "kg": "g"}
+
+
+def person_unit(si_unit: str) -> str:
+    """The unit in which a person reads a quantity, in words of `quantities`."""
+    return _SCALED.get(si_unit, shown_unit(si_unit))
+
+
+def unit_text(unit: str) -> str:
+    """A unit in type: ``m^3/(s*Pa)`` becomes m³/(s·Pa); nothing for a pure number."""
+    text = _UNITS.get(unit, unit) if unit not in _SCALED else unit
+    text = text.replace("^0.5", "⁰·⁵")
+    text = re.sub(r"\^(-?\d+)", lambda m: m[1].translate(_RAISED), text)
+    text = re.sub(r"\b(L|[cm]?m)([23])\b", lambda m: m[1] + m[2].translate(_RAISED), text)
+    return text.replace("L0", "L₀").replace("*", "·").replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def significant(value: float, digits: int = 4) -> str:
+    """A number with some significant digits, grouped, with a true minus; powers of ten where it is very large or small."""
+    if not math.isfinite(value):
+        return "\N{EN DASH}" if math.isnan(value) else "∞" if value > 0 else "\N{MINUS SIGN}∞"
+    size = abs(float(f"{value:.{digits}g}"))
+    if size and not 1e-4 <= size < 1e7:
+        mantissa, power = f"{value:.{digits - 1}e}".split("e")
+        mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+        return minus(mantissa) + power_text(int(power))
+    places = max(digits - 1 - math.floor(math.log10(size)), 0) if size else 0
+    text = f"{value:,.{places}f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return minus("0" if text == "-0" else text).replace(",", "\N{THIN SPACE}")
+
+
+def power_text(power: int) -> str:
+    """``× 10`` to a power, as it follows a number."""
+    return f"\N{THIN SPACE}×\N{THIN SPACE}10{str(power).translate(_RAISED)}"
+
+
+def minus(text: str) -> str:
+    """A hyphen before a digit as a true minus."""
+    return re.sub(r"(?<![\w.\]])-(?=[\d.])", "\N{MINUS SIGN}", text)
+
+
+def amount(value: float, si_unit: str, digits: int = 4) -> str:
+    """An SI value with the unit in which a person reads it."""
+    unit = person_unit(si_unit)
+    return tied(significant(from_si(value, si_unit, unit), digits), unit)
+
+
+def tied(text: str, unit: str) -> str:
+    """A number's text and its unit, that no line's end parts."""
+    words = unit_text(unit)
+    return f"{text}{TIED if words != '°' else ''}{words}" if words else text
+
+
+def listed(words: Iterable[str]) -> str:
+    """Words with commas, and an ``and`` before the last."""
+    found = list(words)
+    return found[0] if len(found) == 1 else ", ".join(found[:-1]) + f" and {found[-1]}" if found else ""
+
+
+def mapping(value: Any) -> Mapping[str, Any]:
+    """The value if it is a table, else an empty one: what others wrote into a recording may be anything."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def is_number(value: Any) -> bool:
+    """Whether the value is a number, and not a truth."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
+    """Every leaf of nested tables and lists by its dotted name, as text; a list of plain values is one leaf."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from flat(inner, f"{name}.{key}" if name else str(key))
+    elif isinstance(value, list | tuple) and any(isinstance(v, Mapping | list | tuple) for v in value):
+        for i, inner in enumerate(value, 1):
+            yield from flat(inner, f"{name}.{i}" if name else str(i))
+    elif isinstance(value, list | tuple):
+        yield name, ", ".join(_leaf(v) for v in value)
+    else:
+        yield name, _leaf(value)
+
+
+def _leaf(value: Any) -> str:
+    if value is None:
+        return "\N{EN DASH}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return significant(float(value), 6) if is_number(value) else str(value)
+
+
+def versions() -> list[tuple[str, str]]:
+    """What computed a report: name and version of the package, of the libraries under it, and of Python."""
+    from importlib.metadata import version
+
+    from .. import __version__
+
+    return [
+        ("mckibben", __version__),
+        *((n, version(n)) for n in ("jax", "numpy", "scipy")),
+        ("Python", platform.python_version()),
+    ]
+
+
+def versions_text() -> str:
+    """The same as a line."""
+    return ", ".join(f"{name} {version}" for name, version in versions())
