@@ -25,8 +25,7 @@ class Accounts(NamedTuple):
         energy: of the whole, over the same and the outside work; nothing that passes from part to part enters it.
         friction: work that friction and creep took [J], as their own ledger says.
         dissipated: what they turned into heat of it [J].
-        exergy: of the whole in exergy, over the exergy that crossed the border; over the work in the muscles where that is
-            more.
+        exergy: of the whole in exergy, over what the supplies gave; over the work in the muscles where that is more.
         energy_parts: where exergy and energy went [J].
     """
 
@@ -59,6 +58,10 @@ def accounts(
     (mass, before), (mass_after, after) = (
         machine.joined.stored(s["circuit"], i) for s, i in zip((begin, end), seen, strict=True)
     )
+    room = [
+        sum(float(v.value) for v in machine.joined.volumes(s["circuit"], i).values())
+        for s, i in zip((begin, end), seen, strict=True)
+    ]
     worth = [
         stored_exergy(machine.joined, s["circuit"], i, machine.environment)
         for s, i in zip((begin, end), seen, strict=True)
@@ -74,6 +77,7 @@ def accounts(
         dissipated=dissipated,
         # The atmosphere takes P0 dV of what the gas does in the muscles; other walls are moved from outside.
         lifted=sum(_atmosphere(machine, name, begin, end) for name in machine.units),
+        swollen=float(machine.environment.pressure_abs) * (room[1] - room[0]),
     )
     moving = got.tendon + got.load
     entered = flow["enthalpy"] + flow["heat"] + flow["shaft"] - (flow["work"] - flow["muscle_work"])
@@ -90,7 +94,7 @@ def accounts(
         energy=abs(whole) / (crossed + flow["outside_turnover"]),
         friction=taken,
         dissipated=dissipated,
-        exergy=abs(parts.exergy.remainder) / max(flow["exergy_turnover"], flow["exchanged"], LEAST),
+        exergy=abs(parts.exergy.remainder) / max(parts.exergy.throughput, LEAST),
         energy_parts=parts,
     )
 

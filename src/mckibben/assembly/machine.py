@@ -147,8 +147,8 @@ class Machine(System):
 
         ``braid`` goes into the braids by their motion and ``filling`` by the gas, ``exchanged`` is the size of both,
         ``muscle_work`` is what the gas does in the muscles, the atmosphere's share included; ``delivered`` goes from the
-        muscles into the load, ``outside`` enters the load from elsewhere, ``outside_turnover`` is its size; ``lost`` is turned
-        into heat by dampers, of which ``viscous`` in the muscles and their tendons.
+        muscles into the load, ``outside`` enters the load from elsewhere, ``outside_turnover`` is its size; ``lost`` is
+        turned into heat by dampers, of which ``viscous`` in the muscles and their tendons.
         """
         seen, joined = self.with_lengths(state, inputs), self.joined
         now = joined.passing(state["circuit"], memory["circuit"], seen)

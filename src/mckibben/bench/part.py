@@ -76,7 +76,13 @@ class PartMachine:
         """The machine behind the hardware border; for `ahead` [s] all draws are made before it begins."""
         timing = self.timing
         return SimulatedMachine(
-            self.plant, self.rested, self.rows, period=timing.period, inner=timing.inner, latency=timing.latency, ahead=ahead
+            self.plant,
+            self.rested,
+            self.rows,
+            period=timing.period,
+            inner=timing.inner,
+            latency=timing.latency,
+            ahead=ahead,
         )
 
     def closed(self, carry: sampled.Carry, begun: sampled.Carry | None = None) -> Accounts:

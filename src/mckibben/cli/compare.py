@@ -75,7 +75,7 @@ def compare(
             found = Table((*(t.column() for t in done), *found.columns[len(done) :]), found.published)
         if target is not None:
             matches = _matches(chosen, target, rig, done, tell)
-    drawn = _drawn(chosen, done, matches) if figure is not None or (report is not None and chosen) else None
+    drawn: Any = _drawn(chosen, done, matches) if figure is not None or (report is not None and chosen) else None
     if figure is not None:
         from ..report.figures import style
 

@@ -1,0 +1,187 @@
+"""What an account of energy is made of: parts with their origin, cycles, and what an accumulator would save."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+
+MEANINGS = {
+    "supply": "exergy of the air that was drawn", "machines": "shafts of compressors in the circuit",
+    "walls": "exergy from walls that are not as warm as the room",
+    "valve": "throttled in valves on the way to the muscle", "tube": "throttled in tubes",
+    "dead_volume": "thrown away by volumes that do no work: ports, tubes, fittings, accumulators",
+    "exhaust": "thrown away by the muscle's own volume, the valve on the way out included",
+    "leak": "lost through leaks", "machine": "destroyed in compressors",
+    "mixing": "destroyed where gas of one temperature meets gas of another",
+    "heat": "destroyed by heat between gas and walls", "other_walls": "work on volumes that something else moves",
+    "friction": "turned into heat by the braid's friction and creep, and by a wrap", "viscous": "by dampers and tendons",
+    "shaft_work": "work of the muscles on their load", "gas": "gain of the gas that is stored",
+    "muscle": "gain of bladder and braid", "tendon": "gain of end masses and tendons",
+    "way_in": "throttled in valve and tube on the way to the muscle", "remainder": "what is left",
+    "enthalpy": "carried by the air", "atmosphere": "work on the atmosphere by muscles that swell",
+    "outside": "work on the load from elsewhere", "load_losses": "dampers and friction of the load",
+    "load": "gain of the load",
+}  # fmt: skip
+STORED_FRICTION = "gain of the friction's own springs"
+
+
+class Part(NamedTuple):
+    """One line of an account.
+
+    Attributes:
+        name: such as ``valve``.
+        value: [J].
+        side: ``into``, ``out``, ``stored`` or ``remainder``.
+        origin: ``integral``, ``end states``, ``from samples``, ``estimate`` or ``remainder``.
+    """
+
+    name: str
+    value: float
+    side: str
+    origin: str
+
+    @property
+    def meaning(self) -> str:
+        """One phrase for a person."""
+        return STORED_FRICTION if (self.name, self.side) == ("friction", "stored") else MEANINGS.get(self.name, "")
+
+
+class CycleEnergy(NamedTuple):
+    """One cycle, from samples; works and exergies in [J].
+
+    Attributes:
+        start: [s].
+        end: [s].
+        air: drawn [kg].
+        supply: its exergy.
+        compressor: least work to compress it in one stage without cooling.
+        shaft_work: of the muscles on the load, over the whole path.
+        work_out: where it is positive.
+        parts: all of the account, the remainder with them.
+    """
+
+    start: float
+    end: float
+    air: float
+    supply: float
+    compressor: float
+    shaft_work: float
+    work_out: float
+    parts: tuple[Part, ...]
+
+    @property
+    def efficiency(self) -> float:
+        """Shaft work over supply exergy; NaN where none was drawn."""
+        return self.shaft_work / self.supply if self.supply > 0.0 else float("nan")
+
+
+class Saving(NamedTuple):
+    """What an accumulator at a pressure would keep of the exhaust: an upper bound, for it never fills and never throttles.
+
+    Attributes:
+        pressure: gauge, of the accumulator [Pa].
+        air: that leaves at a higher pressure than that [kg].
+        exergy: of it at the accumulator's pressure and the room's temperature [J].
+        share: of the supply's exergy [1].
+        efficiency: shaft work over what the supply would still have to give [1].
+    """
+
+    pressure: float
+    air: float
+    exergy: float
+    share: float
+    efficiency: float
+
+
+@dataclass(frozen=True)
+class EnergyAccount:
+    """An account; see the module.
+
+    Attributes:
+        kind: ``simulated`` or ``measured``.
+        parts: in exergy, the remainder last.
+        energy: by the first law; empty where it is not known.
+        load: what became of the shaft work; likewise.
+        throughput: that errors are compared to [J].
+        air: drawn [kg].
+        compressor: least work for it, ``isothermal`` and ``adiabatic`` [J].
+        cycles: in their order.
+        unknown: names of what cannot be told from this recording, which are not zero.
+        notes: sentences.
+        caught: air [kg] and exergy [J] that an accumulator at an absolute pressure would catch, and the supply's exergy
+            and shaft work [J] of the same stretch.
+    """
+
+    kind: str
+    parts: tuple[Part, ...]
+    energy: tuple[Part, ...]
+    load: tuple[Part, ...]
+    throughput: float
+    air: float
+    compressor: Mapping[str, float]
+    cycles: tuple[CycleEnergy, ...]
+    unknown: tuple[str, ...]
+    notes: tuple[str, ...]
+    room_pressure: float
+    caught: Callable[[float], tuple[float, float, float, float]]
+
+    def value(self, name: str, side: str | None = None) -> float:
+        """A part by its name [J].
+
+        Raises:
+            InputError: names what the account has.
+        """
+        found = [p.value for p in self.parts if p.name == name and side in (None, p.side)]
+        if not found:
+            why = "cannot be known from this recording; " if name in self.unknown else ""
+            raise InputError(
+                "part", name, f"{why}the account has {', '.join(dict.fromkeys(p.name for p in self.parts))}"
+            )
+        return found[0]
+
+    @property
+    def remainder(self) -> float:
+        """What came in and is nowhere [J]."""
+        return self.value("remainder")
+
+    def document(self) -> dict[str, Any]:
+        """As a file or a program takes it: works and exergies in [J], air in [kg]."""
+
+        def told(parts: tuple[Part, ...]) -> list[dict[str, Any]]:
+            return [{**p._asdict(), "meaning": p.meaning} for p in parts]
+
+        return {
+            "kind": self.kind, "exergy": told(self.parts), "energy": told(self.energy), "load": told(self.load),
+            "throughput": self.throughput, "remainder": self.remainder, "air": self.air,
+            "compressor": dict(self.compressor), "efficiency": self.efficiencies(),
+            "cycles": [
+                {**c._asdict(), "efficiency": c.efficiency, "parts": {f"{p.side}.{p.name}": p.value for p in c.parts}}
+                for c in self.cycles
+            ],
+            "unknown": list(self.unknown), "notes": list(self.notes),
+        }  # fmt: skip
+
+    def efficiencies(self) -> dict[str, float]:
+        """Shaft work over the supply's exergy, and over the work of a compressor with and without cooling [1]."""
+        work = self.value("shaft_work")
+        below = {"supply": self.value("supply"), **{f"{k} compressor": v for k, v in self.compressor.items()}}
+        return {name: work / value if value > 0.0 else float("nan") for name, value in below.items()}
+
+    def saved_by_accumulator(self, pressure: float) -> Saving:
+        """What an exhaust accumulator at a gauge pressure [Pa] would save at most, of what was recorded.
+
+        Raises:
+            InputError: if the pressure is not above the room's.
+        """
+        if not (np.isfinite(pressure) and pressure > 0.0):
+            raise InputError("pressure", pressure, "allowed is a gauge pressure above 0 Pa")
+        air, exergy, supply, work = self.caught(pressure + self.room_pressure)
+        nothing = float("nan")
+        rest = supply - exergy
+        share, efficiency = exergy / supply if supply > 0.0 else nothing, work / rest if rest > 0.0 else nothing
+        return Saving(pressure, air, exergy, share, efficiency)

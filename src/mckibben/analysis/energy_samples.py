@@ -1,0 +1,229 @@
+"""The exergy account of a stretch of a simulated recording, from the samples of its true channels.
+
+A valve may open and close between two samples. So the mass that passed in an interval is taken from what the volumes hold at
+its ends, wherever the network allows it, and from the sampled flows only where it does not; what it was worth is the mean of
+both ends. The error of such sums stands as a remainder and is folded into no part: below a thousandth of the supply for
+intervals of 1 ms. Where a whole run is asked for, its own integrals are better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..assembly.muscle_unit import UnitState
+from ..errors import InputError
+from ..muscles.stored import stored_along
+from ..pneumatics.exergy import DeadState, Seen
+from ..recordings import Recording
+from .channels import known
+from .recorded_machine import RecordedMachine
+
+GAP = 1.5  # periods between two samples from which something was not recorded
+
+
+def whole_pieces(record: Recording) -> list[slice]:
+    """The samples between gaps of the clock, each a slice of at least two."""
+    if len(record) < 2:
+        return []
+    cuts = np.flatnonzero(np.diff(record.time) > GAP * record.period) + 1
+    edges = [0, *(int(c) for c in cuts), len(record)]
+    return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False) if b - a > 1]
+
+
+def middle(values: Any) -> np.ndarray:
+    """Means of neighbouring samples (n - 1,)."""
+    both = np.asarray(values, float)
+    return np.asarray(0.5 * (both[1:] + both[:-1]))
+
+
+class Flows:
+    """Cumulative parts (n,) [J], and what is stored, of one stretch without gaps.
+
+    Attributes:
+        into: by name.
+        out: by name.
+        stored: by name.
+        air: drawn from supplies (n,) [kg].
+        work_out: of the shaft where it is positive (n,) [J].
+        vented: to the room, by path: upstream absolute pressure (n - 1,) [Pa] and mass (n - 1,) [kg] of every interval.
+    """
+
+    def __init__(self, record: Recording) -> None:
+        self.time, self.machine = record.time, RecordedMachine(record)
+        self.record = record
+        about = record.meta["energy"]
+        self.paths: Mapping[str, list[str]] = about["paths"]
+        self.nodes: Mapping[str, str] = about["nodes"]
+        self.lines = [set(line) for line in about["lines"]]
+        self.dead = DeadState.of(self.machine.gas, self.machine.room)
+        zero = np.zeros(len(record))
+        self.into = {"supply": zero, "machines": zero, "walls": zero}
+        names = ("valve", "tube", "dead_volume", "exhaust", "leak", "machine", "mixing", "heat")
+        self.out = dict.fromkeys((*names, "friction", "viscous", "shaft_work"), zero)
+        self.stored = dict.fromkeys(("gas", "muscle", "tendon"), zero)
+        self.air, self.work_out = zero, zero
+        self.vented: list[tuple[np.ndarray, np.ndarray]] = []
+        self.seen = {name: self._seen(name) for name in self.nodes}
+        self.volumes = {n: self._volume(n) for n, kind in self.nodes.items() if kind == "chamber"}
+        self.passed = self._passed()
+        for name, (kind, a, b) in self.paths.items():
+            for ends, mass in (((a, b), self.passed[name]), ((b, a), -self.passed[name])):
+                self._way(kind, ends, np.where(mass > 0.0, mass, 0.0))
+        for name in self.volumes:
+            self._chamber(name)
+        for muscle in self.machine.muscles():
+            self._muscle(muscle)
+
+    def _sum(self, power: Any) -> np.ndarray:
+        """Integral from the first sample to every one, by trapezoids."""
+        values = np.broadcast_to(np.asarray(power, float), self.time.shape)
+        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(self.time)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def supply_pressure(self) -> float:
+        """Highest absolute pressure of the supplies [Pa]; NaN without one."""
+        found = [float(np.max(self.seen[n].pressure_abs)) for n, kind in self.nodes.items() if kind == "supply"]
+        return max(found, default=float("nan"))
+
+    def _seen(self, node: str) -> Seen:
+        if f"{node}.pressure_abs" in self.record and f"{node}.temperature" in self.record:
+            return self.dead.see(known(self.record, f"{node}.pressure_abs"), known(self.record, f"{node}.temperature"))
+        both = [self.machine.find(f"circuit.nodes.{node}.{what}") for what in ("pressure_abs", "temperature")]
+        if self.nodes[node] == "chamber" or None in both:
+            raise InputError(
+                f"channel {node}.pressure_abs", "missing", "the account needs pressure and temperature of every volume"
+            )
+        return self.dead.see(np.full(self.time.shape, both[0]), np.full(self.time.shape, both[1]))
+
+    def _volume(self, node: str) -> np.ndarray:
+        at, mass = self.seen[node], known(self.record, f"{node}.mass")
+        return np.asarray(mass * self.dead.gas.gas_constant * at.temperature / at.pressure_abs)
+
+    def _passed(self) -> dict[str, np.ndarray]:
+        """Mass along every path in every interval (n - 1,) [kg]."""
+        sampled = {
+            n: 0.5 * np.diff(self.time) * (flow[1:] + flow[:-1])
+            for n in self.paths
+            for flow in (known(self.record, f"{n}.mass_flow"),)
+        }
+        found = {n: sampled[n] for n, (kind, *_) in self.paths.items() if kind == "leak"}
+        left = {n: np.diff(known(self.record, f"{n}.mass")) for n in self.volumes}
+        while left:
+            # a volume with one path that is not known yet tells it; one with two says which of them it was
+            open_paths = {n: [p for p, (_, *ends) in self.paths.items() if n in ends and p not in found] for n in left}
+            node = min(left, key=lambda n: len(open_paths[n]))
+            own, known_ones = open_paths[node], [p for p in self._at(node) if p in found]
+            needed = left.pop(node) - sum(found[p] * self._sign(p, node) for p in known_ones)
+            vents = [p for p in own if self._to_room(p)]
+            fills = [p for p in own if p not in vents]
+            found |= {p: sampled[p] for p in own}
+            if len(own) == 1:
+                found[own[0]] = needed * self._sign(own[0], node)
+            elif len(vents) == len(fills) == 1:
+                came, left_it = (
+                    sampled[fills[0]] * self._sign(fills[0], node),
+                    -sampled[vents[0]] * self._sign(vents[0], node),
+                )
+                # the larger of both is put right, but not beyond zero
+                fill = np.where(came >= left_it, needed + left_it, came)
+                fill = np.where(fill < 0.0, 0.0, np.where(fill < needed, needed, fill))
+                found[fills[0]] = fill * self._sign(fills[0], node)
+                found[vents[0]] = (needed - fill) * self._sign(vents[0], node)
+        return {**sampled, **found}
+
+    def _at(self, node: str) -> list[str]:
+        return [p for p, (_, *ends) in self.paths.items() if node in ends]
+
+    def _to_room(self, path: str) -> bool:
+        return any(self.nodes[end] == "room" for end in self.paths[path][1:])
+
+    def _sign(self, path: str, node: str) -> float:
+        return 1.0 if self.paths[path][2] == node else -1.0
+
+    def _add(self, table: dict[str, np.ndarray], name: str, amounts: Any) -> None:
+        """Add what came in every interval (n - 1,) to a part."""
+        table[name] = table[name] + np.concatenate([[0.0], np.cumsum(np.asarray(amounts, float))])
+
+    def _way(self, kind: str, ends: tuple[str, str], mass: np.ndarray) -> None:
+        """Mass (n - 1,) [kg] that goes from the first end of a path to the second."""
+        source, target = ends
+        taken, there = self.seen[source], self.seen[target]
+        lost = mass * middle(self.dead.throttled(1.0, taken, there))
+        arrives = Seen(there.pressure_abs, taken.temperature, there.squeeze, taken.warmth)
+        worth = mass * middle(self.dead.flowing(taken if self.nodes[source] != "chamber" else arrives))
+        if self.nodes[target] == "chamber":
+            self._add(self.out, "mixing", mass * middle(self.dead.mixed(1.0, taken, there)))
+        for end, sign in ((source, 1.0), (target, -1.0)):
+            if self.nodes[end] == "supply":
+                self._add(self.into, "supply", sign * worth)
+                self.air = self.air + np.concatenate([[0.0], np.cumsum(sign * mass)])
+            elif self.nodes[end] == "room":
+                lost = lost - sign * worth
+        if self.nodes[target] == "room":
+            self.vented.append((middle(taken.pressure_abs), mass))
+        where = (
+            kind
+            if kind in ("tube", "leak", "machine")
+            else "exhaust"
+            if "room" in map(self.nodes.get, ends)
+            else "valve"
+        )
+        line = next((g for g in self.lines if len(g & set(ends)) == 1), None)
+        if where == "exhaust" and line is not None:
+            idle = lost * middle(self._idle(line))
+            self._add(self.out, "dead_volume", idle)
+            lost = lost - idle
+        self._add(self.out, where, lost)
+
+    def _idle(self, line: set[str]) -> np.ndarray:
+        """Share of the volumes of a line that never change [1]."""
+        whole = sum(self.volumes[n] for n in line)
+        working = sum(known(self.record, f"{n}.volume") for n in line if n in self.machine.muscles())
+        return np.asarray(1.0 - working / whole)
+
+    def _chamber(self, node: str) -> None:
+        at, volume = self.seen[node], self.volumes[node]
+        self.stored["gas"] = self.stored["gas"] + np.asarray(
+            self.dead.stored(at.pressure_abs, volume, known(self.record, f"{node}.mass"))
+        )
+        conductance = self.machine.find(f"circuit.nodes.{node}.heat.conductance")
+        wall = self.machine.find(f"circuit.nodes.{node}.heat.wall_temperature")
+        if conductance is None:  # kept at its temperature, or on a polytrope: what the first law then asks for
+            wall, heat = float(self.dead.temperature), np.gradient(self._heat(node), self.time)
+        else:
+            heat = conductance * (wall - np.asarray(at.temperature))
+        self.out["heat"] = self.out["heat"] + self._sum(self.dead.by_heat(heat, at.temperature, wall))
+        self.into["walls"] = self.into["walls"] + self._sum(heat * (1.0 - float(self.dead.temperature) / wall))
+
+    def _heat(self, node: str) -> np.ndarray:
+        """Heat into a volume since the first sample, by the first law [J]."""
+        at, volume, gas = self.seen[node], self.volumes[node], self.dead.gas
+        pressure = np.asarray(at.pressure_abs)
+        pushed = np.concatenate([[0.0], np.cumsum(0.5 * (pressure[1:] + pressure[:-1]) * np.diff(volume))])
+        brought = np.zeros(len(pressure) - 1)
+        for name in self._at(node):
+            _, a, b = self.paths[name]
+            for source, mass in ((a, self.passed[name]), (b, -self.passed[name])):
+                hot = middle(self.seen[source].temperature) * float(gas.cp)
+                brought = brought + self._sign(name, node) * np.sign(mass) * np.where(mass > 0.0, mass, 0.0) * hot
+        stored = pressure * volume / (float(gas.heat_ratio) - 1.0)
+        return np.asarray(stored - stored[0] + pushed - np.concatenate([[0.0], np.cumsum(brought)]))
+
+    def _muscle(self, name: str) -> None:
+        unit, given = self.machine.unit(name), self.record
+        at = UnitState(known(given, f"{name}.length"), known(given, f"{name}.velocity"))
+        span, speed = known(given, f"{name}.span"), known(given, f"{name}.span_velocity")
+        power = -known(given, f"{name}.load_tension") * speed
+        taken = known(given, f"{name}.friction") * at.velocity
+        # over a bone, the load feels another tension than the muscle
+        taken = taken + (known(given, f"{name}.load_tension") - known(given, f"{name}.tension")) * speed
+        parts = {"viscous": unit.lost(at, span, speed), "friction": taken, "shaft_work": power}
+        for part, value in parts.items():
+            self.out[part] = self.out[part] + self._sum(value)
+        self.work_out = self.work_out + self._sum(np.where(power > 0.0, power, 0.0))
+        gauge = known(given, f"{name}.pressure")
+        self.stored["muscle"] = self.stored["muscle"] + stored_along(unit.law, np.asarray(at.length), gauge)
+        self.stored["tendon"] = self.stored["tendon"] + np.asarray(unit.kinetic_and_elastic(at, span))

@@ -1,0 +1,211 @@
+"""Where the exergy and the energy of a run went, part by part, from its independent integrals and its end states.
+
+Exergy is measured against the room. Its ledger ends where the load begins: what the muscles did there is ``shaft_work``, and
+`Load` says what became of it. Every part is an integral or a difference of end states; what is left is a remainder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..muscles.law import law_name
+from ..pneumatics.exergy import ROOM, DeadState, kind_of, lines_of, paths_of
+from ..pneumatics.heat import WallHeat
+from ..pneumatics.volume import Chamber, Reservoir
+from .machine import Machine
+
+SAME = 1e-9  # share by which a reservoir's pressure may be off the room's
+
+
+class Gained(NamedTuple):
+    """What end states say [J].
+
+    Attributes:
+        gas: gain of internal energy of the gas.
+        gas_exergy: of its exergy.
+        muscle: of energy in bladder and braid.
+        tendon: of energy in end masses and tendons.
+        load: of energy in the load.
+        friction: what friction and creep took.
+        dissipated: and turned into heat.
+        lifted: work on the atmosphere by muscles that swell.
+        swollen: by all volumes.
+    """
+
+    gas: float
+    gas_exergy: float
+    muscle: float
+    tendon: float
+    load: float
+    friction: float
+    dissipated: float
+    lifted: float
+    swollen: float
+
+
+class Ledger(NamedTuple):
+    """What came in, what went out, and by how much more is stored, by name [J]; errors are compared to `throughput`."""
+
+    into: dict[str, float]
+    out: dict[str, float]
+    stored: dict[str, float]
+    throughput: float
+
+    @property
+    def remainder(self) -> float:
+        """What came in and is nowhere [J]."""
+        return sum(self.into.values()) - sum(self.out.values()) - sum(self.stored.values())
+
+    def plus(self, other: Ledger) -> Ledger:
+        """Both together."""
+        into, out, stored = (
+            {k: a.get(k, 0.0) + b.get(k, 0.0) for k in {**a, **b}}
+            for a, b in ((self.into, other.into), (self.out, other.out), (self.stored, other.stored))
+        )
+        return Ledger(into, out, stored, self.throughput + other.throughput)
+
+    def document(self) -> dict[str, Any]:
+        """As a recording keeps it."""
+        return {**self._asdict(), "remainder": self.remainder}
+
+
+@dataclass(frozen=True)
+class WhereItWent:
+    """The accounts of a run in parts.
+
+    Attributes:
+        exergy: of gas and muscles.
+        energy: the same by the first law.
+        load: what the muscles did to the load, and what became of that.
+        air: drawn from supplies [kg]; NaN where a signal gives a supply's pressure.
+        compressor: least work to compress that air from the room, cooled (``isothermal``) or not (``adiabatic``) [J].
+    """
+
+    exergy: Ledger
+    energy: Ledger
+    load: Ledger
+    air: float
+    compressor: Mapping[str, float]
+
+    def plus(self, other: WhereItWent) -> WhereItWent:
+        """Both together."""
+        work = {k: v + other.compressor[k] for k, v in self.compressor.items()}
+        return WhereItWent(
+            self.exergy.plus(other.exergy), self.energy.plus(other.energy), self.load.plus(other.load),
+            self.air + other.air, work,
+        )  # fmt: skip
+
+
+def where_it_went(machine: Machine, flow: Mapping[str, float], got: Gained) -> WhereItWent:
+    """The parts from the integrals of a run, as `Machine.integrands` names them, and from its end states."""
+    load = Ledger(
+        {"shaft_work": flow["delivered"], "outside": flow["outside"]},
+        {"load_losses": flow["lost"] - flow["viscous"]},
+        {"load": got.load},
+        max(flow["outside_turnover"], flow["exchanged"]),
+    )
+    muscle = {
+        "out": {"friction": got.dissipated, "viscous": flow["viscous"], "shaft_work": flow["delivered"]},
+        "stored": {"muscle": got.muscle, "friction": got.friction - got.dissipated, "tendon": got.tendon},
+    }
+    energy = Ledger(
+        {"enthalpy": 0.5 * (flow["enthalpy_turnover"] + flow["enthalpy"]), "heat": flow["heat"], "machines": flow["shaft"]},
+        {
+            "enthalpy": 0.5 * (flow["enthalpy_turnover"] - flow["enthalpy"]), "atmosphere": got.lifted,
+            "other_walls": flow["work"] - flow["muscle_work"], **muscle["out"],
+        },
+        {"gas": got.gas, **muscle["stored"]},
+        max(flow["enthalpy_turnover"], flow["exchanged"]),
+    )  # fmt: skip
+    air, compressor = _supplies(machine, flow)
+    return WhereItWent(_exergy(machine, flow, got, muscle), energy, load, air, compressor)
+
+
+def _exergy(machine: Machine, flow: Mapping[str, float], got: Gained, muscle: Mapping[str, Any]) -> Ledger:
+    wall = _wall(machine)
+    walls = 0.0 if wall is None else flow["heat"] * (1.0 - float(machine.environment.temperature) / wall)
+    into = {"supply": 0.0, "machines": flow["shaft"], "walls": walls}
+    lost = dict.fromkeys(("valve", "tube", "dead_volume", "exhaust", "leak", "machine"), 0.0)
+    for name, value in flow.items():
+        what, _, role = name.partition(".")
+        kind, _, border = role.partition(".")
+        to_room = bool(border) and is_room(machine, border)
+        where = kind if kind in ("tube", "leak", "machine") else "exhaust" if to_room else "valve"
+        if what in ("throttled", "thrown"):
+            lost[where] += value
+        elif what == "entered" and to_room:  # of a room that is not called so
+            lost[where] -= value
+        elif what == "entered":
+            into["supply"] += value
+        elif what == "idle":
+            lost["dead_volume"] += value
+            lost[where] -= value
+        if name == f"thrown.machine.{ROOM}":  # its shaft's power is in what the gas has when it arrives
+            lost[where] += flow["shaft"]
+    gas = {
+        "mixing": flow["mixed"], "heat": walls - flow["heat_worth"],
+        "other_walls": flow["work"] - flow["muscle_work"] - (got.swollen - got.lifted),
+    }  # fmt: skip
+    return Ledger(
+        into, {**lost, **gas, **muscle["out"]}, {"gas": got.gas_exergy, **muscle["stored"]},
+        max(abs(into["supply"]) + abs(into["machines"]), flow["exchanged"]),
+    )  # fmt: skip
+
+
+def _wall(machine: Machine) -> float | None:
+    """Temperature that all walls have [K], None where they differ."""
+    heats = [node.heat for node in machine.circuit.nodes.values() if isinstance(node, Chamber)]
+    found = {float(h.wall_temperature) for h in heats if isinstance(h, WallHeat)}
+    return found.pop() if len(found) == 1 else None
+
+
+def is_room(machine: Machine, node: str) -> bool:
+    """Whether a node is the room's air."""
+    found = machine.circuit.nodes[node]
+    if not isinstance(found, Reservoir) or found.signal is not None:
+        return False
+    return bool(abs(float(found.pressure_abs / machine.environment.pressure_abs) - 1.0) < SAME)
+
+
+def _supplies(machine: Machine, flow: Mapping[str, float]) -> tuple[float, dict[str, float]]:
+    """Air that was drawn [kg], and the work of compressing it [J]."""
+    dead = DeadState.of(machine.circuit.gas, machine.environment)
+    air, work = 0.0, {"isothermal": 0.0, "adiabatic": 0.0}
+    for name, entered in flow.items():
+        end = name.partition(".")[2].partition(".")[2]
+        if name.startswith("entered.") and not is_room(machine, end):
+            node = machine.circuit.nodes[end]
+            assert isinstance(node, Reservoir)
+            worth = float(dead.flowing(dead.see(node.pressure_abs, node.temperature)))
+            mass = np.nan if node.signal else entered / worth
+            air += mass
+            for how in work:
+                work[how] += mass * float(dead.compression(node.pressure_abs, cooled=how == "isothermal"))
+    return air, work
+
+
+def document(machine: Machine, parts: Sequence[WhereItWent]) -> dict[str, Any]:
+    """As a recording keeps it, with what is needed to find the parts again in its channels.
+
+    Args:
+        machine: the last one.
+        parts: of the run.
+    """
+    whole, circuit = parts[0], machine.circuit
+    for other in parts[1:]:
+        whole = whole.plus(other)
+    nodes = {
+        n: "chamber" if not isinstance(v, Reservoir) else "room" if is_room(machine, n) else "supply"
+        for n, v in circuit.nodes.items()
+    }
+    return {
+        "exergy": whole.exergy.document(), "energy": whole.energy.document(), "load": whole.load.document(),
+        "air": whole.air, "compressor": dict(whole.compressor),
+        "paths": {n: [kind_of(circuit.elements[e]), *ends] for n, (e, ends) in paths_of(circuit).items()},
+        "lines": [sorted(line) for line in lines_of(circuit)], "nodes": nodes,
+        "laws": {name: law_name(unit.law) for name, unit in machine.units.items()},
+    }  # fmt: skip

@@ -1,0 +1,182 @@
+"""A design map: what muscles promise over the stroke, the wish among them, and the valves and tubes of the chosen one."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...quantities import from_si
+from ...studies.sizing import Judged, LineFound, Sizing
+from ...studies.sizing.braid_design import frontier
+from ...studies.sizing.candidate import VERDICTS, Ends
+from . import style
+from .style import COLOURS, INK, INK_2, INK_3, PANEL, SUNKEN
+
+POINTS = 129
+MOST = 6  # muscles drawn
+KIND_MARKERS = {"pressure_regulator": "s", "spool_valve": "o", "three_way_valve": "^"}
+_DASHES = ("-", (0, (8, 2)), (0, (4, 2.3)), (0, (1.2, 1.8)), (0, (5, 1.7, 1.2, 1.7)), (0, (2.5, 1.2)))
+
+
+@style.styled()
+def design_map(found: Sizing, *, law: str = "linear_threshold") -> Figure:
+    """Force over stroke at the wished pressure, and the time over the mass of the lines.
+
+    Args:
+        found: what was found.
+        law: with which the braids were designed.
+    """
+    both = bool(found.lines)
+    fig = style.figure(style.WIDE if both else style.MIDDLE, 4.6)
+    ratios = [1.55, 1.0] if both else [1.0]
+    left, right = (0.06, 0.975) if both else (0.085, 0.88)
+    grid = fig.add_gridspec(
+        1, len(ratios), left=left, right=right, bottom=0.12, top=0.80, wspace=0.38, width_ratios=ratios
+    )
+    _map(fig.add_subplot(grid[0]), found, law)
+    if both:
+        _lines(fig.add_subplot(grid[1]), found)
+    return fig
+
+
+def _shown(found: Sizing) -> list[Judged]:
+    """The best of each kind first, then the next ones that do it."""
+    order = list(found.muscles)
+    first = [next((m for m in order if m.muscle.kind == k), None) for k in ("braid", "specimen", "size")]
+    chosen = [m for m in first if m is not None]
+    if found.chosen not in chosen:
+        chosen.insert(0, found.chosen)
+    rest = [m for m in order if m not in chosen and m.verdict != VERDICTS[2]]
+    distinct: list[Judged] = []
+    for one in chosen + rest:
+        if not any(_alike(one, other) for other in distinct):
+            distinct.append(one)
+    return distinct[:MOST]
+
+
+def _alike(a: Judged, b: Judged) -> bool:
+    """Whether two lines would lie on each other."""
+    return bool(
+        abs(a.largest_force / b.largest_force - 1.0) < 0.02 and abs(a.promised_force / b.promised_force - 1.0) < 0.02
+    )
+
+
+def _map(ax: Axes, found: Sizing, law: str) -> None:
+    wish, cm = found.wish, from_si(1.0, "m", "cm")
+    shown = _shown(found)
+    right = 2.0 * wish.stroke
+    top = 1.15 * max(2.6 * wish.force, 1.2 * found.chosen.end_force)
+    ax.set_xlim(0.0, right * cm)
+    ax.set_ylim(0.0, top)
+    # What does it lies up and to the right of the wish.
+    ax.fill_between([wish.stroke * cm, right * cm], wish.force, top, color=SUNKEN, lw=0, zorder=0)
+    ax.text(
+        (right - 0.02 * wish.stroke) * cm, 0.985 * top, "does it", ha="right", va="top", fontsize=style.SMALL, color=INK_3
+    )  # fmt: skip
+    strokes = np.linspace(0.0, right, POINTS)
+    for one, dash in zip(shown, _DASHES, strict=False):
+        m = one.muscle
+        said = Ends(m.law, wish.pressure).tension(m.longest - strokes) - m.friction
+        sure = said - one.error_force
+        said, sure = (np.where(v > 0.0, v, np.nan) for v in (said, sure))
+        heavy = one is found.chosen
+        colour = COLOURS["tension"]
+        if heavy:
+            ax.fill_between(strokes * cm, np.nan_to_num(sure), np.nan_to_num(said), color=colour, alpha=0.13, lw=0)
+        ax.plot(
+            strokes * cm,
+            sure,
+            color=colour,
+            ls=dash,
+            lw=style.HEAVY if heavy else style.LINE,
+            alpha=1 if heavy else 0.75,
+        )
+    if wish.length is not None or wish.diameter is not None:
+        some = np.linspace(0.02 * right, right, 49)
+        most = frontier(wish, some, law=law)
+        most = np.where(most > 0.0, most, np.nan)
+        ax.plot(some * cm, most, color=INK_2, lw=1.0, ls=(0, (1, 1.5)))
+        over = np.flatnonzero(np.isfinite(most) & (most <= 0.72 * top))
+        if over.size:
+            i = int(over[0])
+            ax.annotate(
+                "most that a braid\nin the space promises", (some[i] * cm, most[i]), xytext=(-5, 0), ha="right",
+                textcoords="offset points", fontsize=style.SMALL, color=INK_2, va="center", zorder=4,
+                bbox={"boxstyle": "round,pad=0.1", "fc": SUNKEN, "ec": "none", "alpha": 0.8},
+            )  # fmt: skip
+    _margin(ax, found, cm)
+    style.quantity_axes(ax, x=("Stroke, cm", "length"), y=("Promised force, N", "tension"))
+    bar = from_si(wish.pressure, "Pa", "bar")
+    style.heading(
+        ax, f"Force over stroke at {bar:g} bar",
+        f"band: error of the law, {found.chosen.muscle.error.share:.0%} of its largest force", above=40.0,
+    )  # fmt: skip
+    _keyed(ax, shown, found)
+
+
+def _margin(ax: Axes, found: Sizing, cm: float) -> None:
+    """The wish, and how far beyond it the chosen muscle goes in force and in stroke."""
+    wish, one = found.wish, found.chosen
+    x, y = wish.stroke * cm, wish.force
+    if one.promised_force > 1.02 * wish.force:
+        ax.annotate("", (x, one.promised_force), (x, y), arrowprops={"arrowstyle": "->", "color": INK, "lw": 0.9})
+    if one.stroke > 1.02 * wish.stroke:
+        ax.annotate("", (one.stroke * cm, y), (x, y), arrowprops={"arrowstyle": "->", "color": INK, "lw": 0.9})
+    ax.plot([x], [y], "o", mfc=INK, mec=PANEL, mew=1.2, ms=8.0, zorder=5)
+    said = f"wish: {wish.force:.4g} N, {x:.3g} cm"
+    ax.annotate(
+        said, (x, y), xytext=(-8, -12), textcoords="offset points", ha="right", va="top", fontsize=style.SMALL,
+        fontweight="bold", color=INK, zorder=6,
+        bbox={"boxstyle": "round,pad=0.15", "fc": PANEL, "ec": "none", "alpha": 0.85},
+    )  # fmt: skip
+
+
+def _keyed(ax: Axes, shown: list[Judged], found: Sizing) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=COLOURS["tension"], ls=dash, lw=style.HEAVY if one is found.chosen else style.LINE)
+        for one, dash in zip(shown, _DASHES, strict=False)
+    ]
+    labels = [f"{m.muscle.id}: {m.verdict}" + (f", {m.worst[0]}" if m.verdict == VERDICTS[2] else "") for m in shown]
+    ax.legend(
+        handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.055), ncols=3, fontsize=style.SMALL - 0.5, frameon=False,
+        handlelength=2.6, labelcolor=INK_2, borderaxespad=0.0, columnspacing=1.4, handletextpad=0.6, labelspacing=0.25,
+    )  # fmt: skip
+
+
+def _lines(ax: Axes, found: Sizing) -> None:
+    from ...specimens import specimen
+
+    able = [x for x in found.lines if x.to_force is not None]
+    if not able:
+        style.note(ax, "no line reaches the force", x=0.5, y=0.5, ha="center")
+        return
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    for line in able:
+        marker = KIND_MARKERS.get(specimen(line.valve).element, "D")
+        ax.plot(
+            [1e3 * line.mass], [1e3 * (line.to_force or np.nan)], marker, ms=3.5 + 1.2 * np.log1p(line.power), zorder=3,
+            mfc=COLOURS["valve"] if line.pareto else PANEL, mec=COLOURS["valve"], mew=0.9,
+        )  # fmt: skip
+    _first(ax, able[0])
+    style.quantity_axes(ax, x=("Mass of valve and tube, g", None), y=("Time to the wished force, ms", None))
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: style.number(value)))
+        axis.set_minor_formatter(NullFormatter())
+    style.heading(ax, f"Lines for {found.chosen.muscle.id}", "filled: Pareto-best", above=40.0)
+    style.note(ax, "▲ switching  ● proportional  ■ regulator; larger: more power", y=1.0, dy=24.0, dx=0.0)
+
+
+def _first(ax: Axes, line: LineFound) -> None:
+    ax.annotate(
+        f"{line.valve}, {line.tube}", (1e3 * line.mass, 1e3 * (line.to_force or np.nan)), xytext=(-4, 16),
+        textcoords="offset points", fontsize=style.SMALL, color=INK, va="bottom",
+        arrowprops={"arrowstyle": "-", "color": INK_3, "lw": 0.5, "shrinkA": 0, "shrinkB": 3},
+        bbox={"boxstyle": "round,pad=0.1", "fc": PANEL, "ec": "none", "alpha": 0.8},
+    )  # fmt: skip

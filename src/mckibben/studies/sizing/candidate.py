@@ -1,0 +1,225 @@
+"""A muscle that may do it: its law, its ends, and by how much it does better or worse than was wished.
+
+promised force = tension of the law at the end of the stroke - friction - error of the law x largest tension
+margin = (what it has over what is needed) - 1      of the force, the stroke, the diameter, the length, the pressure
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ...analysis.energy.volumes import PotentialMuscle, Probe
+from ...assembly.build import INFERRED as ASSEMBLED
+from ...assembly.muscle_unit import MuscleUnit
+from ...muscles.elements import Tendon
+from ...muscles.law import TensionLaw
+from ...pneumatics.gas import AIR
+from .trust import LawError
+from .wish import Wish
+
+VERDICTS = ("yes", "within the error", "no")
+POINTS, REFINED = 256, 4  # lengths among which an end of a stroke is sought, and how often it is refined
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A muscle for a wish.
+
+    Attributes:
+        id: short name.
+        title: what it is.
+        kind: ``braid``, ``specimen`` or ``size``.
+        law: its tension law.
+        law_name: under which the law is addressed.
+        error: of the law.
+        longest: length from which it shortens [m].
+        friction: at the wished pressure, which its promised force is less [N].
+        overall_length: with fittings [m].
+        diameter: outer, at the end of the stroke [m].
+        mass: with fittings; None where unknown [kg].
+        rated_pressure: None where unknown [Pa].
+        dimensions: what it is made with, by name [SI].
+        inferred: numbers that no source prints.
+        sources: citation keys.
+    """
+
+    id: str
+    title: str
+    kind: str
+    law: TensionLaw
+    law_name: str
+    error: LawError
+    longest: float
+    friction: float
+    overall_length: float
+    diameter: float
+    mass: float | None
+    rated_pressure: float | None = None
+    dimensions: Mapping[str, float] = field(default_factory=dict)
+    inferred: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A candidate against a wish.
+
+    Attributes:
+        muscle: the candidate.
+        end_force: what the gas adds at the end of the stroke, as the law says, less friction [N].
+        promised_force: the same less the error of the law [N].
+        largest_force: tension at the longest length [N].
+        error_force: what the error of the law may take [N].
+        passive: tension at the end of the stroke without gas, where it pulls, which is not counted [N].
+        stroke: by which it shortens until the promised force is the wished one [m].
+        margins: by part of the wish, with the error of the law carried [1].
+        nominal: margins of force and stroke as the law says, without its error [1].
+        air: mass that a working cycle takes from the room, without valve and tube [kg].
+        speed: with which it still pulls with the wished force, behind the best line; None where it was not run [m/s].
+    """
+
+    muscle: Candidate
+    end_force: float
+    promised_force: float
+    largest_force: float
+    error_force: float
+    passive: float
+    stroke: float
+    margins: Mapping[str, float]
+    nominal: Mapping[str, float]
+    air: float
+    speed: float | None = None
+
+    @property
+    def verdict(self) -> str:
+        """Of `VERDICTS`: whether it does it beyond the error of its law, by its law alone, or not."""
+        if min(self.margins.values()) >= -1e-9:
+            return VERDICTS[0]
+        as_said = {**self.margins, **self.nominal}
+        return VERDICTS[1] if min(as_said.values()) >= -1e-9 else VERDICTS[2]
+
+    @property
+    def worst(self) -> tuple[str, float]:
+        """The part of the wish with the least margin, and that margin."""
+        name = min(self.margins, key=lambda n: self.margins[n])
+        return name, self.margins[name]
+
+    def with_speed(self, speed: float, wished: float) -> Judged:
+        """With the speed that a line gives it [m/s]."""
+        return replace(self, speed=speed, margins={**self.margins, "speed": speed / wished - 1.0})
+
+
+class Ends:
+    """A law in plain numbers at one gauge pressure [Pa], asked for many lengths at once."""
+
+    def __init__(self, law: TensionLaw, pressure: float) -> None:
+        self.law, self.pressure, self.probe = law, pressure, Probe(PotentialMuscle(law))
+
+    def tension(self, length: Any) -> np.ndarray:
+        """Signed tension of the braid at lengths [m] [N]."""
+        return self.probe.tension(length, self.pressure)
+
+    def passive(self, length: Any) -> np.ndarray:
+        """Tension without gas, where it pulls [N]."""
+        return np.maximum(self.probe.tension(length, 0.0), 0.0)
+
+    def added(self, length: Any) -> np.ndarray:
+        """What the gas adds to that tension [N]."""
+        return self.tension(length) - self.passive(length)
+
+    def volume(self, length: Any, pressure: float | None = None) -> float:
+        """Gas volume at a length [m^3]; at another gauge pressure where it is given [Pa]."""
+        return float(self.probe.volume(length, self.pressure if pressure is None else pressure))
+
+    def last_below(self, force: float, longest: float) -> float:
+        """Longest length up to `longest` at which the gas adds no more than a force [m]; the shortest of its law if none."""
+        low, high = float(self.law.length_range()[0]), longest
+        for _ in range(REFINED):
+            grid = np.linspace(low, high, POINTS)
+            weak = np.flatnonzero(self.added(grid) <= force)
+            if not weak.size:
+                return low
+            if weak[-1] == POINTS - 1:
+                return high
+            low, high = float(grid[weak[-1]]), float(grid[weak[-1] + 1])
+        return low
+
+    def free_length(self, longest: float) -> float:
+        """Length at which it pulls no more [m]."""
+        return self.last_below(0.0, longest)
+
+
+def judged(muscle: Candidate, wish: Wish) -> Judged:
+    """Put a candidate against a wish."""
+    ends = Ends(muscle.law, wish.pressure)
+    end = muscle.longest - wish.stroke
+    low = 0.5 * float(muscle.law.length_range()[0]) + 0.5 * ends.free_length(muscle.longest)
+    top, passive = float(ends.tension(muscle.longest)), float(ends.passive(max(end, low)))
+    said = float(ends.added(max(end, low)))
+    error = muscle.error.share * top
+    if end < low:  # far beyond where it hangs slack, where a law means nothing
+        said = min(said, 0.0)
+    nominal = _margins(muscle, wish, ends, said, 0.0)
+    sure = _margins(muscle, wish, ends, said, error)
+    margins = dict(sure)
+    for name, limit, has in (
+        ("length", wish.length, muscle.overall_length), ("diameter", wish.diameter, muscle.diameter),
+    ):  # fmt: skip
+        if limit is not None:
+            margins[name] = limit / has - 1.0
+    if muscle.rated_pressure is not None:
+        margins["pressure"] = muscle.rated_pressure / wish.pressure - 1.0
+    return Judged(
+        muscle, said - muscle.friction, said - muscle.friction - error, top, error, passive,
+        (1.0 + sure["stroke"]) * wish.stroke, margins, nominal, air_of_cycle(muscle, wish),
+    )  # fmt: skip
+
+
+def _margins(muscle: Candidate, wish: Wish, ends: Ends, said: float, error: float) -> dict[str, float]:
+    deducted = muscle.friction + error
+    stroke = muscle.longest - ends.last_below(wish.force + deducted, muscle.longest)
+    return {
+        "force": max((said - deducted) / wish.force, 0.0) - 1.0,
+        "stroke": stroke / wish.stroke - 1.0,
+    }
+
+
+def air_of_cycle(muscle: Candidate, wish: Wish, dead: float = 0.0) -> float:
+    """Air that a cycle takes from the room: full at the short end, emptied and drawn out again [kg].
+
+    Args:
+        muscle: which.
+        wish: pressure and stroke.
+        dead: volume of valve and tube, filled and emptied with it [m^3].
+    """
+    if not muscle.law.has_volume():
+        return float("nan")
+    room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
+    ends = Ends(muscle.law, wish.pressure)
+    end = max(muscle.longest - wish.stroke, ends.free_length(muscle.longest))
+    full = ends.volume(end) + dead
+    empty = ends.volume(muscle.longest, 0.0) + dead
+    return float(AIR.mass(wish.pressure + room, full, warm) - AIR.mass(room, empty, warm))
+
+
+def unit_of(muscle: Candidate, **mechanics: Any) -> MuscleUnit:
+    """The candidate as part of a machine, with the usual tendon and end mass."""
+    names = ("stiffness", "toe_length", "loss")
+    keys = ("tendon_stiffness", "tendon_toe", "tendon_loss")
+    cord = Tendon(**{n: ASSEMBLED[k].value for n, k in zip(names, keys, strict=True)})
+    usual = {n: ASSEMBLED[n].value for n in ("end_mass", "viscosity", "stop_damping")}
+    return MuscleUnit(law=muscle.law, tendon=cord, **(usual | mechanics))
+
+
+def ranked(many: list[Judged]) -> list[Judged]:
+    """Those that do it first, with the least air; the others by their worst margin."""
+
+    def order(one: Judged) -> tuple[int, float]:
+        rank = VERDICTS.index(one.verdict)
+        return rank, -one.worst[1] if rank == 2 else (one.air if np.isfinite(one.air) else np.inf)
+
+    return sorted(many, key=order)

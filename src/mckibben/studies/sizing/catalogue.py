@@ -1,0 +1,166 @@
+"""Muscles that can be had: the shipped specimens as they are, and fluidic muscles cut to the length that the wish needs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...errors import MckibbenError
+from ...muscles.build import law_from_specimen
+from ...muscles.law import TensionLaw
+from ...specimens import Specimen, specimen, specimens
+from ...specimens.parts import Part, parts
+from .braid_law import usual
+from .candidate import Candidate, Ends, judged
+from .trust import error_of_size, error_of_specimen
+from .wish import Wish
+
+CUT = 0.01  # in steps of which a fluidic muscle is cut [m]
+SIZE_LAWS = {"DMSP-10-250": "hyperelastic_braid", "DMSP-20-300": "hyperelastic_braid", "festo-10mm": "seated_braid"}
+# Lengths of a law that grow with the bore, and the one that grows with the length; all other parameters are the material's.
+BORES = ("rest_diameter", "wall_thickness")
+NYLON_WALL = 0.0762e-2  # [m]
+
+
+def of_specimens(wish: Wish) -> list[Candidate]:
+    """Every shipped McKibben muscle whose law is known."""
+    found = []
+    for spec in specimens():
+        if spec.kind == "mckibben":
+            one = of_specimen(spec, wish)
+            if one is not None:
+                found.append(one)
+    return found
+
+
+def of_specimen(spec: Specimen | str, wish: Wish) -> Candidate | None:
+    """A specimen as a candidate, by the law of it that errs least; None where no law of it knows its volume."""
+    stated = specimen(spec) if isinstance(spec, str) else spec
+    laws = {}
+    for name in stated.laws:
+        try:
+            law = law_from_specimen(stated, name)
+        except MckibbenError:
+            continue
+        if law.has_volume() and (name == stated.law or stated.map is not None):
+            laws[name] = (law, error_of_specimen(stated, name))
+    if not laws:
+        return None
+    name = min(laws, key=lambda n: laws[n][1].share)
+    law, error = laws[name]
+    longest = _property(stated, "upper_length", float(law.length_range()[1]))
+    wall = _property(stated, "wall_thickness", 0.0)
+    if not wall and stated.sources[0] == "chou1996":
+        wall = NYLON_WALL
+    diameter = outer_diameter(law, wish, longest, wall)
+    range_ = _range_of(stated)
+    rested = _property(stated, "rest_length", longest)
+    return Candidate(
+        id=stated.id,
+        title=stated.title,
+        kind="specimen",
+        law=law,
+        law_name=name,
+        error=error,
+        longest=longest,
+        friction=friction_of(stated, law, longest, wish, range_),
+        overall_length=longest + 2.0 * usual("fitting_share") * diameter,
+        diameter=diameter,
+        mass=None if range_ is None else range_.values["fittings_mass"] + range_.values["mass_per_length"] * rested,
+        rated_pressure=None if range_ is None else range_.values["rated_pressure"],
+        dimensions={"rest_length": rested, "longest_length": longest, "wall_thickness": wall},
+        inferred=("fitting_share", *stated.inferred()),
+        sources=tuple(stated.sources),
+    )
+
+
+def of_sizes(wish: Wish) -> list[Candidate]:
+    """Of every fluidic muscle's bore, the shortest cut that does it; the longest that the space allows where none does."""
+    return [one for part in parts("fluidic_muscle") if (one := of_size(part, wish)) is not None]
+
+
+def of_size(part: Part, wish: Wish) -> Candidate | None:
+    """A bore, cut to the wish; None where no cut leaves room for the stroke."""
+    v = part.values
+    shortest = max(v["shortest_length"], wish.stroke / v["largest_contraction"])
+    longest = v["longest_length"] if wish.length is None else min(v["longest_length"], wish.length)
+    cuts = CUT * np.arange(int(np.ceil(shortest / CUT - 1e-9)), int(np.floor(longest / CUT + 1e-9)) + 1)
+    if not cuts.size:
+        return None
+    low, high = 0, len(cuts) - 1
+    if not _does(part, float(cuts[high]), wish):
+        # Too long for the space at its end, or too weak at any length: the one with the least fault stands for it.
+        some = [_cut(part, float(c), wish) for c in cuts[np.unique(np.linspace(0, high, 12).astype(int))]]
+        return max(some, key=lambda c: judged(c, wish).worst[1])
+    while low < high:  # a longer cut pulls more at the same stroke
+        middle = (low + high) // 2
+        low, high = (low, middle) if _does(part, float(cuts[middle]), wish) else (middle + 1, high)
+    return _cut(part, float(cuts[low]), wish)
+
+
+def _does(part: Part, length: float, wish: Wish) -> bool:
+    return judged(_cut(part, length, wish), wish).margins["force"] >= 0.0
+
+
+def _cut(part: Part, length: float, wish: Wish) -> Candidate:
+    v, of = part.values, specimen(part.law)
+    name = SIZE_LAWS[of.id]
+    own = law_from_specimen(of, name)
+    law, scale = _resized(own, v["bore"], length)
+    diameter = outer_diameter(law, wish, length, v["wall_thickness"])
+    return Candidate(
+        id=f"{part.id}-{1e3 * length:.0f}",
+        title=f"{part.title}, cut to {1e2 * length:.0f} cm",
+        kind="size",
+        law=law,
+        law_name=name,
+        error=error_of_size(of, name, same_bore=abs(scale - 1.0) < 1e-6),
+        longest=length,
+        friction=friction_of(of, law, length, wish, part),
+        overall_length=length + 2.0 * usual("fitting_share") * diameter,
+        diameter=diameter,
+        mass=v["fittings_mass"] + v["mass_per_length"] * length,
+        rated_pressure=v["rated_pressure"],
+        dimensions={"rest_length": length, "longest_length": length, "bore": v["bore"]},
+        inferred=(f"law of {of.id}", *part.inferred()),
+        sources=tuple(dict.fromkeys((*part.sources, *of.sources))),
+    )
+
+
+def _resized(law: Any, bore: float, length: float) -> tuple[TensionLaw, float]:
+    """A law taken to another rest length and bore; what scales with the bore, and by how much."""
+    scale = bore / float(law.rest_diameter)
+    changed = {"rest_length": length, "upper_length": length}
+    changed |= {n: scale * float(getattr(law, n)) for n in BORES}
+    if hasattr(law, "seat_compliance") and abs(scale - 1.0) > 1e-6:  # u = q sqrt(F): u with the bore, F with its square
+        changed["seat_compliance"] = float(law.seat_compliance)
+    resized: TensionLaw = law.replace(**changed)
+    return resized, scale
+
+
+def outer_diameter(law: TensionLaw, wish: Wish, longest: float, wall: float) -> float:
+    """Outer diameter at the end of the stroke, of a cylinder of the law's volume and a wall [m]."""
+    ends = Ends(law, wish.pressure)
+    end = max(longest - wish.stroke, ends.free_length(longest))
+    volume = ends.volume(end)
+    return 2.0 * float(np.sqrt(volume / (np.pi * end))) + 2.0 * wall
+
+
+def friction_of(spec: Specimen, law: TensionLaw, longest: float, wish: Wish, range_: Part | None) -> float:
+    """Friction that the promised force is less [N]: stated, or a usual share of the largest tension."""
+    if "coulomb_friction" in spec.properties and range_ is None:
+        return spec.property_si("coulomb_friction", "N")
+    return usual("friction_share") * float(Ends(law, wish.pressure).tension(longest))
+
+
+def _range_of(spec: Specimen) -> Part | None:
+    """The fluidic muscles of which a specimen is one."""
+    if "rest_inner_diameter" not in spec.properties:
+        return None
+    bore = spec.property_si("rest_inner_diameter", "m")
+    return next((p for p in parts("fluidic_muscle") if abs(p.values["bore"] - bore) < 1e-6), None)
+
+
+def _property(spec: Specimen, name: str, otherwise: float) -> float:
+    return spec.property_si(name, "m") if name in spec.properties else otherwise

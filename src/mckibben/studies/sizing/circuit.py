@@ -1,0 +1,301 @@
+"""Many muscles behind many valves and tubes at once: the circuit of each, with its muscle held or drawn at a speed.
+
+Every lane is a supply, a valve, a tube and the muscle's own moving volume V(L, P'), as the assembly builds them. Since the
+length is given, end mass and tendon are left out; the tension is the law's. What a switching or proportional valve does
+before it is open hangs on no pressure: its own state equation is integrated beforehand, and its openings drive its two
+passages. A regulator, whose opening does hang on the pressure, is in the circuit itself. A lane has its own time scale, so
+that a small and a large muscle take the same number of steps. Range: as for the parts; the gas exchanges heat with the wall.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...assembly.build import Line, circuit_for
+from ...assembly.muscle_unit import MuscleUnit
+from ...components import Environment, Scalar
+from ...components.flow import FlowElement
+from ...components.system import System
+from ...engine.integrate import march
+from ...engine.rates import RK4_LIMIT
+from ...engine.signals import Signal, held, ramped
+from ...muscles.law import TensionLaw
+from ...pneumatics.circuit import Circuit
+from ...pneumatics.orifice import Orifice
+from ...pneumatics.tubes import LumpedTube
+from ...pneumatics.valves import PressureRegulator, SpoolValve, ThreeWayValve
+
+NAME = "muscle"
+SAMPLES, TURN = 640, 400  # of a lane, and the sample at which a held muscle is vented or a drawn one begins to shorten
+FILLS = 5.0  # time constants of filling until then
+CHUNK = 32  # lanes that run together: each circuit is compiled for one number of them
+OPENINGS, VALVE_TIMES = 2048, 10.0  # steps of a valve's own motion, and how many of its times that lasts
+MOST_STEPS = 2000  # of the physics in a sample, beyond which a lane is given up
+RESERVE = 1.1  # on the steps that the first guess asks for
+
+
+@dataclass(frozen=True, eq=False)
+class Lane:
+    """One muscle behind one valve and tube.
+
+    Attributes:
+        unit: the muscle.
+        valve: between supply, port and room.
+        tube: from the port to the muscle.
+        pressure: gauge pressure that is asked for [Pa].
+        supply: gauge pressure of the supply [Pa].
+        length: at which the muscle is held, or from which it is drawn [m].
+        stroke: by which it shortens from the turn on; zero where it is vented instead [m].
+        speed: with which it shortens [m/s].
+        environment: the room.
+    """
+
+    unit: MuscleUnit
+    valve: FlowElement
+    tube: LumpedTube
+    pressure: float
+    supply: float
+    length: float
+    stroke: float = 0.0
+    speed: float = 0.0
+    environment: Environment = Environment()
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What a lane did, from the command on: times [s], gauge pressures [Pa], lengths [m], static tensions [N]; (n,) each."""
+
+    time: np.ndarray
+    pressure: np.ndarray
+    length: np.ndarray
+    tension: np.ndarray
+    turn: float  # when the valve was shut or the shortening began [s]
+    sound: bool  # False where no step was short enough; the rest then means nothing
+
+
+class _Watched(System):
+    """A circuit of which only the muscle's pressure and tension are kept: accounts would double the compilation."""
+
+    circuit: Circuit
+    law: TensionLaw
+    room: Scalar
+
+    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """Of the circuit."""
+        return self.circuit.rate(state, memory, inputs)
+
+    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """None."""
+        return {}
+
+    def slide(self, memory: Any, start: Any, end: Any, duration: Any) -> Any:
+        """Of the circuit."""
+        return self.circuit.slide(memory, start, end, duration)
+
+    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+        """Gauge pressure [Pa], static tension [N], and the bound of the fastest mode [1/s]."""
+        gauge = state["pressure"][NAME] - self.room
+        return {
+            "pressure": gauge,
+            "tension": self.law.tension(inputs[f"{NAME}.length"].value, gauge),
+            "rate": self.circuit.steepest_rate(state, memory, inputs),
+        }
+
+
+def line_conductance(valve: FlowElement, tube: LumpedTube) -> float:
+    """A rough sonic conductance of filling, valve and tube in a row, to choose time scales with [m^3/(s Pa)]."""
+    slender = float(tube.length / tube.diameter)
+    pipe = Orifice.of_hole(float(tube.diameter), discharge=(1.0 + float(tube.ends) + 0.02 * slender) ** -0.5)
+    fill = float(getattr(valve, "fill").conductance)  # noqa: B009
+    return float((fill**-2 + float(pipe.conductance) ** -2) ** -0.5)
+
+
+def time_scale(lane: Lane, port: float) -> float:
+    """Volume over conductance times the pressure of the room: about what filling takes [s]; port volume [m^3]."""
+    volume = float(lane.unit.law.braid_volume(lane.length - lane.stroke, lane.pressure))
+    volume += float(lane.tube.inner_volume()) + port
+    return volume / (line_conductance(lane.valve, lane.tube) * float(lane.environment.pressure_abs))
+
+
+def courses(lanes: Sequence[Lane]) -> list[Course]:
+    """What all lanes do; those whose circuits are alike run together."""
+    prepared = [_prepared(lane) for lane in lanes]
+    groups: dict[Any, list[int]] = {}
+    for i, (tree, _) in enumerate(prepared):
+        groups.setdefault(jax.tree.structure(tree), []).append(i)
+    found: list[Course | None] = [None] * len(lanes)
+    for members in groups.values():
+        order = sorted(members, key=lambda i: prepared[i][1])
+        for begin in range(0, len(order), CHUNK):
+            part = order[begin : begin + CHUNK]
+            for i, course in zip(part, _together([lanes[i] for i in part], [prepared[i] for i in part]), strict=True):
+                found[i] = course
+    return [c for c in found if c is not None]
+
+
+def _prepared(lane: Lane) -> tuple[Any, float]:
+    """Circuit, signals, period and pressures of a lane, and the steps that a sample will need."""
+    regulated = isinstance(lane.valve, PressureRegulator)
+    valve: Any = lane.valve if regulated else (lane.valve.fill, lane.valve.vent)  # type: ignore[attr-defined]
+    circuit = circuit_for(
+        {NAME: lane.unit}, supply=lane.supply, line=Line(valve=valve, tube=lane.tube), environment=lane.environment
+    )
+    port = float(circuit.nodes[f"{NAME}.port"].size)  # type: ignore[union-attr]
+    own = _valve_time(lane.valve)
+    fill = FILLS * time_scale(lane, port) + own
+    moving = lane.stroke / lane.speed if lane.stroke > 0.0 else 0.0
+    period = max(fill / TURN, moving / (0.8 * (SAMPLES - TURN)))
+    time = period * np.arange(SAMPLES + 1)
+    turn = period * TURN
+    shut = lane.stroke == 0.0
+    moved = np.clip((time - turn) * lane.speed, 0.0, lane.stroke)
+    signals: dict[str, Signal] = {f"{NAME}.length": ramped(lane.length - moved)}
+    if regulated:
+        open_ = np.where((time < turn) | (not shut), lane.pressure, 0.0)
+        signals[f"{NAME}.valve"] = held(open_)
+    else:
+        up = _openings(lane.valve, 1.0)
+        fill_, vent_ = (np.interp(time, up[0], u) for u in up[1:])
+        if shut:
+            down = _openings(lane.valve, -1.0 if isinstance(lane.valve, SpoolValve) else 0.0)
+            late = time >= turn
+            fill_, vent_ = (
+                np.where(late, np.interp(time - turn, down[0], d), u)
+                for d, u in zip(down[1:], (fill_, vent_), strict=True)
+            )
+        signals |= {f"{NAME}.fill": ramped(fill_), f"{NAME}.vent": ramped(vent_)}
+    room = float(lane.environment.pressure_abs)
+    watched = _Watched(circuit, lane.unit.law, jnp.asarray(room))
+    rate = _stiffest(watched, signals, period, lane)
+    return (watched, signals, jnp.asarray(period), jnp.asarray(room)), rate * period / RK4_LIMIT
+
+
+def _stiffest(watched: _Watched, signals: dict[str, Signal], period: float, lane: Lane) -> float:
+    """A first guess of the fastest mode: the port alone, at the supply's pressure [1/s]."""
+    valve = lane.valve
+    band, conductance = float(valve.fill.linear_band), float(valve.fill.conductance)  # type: ignore[attr-defined]
+    p = lane.supply + float(lane.environment.pressure_abs)
+    x = min(band / (p * (1.0 - float(valve.fill.critical_ratio))), 0.5)  # type: ignore[attr-defined]
+    slope = 3.0 * conductance * 1.185 / ((1.0 - float(valve.fill.critical_ratio)) * np.sqrt(x * (2.0 - x)))  # type: ignore[attr-defined]
+    if isinstance(valve, PressureRegulator):
+        slope += conductance * 1.185 * p / float(valve.band)
+    port = float(watched.circuit.nodes[f"{NAME}.port"].size)  # type: ignore[union-attr]
+    return float(2.0 * slope * 1.4 * 287.0 * 350.0 / (port + 0.5 * float(lane.tube.inner_volume())))
+
+
+def _together(lanes: Sequence[Lane], prepared: Sequence[tuple[Any, float]]) -> list[Course]:
+    trees = [tree for tree, _ in prepared]
+    trees += [trees[-1]] * (CHUNK - len(trees))
+    stacked = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *trees)
+    steps = max(1, int(np.ceil(max(RESERVE * n for _, n in prepared))))
+    while True:
+        steps = min(steps, MOST_STEPS)
+        out = jax.tree.map(np.asarray, _marched(stacked, steps))
+        h = np.asarray(stacked[2]) / steps
+        needed = np.max(out["rate"], axis=1) * h / RK4_LIMIT
+        # Beyond the limit by a little is still stable in practice: the bound is an upper one.
+        short = np.nan_to_num(needed[: len(lanes)], nan=np.inf) <= 1.0 + 1e-9
+        if bool(short.all()) or steps == MOST_STEPS:
+            break
+        worst = float(np.max(needed[: len(lanes)]))
+        steps = int(np.ceil(steps * (1.05 * worst if np.isfinite(worst) else 2.0)))
+    found = []
+    for i in range(len(lanes)):
+        period = float(stacked[2][i])
+        tension, pressure = out["tension"][i], out["pressure"][i]
+        sound = bool(short[i] and np.isfinite(tension).all() and np.isfinite(pressure).all())
+        length = np.asarray(stacked[1][f"{NAME}.length"].values[i])
+        time = period * np.arange(SAMPLES + 1)
+        found.append(Course(time, pressure, length, tension, period * TURN, sound))
+    return found
+
+
+@eqx.filter_jit
+def _marched(stacked: Any, steps: Any) -> dict[str, Any]:
+    def one(tree: Any) -> dict[str, Any]:
+        watched, signals, period, room = tree
+        signals = watched.circuit.commands(signals)
+        first = {n: s.at(0, 0.0, period) for n, s in signals.items()}
+        circuit = watched.circuit
+        state = circuit.at_rest({name: room for name in circuit.chambers}, first)
+        if "muscle.valve" in circuit.elements:  # a regulator rests at zero until the command comes
+            state["elements"]["muscle.valve"] = jnp.zeros(())
+        memory = circuit.initial_memory(state, first)
+        _, kept = march(watched, state, memory, signals, period, steps, SAMPLES, False)
+        outputs: dict[str, Any] = kept[2]
+        return outputs
+
+    return jax.vmap(one)(stacked)
+
+
+# ---- a valve's own motion
+
+
+def _valve_time(valve: FlowElement) -> float:
+    """How long a valve takes to open and to settle [s]."""
+    if isinstance(valve, ThreeWayValve):
+        return float(valve.drive.opening_dead_time + valve.drive.opening_time)
+    lag, dead = getattr(valve, "lag", 0.0), getattr(valve, "dead_time", 0.0)
+    return 3.0 * float(lag) + float(dead)
+
+
+def _openings(valve: FlowElement, command: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times after a command [s], and the shares of fill and vent that are open."""
+    key = tuple(float(x) for x in jax.tree.leaves(valve))
+    return _opening_course(_Same(valve, key), command)
+
+
+class _Same:
+    """A valve that is equal to another with the same numbers, so that its motion is computed once."""
+
+    def __init__(self, valve: FlowElement, key: tuple[float, ...]) -> None:
+        self.valve, self.key = valve, (type(valve), *key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+
+@functools.lru_cache(maxsize=64)
+def _opening_course(same: _Same, command: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    valve: Any = same.valve
+    dead = 0.0 if valve.delay() is None else float(valve.delay())
+    h = VALVE_TIMES * (_valve_time(valve) + 1e-5) / OPENINGS
+    fill, vent = (np.asarray(x) for x in _moved(valve, jnp.asarray(command), jnp.asarray(h)))
+    time = h * np.arange(OPENINGS + 1)
+    return np.concatenate([[0.0], dead + time]), np.append(fill[0], fill), np.append(vent[0], vent)
+
+
+@eqx.filter_jit
+def _moved(valve: Any, command: Any, h: Any) -> tuple[Scalar, Scalar]:
+    """Openings of fill and vent over `OPENINGS` steps, from the rest at the other end of the stroke (midpoint rule)."""
+    rising = command > 0.5
+
+    def start(at: Any) -> Any:
+        return jnp.where(rising, 0.0, jnp.ones_like(at))
+
+    # A spool begins at mid position, both edges shut, when it opens, and wide open when it vents.
+    state = jax.tree.map(start, valve.initial())
+
+    def opening(state: Any) -> Any:
+        at = valve.drive.opening(state) if hasattr(valve, "drive") else state
+        return jnp.stack(valve.openings(at))
+
+    def one(state: Any, _: Any) -> Any:
+        half = jax.tree.map(lambda x, r: x + 0.5 * h * r, state, valve.rates((), state, (), command))
+        new = jax.tree.map(lambda x, r: x + h * r, state, valve.rates((), half, (), command))
+        return new, opening(new)
+
+    _, later = jax.lax.scan(one, state, None, length=OPENINGS)
+    both = jnp.concatenate([opening(state)[None], later])
+    return both[:, 0], both[:, 1]

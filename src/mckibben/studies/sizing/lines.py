@@ -1,0 +1,243 @@
+"""Valves and tubes for a muscle: how fast, how heavy, how hungry, how stiff, weighed as the paper's discussion does.
+
+A larger valve answers faster and is heavier and hungrier, often heavier than the muscle; a wider tube is less viscous and
+stiffer, and holds more air. Times come from runs of the circuit with the muscle's own moving volume (`circuit`), at the
+length where it begins and where it ends:
+
+    rise        tension from 10 to 90 %, held at its longest
+    to_force    from the command until it pulls with the wished force and its friction, held at the end of the stroke
+    fall        from 90 to 10 %, held at its longest
+    speed       at which it still pulls so at the end of the stroke, drawn from its longest with the valve open
+
+A line is Pareto-best if no other is as good in every one of `WEIGHED` and better in one. The score is the sum of the
+logarithms of each over the best there is: all weigh alike, and that is a choice.
+Source of what is weighed: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996,
+doi:10.1109/70.481753, and the discussion of the longer report.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...assembly.build import INFERRED as ASSEMBLED
+from ...pneumatics.build import valve_from_specimen
+from ...pneumatics.gas import REFERENCE_DENSITY
+from ...pneumatics.tubes import LumpedTube
+from ...pneumatics.valves import PressureRegulator
+from ...specimens import Specimen, specimen, specimen_ids
+from ...specimens.parts import Part, parts
+from .candidate import Judged, air_of_cycle, unit_of
+from .circuit import Course, Lane, courses
+from .wish import Wish
+
+TUBES = ("PU-4x2", "PA-4x2.5", "paper-1/8", "PU-6x4", "PU-8x5")
+LENGTHS = (0.2, 1.0, 2.0)  # that the best valve is also tried with [m]
+ABOVE = 1.9e5  # of a regulator's supply over its set pressure, as in the paper: 6.9 bar for 5 [Pa]
+SPEEDS = (1.0 / 32.0, 0.125, 0.5, 1.0, 2.0, 4.0, 8.0)  # tried, over the wished one
+WEIGHED = ("to_force", "mass", "power", "air", "stiffness")
+MOST_DRAWN = 6  # lines whose speed is looked for
+LEAST = {"power": 0.1, "stiffness": 1e-4, "mass": 1e-3, "to_force": 1e-4, "air": 1e-9}  # floors of the score [SI]
+
+
+@dataclass(frozen=True)
+class LineFound:
+    """One valve and tube for a muscle.
+
+    Times [s]; None where it never gets there. Masses [kg], `box` the size of the valve [m^3], `power` electrical [W],
+    `stiffness` of the tube against bending E I [N m^2], `bend_radius` the least [m], `air` of a cycle with valve and tube
+    [kg], `leak` while holding [kg/s], `supply` gauge pressure [Pa]. `keeps_up` says whether rise and fall fit into a cycle.
+    """
+
+    valve: str
+    tube: str
+    tube_length: float
+    rise: float | None
+    to_force: float | None
+    fall: float | None
+    mass: float
+    valve_mass: float
+    box: float
+    power: float
+    stiffness: float
+    bend_radius: float
+    air: float
+    leak: float
+    supply: float
+    keeps_up: bool
+    inferred: tuple[str, ...]
+    speed: float | None = None
+    pareto: bool = False
+    score: float = math.inf
+
+
+def lines_for(
+    muscle: Judged,
+    wish: Wish,
+    *,
+    valves: Sequence[str] | None = None,
+    tubes: Sequence[str] = TUBES,
+    lengths: Sequence[float] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> list[LineFound]:
+    """Every valve with every tube, the best first; speeds for the first of the Pareto-best, and where the wish has one.
+
+    Args:
+        muscle: for which.
+        wish: pressure, force, stroke, speed and frequency.
+        valves: ids of specimens; all shipped ones where left out.
+        tubes: ids of parts.
+        lengths: of tubes, instead of the wish's [m]; no speeds are then looked for.
+        progress: is told what comes next.
+    """
+    tell = progress or (lambda _: None)
+    wanted = valves if valves is not None else specimen_ids("valve")
+    known = {p.id: p for p in parts("tube")}
+    pairs = [(specimen(v), known[t], x) for x in lengths or (wish.tube_length,) for v in wanted for t in tubes]
+    tell(f"{muscle.muscle.id}: {len(pairs)} lines")
+    lanes = [lane for pair in pairs for lane in _held(muscle, wish, *pair)]
+    done = courses(lanes)
+    found = [_found(muscle, wish, *pair, done[2 * i], done[2 * i + 1], lanes[2 * i]) for i, pair in enumerate(pairs)]
+    ranked = rank(found)
+    if wish.speed is None or lengths is not None:
+        return ranked
+    best = [line for line in ranked if line.pareto and line.keeps_up][:MOST_DRAWN]
+    tell(f"{muscle.muscle.id}: speed of {len(best)} lines")
+    fast = speeds_of(muscle, wish, best)
+    by = {(line.valve, line.tube): v for line, v in zip(best, fast, strict=True)}
+    return [replace(line, speed=by.get((line.valve, line.tube))) for line in ranked]
+
+
+def _lane(muscle: Judged, wish: Wish, valve: Specimen, tube: Part, length: float, at: float, **more: float) -> Lane:
+    element = valve_from_specimen(valve)
+    regulated = isinstance(element, PressureRegulator)
+    pipe = LumpedTube(
+        length=length, diameter=tube.values["inner_diameter"], wall_temperature=wish.environment.temperature
+    )
+    supply = wish.pressure + (ABOVE if regulated else 0.0)
+    return Lane(unit_of(muscle.muscle), element, pipe, wish.pressure, supply, at, environment=wish.environment, **more)
+
+
+def _held(muscle: Judged, wish: Wish, valve: Specimen, tube: Part, length: float) -> list[Lane]:
+    longest = muscle.muscle.longest
+    ends = (longest, longest - wish.stroke)
+    return [_lane(muscle, wish, valve, tube, length, at) for at in ends]
+
+
+def _found(
+    muscle: Judged, wish: Wish, valve: Specimen, tube: Part, length: float, long_: Course, short: Course, lane: Lane
+) -> LineFound:
+    wanted = wish.force + muscle.muscle.friction + muscle.passive
+    rise, fall = _transitions(long_) if long_.sound else (None, None)
+    v = tube.values
+    inner, outer = v["inner_diameter"], v["outer_diameter"]
+    section = 0.25 * math.pi * (outer**2 - inner**2)
+    valve_mass = valve.property_si("mass", "kg")
+    dead = 0.25 * math.pi * inner**2 * length + ASSEMBLED["port_volume"].value
+    share = float(getattr(lane.valve, "leakage", 0.0))
+    passage = lane.valve.fill  # type: ignore[attr-defined]
+    absolute = lane.supply + float(wish.environment.pressure_abs)
+    busy = None if rise is None or fall is None else rise / 0.8 + fall / 0.8
+    return LineFound(
+        valve=valve.id,
+        tube=tube.id,
+        tube_length=length,
+        rise=rise,
+        to_force=_reached(short, wanted) if short.sound else None,
+        fall=fall,
+        mass=valve_mass + section * length * v["density"],
+        valve_mass=valve_mass,
+        box=math.prod(valve.property_si(side, "m") for side in ("length", "width", "height")),
+        power=valve.property_si("current", "A") * valve.property_si("voltage", "V"),
+        stiffness=v["modulus"] * math.pi / 64.0 * (outer**4 - inner**4),
+        bend_radius=v["bend_radius"],
+        air=air_of_cycle(muscle.muscle, wish, dead),
+        leak=share * float(passage.conductance) * REFERENCE_DENSITY * absolute,
+        supply=lane.supply,
+        keeps_up=wish.frequency is None or (busy is not None and busy * wish.frequency <= 1.0),
+        inferred=(*(f"{valve.id}.{n}" for n in valve.inferred()), *(f"{tube.id}.{n}" for n in tube.inferred())),
+    )
+
+
+def _transitions(course: Course) -> tuple[float | None, float | None]:
+    """Times from 10 to 90 % of the tension, rising and falling [s]."""
+    before = course.time < course.turn
+    up, t = course.tension[before], course.time[before]
+    top = float(up[-1])
+    if not top > 0.0:
+        return None, None
+    rise = _passing(t, up, 0.9 * top, 1.0) - _passing(t, up, 0.1 * top, 1.0)
+    down, later = course.tension[~before], course.time[~before]
+    if down[-1] > 0.1 * top:
+        return rise, None
+    return rise, _passing(later, down, 0.1 * top, -1.0) - _passing(later, down, 0.9 * top, -1.0)
+
+
+def _passing(time: np.ndarray, values: np.ndarray, level: float, side: float) -> float:
+    """When a course first passes a level, upwards or downwards, by a straight line between samples [s]."""
+    over = side * (values - level) >= 0.0
+    i = int(np.argmax(over))
+    if i == 0:
+        return float(time[0])
+    a, b = values[i - 1], values[i]
+    return float(time[i - 1] + (level - a) / (b - a) * (time[i] - time[i - 1]))
+
+
+def _reached(course: Course, wanted: float) -> float | None:
+    before = course.time < course.turn
+    up = course.tension[before]
+    return _passing(course.time[before], up, wanted, 1.0) if bool((up >= wanted).any()) else None
+
+
+def speeds_of(muscle: Judged, wish: Wish, lines: Sequence[LineFound]) -> list[float]:
+    """Speed up to which each line keeps the wished force at the end of the stroke [m/s]; at most eight times the wished."""
+    assert wish.speed is not None
+    known = {p.id: p for p in parts("tube")}
+    tried = [s * wish.speed for s in SPEEDS]
+    lanes = [
+        _lane(
+            muscle, wish, specimen(line.valve), known[line.tube], line.tube_length, muscle.muscle.longest,
+            stroke=wish.stroke, speed=v,
+        )
+        for line in lines for v in tried
+    ]  # fmt: skip
+    done = courses(lanes)
+    wanted = wish.force + muscle.muscle.friction + muscle.passive
+    found = []
+    for i in range(len(lines)):
+        some = done[i * len(tried) : (i + 1) * len(tried)]
+        over = np.array([_at_end(c, muscle.muscle.longest - wish.stroke) - wanted if c.sound else np.nan for c in some])
+        keeps = np.flatnonzero(~(over >= 0.0))
+        if not keeps.size:
+            found.append(tried[-1])
+        elif keeps[0] == 0:
+            found.append(0.0)
+        else:
+            k = int(keeps[0])
+            share = over[k - 1] / (over[k - 1] - over[k]) if np.isfinite(over[k]) else 0.0
+            found.append(float(tried[k - 1] * (tried[k] / tried[k - 1]) ** share))
+    return found
+
+
+def _at_end(course: Course, end: float) -> float:
+    """Tension when the end of the stroke is reached [N]."""
+    return float(course.tension[int(np.argmax(course.length <= end + 1e-9 + 1e-6 * end))])
+
+
+def rank(lines: Sequence[LineFound]) -> list[LineFound]:
+    """Pareto marks, scores, and the order: what does it and keeps up first, then by score."""
+    able = [line for line in lines if line.to_force is not None]
+    if not able:
+        return list(lines)
+    table = np.array([[max(float(getattr(line, n)), LEAST[n]) for n in WEIGHED] for line in able])
+    score = np.log(table / table.min(axis=0)).sum(axis=1)
+    found = []
+    for i, line in enumerate(able):
+        as_good = (table <= table[i] * (1.0 + 1e-9)).all(axis=1)
+        better = (table < table[i] * (1.0 - 1e-9)).any(axis=1)
+        found.append(replace(line, pareto=not bool((as_good & better).any()), score=float(score[i])))
+    found.sort(key=lambda line: (not line.keeps_up, line.score))
+    return [*found, *(line for line in lines if line.to_force is None)]

@@ -1,0 +1,97 @@
+"""What is wanted of a muscle, and what stands in the way of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ...components import Environment
+from ...errors import InputError
+from ...quantities import with_unit
+
+# Of every part of a wish: SI unit, above what, up to what.
+ALLOWED: dict[str, tuple[str, float, float]] = {
+    "force": ("N", 0.0, 1e6),
+    "stroke": ("m", 0.0, 10.0),
+    "pressure": ("Pa", 0.0, 20e5),
+    "length": ("m", 0.0, 100.0),
+    "diameter": ("m", 0.0, 10.0),
+    "speed": ("m/s", 0.0, 100.0),
+    "frequency": ("Hz", 0.0, 1e3),
+    "tube_length": ("m", 0.0, 100.0),
+}
+
+
+@dataclass(frozen=True)
+class Wish:
+    """A wish; what is None is not asked for.
+
+    Attributes:
+        force: with which it still pulls at the end of the stroke, while it shortens [N].
+        stroke: by which it shortens [m].
+        pressure: gauge pressure at which it does so [Pa].
+        length: largest overall length, fittings included [m].
+        diameter: largest outer diameter, when contracted [m].
+        speed: at which it shortens with that force [m/s].
+        frequency: of working cycles [1/s].
+        tube_length: between valve and muscle [m].
+        environment: the room.
+    """
+
+    force: float
+    stroke: float
+    pressure: float
+    length: float | None = None
+    diameter: float | None = None
+    speed: float | None = None
+    frequency: float | None = None
+    tube_length: float = 0.5
+    environment: Environment = Environment()
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number, or out of reason."""
+        for name, (unit, low, high) in ALLOWED.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if not (math.isfinite(value) and low < value <= high):
+                allowed = f"allowed is above {with_unit(low, unit)}, up to {with_unit(high, unit)}"
+                raise InputError(name, with_unit(value, unit), allowed)
+        if self.length is not None and self.length <= self.stroke:
+            raise InputError(
+                "length", with_unit(self.length, "m"), f"allowed is more than the stroke, {with_unit(self.stroke, 'm')}"
+            )
+
+    def parts(self) -> dict[str, float]:
+        """What is asked for, by name [SI]."""
+        return {n: v for n in ALLOWED if (v := getattr(self, n)) is not None}
+
+
+@dataclass(frozen=True)
+class Miss:
+    """A part of a wish that stands in the way, all else as wished: what was asked, and up to or from where it could be had.
+
+    `reachable` is None where no value of this part alone would help.
+    """
+
+    part: str
+    asked: float
+    reachable: float | None
+
+    @property
+    def change(self) -> float:
+        """By which factor the part would have to change, 1 for not at all; infinite where no change helps."""
+        if self.reachable is None or self.reachable <= 0.0:
+            return math.inf
+        return max(self.reachable / self.asked, self.asked / self.reachable)
+
+    def sentence(self) -> str:
+        """In words, with numbers."""
+        unit = ALLOWED[self.part][0]
+        asked = with_unit(self.asked, unit, 3)
+        if self.reachable is None:
+            return f"the {self.part} of {asked} is not what stands in the way: no other would do"
+        share = abs(self.reachable / self.asked - 1.0)
+        reachable = with_unit(self.reachable, unit, 3)
+        size = "at most" if self.reachable < self.asked else "at least"
+        return f"{self.part} of {size} {reachable} instead of {asked} ({share:.0%} off), all else as wished"
