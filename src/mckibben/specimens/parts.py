@@ -23,11 +23,11 @@ KINDS: dict[str, dict[str, str]] = {
     "gas_source": {
         "mass": "kg", "volume": "m^3", "pressure": "Pa", "filling": "kg", "gas_constant": "J/(kg*K)", "heat_ratio": "1",
         "filling_work": "J/kg", "free_flow": "m^3/s", "efficiency": "1", "stored_energy": "J", "hottest": "K",
-        "low_pressure": "Pa", "heater_efficiency": "1", "conductivity_loss": "W", "compressibility": "1",
+        "low_pressure": "Pa",
     },
     "fluidic_muscle": {
         "bore": "m", "wall_thickness": "m", "shortest_length": "m", "longest_length": "m", "largest_contraction": "1",
-        "rated_pressure": "Pa", "fittings_mass": "kg", "mass_per_length": "kg/m", "hysteresis": "1",
+        "rated_pressure": "Pa", "fittings_mass": "kg", "mass_per_length": "kg/m",
     },
 }  # fmt: skip
 FILES = {"tube": "tubes", "gas_source": "gas_sources", "fluidic_muscle": "fluidic_muscles"}
