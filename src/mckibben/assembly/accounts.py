@@ -25,7 +25,8 @@ class Accounts(NamedTuple):
         energy: of the whole, over the same and the outside work; nothing that passes from part to part enters it.
         friction: work that friction and creep took [J], as their own ledger says.
         dissipated: what they turned into heat of it [J].
-        exergy: of the whole in exergy, over what the supplies gave; over the work in the muscles where that is more.
+        exergy: of the whole in exergy, over the exergy that crossed the border, from the supply and to the room; over the
+            work in the muscles where that is more.
         energy_parts: where exergy and energy went [J].
     """
 

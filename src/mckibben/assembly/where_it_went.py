@@ -146,13 +146,15 @@ def _exergy(machine: Machine, flow: Mapping[str, float], got: Gained, muscle: Ma
             lost[where] -= value
         if name == f"thrown.machine.{ROOM}":  # its shaft's power is in what the gas has when it arrives
             lost[where] += flow["shaft"]
+    # what passed the border both ways, as it is counted for the enthalpy
+    crossed = sum(abs(v) for v in (*into.values(), lost["exhaust"], lost["dead_volume"], lost["leak"]))
     gas = {
         "mixing": flow["mixed"], "heat": walls - flow["heat_worth"],
         "other_walls": flow["work"] - flow["muscle_work"] - (got.swollen - got.lifted),
     }  # fmt: skip
     return Ledger(
         into, {**lost, **gas, **muscle["out"]}, {"gas": got.gas_exergy, **muscle["stored"]},
-        max(abs(into["supply"]) + abs(into["machines"]), flow["exchanged"]),
+        max(crossed, flow["exchanged"]),
     )  # fmt: skip
 
 
