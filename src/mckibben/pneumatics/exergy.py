@@ -181,20 +181,17 @@ def _on_a_path(circuit: Circuit, stream: Stream, seen: Mapping[str, Seen], dead:
         hot = taken.temperature + stream.power / jnp.where(size > 0.0, capacity, jnp.inf)
         given = dead.see(taken.pressure_abs, hot)
         lost = lost + dead.temperature * capacity * (given.warmth - taken.warmth)
-    out: dict[str, Scalar] = {}
-    mixes = [not isinstance(circuit.nodes[end], Reservoir) for end in (a, b)]
-    there = Seen(*(jnp.where(ahead, *both) for both in zip(seen[b], seen[a], strict=True)))
-    mixed = dead.mixed(size, given, there)
-    out["mixed"] = mixed if all(mixes) else jnp.where(ahead if mixes[1] else ~ahead, mixed, 0.0)
-    for end, other, into in ((a, b, ~ahead), (b, a, ahead)):
-        # what arrives has its own temperature and the pressure of the place; what leaves had both
-        moved = Seen(seen[end].pressure_abs, given.temperature, seen[end].squeeze, given.warmth)
-        if stream.power is not None:
-            moved = Seen(*(jnp.where(into, *both) for both in zip(moved, seen[end], strict=True)))
-        if isinstance(circuit.nodes[end], Reservoir) and end != ROOM:
-            out["entered"] = jnp.where(into, -size, size) * dead.flowing(moved)
-        elif other == ROOM:
-            out["thrown"] = jnp.where(into, -size, size) * dead.flowing(moved)
+    out: dict[str, Any] = {}
+    for end, into in ((a, ~ahead), (b, ahead)):
+        # what arrives has its own temperature and the pressure of the place
+        arrives = Seen(seen[end].pressure_abs, given.temperature, seen[end].squeeze, given.warmth)
+        if not isinstance(circuit.nodes[end], Reservoir):
+            out["mixed"] = out.get("mixed", 0.0) + jnp.where(into, dead.mixed(size, given, seen[end]), 0.0)
+            if ROOM in (a, b):
+                out["thrown"] = jnp.where(into, -size, size) * dead.flowing(arrives)
+        elif end != ROOM:
+            worth = dead.flowing(Seen(*(jnp.where(into, *both) for both in zip(arrives, seen[end], strict=True))))
+            out["entered"] = jnp.where(into, -size, size) * worth
     return out if "thrown" in out else out | {"throttled": lost}
 
 
