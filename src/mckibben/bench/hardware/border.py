@@ -87,3 +87,17 @@ class Hardware(Protocol):
 
     def close(self) -> None:
         """Vent, and let go of the machine; may be called twice."""
+
+
+class Machine(Protocol):
+    """What a simulated card or device has around it: a machine that gives and takes counts, sample by sample."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The analogue channels, in the order of the counts of a sample."""
+
+    def sample(self) -> tuple[Sequence[int], int]:
+        """Counts of the channels, and of the encoder (0 where there is none)."""
+
+    def advance(self, valve: int, motor: int, opened: bool) -> None:
+        """The physics of one period with these counts of the outputs, and whether the shut-off is open."""

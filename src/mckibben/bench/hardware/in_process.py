@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Sequence
 from typing import Any, Protocol
 
 import jax
@@ -18,6 +17,7 @@ from ...engine import sampled
 from ...engine.packed import Packed, pack
 from ...errors import LineLostError
 from .converters import SPAN
+from .lines import AnalogInputs, EdgeCounter, MotorOutput, ValveOutput
 from .plant import Rigged
 
 SPIN = 3e-4  # time before a deadline from which the loop no longer sleeps, for the system wakes it late [s]
@@ -126,8 +126,8 @@ class InProcess:
 
     def __init__(self, machine: SimulatedMachine, *, paced: bool = True) -> None:
         self.machine, self.paced = machine, paced
-        self.analog_in, self.encoder = _Inputs(machine.names), _Edges()
-        self.valve, self.motor = _Valve(), _Motor()
+        self.analog_in, self.encoder = AnalogInputs(machine.names), EdgeCounter()
+        self.valve, self.motor = ValveOutput(), MotorOutput(0)
         self._origin = 0.0
 
     def start(self, period: float) -> None:
@@ -151,38 +151,6 @@ class InProcess:
     def close(self) -> None:
         """Vent; there is nothing to let go of."""
         self.valve.vent()
-
-
-class _Inputs:
-    def __init__(self, names: tuple[str, ...]) -> None:
-        self.names, self.counts = names, [0] * len(names)
-
-    def read(self) -> Sequence[int]:
-        return self.counts
-
-
-class _Edges:
-    count = 0
-
-    def read(self) -> int:
-        return self.count
-
-
-class _Motor:
-    count = 0
-
-    def write(self, count: int) -> None:
-        self.count = count
-
-
-class _Valve:
-    count, opened, vented = 0, True, False
-
-    def write(self, count: int, *, opened: bool = True) -> None:
-        self.count, self.opened = count, opened
-
-    def vent(self) -> None:
-        self.vented = True
 
 
 def wait_until(deadline: float) -> float:

@@ -10,23 +10,10 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Protocol
+
+from ..border import Machine
 
 OVERWRITTEN, TOO_EARLY, GONE = -200279, -200284, -201003  # codes of NI-DAQmx
-
-
-class Machine(Protocol):
-    """What can be behind the card."""
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Its analogue channels, in the order of the counts of a sample."""
-
-    def sample(self) -> tuple[Sequence[int], int]:
-        """Counts of the analogue channels, and of the encoder."""
-
-    def advance(self, valve: int, motor: int, opened: bool) -> None:
-        """To the next sample, with these counts at the outputs."""
 
 
 class CardError(Exception):

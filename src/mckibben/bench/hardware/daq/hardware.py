@@ -17,15 +17,16 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from ....errors import InputError, LineLostError
+from ..lines import AnalogInputs, EdgeCounter, MotorOutput, ValveOutput
 from .client import Tasks
 from .complaints import OverrunError
 from .wiring import Wiring
 
 DRIFT = 1e-4  # of the card's clock against the computer's that is not taken for lateness
+UNWRITTEN = -1  # count of a motor that nobody commands: its output is at the level of rest
 LOOKS = 4.0  # at the software per time of its silence
 
 
@@ -73,11 +74,11 @@ class DaqHardware:
         self.wiring = wiring
         self._block, self._buffer, self._silence = block, buffer, silence
         self._tasks = Tasks(wiring, patience)
-        self.analog_in = _Inputs(tuple(wiring.inputs))
-        self.encoder = None if wiring.encoder is None else _Edges()
-        self.motor = None if wiring.motor is None else _Motor()
+        self.analog_in = AnalogInputs(tuple(wiring.inputs))
+        self.encoder = None if wiring.encoder is None else EdgeCounter()
+        self.motor = None if wiring.motor is None else MotorOutput(UNWRITTEN)
         self._alarm = threading.Event()
-        self.valve = _Valve(self._alarm)
+        self.valve = ValveOutput(self._alarm.set)  # whoever calls does not wait for the card
         self._lock = threading.RLock()  # of the outputs
         self._waiting: deque[tuple[list[int], int]] = deque()
         self.period = 0.0  # not started
@@ -192,7 +193,7 @@ class DaqHardware:
             count, opened = (0, True) if vented else (self.valve.count, self.valve.opened)
             pull = None
             if drive is not None and motor is not None:
-                pull = drive.rest if motor.count is None else drive.volts(motor.count)
+                pull = drive.rest if motor.count == UNWRITTEN else drive.volts(motor.count)
             self._tasks.write(self._levels(count, pull), opened)
             self.vented = vented
             if vented or not self.valve.vented:
@@ -202,7 +203,7 @@ class DaqHardware:
         """Count 0, an open shut-off, and a motor that does not pull."""
         drive = self.wiring.motor
         if self.motor is not None:
-            self.motor.count = None
+            self.motor.count = UNWRITTEN
         self._tasks.write(self._levels(0, None if drive is None else drive.rest), True)
         self.vented = True
 
@@ -250,39 +251,3 @@ class DaqHardware:
                         self._put()
                     except LineLostError as error:
                         self._lost(error)
-
-
-class _Inputs:
-    def __init__(self, names: tuple[str, ...]) -> None:
-        self.names, self.counts = names, [0] * len(names)
-
-    def read(self) -> Sequence[int]:
-        return self.counts
-
-
-class _Edges:
-    count = 0
-
-    def read(self) -> int:
-        return self.count
-
-
-class _Motor:
-    count: int | None = None  # nothing yet: at rest
-
-    def write(self, count: int) -> None:
-        self.count = count
-
-
-class _Valve:
-    def __init__(self, alarm: threading.Event) -> None:
-        self._alarm = alarm
-        self.count, self.opened, self.vented = 0, True, False
-
-    def write(self, count: int, *, opened: bool = True) -> None:
-        self.count, self.opened = count, opened
-
-    def vent(self) -> None:
-        """The thread that watches puts it at once; whoever calls does not wait for the card."""
-        self.vented = True
-        self._alarm.set()

@@ -14,7 +14,8 @@ from __future__ import annotations
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
-from .card import Card, Machine
+from ..border import Machine
+from .card import Card
 from .complaints import library
 from .service import Calls
 from .terminals import GRPC

@@ -6,10 +6,11 @@ The protocol is that of `frames`. Nothing here knows time but by the clock it is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from ....errors import InputError
+from .. import border
 from . import messages
 from .frames import VERSION, Frames
 from .messages import BY_ITSELF, DAMAGED, FREE, LOCK_STEP, UNANSWERED, VENTED, Command, Sample, Welcome
@@ -20,8 +21,8 @@ LAST = 2**32 - 1  # sample
 WORD = 2**32
 
 
-class Machine(Protocol):
-    """What a device samples and drives: a simulated machine behind its converters.
+class Machine(border.Machine, Protocol):
+    """What a device samples and drives, of which it tells the bits.
 
     Attributes:
         period: of the samples, set where a run begins, when it also zeroes its encoder [s].
@@ -30,18 +31,8 @@ class Machine(Protocol):
     period: float
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The analogue channels in their order."""
-
-    @property
     def bits(self) -> tuple[int, ...]:
-        """Of the converter of each."""
-
-    def sample(self) -> tuple[Sequence[int], int]:
-        """Counts of the channels, and of the encoder (0 where there is none)."""
-
-    def advance(self, valve: int, motor: int, opened: bool) -> None:
-        """The physics of one period with these counts of the outputs, and whether the shut-off is open."""
+        """Of the converter of each channel."""
 
 
 class About(NamedTuple):

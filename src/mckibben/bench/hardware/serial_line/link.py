@@ -18,10 +18,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ....errors import InputError, LineLostError
+from ..lines import AnalogInputs, EdgeCounter, MotorOutput, ValveOutput
 from .arrivals import Arrivals, EndedError, Taken
 from .line import Line, fit, greet, places, reason
 from .messages import FREE, LOCK_STEP, Command, Fault, Sample, Start, Stop, Vent, Welcome
-from .outputs import AnalogInputs, EdgeCounter, MotorOutput, ValveOutput
 from .wire import BITS_PER_SECOND
 
 SILENT = 3.0  # periods for which nothing may come at least

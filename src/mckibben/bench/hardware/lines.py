@@ -1,13 +1,13 @@
-"""What a loop reads from a device and writes to it, held until the line carries it: the small parts of `border.Hardware`."""
+"""What a loop reads from a machine and writes to it, held until `send`: the small parts of every `border.Hardware`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from operator import index
 
-from ....errors import InputError
+from ...errors import InputError
 
-LARGEST = 2**32 - 1  # count that the line carries
+LARGEST = 2**32 - 1  # count that a line carries
 
 
 class AnalogInputs:
@@ -15,7 +15,7 @@ class AnalogInputs:
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = tuple(names)
-        self.counts: tuple[int, ...] = (0,) * len(self.names)
+        self.counts: Sequence[int] = (0,) * len(self.names)
 
     def read(self) -> Sequence[int]:
         """Counts of the newest sample, in the order of the names."""
@@ -49,9 +49,9 @@ class MotorOutput:
 
 
 class ValveOutput:
-    """The count to be sent to the valve, and whether the shut-off is open."""
+    """The count to be sent to the valve, and whether the shut-off is open; `tell` is called when it is to vent at once."""
 
-    def __init__(self, tell: Callable[[], bool]) -> None:
+    def __init__(self, tell: Callable[[], object] = lambda: None) -> None:
         self.count, self.opened, self.vented = 0, True, False
         self._tell = tell
 
