@@ -22,8 +22,24 @@ from .validation import CrossValidation, cross_validate
 SCHEMES = ("pressure", "length", "block", "rest_length")
 
 
+class Errors:
+    """What is made of errors of the tension [N]."""
+
+    error: np.ndarray
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square error [N]."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def max_error(self) -> float:
+        """Largest error [N]."""
+        return float(np.abs(self.error).max())
+
+
 @dataclass(frozen=True)
-class Fit:
+class Fit(Errors):
     """What is known of one law after a fit; errors in newton, of the tension that a sensor would see."""
 
     law: str
@@ -37,16 +53,6 @@ class Fit:
     cross: dict[str, CrossValidation] = field(default_factory=dict)
     correlation: np.ndarray | None = None
     holdout: Holdout | None = None
-
-    @property
-    def rmse(self) -> float:
-        """Root mean square error [N]."""
-        return float(np.sqrt(np.mean(self.error**2)))
-
-    @property
-    def max_error(self) -> float:
-        """Largest error [N]."""
-        return float(np.abs(self.error).max())
 
     @property
     def cv_rmse(self) -> float | None:
@@ -70,22 +76,12 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Holdout:
+class Holdout(Errors):
     """Errors on points that a separate fit was not shown [N]."""
 
     what: str
     trained_on: int
     error: np.ndarray
-
-    @property
-    def rmse(self) -> float:
-        """Root mean square error [N]."""
-        return float(np.sqrt(np.mean(self.error**2)))
-
-    @property
-    def max_error(self) -> float:
-        """Largest error [N]."""
-        return float(np.abs(self.error).max())
 
 
 def fit(

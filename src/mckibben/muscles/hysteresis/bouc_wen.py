@@ -15,21 +15,17 @@ doi:10.1016/j.sysconle.2006.09.001.
 
 from __future__ import annotations
 
-from typing import Any
-
 import equinox as eqx
 import jax.numpy as jnp
 
 from ...components import Scalar
-from ...components.element import Advanced
 from ...errors import InputError
 from ...quantities import quantity
-from .dahl import LEAST_TRAVEL
 from .limit import FrictionLimit
-from .slip import Contacts, advanced, per_contact, slip
+from .slip import RelaxingContacts
 
 
-class BoucWen(Contacts):
+class BoucWen(RelaxingContacts):
     """Bouc-Wen friction; the state is the deflection of its one contact [m]."""
 
     limit: FrictionLimit
@@ -70,15 +66,9 @@ class BoucWen(Contacts):
             limit=limit, stiffness=jnp.asarray(stiffness), share=jnp.asarray(beta / (beta + gamma)), exponent=exponent
         )
 
-    def advance(
-        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
-    ) -> Advanced:
-        """Move along a straight piece of path."""
-        dx = per_contact(displacement)
-        end = self.travel(end_pressure)
-        travel = jnp.maximum(0.5 * (self.travel(start_pressure) + end), LEAST_TRAVEL)
-        moved = self._mean_twice(state, dx, travel) - state
-        return advanced(self.stiffness, state, dx, slip(moved, 0.0, end))
+    def relaxed(self, deflection: Scalar, displacement: Scalar, travel: Scalar) -> Scalar:
+        """By the implicit mean [m]."""
+        return self._mean_twice(deflection, displacement, travel) - deflection
 
     def _mean_twice(self, deflection: Scalar, dx: Scalar, travel: Scalar) -> Scalar:
         """Twice the implicit mean, z + z': u + c q u |u|^(n-1) = r for u = (z + z')/2 in the direction of motion."""

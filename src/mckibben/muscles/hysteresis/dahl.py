@@ -13,21 +13,15 @@ Journal 14(12), 1976, doi:10.2514/3.61511.
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax.numpy as jnp
 
 from ...components import Scalar
-from ...components.element import Advanced
 from ...quantities import quantity
 from .limit import FrictionLimit
-from .slip import Contacts, advanced, per_contact, slip
-
-# A yield travel below this [m] is none: it keeps a friction of zero, and its derivative, finite.
-LEAST_TRAVEL = 1e-12
+from .slip import RelaxingContacts
 
 
-class Dahl(Contacts):
+class Dahl(RelaxingContacts):
     """Dahl's friction with exponent one; the state is the deflection of its one contact [m]."""
 
     limit: FrictionLimit
@@ -38,13 +32,7 @@ class Dahl(Contacts):
     title = "Dahl"
     cites = ("dahl1976",)
 
-    def advance(
-        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
-    ) -> Advanced:
-        """Move along a straight piece of path."""
-        dx = per_contact(displacement)
-        end = self.travel(end_pressure)
-        travel = jnp.maximum(0.5 * (self.travel(start_pressure) + end), LEAST_TRAVEL)
-        half = 0.5 * jnp.abs(dx)
-        relaxed = (state * (travel - half) + dx * travel) / (travel + half)
-        return advanced(self.stiffness, state, dx, slip(relaxed, 0.0, end))
+    def relaxed(self, deflection: Scalar, displacement: Scalar, travel: Scalar) -> Scalar:
+        """By the implicit mean of dz = dx - |dx| z/d [m]."""
+        half = 0.5 * jnp.abs(displacement)
+        return (deflection * (travel - half) + displacement * travel) / (travel + half)

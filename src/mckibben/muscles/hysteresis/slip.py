@@ -7,6 +7,7 @@ stiffness: a force Fc(P') z/d would give energy back when the pressure rises.
 
 from __future__ import annotations
 
+import abc
 from typing import Any
 
 import equinox as eqx
@@ -15,6 +16,9 @@ import jax.numpy as jnp
 from ...components import Scalar
 from ...components.element import Advanced, Hysteresis
 from .limit import FrictionLimit
+
+# A yield travel below this [m] is none: it keeps a friction of zero, and its derivative, finite.
+LEAST_TRAVEL = 1e-12
 
 
 def slip(deflection: Any, displacement: Any, travel: Any) -> Scalar:
@@ -88,3 +92,23 @@ class Contacts(Hysteresis):
         """The same with every limit scaled."""
         changed: Hysteresis = self.replace(limit=self.limit.scaled(factor))
         return changed
+
+
+class RelaxingContacts(Contacts):
+    """Contacts that relax on their way: by the implicit mean, with the mean yield travel of a piece's two ends.
+
+    Afterwards they are limited once, with the travel at the end.
+    """
+
+    @abc.abstractmethod
+    def relaxed(self, deflection: Scalar, displacement: Scalar, travel: Scalar) -> Scalar:
+        """Deflection after a displacement with one yield travel, not yet limited, shape (..., contacts) [m]."""
+
+    def advance(
+        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
+    ) -> Advanced:
+        """Move along a straight piece of path."""
+        dx = per_contact(displacement)
+        end = self.travel(end_pressure)
+        travel = jnp.maximum(0.5 * (self.travel(start_pressure) + end), LEAST_TRAVEL)
+        return advanced(self.stiffness, state, dx, slip(self.relaxed(state, dx, travel), 0.0, end))

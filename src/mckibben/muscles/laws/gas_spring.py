@@ -40,31 +40,48 @@ def volume_when_unknown(*, rest_length: Any, upper_length: Any, shortest_length:
     return 1.8 * jnp.maximum(drop, 1e-3 * per_pressure * rest_length**2)
 
 
-def spring_gas_energy(
-    length: Any,
-    pressure: Any,
-    *,
-    per_pressure: Any,
-    shortest_length: Any,
-    rest_length: Any,
-    upper_length: Any,
-    rest_volume: Any | None,
-    threshold_pressure: Any,
-    threshold_width: Any,
-) -> Scalar:
-    """Gas energy with the volume of eq. 38b [J]; a rest volume of None is replaced by `volume_when_unknown`."""
-    line = {"rest_length": rest_length, "shortest_length": shortest_length, "per_pressure": per_pressure}
-    rest = volume_when_unknown(upper_length=upper_length, **line) if rest_volume is None else rest_volume
-    return bladder.gas_energy(
-        pressure,
-        spring_volume(length, rest_volume=rest, **line),
-        upper_volume=spring_volume(upper_length, rest_volume=rest, **line),
-        threshold_pressure=threshold_pressure,
-        threshold_width=threshold_width,
-    )
+class SpringVolume(TensionLaw):
+    """A law whose volume is that of a gas spring (eq. 38b) above a threshold pressure."""
+
+    stiffness_per_pressure: eqx.AbstractVar[Scalar]
+    shortest_length: eqx.AbstractVar[Scalar]
+    rest_length: eqx.AbstractVar[Scalar]
+    upper_length: eqx.AbstractVar[Scalar]
+    rest_volume: eqx.AbstractVar[Scalar]
+    threshold_width: eqx.AbstractVar[Scalar]
+    volume_known: eqx.AbstractVar[bool]
+
+    def threshold(self) -> Scalar | float:
+        """Gauge pressure at which the bladder reaches the braid [Pa]; none by default."""
+        return 0.0
+
+    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+        """Gas energy with the volume of eq. 38b above the threshold [J]."""
+        line = {
+            "rest_length": self.rest_length,
+            "shortest_length": self.shortest_length,
+            "per_pressure": self.stiffness_per_pressure,
+        }
+        upper = self.upper_length
+        rest = self.rest_volume if self.volume_known else volume_when_unknown(upper_length=upper, **line)
+        return bladder.gas_energy(
+            pressure,
+            spring_volume(length, rest_volume=rest, **line),
+            upper_volume=spring_volume(upper, rest_volume=rest, **line),
+            threshold_pressure=self.threshold(),
+            threshold_width=self.threshold_width,
+        )
+
+    def length_range(self) -> tuple[Scalar, Scalar]:
+        """From a tenth of the rest length to the upper working length [m]."""
+        return 0.1 * self.rest_length, self.upper_length
+
+    def has_volume(self) -> bool:
+        """Whether the rest volume was given."""
+        return self.volume_known
 
 
-class GasSpring(TensionLaw):
+class GasSpring(SpringVolume):
     """Gas spring (eq. 11)."""
 
     stiffness_per_pressure: Scalar = quantity(
@@ -86,25 +103,3 @@ class GasSpring(TensionLaw):
     def elastic_tension(self, length: Any) -> Scalar:
         """Zero: eq. 11 has no passive part [N]."""
         return jnp.zeros_like(length)
-
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
-        """Gas energy with the volume of eq. 38b [J]."""
-        return spring_gas_energy(
-            length,
-            pressure,
-            per_pressure=self.stiffness_per_pressure,
-            shortest_length=self.shortest_length,
-            rest_length=self.rest_length,
-            upper_length=self.upper_length,
-            rest_volume=self.rest_volume if self.volume_known else None,
-            threshold_pressure=0.0,
-            threshold_width=self.threshold_width,
-        )
-
-    def length_range(self) -> tuple[Scalar, Scalar]:
-        """From a tenth of the rest length to the upper working length [m]."""
-        return 0.1 * self.rest_length, self.upper_length
-
-    def has_volume(self) -> bool:
-        """Whether the rest volume was given."""
-        return self.volume_known

@@ -20,12 +20,11 @@ import equinox as eqx
 from ...components import Scalar
 from ...quantities import quantity
 from .. import dimensions
-from ..law import TensionLaw
 from ..stop import stop_tension
-from .gas_spring import spring_gas_energy
+from .gas_spring import SpringVolume
 
 
-class LinearThreshold(TensionLaw):
+class LinearThreshold(SpringVolume):
     """Linearised law with threshold and passive stiffness (eqs. 12a, 12b and 13)."""
 
     stiffness_per_pressure: Scalar = quantity(
@@ -56,27 +55,9 @@ class LinearThreshold(TensionLaw):
         spring = self.passive_stiffness * (length - self.rest_length)
         return spring + stop_tension(length, begins_at=self.upper_length, stiffness=self.stop_stiffness)
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
-        """Gas energy with the volume of eq. 38b above the threshold [J]."""
-        return spring_gas_energy(
-            length,
-            pressure,
-            per_pressure=self.stiffness_per_pressure,
-            shortest_length=self.shortest_length,
-            rest_length=self.rest_length,
-            upper_length=self.upper_length,
-            rest_volume=self.rest_volume if self.volume_known else None,
-            threshold_pressure=self.threshold_pressure,
-            threshold_width=self.threshold_width,
-        )
-
-    def length_range(self) -> tuple[Scalar, Scalar]:
-        """From a tenth of the rest length to the upper working length [m]."""
-        return 0.1 * self.rest_length, self.upper_length
-
-    def has_volume(self) -> bool:
-        """Whether the rest volume was given."""
-        return self.volume_known
+    def threshold(self) -> Scalar:
+        """Pth [Pa]."""
+        return self.threshold_pressure
 
     @property
     def offset_pressure(self) -> Scalar:
