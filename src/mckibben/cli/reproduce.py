@@ -105,11 +105,15 @@ def _rows(row: list[str] | None, pictures: list[PaperFigure]) -> list[str] | Non
 def _done(
     part: str | None, rows: list[str] | None, pictures: list[PaperFigure], recordings: bool
 ) -> tuple[list[Outcome], list[Drawn]]:
+    from ..reproduction import load
     from ..reproduction import reproduce as run
     from ..reproduction.rows import select
+    from ..reproduction.sharing import helped
 
+    load()
     asked = [] if rows == [] else select(part, rows)
-    with progress("reproducing", len(asked) + len(pictures)) as advance:
+    recorded = [r.id for r in asked] if recordings else []
+    with helped(recorded), progress("reproducing", len(asked) + len(pictures)) as advance:
         outcomes = (
             run(
                 part,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from .rows import Outcome, Row, needs_recording, reproduce_row, select
 
-__all__ = ["Outcome", "Row", "reproduce"]
+__all__ = ["Outcome", "Row", "load", "reproduce"]
 
 
 def reproduce(
@@ -26,8 +26,9 @@ def reproduce(
         tell: called with words while a recording is made, of which several rows are computed; that takes minutes.
         recordings: off leaves out the rows that need them.
     """
-    from . import discussion, isometric, isotonic, lubricants, part1, part2, part4, quasi_static, sinusoids, static_fit  # noqa: F401
     from .recorded import told
+
+    load()
 
     outcomes = []
     with told(tell):
@@ -38,3 +39,8 @@ def reproduce(
                 progress(row)
             outcomes.append(reproduce_row(row))
     return outcomes
+
+
+def load() -> None:
+    """Let every module of the rows register what it computes."""
+    from . import discussion, isometric, isotonic, lubricants, part1, part2, part4, quasi_static, sinusoids, static_fit  # noqa: F401

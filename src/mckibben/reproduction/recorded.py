@@ -13,6 +13,7 @@ from ..errors import ConvergenceError
 from ..experiments.library import protocol
 from ..recordings import Recording
 from . import rows
+from .sharing import shared
 
 SPAN, TENSION = "span", "tension"  # channels that the machine measures
 FIVE_BAR = "5 bar"
@@ -57,6 +58,17 @@ def recording(
         InputError: the dry run found something.
         ConvergenceError: the run stopped before its end; says why.
     """
+    said = repr((name, muscle, rig, plumbing, accept_saturation, sorted(values.items())))
+
+    def make() -> Recording:
+        return _made(name, muscle, rig, plumbing, accept_saturation, values)
+
+    return shared(said, make)
+
+
+def _made(
+    name: str, muscle: str, rig: str, plumbing: str | None, accept_saturation: bool, values: dict[str, Any]
+) -> Recording:
     given = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
     bench = prepare(
         protocol(name, **given), muscle=muscle, rig=rig, plumbing=plumbing, accept_saturation=accept_saturation
