@@ -1,6 +1,7 @@
 """Build the documentation into site/: run every example, generate the reference, and let zensical make the site.
 
     python docs/build.py                 everything, as `make docs` does
+    python docs/build.py --fresh         the same, though nothing changed since a page was made (see kept.py)
     python docs/build.py PAGE ..         only the examples of these pages, printed: for a writer
     python docs/build.py --no-site       stage the pages in build/docs and stop
     python docs/build.py --readme        bring the numbers in README.md up to date
@@ -26,6 +27,7 @@ sys.path.insert(0, str(DOCS))
 
 import examples  # noqa: E402
 import generated  # noqa: E402
+import kept  # noqa: E402
 
 
 def sources() -> list[Path]:
@@ -33,25 +35,26 @@ def sources() -> list[Path]:
     return sorted(DOCS.rglob("*.md"))
 
 
-def stage(pages: list[Path]) -> None:
+def stage(*, fresh: bool = False) -> None:
     """Write all pages with the output of their examples into the stage."""
     shutil.rmtree(STAGE, ignore_errors=True)
     for path in DOCS.rglob("*"):
         if path.is_file() and path.suffix in (".css", ".png", ".svg"):
             _write(path.relative_to(DOCS), path.read_bytes())
-    for path in pages:
-        begun = time.perf_counter()
-        name = path.relative_to(DOCS)
-        text = examples.run_page(
-            path.read_text(encoding="utf-8"), str(name), STAGE / "assets" / "generated" / path.stem
-        )
-        _write(name, text.encode())
-        _say(name, begun)
-    for name, make in generated.PAGES.items():
-        begun = time.perf_counter()
-        _write(Path(name), make(STAGE).encode())
-        _say(name, begun)
+    made = {p.relative_to(DOCS).as_posix(): p.read_bytes() for p in sources()} | dict.fromkeys(generated.PAGES, b"")
+    for page in kept.make_all(made, make, fresh=fresh):
+        _write(Path(page.name), (page.folder / "page.md").read_bytes())
+        for figure in (page.folder / "figures").iterdir():
+            _write(Path("assets", "generated", Path(page.name).stem, figure.name), figure.read_bytes())
+        print(f"  {page.name}" + (f"  {page.seconds:.1f} s" if page.seconds > 0.5 else ""), flush=True)
     _images_exist()
+
+
+def make(name: str, figures: Path) -> str:
+    """One page, generated or with the output of its examples; their figures go to a folder."""
+    if name in generated.PAGES:
+        return generated.PAGES[name](figures)
+    return examples.run_page((DOCS / name).read_text(encoding="utf-8"), name, figures)
 
 
 def site() -> None:
@@ -96,11 +99,6 @@ def _write(name: Path, data: bytes) -> None:
     path.write_bytes(data)
 
 
-def _say(name: object, begun: float) -> None:
-    spent = time.perf_counter() - begun
-    print(f"  {name}" + (f"  {spent:.1f} s" if spent > 0.5 else ""), flush=True)
-
-
 def main(words: list[str]) -> None:
     """See the module's docstring."""
     warnings.simplefilter("error")
@@ -117,7 +115,7 @@ def main(words: list[str]) -> None:
         return
     begun = time.perf_counter()
     try:
-        stage(sources())
+        stage(fresh="--fresh" in words)
     except examples.ExampleError as error:
         raise SystemExit(f"docs: {error}") from None
     if "--no-site" not in words:

@@ -48,6 +48,16 @@ class EmptyRunError(MckibbenError):
     """A run ended before its first step that is recorded; says why it ended."""
 
 
+class LoweringError(MckibbenError):
+    """An operation cannot become part of a native kernel; names it, and where it is written."""
+
+    def __init__(self, what: str, why: str, found: str | None = None, *, where: str | None = None) -> None:
+        self.what, self.why, self.where = what, why, where
+        place = f" ({where})" if where else ""
+        more = f"; {found}" if found else ""
+        super().__init__(f"{what}{place} cannot become a native kernel: {why}{more}")
+
+
 class MissingDataError(MckibbenError):
     """Measured data that do not ship with the package were asked for and are not there."""
 

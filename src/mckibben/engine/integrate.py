@@ -101,7 +101,9 @@ def integrate(
     inner = max(1, round(np.ceil(period / step_size - 1e-9)))
     h = period / inner
     first = _inputs(signals, 0, 0.0, period)
-    lead = lambda tree: jax.tree.map(lambda x: jnp.asarray(x)[None], tree)  # noqa: E731
+    # As many times as `_along` looks, so that one compilation serves both.
+    many = min(samples, PROBES)
+    lead = lambda tree: jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), (many, *np.shape(x))), tree)  # noqa: E731
     plan = _plan(fastest_rate(system, lead(state), lead(memory), lead(first)), h, method)
     for _ in range(ATTEMPTS):
         carry, kept = _run(system, state, memory, dict(signals), period, plan.split * inner, samples, plan.stiff)
@@ -182,7 +184,7 @@ def march(
     return carry, jax.tree.map(lambda many, one: jnp.concatenate([many, jnp.asarray(one)[None]]), kept, end)
 
 
-_compiled = jax.jit(march, static_argnums=(5, 6, 7))
+_compiled = jax.jit(march, static_argnums=(6, 7))  # not the number of steps, which is tried out
 
 
 def _inputs(signals: Any, index: Any, share: Any, period: Any) -> dict[str, Any]:
@@ -211,8 +213,9 @@ def _samples(signals: Mapping[str, Signal], period: float, step_size: float, met
 def _along(system: System, kept: Any, signals: Mapping[str, Signal], period: float, samples: int) -> float:
     """Fastest rate at states spread over the run."""
     at = np.unique(np.linspace(0, samples - 1, min(samples, PROBES)).astype(int))
-    pick = lambda tree: jax.tree.map(lambda x: jnp.asarray(x)[at], tree)  # noqa: E731
+    pick = lambda tree: jax.tree.map(lambda x: np.asarray(x)[at], tree)  # noqa: E731
     inputs = {n: jax.vmap(lambda i, s=s: s.at(i, 0.0, period))(jnp.asarray(at)) for n, s in signals.items()}
+    inputs = jax.tree.map(np.asarray, inputs)
     return fastest_rate(system, pick(kept[0]), pick(kept[1]), inputs)
 
 

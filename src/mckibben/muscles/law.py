@@ -172,7 +172,7 @@ class TensionLaw(Module):
         if not (np.isfinite(tension) and tension >= 0.0):
             raise InputError("tension", f"{tension:.6g} N", "allowed is 0 N or more")
         grid = np.linspace(0.0, highest, 1001)
-        given = np.asarray(self.tension(float(span), grid)) - tension
+        given = np.asarray(_tension(self, float(span), grid)) - tension
         met = np.flatnonzero(np.abs(given) <= 1e-9 * max(tension, 1.0))
         if met.size and np.all(given[: met[0]] < 0.0):
             return float(grid[met[0]])  # on a grid point, to the rounding in which two compilations differ
@@ -184,13 +184,18 @@ class TensionLaw(Module):
                 f"{with_unit(highest, 'Pa')}: the muscle pulls with {low:.4g} to {high:.4g} N there"
             )
         i = int(crossings[0])
-        excess = jax.jit(lambda p: self.tension(float(span), p) - tension)
-        return float(brentq(lambda p: float(excess(p)), grid[i], grid[i + 1], xtol=1e-6, rtol=1e-14))
+        excess = lambda p: float(_tension(self, float(span), p)) - tension  # noqa: E731
+        return float(brentq(excess, grid[i], grid[i + 1], xtol=1e-6, rtol=1e-14))
 
     def _braid_length(self, span: Scalar, pressure: Scalar) -> Scalar:
         force, free = self.braid_tension(span, pressure), self.free_length(pressure)
         # Where nothing pulls and nothing pushes, as beyond the threads' length, the braid is as long as its span.
         return jnp.where(force > 0.0, span, jnp.where(force < 0.0, free, jnp.maximum(span, free)))
+
+
+@jax.jit
+def _tension(law: TensionLaw, span: Any, pressure: Any) -> Scalar:
+    return law.tension(span, pressure)
 
 
 def law_name(law: TensionLaw | type[TensionLaw]) -> str:
