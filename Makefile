@@ -14,10 +14,10 @@ WORKERS ?= 2
 help: ## Say what can be made
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 20
 
-demo: $(VENV)/.run ## Fit every law to the two published force maps and write a report with figures
+demo: $(VENV)/.run ## Fit every law to the two published force maps, and reproduce the papers: reports with figures
 	@mkdir -p $(OUT)
 	$(RUN) mckibben fit DMSP-10-250 DMSP-20-300 --train-below "4 bar" --report $(OUT)/force-maps.html --figure $(OUT)/force-maps.png
-	$(RUN) mckibben reproduce --part I --no-recordings
+	$(RUN) mckibben reproduce --out $(OUT)/reproduction
 
 test: lint ## Run the whole suite
 	$(RUN) pytest -n $(WORKERS) -m "not slow and not validation"

@@ -71,7 +71,7 @@ def test_an_unreachable_wish_ends_with_one_and_says_the_nearest_miss(run):
     )
     code, out, err = run(*words, "--json")
     found = json.loads(out)
-    assert code == 1 and not found["reached"]
+    assert code == 2 and not found["reached"] and not found["sources"]
     assert err.count("\n") == 1 and "nearest is" in err and found["sentence"] in err
     assert {m["part"] for m in found["misses"]} >= {"force", "stroke", "pressure", "length", "diameter"}
 

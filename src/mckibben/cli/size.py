@@ -46,7 +46,7 @@ def size(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Find the muscle, the valve and tube, and the gas source for a force and a stroke; exit code 1 when nothing does it."""
+    """Find the muscle, the valve and tube, and the gas source for a force and a stroke; exit code 2 when nothing does it."""
     from ..studies.sizing import size as sized
 
     writable("--figure", figure, ".svg", ".png")
@@ -70,7 +70,7 @@ def size(
             typer.echo(f"\nWritten: {figure}")
     if not found.reached:
         typer.echo(f"mckibben: {found.sentence()}", err=True)
-        raise typer.Exit(1)
+        raise typer.Exit(2)
 
 
 def _wish(
@@ -183,6 +183,8 @@ def _print(found: Sizing, top: int) -> None:
         rows = [[x.tube, with_unit(x.tube_length, "m"), *_times(x), f"{1e6 * x.air:.0f}"] for x in order]
         columns = ["tube", "length", "to force, ms", "rise, ms", "fall, ms", "air, mg"]
         table(f"{found.lengths[0].valve} behind other tubes", columns, rows, right=range(1, 6))
+    if not found.sources:
+        return
     typer.echo("")
     columns = ["gas source", "J a cycle", "efficiency, %", "cycles", "lasts", "mass, kg", ""]
     rows = [_source_row(s) for s in found.sources]

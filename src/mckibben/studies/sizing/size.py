@@ -107,8 +107,10 @@ def size(
     if wish.speed is not None and chosen.speed is not None and chosen.speed < wish.speed:
         misses = (*misses, Miss("speed", wish.speed, chosen.speed or None))
     line = next((one for one in best if one.to_force is not None), None)
-    sources = sources_for(chosen, wish, line)
-    piston = {n: piston_cycle(chosen, wish, accumulator=n == "accumulator") for n in ("surroundings", "accumulator")}
+    does = chosen.verdict != VERDICTS[2]  # else there is no work whose energy could be told
+    sources = sources_for(chosen, wish, line) if does else []
+    ways = ("surroundings", "accumulator")
+    piston = {n: piston_cycle(chosen, wish, accumulator=n == "accumulator") if does else None for n in ways}
     return Sizing(wish, tuple(order), tuple(misses), chosen, tuple(best), tuple(other), tuple(sources), piston)
 
 
