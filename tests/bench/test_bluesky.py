@@ -169,6 +169,7 @@ def test_a_scan_of_the_pressure_has_the_samples_of_the_session(engine, machine, 
     assert session.latest()["pressure"] < VENTED and not session.why
 
 
+@pytest.mark.slow
 def test_what_is_moved_without_staging_is_held_after_the_plan(engine, machine, session):
     engine(bps.mv(machine.pressure, 2e5, machine.span, 0.13))
     session.wait(1.0)
@@ -209,6 +210,7 @@ def test_a_flown_protocol_gives_the_samples_of_the_session(engine, machine, sess
     assert list(flyer.collect_pages()) == []  # handed out once
 
 
+@pytest.mark.slow
 def test_a_stream_may_be_declared_and_a_slower_protocol_keeps_its_rate(engine, machine, documents):
     text = 'schema = 1\nname = "slow"\ntitle = "Slow"\nsample_rate = "100 Hz"\n'
     text += '[[steps]]\npressure = { to = "1 bar", in = "1 s" }\n'
@@ -249,6 +251,7 @@ def test_what_the_rig_does_not_allow_is_refused_before_anything_moves(engine, ma
     assert session.latest()["command.pressure"] == before and session.status().state == "idle"
 
 
+@pytest.mark.slow
 def test_an_aborted_scan_leaves_nothing_under_pressure(engine, machine, session, documents):
     def paused(detectors, step, pos_cache):
         yield from bps.one_nd_step(detectors, step, pos_cache)
@@ -265,6 +268,7 @@ def test_an_aborted_scan_leaves_nothing_under_pressure(engine, machine, session,
     assert of(documents, "stop")[0]["exit_status"] == "abort"
 
 
+@pytest.mark.slow
 def test_a_pressure_on_its_way_is_let_down_by_a_pause_and_goes_there_on_resumption(engine, machine, session):
     def plan():
         yield from bps.checkpoint()
@@ -283,6 +287,7 @@ def test_a_pressure_on_its_way_is_let_down_by_a_pause_and_goes_there_on_resumpti
     assert session.latest()["pressure"] == pytest.approx(4e5, abs=6.9e3)
 
 
+@pytest.mark.slow
 def test_the_guard_vents_whatever_a_failed_plan_has_left(engine, machine, session):
     def plan():
         yield from bps.open_run()
@@ -315,6 +320,7 @@ def stopped(session, flyer, why):
     return flyer.recording
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["abort", "stop", "fail", "halt"])
 def test_whatever_ends_a_plan_stops_its_protocol_and_vents(engine, machine, session, documents, way):
     flyer, asked = machine.flyer(LONG), []
@@ -346,6 +352,7 @@ def test_whatever_ends_a_plan_stops_its_protocol_and_vents(engine, machine, sess
         assert np.array_equal(data["tension"], record["tension"])
 
 
+@pytest.mark.slow
 def test_a_paused_plan_stops_its_protocol_which_cannot_be_resumed(engine, machine, session):
     flyer = machine.flyer(LONG)
     with pytest.raises(RunEngineInterrupted):
@@ -373,6 +380,7 @@ def test_an_emergency_stop_fails_the_plan_that_waits_for_the_protocol(engine, ma
     assert of(documents, "stop")[0]["exit_status"] == "fail"
 
 
+@pytest.mark.slow
 def test_what_has_to_wait_for_a_protocol_is_refused_and_not_kept_waiting(machine):
     flyer = machine.flyer(LONG)
     with pytest.raises(InputError, match="after kickoff"):
@@ -426,6 +434,7 @@ def test_a_reading_is_a_later_sample_than_its_trigger_or_the_mean_over_a_time(se
     assert signal.read_configuration()["tension-over"]["value"] == 0.05
 
 
+@pytest.mark.slow
 def test_signals_can_be_monitored_while_a_plan_goes_on(engine, machine, session, documents):
     signal = machine.measured["pressure"]
 
@@ -496,6 +505,7 @@ def test_no_callback_of_a_status_is_lost_or_called_twice():
         assert len(told) == 80
 
 
+@pytest.mark.slow
 def test_by_the_wall_clock_the_same_plans_go(engine):
     with Session(paper(), "nylon", speed=4.0) as session:
         machine = bench_devices(session, over=0.02)

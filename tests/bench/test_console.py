@@ -101,6 +101,7 @@ def test_a_protocol_is_loaded_changed_shown_run_and_saved(console, tmp_path):
         assert np.array_equal(saved["tension"], console.recording["tension"])
 
 
+@pytest.mark.slow
 def test_several_values_by_commas_are_cases(console):
     console.execute("load quasi-static")
     assert "pressure 1 bar, 3 bar" in console.execute("set pressure=1 bar, 3 bar")
@@ -113,6 +114,7 @@ WAVES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channel", WAVES)
 def test_a_recorded_waveform_is_followed_by_the_channel_of_its_unit(console, channel, tmp_path):
     text, title, name, most = WAVES[channel]
@@ -122,6 +124,7 @@ def test_a_recorded_waveform_is_followed_by_the_channel_of_its_unit(console, cha
     assert console.recording[name].max() == pytest.approx(most, rel=1e-3) and len(console.recording) == 400
 
 
+@pytest.mark.slow
 def test_a_log_is_written_while_somebody_records(console, tmp_path):
     log = tmp_path / "live.mcap"
     for line in (f"record on {log}", "pressure 1 bar", "wait 0.3 s", "record off"):

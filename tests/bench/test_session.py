@@ -166,6 +166,7 @@ def test_an_emergency_stop_vents_within_two_samples_and_stays_until_it_is_reset(
     assert machine.status().measured["pressure"] > 0.9e5
 
 
+@pytest.mark.slow
 def test_an_emergency_stop_ends_a_run_and_the_machine_stays_vented(machine):
     def show(times, _):
         if times[-1] > 0.3:
@@ -238,6 +239,7 @@ def test_a_protocol_that_the_machine_cannot_do_is_refused_before_anything_moves(
     assert machine.setup.ground.number == before and machine.status().state == "idle"
 
 
+@pytest.mark.slow
 def test_a_protocol_with_a_slower_clock_runs_on_the_loop_of_the_session(machine):
     slow = parse_protocol(SHORT.replace("[[steps]]", 'sample_rate = "100 Hz"\n[[steps]]', 1), where="slow.toml")
     ran = machine.run(slow)
@@ -268,6 +270,7 @@ def test_the_ring_keeps_the_newest_samples():
     assert list(ring.since(120.0)[0]) == [121.0, 122.0, 123.0, 124.0] and list(ring.since(0.0)[1]["a"])[-1] == 24.0
 
 
+@pytest.mark.slow
 def test_many_hands_at_once_break_nothing(machine):
     failed = []
 
@@ -312,6 +315,7 @@ def test_a_lost_line_ends_the_session_and_says_so():
     assert session.status().state == "closed"
 
 
+@pytest.mark.slow
 def test_by_the_wall_clock_a_session_keeps_time_and_vents_when_it_ends():
     with Session(paper(), "nylon", speed=2.0) as session:
         session.set(pressure="1 bar")

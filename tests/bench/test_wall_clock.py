@@ -142,6 +142,7 @@ def test_a_signal_vents_and_the_log_says_so(tmp_path):
     assert kept["valve.command"][kept.time >= event["time"] - 1e-4].max() == 0.0
 
 
+@pytest.mark.slow
 def test_a_second_signal_ends_the_program():
     button = EmergencyStop()
     with button.on_signals():

@@ -85,15 +85,16 @@ def _ros2(system: System, y: Any, z: Any, sums: Any, inputs: Inputs, h: Any) -> 
     def sum_rate(v: Any, share: float) -> Any:
         return ravel_pytree(system.integrands(back(v), z, inputs(share)))[0]
 
-    matrix = jnp.eye(flat.size) - GAMMA * h * jax.jacfwd(lambda v: rate(v, 0.0))(flat)
-    k1 = jnp.linalg.solve(matrix, rate(flat, 0.0))
+    first, rates = jax.linearize(lambda v: rate(v, 0.0), flat)
+    matrix = jnp.eye(flat.size) - GAMMA * h * jax.vmap(rates, out_axes=1)(jnp.eye(flat.size))
+    k1 = jnp.linalg.solve(matrix, first)
     ahead = flat + h * k1
     k2 = jnp.linalg.solve(matrix, rate(ahead, 1.0) - 2.0 * k1)
     new = back(flat + h * (1.5 * k1 + 0.5 * k2))
     if not total.size:
         return new, sums
-    # The integrals are states too, of whose rates the matrix knows; so what is linear in them closes to rounding.
-    gain = GAMMA * h * jax.jacfwd(lambda v: sum_rate(v, 0.0))(flat)
-    s1 = sum_rate(flat, 0.0) + gain @ k1
-    s2 = sum_rate(ahead, 1.0) - 2.0 * s1 + gain @ k2
+    # The integrals are states too, whose rates depend on the others; so what is linear in them closes to rounding.
+    begin, gains = jax.linearize(lambda v: sum_rate(v, 0.0), flat)
+    s1 = begin + GAMMA * h * gains(k1)
+    s2 = sum_rate(ahead, 1.0) - 2.0 * s1 + GAMMA * h * gains(k2)
     return new, whole(total + h * (1.5 * s1 + 0.5 * s2))

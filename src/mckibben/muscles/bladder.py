@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 
 from ..components import Scalar
@@ -28,12 +29,47 @@ ROUNDING_SHARE = 0.8
 
 def ramp(x: Any, width: Any) -> Scalar:
     """max(x, 0), rounded between -width/2 and width/2 (same unit as x, width > 0)."""
-    # A choice between pieces that meet with three derivatives: whichever is taken at a seam, value and slope are right.
-    # With clip and max, a compiler that computes y twice could count the slope at y = 1 never, half or twice.
     y = x / width + 0.5
-    y2 = y * y
-    rounded = width * y2 * y2 * y * (7.0 + y * (-14.0 + y * (10.0 - 2.5 * y)))
-    return jnp.where(y >= 1.0, x, jnp.where(y <= 0.0, 0.0, rounded))
+    return width * _rounded(y)
+
+
+@jax.custom_jvp
+def _rounded(y: Any) -> Scalar:
+    """The ramp over its width, of y = x/width + 1/2.
+
+    Its slope and its curvature are written out: derived, they would be many times longer, and the pieces that meet at a seam
+    would have to be told apart in each of them.
+    """
+    u = _within(y)
+    u2 = u * u
+    return u2 * u2 * (u * (7.0 + u * (-14.0 + u * (10.0 - 2.5 * u)))) + jnp.where(y > 1.0, y - 1.0, 0.0)
+
+
+@jax.custom_jvp
+def _slope(y: Any) -> Scalar:
+    u = _within(y)
+    u2 = u * u
+    return u2 * u2 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+
+
+def _curvature(y: Any) -> Scalar:
+    u = _within(y)
+    bell = u - u * u
+    return 140.0 * (bell * bell * bell)
+
+
+def _within(y: Any) -> Scalar:
+    return jnp.where(y > 1.0, 1.0, jnp.where(y > 0.0, y, 0.0))
+
+
+@_rounded.defjvp
+def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
+    return _rounded(*primals), _slope(*primals) * tangents[0]
+
+
+@_slope.defjvp
+def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
+    return _slope(*primals), _curvature(*primals) * tangents[0]
 
 
 def gas_energy(
