@@ -17,7 +17,7 @@ import numpy as np
 
 from ..components.sampled import Plant, Software
 from ..errors import ConvergenceError
-from .integrate import MOST_PARTS, ROS2_LIMIT
+from .integration import MOST_PARTS, ROS2_LIMIT
 from .rates import RK4_LIMIT
 from .signals import Signal, Value
 from .step import step

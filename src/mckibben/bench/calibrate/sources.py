@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...components.system import Moment, System
-from ...engine.integrate import integrate
+from ...engine.integration import integrate
 from ...engine.signals import ramped
 from ...experiments.waveforms import Waveform
 from ..hardware.analogue import Sensor

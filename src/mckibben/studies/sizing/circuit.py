@@ -24,7 +24,7 @@ from ...assembly.muscle_unit import MuscleUnit
 from ...components import Environment, Scalar
 from ...components.flow import FlowElement
 from ...components.system import System
-from ...engine.integrate import march
+from ...engine.integration import march
 from ...engine.rates import RK4_LIMIT
 from ...engine.signals import Signal, held, ramped
 from ...muscles.law import TensionLaw

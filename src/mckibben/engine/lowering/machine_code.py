@@ -1,0 +1,158 @@
+"""LLVM assembly to machine code of this processor, kept on disk so that a program is compiled once.
+
+The folder is the user's cache folder, or the one that MCKIBBEN_KERNELS names; "off" keeps nothing. A file is named by a hash
+of everything its content depends on: the program, how it is called, processor, and versions of compiler and emitter.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...errors import MissingDataError
+
+VARIABLE = "MCKIBBEN_KERNELS"
+
+
+class Host(NamedTuple):
+    """The processor: its name, its features for LLVM, the bits of its vectors, and whether it divides quickly."""
+
+    cpu: str
+    features: str
+    bits: int
+    divides: bool
+
+
+class Loaded(NamedTuple):
+    """Machine code in memory; the engine owns it."""
+
+    address: int
+    engine: Any
+
+
+@functools.cache
+def llvm() -> Any:
+    """The binding of llvmlite, ready to compile.
+
+    Raises:
+        MissingDataError: if it is not installed.
+    """
+    try:
+        import llvmlite.binding as binding
+    except ImportError:
+        raise MissingDataError("Native kernels need llvmlite: pip install 'mckibben[native]'.") from None
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    return binding
+
+
+@functools.cache
+def host() -> Host:
+    """What processor this is."""
+    binding = llvm()
+    features = binding.get_host_cpu_features()
+    bits = 512 if features.get("avx512f") else 256 if features.get("avx") else 128
+    name = binding.get_host_cpu_name()
+    # measured on Zen 5: its division of whole vectors is faster than what stands for it elsewhere
+    return Host(name, features.flatten(), bits, name.startswith(("znver4", "znver5", "znver6")))
+
+
+@functools.cache
+def emitter_version() -> str:
+    """A hash of this package's own sources, without which a cache would outlive a change of them."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def attributes() -> str:
+    """Attributes of a function for this processor."""
+    at = host()
+    return f'"target-cpu"="{at.cpu}" "target-features"="{at.features}" "prefer-vector-width"="{at.bits}" nounwind '
+
+
+def compiled(text: str, effort: int = 2) -> bytes:
+    """Assembly to an object file."""
+    binding = llvm()
+    module = binding.parse_assembly(text)
+    module.verify()
+    return bytes(machine(effort).emit_object(module))
+
+
+def machine(effort: int = 2) -> Any:
+    """LLVM's description of this processor."""
+    binding, at = llvm(), host()
+    target = binding.Target.from_default_triple()
+    return target.create_target_machine(
+        cpu=at.cpu, features=at.features, opt=effort, reloc="pic", codemodel="jitdefault"
+    )
+
+
+def loaded(data: bytes) -> Loaded:
+    """An object file's kernel, ready to be called."""
+    binding = llvm()
+    module = binding.parse_assembly("")
+    engine = binding.create_mcjit_compiler(module, machine())
+    engine.add_object_file(binding.ObjectFileRef.from_data(data))
+    engine.finalize_object()
+    return Loaded(engine.get_function_address("kernel"), engine)
+
+
+def folder() -> Path | None:
+    """Where machine code is kept, or None."""
+    named = os.environ.get(VARIABLE)
+    if named == "off":
+        return None
+    if named:
+        return Path(named)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "mckibben" / "kernels"
+
+
+def key(*parts: Any) -> str:
+    """The name of machine code that depends on these parts, on this processor and on the versions here."""
+    import llvmlite
+
+    digest = hashlib.sha256()
+    for part in (*parts, *host(), llvmlite.__version__, emitter_version()):
+        data = part if isinstance(part, bytes) else repr(part).encode()
+        digest.update(len(data).to_bytes(8, "little") + data)
+    return digest.hexdigest()[:40]
+
+
+def kept(name: str, make: Callable[[], tuple[bytes, dict[str, Any]]]) -> tuple[bytes, dict[str, Any]]:
+    """Machine code and what its caller must know, from disk or made; a folder that cannot be written is no error."""
+    at = folder()
+    if at is None:
+        return make()
+    file = at / f"{name}.o"
+    with contextlib.suppress(OSError, ValueError, KeyError):
+        whole = file.read_bytes()
+        size = int.from_bytes(whole[:8], "little")
+        about = json.loads(whole[8 : 8 + size])
+        code = whole[8 + size :]
+        if hashlib.sha256(code).hexdigest() == about["sha256"]:
+            return code, about
+    code, about = make()
+    about["sha256"] = hashlib.sha256(code).hexdigest()
+    head = json.dumps(about).encode()
+    with contextlib.suppress(OSError):
+        at.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=at, delete=False) as part:
+            part.write(len(head).to_bytes(8, "little") + head + code)
+        os.replace(part.name, file)
+    return code, about

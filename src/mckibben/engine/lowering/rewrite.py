@@ -1,0 +1,290 @@
+"""What is alive in a graph, in which loop each node stands, and how a graph is made anew with other nodes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+from .graph import Buffer, Graph, Loop, Node, Store
+
+Rule = Callable[[Graph, Node, tuple[Node, ...]], "Node | None"]  # (new graph, old node, new arguments) -> new node
+
+
+class Alive(NamedTuple):
+    """What the results depend on.
+
+    Attributes:
+        nodes: in the order of making.
+        loops: likewise.
+        carried: by loop, the places that are needed.
+        buffers: that are read, or are results.
+    """
+
+    nodes: list[Node]
+    loops: list[Loop]
+    carried: dict[Loop, list[int]]
+    buffers: set[Buffer]
+
+
+def roots(buffer: Buffer) -> Iterable[Buffer]:
+    """A buffer and all in which it stands."""
+    found: Buffer | None = buffer
+    while found is not None:
+        yield found
+        found = found.within[0] if found.within else None
+
+
+def alive(graph: Graph) -> Alive:
+    """What the results depend on, through loops and memory."""
+    return _Search(graph).found()
+
+
+class _Search:
+    """Works backwards from the results; a store is needed if its buffer is."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.nodes: set[Node] = set()
+        self.loops: set[Loop] = set()
+        self.carried: dict[Loop, set[int]] = {}
+        self.buffers: set[Buffer] = set()
+        self.work: list[Node] = []
+        self.writers: dict[Buffer, list[tuple[Loop | None, Store]]] = {}
+        for loop, stores in [(None, graph.stores), *((x, x.stores) for x in graph.loops)]:  # type: Any
+            for store in stores:
+                self.writers.setdefault(store.buffer, []).append((loop, store))
+        self.inside: dict[Buffer, list[Buffer]] = {}
+        for buffer in graph.buffers:
+            if buffer.within:
+                self.inside.setdefault(buffer.within[0], []).append(buffer)
+
+    def found(self) -> Alive:
+        for buffer in self.graph.buffers:
+            if buffer.role == "result":
+                self.buffer(buffer)
+        while self.work:
+            self.node(self.work.pop())
+        order = sorted(self.nodes, key=lambda n: n.serial)
+        loops = [x for x in self.graph.loops if x in self.loops]
+        return Alive(order, loops, {x: sorted(self.carried.get(x, ())) for x in loops}, self.buffers)
+
+    def want(self, node: Node | None) -> None:
+        if node is not None and node not in self.nodes:
+            self.nodes.add(node)
+            self.work.append(node)
+
+    def buffer(self, buffer: Buffer) -> None:
+        if buffer in self.buffers:
+            return
+        self.buffers.add(buffer)
+        for loop, store in self.writers.get(buffer, ()):
+            self.want(store.index)
+            self.want(store.value)
+            if loop is not None:
+                self.loop(loop)
+        for other in (*self.inside.get(buffer, ()), *((buffer.within[0],) if buffer.within else ())):
+            self.buffer(other)
+        if buffer.within and buffer.within[2] is not None:
+            self.loop(buffer.within[2])
+
+    def loop(self, loop: Loop) -> None:
+        if loop in self.loops:
+            return
+        self.loops.add(loop)
+        self.want(loop.index)
+        if loop.pinned is not None:
+            self.loop(loop.pinned)
+        for node in loop.after:
+            self.want(node)
+        if isinstance(loop.trips, Node):
+            self.want(loop.trips)
+
+    def node(self, node: Node) -> None:
+        for arg in node.args:
+            self.want(arg)
+        if node.op == "load":
+            self.buffer(node.attr[0])
+        elif node.op == "table":
+            self.buffers.add(node.attr)
+        elif node.op == "index" or node.op == "done":
+            self.loop(node.attr)
+        elif node.op in ("phi", "end"):
+            loop, place = node.attr
+            self.loop(loop)
+            if place not in self.carried.setdefault(loop, set()):
+                self.carried[loop].add(place)
+                self.want(loop.phis[place])
+                self.want(loop.inits[place])
+                self.want(loop.nexts[place])
+
+
+def homes(graph: Graph, live: Alive) -> dict[Any, Loop | None]:
+    """The loop in which each node stands, as far out as what it depends on allows; the same for each loop itself."""
+    home: dict[Any, Loop | None] = {}
+    outer: dict[Loop, set[Loop]] = {x: set() for x in live.loops}  # what is used inside and stands outside
+    ends: dict[Loop, int] = {}
+
+    def deepest(found: Iterable[Loop | None]) -> Loop | None:
+        return max((x for x in found if x is not None), key=lambda x: x.depth, default=None)
+
+    def uses(loop: Loop, node: Node) -> None:
+        at = home[node]
+        if at is not None and at is not loop:
+            outer[loop].add(at)
+
+    def finish(loop: Loop) -> None:
+        if loop in home:
+            return
+        carried = [nodes[k] for nodes in (loop.inits, loop.nexts) for k in live.carried[loop]]
+        stored = [n for s in loop.stores if s.buffer in live.buffers for n in (s.index, s.value) if n is not None]
+        trips = [loop.trips] if isinstance(loop.trips, Node) else []
+        for node in (*carried, *stored, *loop.after, *trips):
+            uses(loop, node)
+        for store in loop.stores:
+            for buffer in roots(store.buffer):
+                if store.buffer in live.buffers and buffer.within and buffer.within[2] not in (None, loop):
+                    outer[loop].add(buffer.within[2])
+        if loop.pinned is not None:
+            outer[loop].add(loop.pinned)
+        home[loop] = deepest(outer[loop])
+        at = home[loop]
+        if at is not None:
+            outer[at] |= outer[loop] - {at}
+
+    position = {x: k for k, x in enumerate(live.loops)}
+    for node in live.nodes:
+        if node.op in ("index", "phi"):
+            home[node] = node.attr if node.op == "index" else node.attr[0]
+            continue
+        if node.op in ("end", "done"):
+            loop = node.attr if node.op == "done" else node.attr[0]
+            _finish_inner(loop, live, position, finish, ends)
+            home[node] = home[loop]
+            continue
+        at = home[node] = deepest(home[a] for a in node.args)
+        if at is not None:
+            for arg in node.args:
+                uses(at, arg)
+    for loop in reversed(live.loops):
+        finish(loop)
+    return home
+
+
+def _finish_inner(
+    loop: Loop, live: Alive, position: dict[Loop, int], finish: Callable[[Loop], None], ends: dict[Loop, int]
+) -> None:
+    """Finish a loop after those that were opened inside it: they follow it in the order of opening."""
+    k = position[loop] + 1
+    while k < len(live.loops) and live.loops[k].depth > loop.depth:
+        k += 1
+    for inner in reversed(live.loops[position[loop] + 1 : k]):
+        finish(inner)
+    finish(loop)
+
+
+def sinks(node: Node, live: Alive) -> list[Node]:
+    """What a loop must have made before it can end, for a node that waits for it: loops inside it included."""
+    loop = node.attr if node.op == "done" else node.attr[0]
+    found, inside = [], False
+    for x in live.loops:
+        inside = x is loop or (inside and x.depth > loop.depth)
+        if inside:
+            found += [n for k in live.carried[x] for n in (x.inits[k], x.nexts[k])]
+            found += [n for s in x.stores if s.buffer in live.buffers for n in (s.index, s.value) if n is not None]
+            found += [*x.after, *([x.trips] if isinstance(x.trips, Node) else [])]
+    return found
+
+
+def rewritten(
+    graph: Graph, rule: Rule, *, exact: bool, known: dict[Node, Node] | None = None, order: list[Node] | None = None
+) -> Graph:
+    """The living part of a graph made anew, node by node; the rule returns None where a node stays what it is.
+
+    Args:
+        graph: stays as it is.
+        rule: what becomes of a node.
+        exact: of the new graph.
+        known: filled with the new node of each old one.
+        order: of the nodes; as they were made where left out.
+    """
+    live = alive(graph)
+    for loop, places in live.carried.items():
+        places[:] = [k for k in places if loop.nexts[k] is not loop.phis[k]]
+    new = Graph(exact=exact)
+    known = {} if known is None else known
+    buffers = {
+        b: new.buffer(b.role, b.kind, b.shape, b.name, b.data)
+        for b in graph.buffers
+        if b in live.buffers or b.role == "argument"
+    }
+    loops: dict[Loop, Loop] = {}
+    for loop in live.loops:
+        made = Loop(len(new.loops), loop.depth, loop.trips if isinstance(loop.trips, int) else 0)
+        new.loops.append(made)
+        loops[loop] = made
+    for node in order or live.nodes:
+        known[node] = _again(new, node, known, loops, buffers, rule, live)
+    for loop in live.loops:
+        made = loops[loop]
+        if isinstance(loop.trips, Node):
+            made.trips = known[loop.trips]
+        made.index = new.once(("index", made), "index", (), made, "int")
+        made.inits = [known[loop.inits[k]] for k in live.carried[loop]]
+        made.nexts = [known[loop.nexts[k]] for k in live.carried[loop]]
+        made.phis = [known[loop.phis[k]] for k in live.carried[loop]]
+        made.pinned = None if loop.pinned is None else loops[loop.pinned]
+        made.after = [known[n] for n in loop.after]
+        made.stores = _stores(loop.stores, known, buffers)
+    new.stores = _stores(graph.stores, known, buffers)
+    for old, buffer in buffers.items():
+        if old.within:
+            inside, offset, at, by = old.within
+            buffer.within = (buffers[inside], offset, None if at is None else loops[at], by)
+    return new
+
+
+def _stores(stores: list[Store], known: dict[Node, Node], buffers: dict[Buffer, Buffer]) -> list[Store]:
+    return [
+        dataclasses.replace(
+            s, buffer=buffers[s.buffer], index=None if s.index is None else known[s.index], value=known[s.value]
+        )
+        for s in stores
+        if s.buffer in buffers and s.value in known
+    ]
+
+
+def _again(
+    new: Graph,
+    node: Node,
+    known: dict[Node, Node],
+    loops: dict[Loop, Loop],
+    buffers: dict[Buffer, Buffer],
+    rule: Rule,
+    live: Alive,
+) -> Node:
+    if node.op == "const":
+        return new.const(node.attr, node.kind)
+    if node.op == "index" or node.op == "done":
+        loop = loops[node.attr]
+        if isinstance(node.attr.trips, Node):
+            loop.trips = known[node.attr.trips] if node.attr.trips in known else loop.trips
+        return new.once((node.op, loop), node.op, (), loop, node.kind)
+    if node.op in ("phi", "end"):
+        old, k = node.attr
+        if old.nexts[k] is old.phis[k]:
+            return known[old.inits[k]]
+        loop, place = loops[old], live.carried[old].index(k)
+        return new.once((node.op, loop, place), node.op, (), (loop, place), node.kind)
+    args = tuple(known[a] for a in node.args)
+    attr = node.attr
+    if node.op == "load":
+        attr = (buffers[attr[0]], *attr[1:])
+    elif node.op == "table":
+        attr = buffers[attr]
+    found = rule(new, node, args)
+    if found is not None:
+        return found
+    if node.op == "table":
+        return new.once(("table", attr), "table", args, attr, "token")
+    return new.make(node.op, args, attr, node.kind)

@@ -1,0 +1,238 @@
+"""What becomes of the operations that move elements: shapes, slices, joins and reductions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from .arrays import (
+    SMALL,
+    Filled,
+    Joined,
+    Rows,
+    Update,
+    View,
+    as_node,
+    at,
+    clamped,
+    flat,
+    is_long,
+    is_zero,
+    kind_of,
+    minus,
+    plus,
+    shape_of,
+    solid,
+    times,
+    unwrapped,
+    within,
+)  # fmt: skip
+from .graph import Graph, Node
+from .trace import Tracer, kind_of_dtype, rule
+
+FEW = 32  # elements up to which parts of memory are joined outside of it
+
+
+def shaped(graph: Graph, shape: tuple[int, ...], kind: str, element: Callable[[tuple[Any, ...]], Node]) -> Any:
+    """A value from what stands at each index: written out where it is small."""
+    view = View(shape, kind, element)
+    return view if is_long(view) else unwrapped(solid(graph, view))
+
+
+@rule("broadcast_in_dim")
+def _broadcast(t: Tracer, eqn: Any, a: Any, *_: Any) -> Any:
+    shape, axes = tuple(eqn.params["shape"]), eqn.params["broadcast_dimensions"]
+    fill = a if isinstance(a, Node) else a.fill if isinstance(a, View) else None
+    if fill is not None:
+        filled = Filled(shape, fill)
+        return filled if is_long(filled) else unwrapped(solid(t.graph, filled))
+    sizes = shape_of(a)
+    if isinstance(a, Rows) and math.prod(sizes) == math.prod(shape):
+        return Rows(t.graph, a.buffer, shape, a.tokens, a.written)
+    return shaped(
+        t.graph,
+        shape,
+        kind_of(a),
+        lambda i: at(t.graph, a, tuple(0 if n == 1 else i[d] for d, n in zip(axes, sizes, strict=True))),
+    )
+
+
+@rule("reshape", "squeeze", "expand_dims")
+def _reshape(t: Tracer, eqn: Any, a: Any, *_: Any) -> Any:
+    g, shape, old = t.graph, tuple(eqn.outvars[0].aval.shape), shape_of(a)
+    if isinstance(a, Node):
+        return np.full(shape, a, object) if shape else a
+    if isinstance(a, np.ndarray):
+        return unwrapped(a.reshape(shape))
+    if isinstance(a, Rows):
+        rows = Rows(g, a.buffer, shape, a.tokens, a.written)
+        return rows if shape else rows.at(())
+    if isinstance(a, Filled):
+        return Filled(shape, a.node) if shape else a.node
+    if [n for n in shape if n != 1] == [n for n in old if n != 1]:
+
+        def same(index: tuple[Any, ...]) -> Node:
+            used = iter([i for i, n in zip(index, shape, strict=True) if n != 1])
+            return at(g, a, tuple(0 if n == 1 else next(used) for n in old))
+
+        return shaped(g, shape, a.kind, same)
+
+    def moved(index: tuple[Any, ...]) -> Node:
+        place, found = flat(g, index, shape), []
+        for n in reversed(old):
+            number = as_node(g, place)
+            found.append(g.make("rem", (number, g.const(n, "int"))))
+            place = g.make("quot", (number, g.const(n, "int")))
+        return at(g, a, tuple(reversed(found)))
+
+    return shaped(g, shape, a.kind, moved)
+
+
+@rule("transpose")
+def _transpose(t: Tracer, eqn: Any, a: Any) -> Any:
+    order = eqn.params["permutation"]
+    if isinstance(a, np.ndarray):
+        return a.transpose(order)
+    back = np.argsort(order)
+    return shaped(t.graph, eqn.outvars[0].aval.shape, kind_of(a), lambda i: at(t.graph, a, tuple(i[k] for k in back)))
+
+
+@rule("rev")
+def _rev(t: Tracer, eqn: Any, a: Any) -> Any:
+    g, axes, shape = t.graph, eqn.params["dimensions"], shape_of(a)
+
+    def back(index: tuple[Any, ...]) -> Node:
+        return at(
+            g,
+            a,
+            tuple(minus(g, n - 1, i) if d in axes else i for d, (i, n) in enumerate(zip(index, shape, strict=True))),
+        )
+
+    return shaped(g, shape, kind_of(a), back)
+
+
+@rule("slice")
+def _slice(t: Tracer, eqn: Any, a: Any) -> Any:
+    p = eqn.params
+    strides = p["strides"] or (1,) * len(p["start_indices"])
+    return sliced(t.graph, a, p["start_indices"], eqn.outvars[0].aval.shape, strides)
+
+
+def sliced(g: Graph, a: Any, start: Any, shape: tuple[int, ...], strides: Any = None) -> Any:
+    """Part of a value; the start may be nodes."""
+    strides = strides or (1,) * len(shape)
+
+    def element(index: tuple[Any, ...]) -> Node:
+        return at(g, a, tuple(plus(g, s, times(g, i, k)) for s, i, k in zip(start, index, strides, strict=True)))
+
+    if isinstance(a, Filled):
+        return Filled(shape, a.node)
+    if isinstance(a, Joined) and len(shape) == 1 and strides == (1,) and isinstance(start[0], int):
+        begin = 0
+        for part in a.parts:  # a part of its own, as the derivative of a join asks for it
+            if begin == start[0] and shape_of(part)[0] == shape[0]:
+                return part
+            begin += shape_of(part)[0]
+    return shaped(g, shape, kind_of(a), element)
+
+
+@rule("split")
+def _split(t: Tracer, eqn: Any, a: Any) -> Any:
+    axis, begin, found = eqn.params["axis"], 0, []
+    for n, var in zip(eqn.params["sizes"], eqn.outvars, strict=True):
+        start = [0] * len(shape_of(a))
+        start[axis] = begin
+        found.append(sliced(t.graph, a, start, var.aval.shape))
+        begin += n
+    return found
+
+
+@rule("concatenate")
+def _concatenate(t: Tracer, eqn: Any, *parts: Any) -> Any:
+    shape, axis = eqn.outvars[0].aval.shape, eqn.params["dimension"]
+    if math.prod(shape) <= FEW or not any(isinstance(p, View) for p in parts):
+        return np.concatenate([solid(t.graph, p) for p in parts], axis)
+    if axis:
+        raise NotImplementedError("long arrays can be joined along their first axis only")
+    flattened = [q for p in parts for q in (p.parts if isinstance(p, Joined) else [p])]
+    return Joined(t.graph, flattened, shape, kind_of(parts[0]))
+
+
+@rule("stack")
+def _stack(t: Tracer, eqn: Any, *parts: Any) -> Any:
+    axis = eqn.params.get("axis", 0)
+    if any(is_long(p) for p in parts):
+        raise NotImplementedError("long arrays can not be stacked")
+    written = [solid(t.graph, p) for p in parts]
+    out = np.empty((len(written), *shape_of(written[0])), object)
+    for k, part in enumerate(written):
+        out[k] = part
+    return np.moveaxis(out, 0, axis)
+
+
+@rule("pad")
+def _pad(t: Tracer, eqn: Any, a: Any, fill: Any) -> Any:
+    g, config, shape = t.graph, eqn.params["padding_config"], eqn.outvars[0].aval.shape
+    if any(low < 0 or high < 0 or inner for low, high, inner in config):
+        raise NotImplementedError("padding between elements, and padding that takes elements away, has no kernel")
+    if is_zero(fill) and math.prod(shape) > SMALL and kind_of(a) == "real":
+        return Update(g, shape, [(tuple(low for low, _, _ in config), a)])
+
+    def element(index: tuple[Any, ...]) -> Node:
+        inside, here = g.const(True, "bool"), []
+        for i, (low, _, _), n in zip(index, config, shape_of(a), strict=True):
+            place = minus(g, i, low)
+            inside = g.make("and", (inside, within(g, place, n)))
+            here.append(clamped(g, place, n))
+        return g.make("select", (inside, at(g, a, tuple(here)), fill))
+
+    return shaped(g, shape, kind_of(a), element)
+
+
+@rule("iota")
+def _iota(t: Tracer, eqn: Any, *_: Any) -> Any:
+    g, kind, axis = t.graph, kind_of_dtype(eqn.params["dtype"]), eqn.params["dimension"]
+
+    def element(index: tuple[Any, ...]) -> Node:
+        node = as_node(g, index[axis])
+        return node if kind == "int" else g.make("real", (node,), kind="real")
+
+    return shaped(g, eqn.params["shape"], str(kind), element)
+
+
+@rule("dynamic_slice")
+def _dynamic_slice(t: Tracer, eqn: Any, a: Any, *start: Any) -> Any:
+    g, sizes = t.graph, eqn.params["slice_sizes"]
+    begin = [clamped(g, s, n - k + 1) for s, n, k in zip(start, shape_of(a), sizes, strict=True)]
+    return sliced(g, a, begin, sizes)
+
+
+@rule("dynamic_update_slice")
+def _dynamic_update_slice(t: Tracer, eqn: Any, a: Any, block: Any, *start: Any) -> Any:
+    g, sizes, shape = t.graph, shape_of(block), shape_of(a)
+    begin = tuple(clamped(g, s, n - k + 1) for s, n, k in zip(start, shape, sizes, strict=True))
+    if math.prod(shape) > SMALL and is_zero(a) and kind_of(a) == "real":
+        return Update(g, shape, [(begin, block)])
+
+    def element(index: tuple[Any, ...]) -> Node:
+        inside, here = g.const(True, "bool"), []
+        for i, s, n in zip(index, begin, sizes, strict=True):
+            place = minus(g, i, s)
+            inside = g.make("and", (inside, within(g, place, n)))
+            here.append(clamped(g, place, n))
+        if inside.op == "const" and not inside.attr:
+            return at(g, a, index)
+        return g.make("select", (inside, at(g, block, tuple(here)), at(g, a, index)))
+
+    return shaped(g, shape, kind_of(a), element)
+
+
+@rule("empty", "empty2")
+def _empty_array(t: Tracer, eqn: Any, *_: Any) -> Any:
+    aval = eqn.outvars[0].aval
+    kind = kind_of_dtype(aval.dtype)
+    filled = Filled(aval.shape, t.graph.const(0, str(kind)))
+    return filled if is_long(filled) else unwrapped(solid(t.graph, filled))

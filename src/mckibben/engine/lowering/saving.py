@@ -1,0 +1,130 @@
+"""A graph as plain lists, and back: what a saved program holds. No pickle, so that reading a file runs nothing."""
+
+from __future__ import annotations
+
+import json
+import math
+import zlib
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from .graph import Buffer, Graph, Loop, Node, Store
+
+SCHEMA = 1
+
+
+def packed(graph: Graph, more: dict[str, Any]) -> bytes:
+    """A graph and what belongs to it."""
+    content = {
+        "schema": SCHEMA,
+        **more,
+        "buffers": [_buffer(b) for b in graph.buffers],
+        "nodes": [[n.op, n.kind, [a.serial for a in n.args], _attr(n)] for n in graph.nodes],
+        "loops": [_loop(x) for x in graph.loops],
+        "stores": [_store(s) for s in graph.stores],
+    }
+    return zlib.compress(json.dumps(content, separators=(",", ":")).encode(), 6)
+
+
+def unpacked(data: bytes, where: str) -> tuple[Graph, dict[str, Any]]:
+    """The graph, and what was saved with it.
+
+    Raises:
+        InputError: if it is not such a file, or of another schema.
+    """
+    try:
+        content = json.loads(zlib.decompress(data))
+        schema = content["schema"]
+    except (zlib.error, ValueError, KeyError, TypeError):
+        raise InputError("program", "unreadable", "allowed is a file that Program.save wrote", where=where) from None
+    if schema != SCHEMA:
+        raise InputError("schema", schema, f"this release reads {SCHEMA}", where=where)
+    try:
+        return _Reader(content).graph(), {k: content[k] for k in ("arguments", "results", "title")}
+    except (KeyError, IndexError, ValueError, TypeError):
+        raise InputError("program", "damaged", "allowed is a file that Program.save wrote", where=where) from None
+
+
+def _number(value: Any) -> Any:
+    return value if not isinstance(value, float) or math.isfinite(value) else repr(value)
+
+
+def _attr(node: Node) -> Any:
+    if node.op == "const":
+        return _number(node.attr)
+    if node.op == "load":
+        return [node.attr[0].serial, *node.attr[1:]]
+    if node.op in ("index", "done"):
+        return node.attr.serial
+    if node.op in ("phi", "end"):
+        return [node.attr[0].serial, node.attr[1]]
+    return node.attr.serial if node.op == "table" else node.attr
+
+
+def _buffer(b: Buffer) -> list[Any]:
+    within = None
+    if b.within:
+        within = [b.within[0].serial, b.within[1], None if b.within[2] is None else b.within[2].serial, b.within[3]]
+    data = None if b.data is None else [_number(v) for v in np.asarray(b.data).tolist()]
+    return [b.role, b.kind, list(b.shape), b.name, data, within]
+
+
+def _loop(x: Loop) -> dict[str, Any]:
+    return {
+        "depth": x.depth, "trips": x.trips if isinstance(x.trips, int) else None,
+        "count": x.trips.serial if isinstance(x.trips, Node) else None,
+        "index": x.index.serial, "inits": [n.serial for n in x.inits],
+        "phis": [n.serial for n in x.phis], "nexts": [n.serial for n in x.nexts], "after": [n.serial for n in x.after],
+        "stores": [_store(s) for s in x.stores], "pinned": None if x.pinned is None else x.pinned.serial,
+    }  # fmt: skip
+
+
+def _store(s: Store) -> list[Any]:
+    return [s.buffer.serial, s.scale, s.offset, None if s.index is None else s.index.serial, s.value.serial, s.adds]
+
+
+class _Reader:
+    def __init__(self, content: dict[str, Any]) -> None:
+        self.content, self.out = content, Graph()
+
+    def graph(self) -> Graph:
+        g, content = self.out, self.content
+        for role, kind, shape, name, data, _ in content["buffers"]:
+            g.buffer(role, kind, shape, name, None if data is None else np.array([float(v) for v in data]))
+        g.loops = [Loop(k, x["depth"], x["trips"] or 0) for k, x in enumerate(content["loops"])]
+        for buffer, row in zip(g.buffers, content["buffers"], strict=True):
+            if row[5]:
+                inside, offset, loop, by = row[5]
+                buffer.within = (g.buffers[inside], offset, None if loop is None else g.loops[loop], by)
+        for op, kind, args, attr in content["nodes"]:
+            node = Node(op, tuple(g.nodes[a] for a in args), self.attr(op, kind, attr), kind, len(g.nodes))
+            g.nodes.append(node)
+        for loop, saved in zip(g.loops, content["loops"], strict=True):
+            if saved["trips"] is None:
+                loop.trips = g.nodes[saved["count"]]
+            loop.index = g.nodes[saved["index"]]
+            for name in ("inits", "phis", "nexts", "after"):
+                setattr(loop, name, [g.nodes[n] for n in saved[name]])
+            loop.pinned = None if saved["pinned"] is None else g.loops[saved["pinned"]]
+            loop.stores = [self.store(s) for s in saved["stores"]]
+        g.stores = [self.store(s) for s in content["stores"]]
+        return g
+
+    def attr(self, op: str, kind: str, attr: Any) -> Any:
+        g = self.out
+        if op == "const":
+            return float(attr) if kind == "real" else attr
+        if op == "load":
+            return (g.buffers[attr[0]], *attr[1:])
+        if op in ("index", "done"):
+            return g.loops[attr]
+        if op in ("phi", "end"):
+            return g.loops[attr[0]], attr[1]
+        return g.buffers[attr] if op == "table" else attr
+
+    def store(self, row: list[Any]) -> Store:
+        buffer, scale, offset, index, value, adds = row
+        g = self.out
+        return Store(g.buffers[buffer], scale, offset, None if index is None else g.nodes[index], g.nodes[value], adds)

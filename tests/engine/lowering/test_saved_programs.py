@@ -1,0 +1,77 @@
+"""A program is saved, and runs in a process that never loads JAX; machine code is kept on disk."""
+
+import json
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+from lowered_systems import positions, rubbing
+
+from mckibben.engine.lowering import Program, machine_code
+from mckibben.engine.native import compiled
+
+WITHOUT_JAX = """
+import json, sys
+import numpy as np
+from mckibben.engine.lowering import Program
+program = Program.load(sys.argv[1])
+values = np.load(sys.argv[2])
+found = program.run({leaf.name: values[f"a{k}"] for k, leaf in enumerate(program.arguments)}, lanes=5)
+heavy = [m for m in ("jax", "scipy", "equinox") if m in sys.modules]
+print(json.dumps({"heavy": heavy, "found": [v.tolist() for v in found.values()]}))
+"""
+
+
+@pytest.fixture(scope="module")
+def run():
+    return compiled(positions(), *rubbing(), engine="native")
+
+
+def arguments():
+    system, *rest = rubbing()
+    return system.replace(mass=np.linspace(0.3, 0.7, 5)), *rest
+
+
+def test_a_saved_program_runs_without_jax_and_gives_the_same_bits(run, tmp_path):
+    file, values = tmp_path / "rubbing.kernel", tmp_path / "values.npz"
+    run.program.save(file)
+    np.savez(values, **{f"a{k}": leaf for k, leaf in enumerate(jax.tree.leaves(arguments()))})
+    done = subprocess.run([sys.executable, "-c", WITHOUT_JAX, file, values], capture_output=True, text=True, check=True)
+    told = json.loads(done.stdout)
+    assert told["heavy"] == []
+    np.testing.assert_array_equal(told["found"][0], run(*arguments(), lanes=5))
+
+
+def test_saving_and_loading_changes_nothing(run, tmp_path):
+    run.program.save(tmp_path / "a.kernel")
+    again = Program.load(tmp_path / "a.kernel")
+    again.save(tmp_path / "b.kernel")
+    assert (tmp_path / "a.kernel").read_bytes() == (tmp_path / "b.kernel").read_bytes()
+    differs = frozenset([3])
+    assert again.assembly(differs, lanes=True)[0] == run.program.assembly(differs, lanes=True)[0]
+
+
+def test_machine_code_is_compiled_once_and_a_damaged_file_is_made_anew(run, tmp_path, monkeypatch):
+    monkeypatch.setenv(machine_code.VARIABLE, str(tmp_path))
+    made = []
+    real = machine_code.compiled
+    monkeypatch.setattr(machine_code, "compiled", lambda text: made.append(1) or real(text))
+    leaves = jax.tree.leaves(arguments())
+    first = Program.unpacked(run.program.packed).call(leaves, lanes=5)[0]
+    second = Program.unpacked(run.program.packed).call(leaves, lanes=5)[0]
+    assert len(made) == 1
+    (file,) = tmp_path.glob("*.o")
+    file.write_bytes(file.read_bytes()[:-200])
+    third = Program.unpacked(run.program.packed).call(leaves, lanes=5)[0]
+    assert len(made) == 2
+    np.testing.assert_array_equal(first, second)
+    np.testing.assert_array_equal(first, third)
+
+
+def test_a_folder_that_cannot_be_written_is_no_error(run, tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv(machine_code.VARIABLE, str(tmp_path / "file"))
+    found = Program.unpacked(run.program.packed).call(jax.tree.leaves(arguments()), lanes=5)[0]
+    np.testing.assert_array_equal(found, run(*arguments(), lanes=5))
