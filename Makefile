@@ -35,10 +35,8 @@ lint: $(VENV)/.test ## Style, types and the import order of the house
 	$(RUN) mypy
 	$(BIN)/lint-imports --no-logo
 
-bench: $(VENV)/.test ## Compare speed and pressure with other programs, on an idle machine
-	$(BIN)/python benchmarks/fonsim_tank.py
-	$(BIN)/python benchmarks/recording_rate.py
-	$(BIN)/python benchmarks/wall_clock.py
+bench: $(VENV)/.test ## Measure speeds against C and other programs, an hour on an idle machine
+	$(BIN)/python benchmarks/suite.py
 
 docs: $(VENV)/.docs ## Build the documentation; its examples are executed
 	$(BIN)/python docs/build.py

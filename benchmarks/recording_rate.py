@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import statistics
 import time
 
@@ -34,13 +35,19 @@ def measured(rate: float, runs: int) -> tuple[float, float, int]:
 
 
 def main() -> None:
-    """Print a line per sample rate."""
+    """Print a line per sample rate, or all as one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=5)
-    runs = parser.parse_args().runs
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of lines")
+    given = parser.parse_args()
+    rows = []
     for rate in (1000.0, 5000.0):
-        values, speed, channels = measured(rate, runs)
-        print(f"{rate:.0f} samples/s: {values:.3g} values/s of {channels} channels, {speed:.2f} x real time")
+        values, speed, channels = measured(rate, given.runs)
+        rows.append({"sample_rate": rate, "values_per_second": values, "real_time": speed, "channels": channels})
+        if not given.json:
+            print(f"{rate:.0f} samples/s: {values:.3g} values/s of {channels} channels, {speed:.2f} x real time")
+    if given.json:
+        print(json.dumps(rows))
 
 
 if __name__ == "__main__":

@@ -60,7 +60,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--rates", type=float, nargs="+", default=[1000.0, 5000.0])
     parser.add_argument("--only", choices=("process", "serial"))
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of lines")
     given = parser.parse_args()
+    rows = []
     for serial in (False, True):
         if given.only is not None and serial != (given.only == "serial"):
             continue
@@ -70,6 +72,13 @@ def main() -> None:
                 record, took, spent = measured(rate, given.seconds, serial=serial, log=log)
                 size = log.stat().st_size
             late = record.meta["deadlines"]
+            rows.append({
+                "way": "serial line" if serial else "one process", "sample_rate": rate, "channels": len(record.channels),
+                "result": record.meta["result"], "samples": late["samples"], "late": late["late"], "behind": late["behind"],
+                "lateness": late["percentiles"], "core": spent / took,
+            })  # fmt: skip
+            if given.json:
+                continue
             half, most, nearly, largest = (1e3 * x for x in late["percentiles"])
             print(
                 f"{'serial line' if serial else 'one process'}, {rate:.0f} samples/s, {len(record.channels)} channels: "
@@ -80,6 +89,8 @@ def main() -> None:
             )
             if record.meta["result"] != "done":
                 print(f"  {record.meta['message']}")
+    if given.json:
+        print(json.dumps(rows))
 
 
 if __name__ == "__main__":

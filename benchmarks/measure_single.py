@@ -1,0 +1,109 @@
+"""One muscle: against SciPy's LSODA with a right-hand side in plain Python, and on the yardstick S1."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import cases
+import numpy as np
+import yardstick
+from compiled_c import Kernel
+from engines import ENGINES
+from measure_batches import error
+from plain_muscle import rate_of
+from timing import in_turns
+
+DURATION, TARGET = 2.0, 1e-3  # [s]; largest error over a channel's range
+PATH = 10.0  # of S1 [s]
+
+
+def muscle(quick: bool) -> tuple[list[Any], dict[str, float]]:
+    """The full muscle for 2 s with outputs at 1 kHz: whoever is fastest with an error below 1e-3."""
+    from scipy.integrate import odeint, solve_ivp
+
+    case = dataclasses.replace(cases.tube(), straight=True)
+    batch = cases.batch(case, 1, round(DURATION / cases.PERIOD))
+    times = cases.PERIOD * np.arange(batch.samples + 1)
+    names = [*case.paths, *case.constants]
+    numbers = dict(zip(names, (float(x) for x in batch.parameters(names)[:, 0]), strict=True))
+    rate = rate_of(numbers, lambda t: cases.ROOM + 2.5e5 - 2e5 * math.cos(4.0 * math.pi * t))
+    start, span = batch.state()[:, 0], (0.0, float(times[-1]))
+    scale = np.array([1e-3, 1e-2, 1e5, 1e-5, 1e-4, 1e-3])
+
+    def lsoda(tolerance: float) -> Any:
+        # LSODA's own loop, which `solve_ivp` would turn in Python
+        found = odeint(rate, start, times, tfirst=True, rtol=tolerance, atol=tolerance * scale, hmax=0.05)
+        return found[:, [0]], found[:, [2]]
+
+    found = solve_ivp(rate, span, start, "DOP853", times, rtol=1e-9, atol=1e-9 * scale, max_step=0.05).y
+    exact = found[0][:, None], found[2][:, None]
+    runs: dict[str, Any] = {}
+    for name, make in ENGINES.items():
+        for inner in (1, 2, 5, 10):
+            run = make(batch, inner=inner)
+            if error(run(), exact) < TARGET:
+                runs[f"{name}, {1e3 * cases.PERIOD / inner:g} ms"] = run
+                break
+    for tolerance in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7):
+        if error(lsoda(tolerance), exact) < TARGET:
+            runs[f"LSODA, {tolerance:g}"] = lambda t=tolerance: lsoda(t)
+            break
+    off = {name: error(run(), exact) for name, run in runs.items()}
+    taken = in_turns(runs, 3 if quick else 11)
+    base = next(name for name in runs if name.startswith("LSODA"))
+    rows = [
+        {
+            "group": "single",
+            "case": "muscle",
+            "engine": name,
+            "seconds": taken.median(name),
+            "dtype": "float64",
+            "real_time": DURATION / taken.median(name),
+            "error": off[name],
+            "vs_lsoda": taken.ratio(base, name),
+        }
+        for name in runs
+    ]
+    best = {name.split(",")[0]: taken.ratio(base, name) for name in runs if name != base}
+    return rows, best
+
+
+def s1(quick: bool, folder: Path) -> tuple[list[Any], dict[str, float], Path]:
+    """S1 for 10 s at 100 us, against the C kernel at the same step and the exact path."""
+    batch = cases.batch(cases.s1(), 1, round(PATH / cases.PERIOD))
+    times = cases.PERIOD * np.arange(batch.samples + 1)
+    exact = yardstick.reference(times)
+    known = folder / "s1.npz"
+    np.savez(known, time=times, contraction=exact[0], pressure=exact[2])
+    runs: dict[str, Any] = {"C": Kernel("s1", single=True).prepared(batch, cases.INNER, cases.PERIOD)}
+    runs |= {name: make(batch) for name, make in ENGINES.items()}
+    off = {name: float(np.abs(run()[0][:, 0] - exact[0]).max()) for name, run in runs.items()}
+    taken = in_turns(runs, 3 if quick else 11)
+    rows = [
+        {
+            "group": "s1",
+            "case": "s1",
+            "engine": name,
+            "seconds": taken.median(name),
+            "dtype": "float64",
+            "lanes": 1,
+            "real_time": PATH / taken.median(name),
+            "off": off[name],
+            "vs_c": taken.ratio("C", name),
+            "error": off[name] / float(np.ptp(exact[0])),
+        }
+        for name in runs
+    ]
+    return rows, {name: taken.ratio("C", name) for name in runs}, known
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Both; the path of S1 is kept for the programs that are compared on it."""
+    rows, vs_lsoda = muscle(quick)
+    folder = Path(tempfile.mkdtemp(prefix="mckibben-bench-"))
+    more, vs_c, known = s1(quick, folder)
+    return {"rows": rows + more, "vs_lsoda": vs_lsoda, "s1_vs_c": vs_c, "reference": str(known)}

@@ -1,0 +1,191 @@
+"""The page and the pictures of a benchmark run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+TITLES = {
+    "batch": "Many muscles on one core",
+    "peak": "The processor's peak",
+    "single": "One muscle for 2 s",
+    "s1": "Yardstick S1, 10 s",
+    "cores": "Two cores",
+    "rig": "Many muscles in one machine",
+    "gradients": "Derivatives of whole runs",
+    "startup": "First result of a fresh process",
+    "peers": "Other programs",
+    "tank": "FONSim's network",
+    "work": "Pieces of work",
+    "clock": "The loop by the wall clock",
+}
+COLUMNS = {
+    "program": "program",
+    "case": "case",
+    "engine": "engine",
+    "setting": "setting",
+    "lanes": "muscles",
+    "muscles": "muscles in it",
+    "states": "states",
+    "dtype": "numbers",
+    "rate": "per second",
+    "real_time": "x real time",
+    "seconds": "seconds",
+    "cpu": "processor s",
+    "whole": "whole process s",
+    "compile": "compilation s",
+    "vs_c": "of C",
+    "vs_lsoda": "x LSODA",
+    "vs_primal": "x primal",
+    "operations_per_step": "operations per step",
+    "reached": "reached op/s",
+    "peak": "peak op/s",
+    "share": "share",
+    "error": "error",
+    "late": "late",
+    "samples": "samples",
+}
+
+
+def write(result: dict[str, Any], folder: Path) -> None:
+    """Write results.md and its pictures."""
+    drawn = [name for name, draw in PICTURES.items() if draw(result, folder / f"{name}.svg")]
+    (folder / "results.md").write_text(text(result, drawn))
+
+
+def text(result: dict[str, Any], drawn: list[str]) -> str:
+    """The page."""
+    m = result["machine"]
+    lines = [
+        "# Benchmarks",
+        "",
+        f"Run of {result['started']} on {m['processor']}, {m['cores']} cores, {m['compiler']}, Python {m['python']}, "
+        + ", ".join(f"{name} {v}" for name, v in m["versions"].items() if v)
+        + ".",
+        "",
+        "Medians of one run, everything side by side. An error is the largest deviation from a converged result over",
+        "the range of the channel. Full muscle: length, velocity, pressure, gas, tube flow, friction; Runge-Kutta at",
+        "100 us, outputs at 1 kHz.",
+        "",
+    ]
+    if result["quick"]:
+        lines += ["**A quick run: it shows that everything works; its numbers mean little.**", ""]
+    lines += ["| | measured | wanted | |", "|---|---|---|---|"]
+    for name, want in result["wanted"].items():
+        got = result["ratios"].get(name)
+        fair = got is not None and (got >= want["value"] if want["sign"] == ">=" else got <= want["value"])
+        lines.append(
+            f"| {want['meaning']} | {'not measured' if got is None else f'{got:.3g}'} | {want['sign']} {want['value']:g} | "
+            f"{'' if got is None else 'yes' if fair else 'no'} |"
+        )
+    lines += [""]
+    for name in drawn:
+        lines += [f"![{PICTURE_TITLES[name]}]({name}.svg)", ""]
+    for group, title in TITLES.items():
+        rows = [row for row in result["rows"] if row["group"] == group]
+        if rows:
+            lines += [f"## {title}", "", *table(rows), ""]
+    for engine, line in result["linear"].items():
+        lines.append(
+            f"Cost of {engine} against batch size over {line['decades']:.1f} decades: power {line['exponent']:.3f}, at most "
+            f"a factor {line['off']:.2f} off it."
+        )
+    notes = [f"{name}: {why}" for name, why in result["left_out"].items()] + result["notes"]
+    if notes:
+        lines += ["", "## Left out", "", *(f"- {note}" for note in notes)]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def table(rows: list[dict[str, Any]]) -> list[str]:
+    """Rows as Markdown, with the columns that they have."""
+    keys = [key for key in COLUMNS if any(key in row for row in rows)]
+    lines = ["| " + " | ".join(COLUMNS[key] for key in keys) + " |", "|" + "---|" * len(keys)]
+    for row in rows:
+        lines.append("| " + " | ".join(cell(row, key) for key in keys) + " |")
+    return lines
+
+
+def cell(row: dict[str, Any], key: str) -> str:
+    """One value."""
+    value = row.get(key, "")
+    if not isinstance(value, float):
+        return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
+    unit = f" {row['error_unit']}" if key == "error" and "error_unit" in row else ""
+    return f"{value:.3g}{unit}"
+
+
+def _axes(title: str, size: tuple[float, float] = (7.0, 4.2)) -> Any:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=size, layout="constrained")
+    axes.set_title(title, fontsize=11, loc="left")
+    axes.grid(alpha=0.25, which="both", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def _saved(figure: Any, path: Path) -> bool:
+    import matplotlib.pyplot as plt
+
+    with plt.rc_context({"svg.hashsalt": "mckibben"}):
+        figure.savefig(path, metadata={"Date": None})
+    plt.close(figure)
+    return True
+
+
+def batches(result: dict[str, Any], path: Path) -> bool:
+    """Rate against the size of a batch."""
+    rows = [r for r in result["rows"] if r["group"] == "batch" and r["case"] == "muscle"]
+    if not rows:
+        return False
+    figure, axes = _axes(PICTURE_TITLES["batches"])
+    names = list(dict.fromkeys((r["engine"], r["dtype"]) for r in rows))
+    engines = list(dict.fromkeys(name for name, _ in names))
+    for engine, dtype in names:
+        mine = sorted((r["lanes"], r["rate"]) for r in rows if (r["engine"], r["dtype"]) == (engine, dtype))
+        axes.loglog(
+            *zip(*mine, strict=True),
+            "o-" if dtype == "float64" else "s--",
+            color=f"C{engines.index(engine)}",
+            ms=4,
+            lw=1.4,
+            label=f"{engine}, {dtype}",
+        )
+    axes.set_xlabel("muscles in the batch")
+    axes.set_ylabel("muscle-steps per second, one core")
+    axes.legend(fontsize=8, frameon=False, ncols=2)
+    return _saved(figure, path)
+
+
+def errors(result: dict[str, Any], path: Path) -> bool:
+    """Simulated time per second against error, one muscle, all programs."""
+    rows = [
+        r
+        for r in result["rows"]
+        if r["group"] in ("single", "s1", "peers", "tank") and r.get("error") and r.get("real_time")
+    ]
+    if not rows:
+        return False
+    figure, axes = _axes(PICTURE_TITLES["errors"], (7.0, 5.0))
+    names = list(dict.fromkeys(name_of(r) for r in rows))
+    for i, name in enumerate(names):
+        mine = [(r["error"], r["real_time"]) for r in rows if name_of(r) == name]
+        axes.loglog(*zip(*mine, strict=True), "osD^vP*X"[i % 8], color=f"C{i % 10}", ms=6, label=name)
+    axes.set_xlabel("largest error over the range, each against its own converged result")
+    axes.set_ylabel("simulated seconds per second")
+    axes.legend(fontsize=7, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return _saved(figure, path)
+
+
+def name_of(row: dict[str, Any]) -> str:
+    """Program and case of a row, for a legend."""
+    who = row.get("program") or f"mckibben, {row['engine'].split(',')[0]}"
+    who = row["engine"].split(",")[0] if row.get("engine", "").startswith(("C", "LSODA")) else who
+    return f"{who}: {row['case'].split(', error')[0]}"
+
+
+PICTURES = {"batches": batches, "errors": errors}
+PICTURE_TITLES = {"batches": "Full muscle with gas and friction", "errors": "One machine: speed against error"}
