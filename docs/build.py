@@ -28,20 +28,22 @@ sys.path.insert(0, str(DOCS))
 import examples  # noqa: E402
 import generated  # noqa: E402
 import kept  # noqa: E402
+import notebooks  # noqa: E402
 
 
 def sources() -> list[Path]:
-    """The written pages, in order."""
-    return sorted(DOCS.rglob("*.md"))
+    """The written pages and the notebooks, in order."""
+    return sorted([*DOCS.rglob("*.md"), *DOCS.rglob("*.ipynb")])
 
 
 def stage(*, fresh: bool = False) -> None:
     """Write all pages with the output of their examples into the stage."""
     shutil.rmtree(STAGE, ignore_errors=True)
     for path in DOCS.rglob("*"):
-        if path.is_file() and path.suffix in (".css", ".png", ".svg"):
+        if path.is_file() and path.suffix in (".css", ".png", ".svg", ".ipynb"):
             _write(path.relative_to(DOCS), path.read_bytes())
-    made = {p.relative_to(DOCS).as_posix(): p.read_bytes() for p in sources()} | dict.fromkeys(generated.PAGES, b"")
+    made = {p.relative_to(DOCS).with_suffix(".md").as_posix(): p.read_bytes() for p in sources()}
+    made |= dict.fromkeys(generated.PAGES, b"")
     for page in kept.make_all(made, make, fresh=fresh):
         _write(Path(page.name), (page.folder / "page.md").read_bytes())
         for figure in (page.folder / "figures").iterdir():
@@ -54,6 +56,8 @@ def make(name: str, figures: Path) -> str:
     """One page, generated or with the output of its examples; their figures go to a folder."""
     if name in generated.PAGES:
         return generated.PAGES[name](figures)
+    if (book := (DOCS / name).with_suffix(".ipynb")).is_file():
+        return notebooks.run_notebook(book, name, figures)
     return examples.run_page((DOCS / name).read_text(encoding="utf-8"), name, figures)
 
 
@@ -106,7 +110,9 @@ def main(words: list[str]) -> None:
     if pages:
         for page in pages:
             path = Path(page).resolve()
-            print(examples.run_page(path.read_text(encoding="utf-8"), page, ROOT / "build" / "examples" / path.stem))
+            figures = ROOT / "build" / "examples" / path.stem
+            figures.mkdir(parents=True, exist_ok=True)
+            print(make(path.relative_to(DOCS).with_suffix(".md").as_posix(), figures))
         return
     if "--readme" in words:
         import readme

@@ -287,109 +287,25 @@ def literature(_: Path) -> str:
     )
 
 
-def fitted_maps() -> list[tuple[Any, Any, list[Any]]]:
-    """Every shipped force map as (specimen, points, fits of all laws), trained up to 4 bar besides."""
-    from mckibben.identification import fit_all
-    from mckibben.recordings import read_force_map
-    from mckibben.specimens import map_file
-    from mckibben.specimens import specimens as known
-
-    found = []
-    for s in known():
-        if s.map:
-            points = read_force_map(map_file(s), rest_length=s.property_si("rest_length", "m"))
-            dimensions = {
-                "rest_diameter": s.property_si("rest_inner_diameter", "m"),
-                "wall_thickness": s.property_si("wall_thickness", "m"),
-            }
-            found.append((s, points, fit_all(points, known=dimensions, train_below=4e5)))
-    return found
-
-
-def validation(stage: Path) -> str:
-    """Every law against every force map that ships, and the rows of the papers."""
-    from mckibben.identification import evaluate
-    from mckibben.muscles import law_from_specimen
-    from mckibben.report.figures import fit_figures, style
-    from mckibben.report.study import Study
+def papers(_: Path) -> str:
+    """The papers' rows that need no recording, beside ours."""
     from mckibben.reproduction import reproduce
 
-    parts = []
-    pictures = stage / "assets" / "generated" / "validation"
-    pictures.mkdir(parents=True, exist_ok=True)
-    for s, points, fits in fitted_maps():
-        printed = [
-            (f"{law.title}, as published", evaluate(law, points))
-            for name in s.laws
-            if not any(p.note.startswith("fitted") for p in s.laws[name].values())
-            for law in [law_from_specimen(s, name)]
-        ]
-        share = lambda newton: _share(newton, points.largest)  # noqa: B023, E731
-        rows = [
-            [
-                f"`{f.law}`",
-                str(len(f.parameters)),
-                f"{f.rmse:.2f} N",
-                share(f.max_error),
-                *(share(f.cross[k].max_error if k in f.cross else None) for k in ("pressure", "length", "block")),
-                share(f.holdout.max_error if f.holdout else None),
-                "" if f.converged else "did not converge",
-            ]
-            for f in fits
-        ]
-        rows += [
-            [t, "0", f"{(e**2).mean() ** 0.5:.2f} N", share(abs(e).max()), "-", "-", "-", "-", ""] for t, e in printed
-        ]
-        style.save(fit_figures.ranking(Study(s.title, s, points, fits, printed)), pictures / f"{s.id}-ranking.svg")
-        for f in fits[:2]:
-            style.save(fit_figures.tension_curves(f, points), pictures / f"{s.id}-{f.law}.svg")
-        parts += [
-            f"## {s.title}",
-            f"{int(points.taut.sum())} points with tension of {len(points)}, largest {points.largest:.1f} N. All errors but the rmse are the "
-            "largest single one, as a share of the largest force.",
-            _table(
-                ["law", "free", "rmse", "largest", "pressure out", "length out", "block out", "above 4 bar", ""],
-                rows,
-                right=range(1, 8),
-            ),
-            f"![Ranking of the laws on {s.title}](../../assets/generated/validation/{s.id}-ranking.svg)",
-            *(
-                f"![Measured and fitted tension of {s.title}, {f.law}](../../assets/generated/validation/{s.id}-{f.law}.svg)"
-                for f in fits[:2]
-            ),
-        ]
     outcomes = reproduce(recordings=False)
     done = [o for o in outcomes if o.ours is not None]
     short = [o for o in done if o.ok is False]
     rows = []
     for o in done:
         paper = " to ".join(f"{v:g}" for v in o.row.paper) if isinstance(o.row.paper, tuple) else f"{o.row.paper:g}"
-        rows.append(
-            [
-                f"`{o.row.id}`",
-                o.row.what,
-                paper,
-                f"{o.ours:.4g}",
-                "" if o.row.unit == "-" else o.row.unit,
-                o.verdict,
-                o.note,
-            ]
-        )
-    parts += [
-        "## The papers, number by number",
-        f"{len(done)} of {len(outcomes)} printed numbers are computed so far, {len(short)} fall short. *Calibrated* means that an input "
-        "was inferred from that row or its companion, so that agreement is no prediction.",
-        _table(["row", "what", "paper", "ours", "unit", "verdict", "note"], rows, right=(2, 3)),
-    ]
+        ours, unit = f"{o.ours:.4g}", "" if o.row.unit == "-" else o.row.unit
+        rows.append([f"`{o.row.id}`", o.row.what, paper, ours, unit, o.verdict, o.note])
     return _page(
-        "Validation",
-        "Every law, fitted to every measured force map that ships: how well it meets what it was fitted to, and how well it "
-        "predicts what it was not shown. *Pressure out* leaves one pressure out at a time, refits, and predicts it; *length out* "
-        "and *block out* do the same with lengths and with patches of both; *above 4 bar* trains on gauge pressures up to 4 bar and "
-        "predicts the rest. [Uncertainty](../../explanation/uncertainty.md) says how to read these columns.",
-        "The page is made anew by every build of this site. The same numbers on your machine:",
-        '```console\n$ mckibben fit DMSP-10-250 DMSP-20-300 --train-below "4 bar"\n$ mckibben reproduce --no-recordings\n```',
-        *parts,
+        "The papers, number by number",
+        f"{len(done)} of the {len(outcomes)} printed numbers that this package reproduces, {len(short)} of them fall short; the other "
+        f"{len(outcomes) - len(done)} come from recordings of the simulated test machine, which take minutes. *Calibrated* means that an input "
+        "was inferred from that row or its companion, so that agreement is no prediction. All rows, and every figure of the papers:",
+        "```sh\n$ mckibben reproduce --out reproduction\n```",
+        _table(["row", "what", "paper", "ours", "unit", "verdict", "note"], rows, right=(2, 3)),
     )
 
 
@@ -397,30 +313,32 @@ def validation(stage: Path) -> str:
 
 ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "mckibben": ("mckibben", "The verbs of the package, `mckibben.fit` and so on. They load their rooms on first use.", ["VERBS"]),
-    "muscles": ("muscles", "What a muscle is.", [
-        "muscles.law", "muscles.muscle", "muscles.build", "muscles.braid", "muscles.bladder", "muscles.stop",
-        "muscles.elements", "muscles.creep",
-    ]),
-    "pneumatics": ("pneumatics", "What air does.", ["pneumatics.*", "pneumatics.tubes.*", "pneumatics.valves.*", "pneumatics.distributed.*"]),
+    "muscles": ("muscles", "What a muscle is.", ["muscles.*"]),
+    "pneumatics": ("pneumatics", "What air does.", ["pneumatics.**"]),
     "engine": ("engine", "Time.", ["engine.*"]),
-    "experiments": ("experiments", "What to do, as data.", ["experiments.*"]),
-    "assembly": ("assembly", "Muscle, circuit, load and joint become one state equation.", ["assembly.*"]),
-    "bench": ("bench", "Where it happens.", [
-        "bench.*", "bench.software.*", "bench.software.controllers.*", "bench.hardware.*", "bench.hardware.serial_line.*",
-        "bench.hardware.daq.*", "bench.calibrate.*",
-    ]),
-    "studies": ("studies", "Questions, answered as a whole.", ["studies.*", "studies.comparison.*"]),
+    "experiments": ("experiments", "What to do, as data.", ["experiments.**"]),
+    "assembly": ("assembly", "Muscle, circuit, load and joint become one state equation.", ["assembly.**"]),
+    "bench": ("bench", "Where it happens: rigs, runs on them, and the software of the machine.", ["bench.*", "bench.software.**"]),
+    "hardware": ("Hardware", "The parts of the machine, the hardware border, and what lies behind it.", ["bench.hardware.**"]),
+    "calibrate": ("Calibration", "Sensors, zeros, leak and frame of a bench.", ["bench.calibrate.**"]),
+    "session": ("Session and console", "A program that holds the machine, and who talks to it.", ["bench.session.**", "bench.console.**"]),
+    "bluesky": ("Bluesky", "The machine as devices for Bluesky.", ["bench.bluesky.**"]),
+    "studies": ("studies", "Questions, answered as a whole.", ["studies.*"]),
+    "sizing": ("Sizing", "Which muscle, valve, tube and gas source do what is wished for.", ["studies.sizing.**"]),
+    "comparison": ("Comparison", "Muscles beside biological muscle: Table 1, the same protocols, a search over elements.", ["studies.comparison.**"]),
     "laws": ("Tension laws", "One file per law; all of them have the methods of [TensionLaw](muscles.md).", ["muscles.laws.*"]),
     "hysteresis": ("Friction", "One file per model, under one interface.", ["components.element", "muscles.hysteresis.*"]),
     "biological": ("Biological muscle", "One file per effect, and the muscle that puts them together.", ["muscles.biological.*"]),
-    "identification": ("identification", "Parameters from measured data.", ["identification.*"]),
-    "recordings": ("recordings", "Measured data and how they are read.", ["recordings.*"]),
-    "analysis": ("analysis", "Numbers from laws and recordings.", ["analysis.*", "analysis.energy.*"]),
-    "specimens": ("specimens", "Published muscles as data.", ["specimens.load", "specimens.model", "specimens.published"]),
+    "identification": ("identification", "Parameters from measured data.", ["identification.**"]),
+    "recordings": ("recordings", "Measured data and how they are read.", ["recordings.**"]),
+    "analysis": ("analysis", "Numbers from laws and recordings.", ["analysis.*"]),
+    "energy": ("Energy of cycles", "Part IV of the paper: what goes in, what comes out, and where the rest goes.", ["analysis.energy.**"]),
+    "specimens": ("specimens", "Published muscles as data.", ["specimens.**"]),
     "components": ("components", "Interfaces, and the environment.", ["components.*"]),
     "edges": ("Edges", "Units, errors, citations and names.", ["quantities", "errors", "citations", "nomenclature", "documents"]),
-    "reproduction": ("reproduction", "The papers' numbers.", ["reproduction.*"]),
-    "report": ("report", "Figures, reports and files for people.", ["report.*", "report.figures.*"]),
+    "reproduction": ("reproduction", "The papers' numbers.", ["reproduction.**"]),
+    "report": ("report", "Reports and files for people.", ["report.*"]),
+    "figures": ("Figures", "All that is drawn.", ["report.figures.**"]),
 }  # fmt: skip
 # Modules of these pages that another page shows already, or that are private to their room.
 ELSEWHERE = {"components": {"element"}}
@@ -445,16 +363,20 @@ def _modules(entry: str, left_out: set[str]) -> list[str]:
     if entry == "VERBS":
         verbs = [getattr(mckibben, name) for name in mckibben.__all__ if not name.startswith("_")]
         return [f"{verb.__module__}.{verb.__name__}" for verb in verbs]
-    if not entry.endswith(".*"):
+    path, _, stars = entry.partition(".*")
+    if entry == path:
         return [f"mckibben.{entry}"]
-    package = importlib.import_module(f"mckibben.{entry[:-2]}")
-    inside = [m.name for m in pkgutil.iter_modules(package.__path__) if not m.ispkg and not m.name.startswith("_")]
-    return [f"mckibben.{entry[:-2]}.{m}" for m in inside if m not in left_out]
+    whole, package = stars == "*", importlib.import_module(f"mckibben.{path}")
+    inside = [m for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")]
+    found = [f"{package.__name__}.{m.name}" for m in inside if not m.ispkg and m.name not in left_out]
+    if whole:
+        found += [f for m in inside if m.ispkg for f in _modules(f"{path}.{m.name}.**", left_out)]
+    return found
 
 
 PAGES: dict[str, Callable[[Path], str]] = {
     f"{FOLDER}/{make.__name__}.md": make
-    for make in (nomenclature, parameters, cli, specimens, rigs, literature, validation)
+    for make in (nomenclature, parameters, cli, specimens, rigs, papers, literature)
 } | {f"reference/api/{name}.md": (lambda _, name=name: room(name)) for name in ROOMS}  # type: ignore[misc]
 
 
@@ -470,13 +392,6 @@ def _table(columns: list[str], rows: Iterable[list[str]], right: Iterable[int] =
     line = lambda cells: "| " + " | ".join(c.replace("|", "\\|").replace("\n", " ") for c in cells) + " |"  # noqa: E731
     rule = "|" + "|".join("---:" if i in aligned else "---" for i in range(len(columns))) + "|"
     return "\n".join([line(columns), rule, *(line(r) for r in rows)])
-
-
-def _share(newton: float | None, largest: float) -> str:
-    if newton is None:
-        return "-"
-    share = newton / largest
-    return f"{100 * share:.2f} %" if share < 1.0 else "over 100 %" if share < 1e6 else "fails"
 
 
 def _first_line(owner: Any) -> str:

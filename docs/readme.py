@@ -1,26 +1,48 @@
-"""Bring the numbers in the README up to date: the output below its commands, and the ranking of the laws."""
+"""Bring the README up to date: what its commands print, and its pictures. `tests/habits/test_examples.py` says when it is not.
+
+All commands of its console blocks run, in order and in one empty folder with the examples beside. Output is put below a command where some
+stood there; a picture that a command writes, and that the README shows, goes to `docs/assets`.
+"""
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import shutil
+import tempfile
 from pathlib import Path
 
 from examples import ExampleError, run_command
-from generated import fitted_maps
 
-BEGIN, END = "<!-- ranking: python docs/build.py --readme -->\n", "<!-- end of ranking -->\n"
-NAMED = 4  # laws with a row of their own; the others share one
+ROOT = Path(__file__).resolve().parents[1]
+ASSETS = ROOT / "docs" / "assets"
+# Pictures of `make demo`, whose commands take minutes together.
+DEMO = {
+    "demo.png": ["fit", "DMSP-10-250", "DMSP-20-300", "--train-below", "4 bar", "--figure", str(ASSETS / "demo.png")],
+    "figure-3a.svg": ["reproduce", "--figure", "3a", "--out", str(ASSETS)],
+}
 
 
 def refresh(path: Path) -> None:
     """Write the README anew; only what is made by commands changes."""
     text = path.read_text(encoding="utf-8")
-    head, rest = text.split(BEGIN)
-    _, tail = rest.split(END)
-    text = head + BEGIN + "\n" + ranking() + "\n" + END + tail
-    text = re.sub(r"(?ms)^```console\n(.*?)^```", lambda m: f"```console\n{_commands(m[1])}```", text)
-    path.write_text(text, encoding="utf-8")
+    before = Path.cwd()
+    with tempfile.TemporaryDirectory() as folder:
+        shutil.copytree(ROOT / "examples", Path(folder) / "examples")
+        os.chdir(folder)
+        try:
+            text = re.sub(r"(?ms)^```console\n(.*?)^```", lambda m: f"```console\n{_commands(m[1])}```", text)
+        finally:
+            os.chdir(before)
+        for name in re.findall(r"\]\(docs/assets/([\w.-]+)\)", text):
+            if (made := Path(folder) / name).is_file():
+                shutil.copy(made, ASSETS / name)
+            elif name in DEMO:
+                _run(DEMO[name])
+            else:
+                raise ExampleError(f"README: no command makes {name}")
+    path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _commands(block: str) -> str:
@@ -31,42 +53,14 @@ def _commands(block: str) -> str:
             continue
         command, _, shown = piece.partition("\n")
         out.append(command)
+        text = _run(shlex.split(command)[2:])
         if shown.strip():
-            text, code = run_command(shlex.split(command)[2:])
-            if code:
-                raise ExampleError(f"README: `{command}` ended with {code}")
             out.append(re.sub(r"\n\n+\Z", "\n", text).rstrip("\n"))
     return "\n".join(out) + "\n"
 
 
-def ranking() -> str:
-    """The largest error of each law on what it was not shown, best on average first."""
-    maps = fitted_maps()
-    rows: dict[str, list[float]] = {}
-    free = {}
-    for _, points, fits in maps:
-        for f in fits:
-            free[f.law] = len(f.parameters)
-            rows.setdefault(f.law, []).extend([f.cv_max_error / points.largest, f.holdout.max_error / points.largest])
-    order = sorted(rows, key=lambda law: min(rows[law][0::2]))
-    lines = ["| law | parameters |" + "".join(f" {s.id}: pressure out | above 4 bar |" for s, _, _ in maps)]
-    lines.append("|---|---:|" + "---:|---:|" * len(maps))
-    for law in order[:NAMED]:
-        lines.append(f"| `{law}` | {free[law]} |" + "".join(f" {_percent(v)} |" for v in rows[law]))
-    others = [rows[law] for law in order[NAMED:]]
-    counts = [free[law] for law in order[NAMED:]]
-    spread = "".join(f" {_range([r[i] for r in others])} |" for i in range(len(others[0])))
-    lines.append(f"| the other {len(others)} | {min(counts)}-{max(counts)} |{spread}")
-    return "\n".join(lines) + "\n"
-
-
-def _percent(value: float) -> str:
-    return f"{100 * value:.2f} %" if value < 1.0 else "diverges"
-
-
-def _range(values: list[float]) -> str:
-    return (
-        f"{100 * min(values):.0f}-{100 * max(values):.0f} %"
-        if max(values) < 1.0
-        else f"{100 * min(values):.0f} % or more"
-    )
+def _run(words: list[str]) -> str:
+    text, code = run_command(words)
+    if code:
+        raise ExampleError(f"README: `mckibben {shlex.join(words)}` ended with {code}:\n{text}")
+    return text

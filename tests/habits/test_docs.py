@@ -1,12 +1,16 @@
 """The documentation names everything a reader can use, and its links lead somewhere; `make docs` builds the site."""
 
 import importlib.util
+import json
+import pkgutil
 import re
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 import typer
 
+import mckibben
 from mckibben.citations import known_keys
 from mckibben.cli.app import app
 from mckibben.muscles import LAWS
@@ -21,13 +25,23 @@ NAVIGATION = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
 PLAIN = {page: re.sub(r"^```.*?^```", "", text, flags=re.M | re.S) for page, text in TEXT.items()}
 
 
-def made_pages() -> set[Path]:
-    """The pages that the build generates, read from its own list without running any of it."""
+NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
+# Rooms without a page in the reference of Python: the command line has a page of its own.
+NO_ROOM = ("mckibben.cli", "mckibben.__main__", "mckibben.batch", "mckibben.engine.lowering")
+
+
+def generated() -> ModuleType:
+    """The build's own list of what it generates; none of it is run."""
     spec = importlib.util.spec_from_file_location("generated", DOCS / "generated.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return {DOCS / name for name in module.PAGES}
+    return module
+
+
+def made_pages() -> set[Path]:
+    """The pages that the build makes: those it generates, and the notebooks."""
+    return {DOCS / name for name in generated().PAGES} | {book.with_suffix(".md") for book in NOTEBOOKS}
 
 
 def name_of(page: Path) -> str:
@@ -74,6 +88,31 @@ def anchors(page: Path) -> set[str]:
 def test_every_page_is_in_the_navigation() -> None:
     listed = set(re.findall(r"([\w/-]+\.md)$", NAVIGATION, re.M))
     assert listed == {str(p.relative_to(DOCS)) for p in {*PAGES, *made_pages()}}
+
+
+def test_every_module_is_in_the_reference() -> None:
+    build = generated()
+    shown = [
+        module
+        for name, (_, _, entries) in build.ROOMS.items()
+        for entry in entries
+        for module in build._modules(entry, build.ELSEWHERE.get(name, set()))
+    ]
+    assert len(shown) == len(set(shown))
+    there = {m.name for m in pkgutil.walk_packages(mckibben.__path__, "mckibben.") if not m.ispkg}
+    private = {m for m in there if m.startswith(NO_ROOM) or "._" in m}
+    assert {m for m in shown if m in there} == there - private
+
+
+@pytest.mark.parametrize("book", NOTEBOOKS, ids=lambda book: book.name)
+def test_a_notebook_is_kept_without_outputs_and_its_figures_have_words(book: Path) -> None:
+    cells = json.loads(book.read_text(encoding="utf-8"))["cells"]
+    code = [c for c in cells if c["cell_type"] == "code"]
+    assert code
+    assert all(c["outputs"] == [] and c["execution_count"] is None for c in code)
+    assert all(c["metadata"].get("alt") for c in code if "SVG(" in "".join(c["source"]))
+    for target in re.findall(r"\]\(([^)\s]+\.md)\)", "".join(line for c in cells for line in c["source"])):
+        assert (book.parent / target).resolve() in made_pages() | set(PAGES), target
 
 
 def test_decisions_state_context_decision_and_consequences() -> None:

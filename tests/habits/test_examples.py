@@ -3,6 +3,7 @@
 import re
 import runpy
 import shlex
+import shutil
 from pathlib import Path
 
 import pytest
@@ -14,30 +15,44 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
-@pytest.mark.parametrize("script", sorted(p.name for p in (ROOT / "examples").glob("*.py")))
+LONG = {"antagonist_joint.py"}  # most of a minute
+SCRIPTS = sorted(p.name for p in (ROOT / "examples").glob("*.py"))
+
+
+@pytest.mark.parametrize("script", [pytest.param(s, marks=pytest.mark.slow) if s in LONG else s for s in SCRIPTS])
 def test_example_runs_and_draws(script: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(ROOT / "examples" / script))["main"](tmp_path)
     assert capsys.readouterr().out.strip()
     assert (tmp_path / script.replace("_", "-").replace(".py", ".svg")).stat().st_size > 1000
 
 
-def readme_commands() -> list[tuple[str, list[str]]]:
-    """Each `$ mckibben` line of the README, with the lines shown below it."""
-    found: list[tuple[str, list[str]]] = []
+def readme_blocks() -> list[list[tuple[str, list[str]]]]:
+    """Each block of `$ mckibben` lines of the README, every line with those shown below it."""
+    found: list[list[tuple[str, list[str]]]] = []
     for block in re.findall(r"^```console\n(.*?)^```", README, re.M | re.S):
+        found.append([])
         for line in block.splitlines():
             if line.startswith("$ "):
-                found.append((line[2:], []))
+                found[-1].append((line[2:], []))
             elif line.strip():
-                found[-1][1].append(line)
+                found[-1][-1][1].append(line)
     return found
 
 
-@pytest.mark.parametrize(("command", "shown"), readme_commands(), ids=[c[:40] for c, _ in readme_commands()])
-def test_readme_shows_what_the_command_prints(
-    command: str, shown: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("block", readme_blocks(), ids=lambda block: block[0][0][:40])
+def test_readme_shows_what_its_commands_print(
+    block: list[tuple[str, list[str]]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)
+    for command, shown in block:
+        check_command(command, shown, capsys)
+
+
+def check_command(command: str, shown: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     words = shlex.split(command)
     assert words[0] == "mckibben"
     with pytest.raises(SystemExit) as ended:
@@ -65,8 +80,15 @@ def test_readme_python_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
 
 def test_readme_begins_with_the_two_commands_and_their_picture() -> None:
     head = README[:1800]
-    assert head.index("make demo") < head.index("make test") < head.index("docs/assets/demo.png")
-    assert (ROOT / "docs/assets/demo.png").is_file()
+    assert head.index("make demo") < head.index("make test") < head.index("docs/assets/figure-3a.svg")
+    for picture in re.findall(r"\]\((docs/assets/[^)]+)\)", README):
+        assert (ROOT / picture).is_file(), picture
+
+
+def test_no_picture_lies_about_that_nobody_shows() -> None:
+    text = README + "".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md"))
+    for picture in (ROOT / "docs/assets").glob("*.*g"):
+        assert f"assets/{picture.name}" in text, picture.name
 
 
 def words_of(line: str) -> list[str]:

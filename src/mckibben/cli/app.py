@@ -25,6 +25,7 @@ from . import (
     run,
     size,
     study,
+    sweep,
 )
 
 app = typer.Typer(
@@ -66,6 +67,7 @@ compare.add_to(app)
 reproduce.add_to(app)
 size.add_to(app)
 study.add_to(app)
+sweep.add_to(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

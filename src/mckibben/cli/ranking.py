@@ -17,7 +17,7 @@ def as_json(study: Any) -> dict[str, Any]:
     """The study as the object of the CLI's contract."""
     return {
         "map": study.points.name,
-        "fits": [_fit_json(f) for f in study.fits],
+        "fits": [fit_json(f) for f in study.fits],
         "published": [
             {"law": title, "rmse": float((error**2).mean() ** 0.5), "max_error": float(abs(error).max())}
             for title, error in study.published
@@ -27,7 +27,8 @@ def as_json(study: Any) -> dict[str, Any]:
     }
 
 
-def _fit_json(f: Fit) -> dict[str, Any]:
+def fit_json(f: Fit) -> dict[str, Any]:
+    """One fit as the object of the CLI's contract."""
     import numpy as np
 
     known = {

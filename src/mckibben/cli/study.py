@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 study = typer.Typer(
     name="study",
-    help="Questions that the laboratory answers as a whole: tube, robot, loops.",
+    help="Questions that the laboratory answers as a whole: tube, robot, loops, validation.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -123,6 +123,41 @@ def loops(
         show_loops(found)
     if found.swapped or not found.width_holds:
         raise typer.Exit(1)
+
+
+@study.command("validation")
+def validation(
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder of measured data; MCKIBBEN_DATA names it where left out."),
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Data set, such as DMSP-20-300, loops or robot; all where left out."),
+    ] = None,
+    law: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Law to fit; all where left out.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.md", help="Write the page of the documentation, a figure beside it.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Every tension law against every data set at hand: errors, cross-validation, numbers as published.
+
+    With all data it takes half an hour, most of it for the robot. What is not at hand is named, not passed over.
+    """
+    from ..studies import validation as rooms
+    from .study_validation import show_validation, validation_json, write_page
+
+    writable("--out", out, ".md")
+    with progress("validation", rooms.stages(only or (), law or ())) as advance:
+        found = rooms.validation(data, only=only or (), laws=law or (), progress=advance)
+    written = [] if out is None else [str(path) for path in write_page(found, out)]
+    if as_json:
+        print_json(validation_json(found) | ({"files": written} if written else {}))
+        return
+    show_validation(found)
+    for path in written:
+        typer.echo(f"Written: {path}")
 
 
 def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, Any]:
