@@ -87,7 +87,7 @@ def test_taking_off_the_stretch_of_cord_and_frame_gives_the_length():
 
 
 def test_ten_points_of_drawn_loops_give_eq_13_back(monkeypatch):
-    monkeypatch.setattr(static_fit, "triangle", lambda pressure: drawn(1e5 * float(pressure.split()[0]))[0])
+    monkeypatch.setattr(static_fit, "triangle", lambda pressure, cycles: drawn(1e5 * float(pressure.split()[0]))[0])
     fit = static_fit.fit_linear_tension(static_fit.ten_points("length"))
     assert fit.points == 10
     # friction cancels in the mean of the paths; what remains is the table of the cord

@@ -21,11 +21,12 @@ PRESSURES = ("0 bar", "1 bar", "2 bar", "3 bar", "4 bar", FIVE_BAR)
 
 
 def triangle(muscle: str = "nylon", *, stroke: str = "large", frequency: str = "1 Hz", pressure: str = FIVE_BAR,
-             rig: str = "paper", accept_saturation: bool = False) -> Recording:  # fmt: skip
-    """The recorded cycles of one triangle."""
+             rig: str = "paper", accept_saturation: bool = False, cycles: int | None = None) -> Recording:  # fmt: skip
+    """The recorded cycles of one triangle; as many as the protocol has, where nothing is said."""
+    more = {} if cycles is None else {"cycles": cycles}
     whole = recording(
         "quasi-static", muscle, rig=rig, accept_saturation=accept_saturation, range=stroke, frequency=frequency,
-        pressure=pressure,
+        pressure=pressure, **more,
     )  # fmt: skip
     return step_of(whole, "loops")
 
