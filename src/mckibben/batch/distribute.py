@@ -1,0 +1,299 @@
+"""Blocks of variants on one process, on several, or on a Dask cluster; whatever becomes of a worker, no block is lost.
+
+The caller gets results one after the other and writes them; workers write nothing, so that nothing is written twice. A
+block whose worker dies is given to another one, a few times: then it is the block that kills them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import logging
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+from ..errors import ConvergenceError, InputError
+from .run import Results, Runner, Tell
+from .sweep import Sweep
+from .variants import Variants
+
+WAYS = ("dask", "processes", "serial")
+ATTEMPTS = 4  # of a block whose workers die
+AHEAD = 2  # blocks per worker that wait for one
+PATIENCE = 10.0  # until a scheduler has answered [s]
+GATHERED = 300.0  # until a result that is there has come, or else is asked for again [s]
+HOME = "mckibben[sweep]"
+
+
+class Work(Protocol):
+    """What a worker does with a block; it is sent with each, for the worker may be a new one."""
+
+    def run(self, block: Block, tell: Tell = ...) -> Results:
+        """The results of a block."""
+
+    @property
+    def name(self) -> str:
+        """Of the work, the same for all its blocks."""
+
+
+class Job(NamedTuple):
+    """Blocks of a sweep.
+
+    Attributes:
+        name: hash of the sweep.
+        recipe: pickled.
+        ranges: of the varied numbers.
+        engine: that compiles the lanes.
+        threads: of native kernels; all cores where 0.
+    """
+
+    name: str
+    recipe: bytes
+    ranges: Mapping[str, tuple[float, float]]
+    engine: str
+    threads: int = 1
+
+    @classmethod
+    def of(cls, sweep: Sweep, threads: int) -> Job:
+        """The job of a sweep; a worker that shares a machine with others has one thread."""
+        return cls(sweep.digest, pickle.dumps(sweep.recipe), dict(sweep.ranges), sweep.engine, threads)
+
+    def run(self, block: Block, tell: Tell = lambda _: None) -> Results:
+        """The results of a block; what was compiled for the sweep is kept for the next one."""
+        with _one_at_a_time:  # a worker may have threads
+            if self.name not in _runners:
+                _runners.clear()
+                _runners[self.name] = Runner(
+                    pickle.loads(self.recipe), self.ranges, engine=self.engine, threads=self.threads
+                )
+            return _runners[self.name].run(block.variants, tell)
+
+
+class Block(NamedTuple):
+    """Some variants in a row."""
+
+    part: slice
+    variants: Variants
+
+
+Done = tuple[Block, Results]
+_runners: dict[str, Runner] = {}
+_one_at_a_time = threading.Lock()
+
+
+@dataclass
+class Workers:
+    """Where blocks are run.
+
+    Attributes:
+        way: one of `WAYS`, or the address of a Dask scheduler, such as ``tcp://node1:8786``.
+        count: of worker processes on this machine; as many as cores where 0.
+    """
+
+    way: str = "dask"
+    count: int = 0
+
+    def __post_init__(self) -> None:
+        if self.way not in WAYS and "://" not in self.way:
+            raise InputError(
+                "--scheduler", self.way, f"allowed are {', '.join(WAYS)}, or an address such as tcp://host:8786"
+            )
+        if self.count < 0:
+            raise InputError("--workers", self.count, "allowed is a whole number above 0")
+        self.count = 1 if self.way == "serial" else self.count or cores()
+
+    @contextlib.contextmanager
+    def open(self) -> Iterator[Team]:
+        """A team that runs blocks.
+
+        Raises:
+            InputError: if a library is missing, or no scheduler answers.
+        """
+        if self.way == "serial":
+            yield Serial()
+        elif self.way == "processes":
+            yield Processes(self.count)
+        else:
+            with _client(self.way, self.count) as client:
+                yield Dask(client)
+
+
+class Team:
+    """Runs blocks."""
+
+    size = 1
+
+    def run(self, work: Work, blocks: Sequence[Block], tell: Tell) -> Iterator[Done]:
+        """The results of every block, in the order in which they are there.
+
+        Args:
+            work: that is done with each.
+            blocks: of its variants.
+            tell: told the share of a block that is done, where the blocks are run here.
+
+        Raises:
+            ConvergenceError: if a block kills every worker.
+        """
+        raise NotImplementedError
+
+
+class Serial(Team):
+    """In this process."""
+
+    def run(self, work: Work, blocks: Sequence[Block], tell: Tell) -> Iterator[Done]:
+        """As `Team.run`."""
+        return ((block, work.run(block, tell)) for block in blocks)
+
+
+class Processes(Team):
+    """A pool of processes on this machine; a new one takes over where one of them dies."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+
+    def run(self, work: Work, blocks: Sequence[Block], tell: Tell) -> Iterator[Done]:
+        """As `Team.run`."""
+        import multiprocessing
+        from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+
+        waiting = [(block, 0) for block in reversed(blocks)]
+        spawn = multiprocessing.get_context("spawn")
+        while waiting:
+            others = set(multiprocessing.active_children())
+            pool = ProcessPoolExecutor(min(self.size, len(waiting)), mp_context=spawn, initializer=_quiet)
+            at_work: dict[Future[Results], tuple[Block, int]] = {}
+            try:
+                while waiting or at_work:
+                    while waiting and len(at_work) < AHEAD * self.size:
+                        block, tried = waiting[-1]
+                        at_work[pool.submit(work.run, block)] = (block, tried)
+                        waiting.pop()  # not before: a pool that just broke takes nothing
+                    for future in wait(at_work, return_when=FIRST_COMPLETED).done:
+                        results = future.result()
+                        yield at_work.pop(future)[0], results
+            except BrokenExecutor:
+                for future, (block, tried) in at_work.items():
+                    if future.done() and not future.cancelled() and future.exception() is None:
+                        yield block, future.result()
+                    else:
+                        waiting.append(_again(block, tried))
+            finally:
+                for child in set(multiprocessing.active_children()) - others:
+                    child.terminate()
+                pool.shutdown(cancel_futures=True)  # its own thread takes leave of them
+
+
+class Dask(Team):
+    """The workers of a Dask cluster."""
+
+    def __init__(self, client: Any) -> None:
+        self.client = client
+        self.size = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+
+    def run(self, work: Work, blocks: Sequence[Block], tell: Tell) -> Iterator[Done]:
+        """As `Team.run`."""
+        from distributed import as_completed
+        from distributed.scheduler import KilledWorker
+
+        waiting = list(reversed(blocks))
+        at_work: dict[str, tuple[Block, Any]] = {}
+        number = itertools.count()
+
+        def more() -> list[Any]:
+            found = []
+            while waiting and len(at_work) < (AHEAD + 1) * self.size:
+                block = waiting.pop()
+                key = f"mckibben-{work.name[:12]}-{os.getpid()}-{next(number)}"
+                future = self.client.submit(work.run, block, pure=False, key=key, retries=0)
+                at_work[key] = (block, future)
+                found.append(future)
+            return found
+
+        queue = as_completed(more())
+        try:
+            for future in queue:
+                block, _ = at_work.pop(future.key)
+                try:
+                    yield block, future.result(timeout=GATHERED)
+                except KilledWorker:
+                    raise ConvergenceError(_deadly(block)) from None
+                except TimeoutError:  # it was done, and lost with its worker before it was here
+                    self.client.cancel([future], force=True)
+                    waiting.append(block)
+                future.release()
+                queue.update(more())
+        finally:
+            self.client.cancel([future for _, future in at_work.values()])
+
+
+@contextlib.contextmanager
+def _client(way: str, count: int) -> Iterator[Any]:
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise InputError(
+            "--scheduler", way, f"it needs the library distributed: pip install '{HOME}'; or choose processes"
+        ) from None
+    settings = {
+        "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
+        "distributed.worker.memory.terminate": False,
+        "distributed.comm.timeouts.connect": f"{PATIENCE:g}s",
+    }
+    with dask.config.set(settings), _silent("distributed"):
+        if way != "dask":
+            try:
+                client = Client(way, timeout=PATIENCE)
+            except (OSError, ValueError, TimeoutError):
+                raise InputError(
+                    "--scheduler", way, f"no Dask scheduler answered there within {PATIENCE:g} s"
+                ) from None
+            with client:
+                yield client
+            return
+        with (
+            LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=0) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+
+
+@contextlib.contextmanager
+def _silent(name: str) -> Iterator[None]:
+    """Without what a library logs of workers that die, which is looked after here."""
+    logger = logging.getLogger(name)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+def _again(block: Block, tried: int) -> tuple[Block, int]:
+    if tried + 1 >= ATTEMPTS:
+        raise ConvergenceError(_deadly(block))
+    return block, tried + 1
+
+
+def _deadly(block: Block) -> str:
+    part = block.part
+    return (
+        f"The workers that had variants {part.start} to {part.stop - 1} died, {ATTEMPTS} times; what other blocks gave is "
+        "stored. Smaller blocks need less memory"
+    )
+
+
+def _quiet() -> None:
+    """Ctrl-C is for the process that waits for the workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def cores() -> int:
+    """That this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

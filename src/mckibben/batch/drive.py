@@ -1,0 +1,95 @@
+"""A sweep from its first variant to its last: checked, stored block by block, and resumed where it stopped."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from .distribute import Block, Job, Workers
+from .outcome import Outcome
+from .store import opened
+from .sweep import Sweep, codes_of
+
+Progress = Callable[[float, int], None]  # variants that are done, of all
+
+
+class Report(NamedTuple):
+    """What became of a sweep.
+
+    Attributes:
+        runs: variants with a result.
+        new: of them run by this call.
+        failed: whose result is none that reached its end.
+        codes: how many have each result code, by its name.
+        store: path of the results.
+        seconds: that this call took [s].
+        muscle_seconds: simulated by this call [s].
+    """
+
+    runs: int
+    new: int
+    failed: int
+    codes: dict[str, int]
+    store: str
+    seconds: float
+    muscle_seconds: float
+
+    @property
+    def rate(self) -> float:
+        """Simulated seconds per second."""
+        return self.muscle_seconds / self.seconds if self.new else 0.0
+
+
+def run_sweep(
+    sweep: Sweep,
+    out: str | os.PathLike[str],
+    *,
+    workers: Workers | None = None,
+    progress: Progress = lambda done, total: None,
+) -> Report:
+    """Run what the store in a folder does not have yet.
+
+    A keyboard interrupt leaves a store from which the next call goes on.
+
+    Args:
+        sweep: what to run.
+        out: folder.
+        workers: where; a Dask cluster on this machine where left out.
+        progress: told how far it is.
+
+    Raises:
+        InputError: as `Sweep.check` and `store.opened`; or a scheduler that does not answer, before anything runs.
+        ConvergenceError: if some variants kill every worker.
+    """
+    begun = time.perf_counter()
+    team_of = workers or Workers()
+    first = sweep.check()
+    block = sweep.sized(team_of.count, first.bench.plan.samples)
+    new, simulated = 0, 0.0
+    with opened(out, sweep, block) as store:
+        todo = [Block(part, sweep.variants[part]) for part in store.missing()]
+        already = store.count - sum(b.part.stop - b.part.start for b in todo)
+        progress(already, store.count)
+        if todo:
+            job = Job.of(sweep, threads=0 if team_of.way == "serial" else 1)
+            with team_of.open() as team:
+                sizes = [b.part.stop - b.part.start for b in todo]
+
+                def tell(share: float) -> None:
+                    progress(already + new + share * sizes[0], store.count)
+
+                for done, results in team.run(job, todo, tell):
+                    store.write(done.part, results)
+                    new += len(results.code)
+                    simulated += float(np.sum(results.duration))
+                    progress(already + new, store.count)
+        codes = store.codes()
+    there = codes != Outcome.NOT_RUN
+    return Report(
+        runs=int(there.sum()), new=new, failed=int((there & (codes != Outcome.DONE)).sum()), codes=codes_of(codes),
+        store=str(store.path), seconds=time.perf_counter() - begun, muscle_seconds=simulated,
+    )  # fmt: skip

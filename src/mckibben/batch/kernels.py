@@ -1,0 +1,248 @@
+"""The one place where functions over lanes are compiled and called.
+
+A lane is the machine and its software of one variant: arrays of a tree whose structure all lanes share. What is equal in all
+lanes is passed once. Two pure functions are mapped over the lanes: the beginning of a part, and a chunk of its samples,
+which is `engine.sampled.sample` scanned, with the running outputs made of what it saw. Neither branches on a value.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..bench import channels
+from ..bench.hardware.plant import Rigged
+from ..engine import sampled
+from ..engine.native import Compiled, compiled
+from . import rest, tally
+from .outputs import Output
+
+SHOWN = ("running", "record", "code", "missed", "step")
+
+
+class Unaccounted(Rigged):
+    """A machine of which nobody asks the balances: three times as fast without their integrals."""
+
+    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """None."""
+        return {}
+
+
+class Seen(NamedTuple):
+    """Of a chunk, for every lane: what decides how it goes on, and the samples that are asked for.
+
+    Attributes:
+        fastest: bound of the fastest mode [1/s].
+        sound: whether every state can be and is finite (bool).
+        finite: whether it is finite (bool).
+        counted: which samples count.
+        stop: what was measured and shown at the sample at which the machine stopped.
+        samples: the channels asked for, each (n,).
+        step: index of the step of every sample (n,).
+    """
+
+    fastest: Any
+    sound: Any
+    finite: Any
+    counted: tally.Counted
+    stop: dict[str, Any]
+    samples: dict[str, Any]
+    step: Any
+
+
+class Kind(NamedTuple):
+    """What one compiled function is made for.
+
+    Attributes:
+        structure: of the tree of a lane's part.
+        shared: of every array, whether all lanes have the same.
+        depth: of the history of commands, in samples.
+        every: samples of the loop per sample of the protocol.
+        outputs: of the sweep.
+        kept: channels whose samples are given back.
+        accounts: whether the engine's integrals are wanted.
+        seeds: whether every lane has noise of its own.
+        engine: that compiles it.
+        threads: of native kernels; all cores where 0.
+    """
+
+    structure: Any
+    shared: tuple[bool, ...]
+    depth: int
+    every: int
+    outputs: tuple[Output, ...]
+    kept: tuple[str, ...]
+    accounts: bool
+    seeds: bool
+    engine: str
+    threads: int = 0
+
+
+class Physics(NamedTuple):
+    """A chunk of samples of a lane as the physics gives it, before anything is counted.
+
+    Attributes:
+        carry: after it.
+        channels: that outputs need, each (n,).
+        shown: by the software, of `SHOWN` (n,).
+        stop: what the software saw and showed at the sample after which it runs no more; else at the last one.
+        fastest: bound of the fastest mode [1/s].
+        sound: whether every state can be and is finite (bool).
+        finite: whether the last state is finite (bool).
+    """
+
+    carry: Any
+    channels: dict[str, Any]
+    shown: dict[str, Any]
+    stop: dict[str, Any]
+    fastest: Any
+    sound: Any
+    finite: Any
+
+
+class Kernels:
+    """The compiled functions of one kind, in which lanes come first.
+
+    The chunk of samples runs in native kernels where it can be lowered; by XLA else. What is made of its samples, and the
+    beginning of a part, always is XLA's.
+    """
+
+    def __init__(self, kind: Kind) -> None:
+        self.kind = kind
+        self._leaves = tuple(None if s else 0 for s in kind.shared)
+        self._rows = 0 if kind.seeds else None
+        self._native: Compiled | None = None
+        self._begin = jax.jit(jax.vmap(self._begin_lane, in_axes=(self._leaves, None, 0)))
+        self._count = jax.jit(jax.vmap(self._counted_lane, in_axes=(self._leaves, 0, -1, None)))
+        self._by_xla = jax.jit(self._all, static_argnums=(6,))
+
+    def begin(self, leaves: Sequence[Any], row: Any, width: int) -> sampled.Carry:
+        """Every lane, `width` of them, at the first sample of the part."""
+        found: sampled.Carry = jax.tree.map(np.asarray, self._begin(tuple(leaves), row, np.arange(width)))
+        return found
+
+    def march(
+        self, leaves: Sequence[Any], carry: Any, sums: Any, rows: Any, *, period: float, inner: int, stiff: bool
+    ) -> tuple[Any, Any, Seen]:
+        """A chunk of samples of every lane: the carry and the tally afterwards, and what was seen."""
+        native = None if stiff else self._lowered(leaves, carry, rows, period, inner)
+        if native is None:
+            after, new, seen = self._by_xla(tuple(leaves), carry, sums, rows, period, inner, stiff)
+        else:
+            done = self._called(native, leaves, carry, rows, period, inner)
+            after = jax.tree.map(lambda x: np.moveaxis(x, -1, 0), done.carry)
+            new, seen = self._count(tuple(leaves), sums, done._replace(carry=()), period)
+        return jax.tree.map(np.asarray, after), jax.tree.map(np.array, new), jax.tree.map(np.asarray, seen)
+
+    def tree(self, leaves: Sequence[Any]) -> dict[str, Any]:
+        """A lane, or many, as the tree that it is."""
+        tree: dict[str, Any] = jax.tree.unflatten(self.kind.structure, leaves)
+        if not self.kind.accounts:
+            plant = tree["plant"]
+            tree["plant"] = Unaccounted(
+                machine=plant.machine, sensors=plant.sensors, tested=plant.tested, converters=plant.converters
+            )
+        return tree
+
+    def _lowered(self, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int) -> Compiled | None:
+        """The native kernel; None where there is none, and XLA has to do."""
+        if self.kind.engine != "xla" and self._native is None:
+            one = tuple(x if s else x[0] for x, s in zip(leaves, self.kind.shared, strict=True))
+            row = jax.tree.map(lambda x: x[0], rows) if self.kind.seeds else rows
+            first = jax.tree.map(lambda x: x[0], carry)
+            self._native = compiled(
+                functools.partial(self._physics, stiff=False), one, first, row, np.float64(period), np.int64(inner),
+                engine=self.kind.engine, title="a lane of a batch",
+            )  # fmt: skip
+        return self._native if self._native is not None and self._native.engine == "native" else None
+
+    def _called(
+        self, native: Compiled, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int
+    ) -> Physics:
+        """A chunk in native kernels, which have the lanes last."""
+        last = [x if s else np.moveaxis(x, 0, -1) for x, s in zip(leaves, self.kind.shared, strict=True)]
+        own = jax.tree.map(lambda x: np.moveaxis(np.asarray(x), 0, -1), carry)
+        given = jax.tree.map(lambda x: np.moveaxis(x, 0, -1), rows) if self.kind.seeds else rows
+        lanes = jax.tree.leaves(carry)[0].shape[0]
+        found: Physics = native(
+            tuple(last), own, given, np.float64(period), np.int64(inner), lanes=lanes, threads=self.kind.threads or None
+        )
+        return found
+
+    def _begin_lane(self, leaves: Any, row: Any, lane: Any) -> Any:
+        tree = self.tree(leaves)
+        return rest.begin(tree["plant"], tree["software"], tree["pressure"], self.kind.depth, row)
+
+    def _all(self, leaves: Any, carry: Any, sums: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> Any:
+        """Physics and counting of all lanes in one function of XLA's."""
+
+        def one(own: Any, before: Any, so_far: Any, given: Any) -> Any:
+            done = self._physics(own, before, given, period, inner, stiff)
+            return done.carry, *self._counted_lane(own, so_far, done, period)
+
+        return jax.vmap(one, in_axes=(self._leaves, 0, 0, self._rows))(leaves, carry, sums, rows)
+
+    def _physics(self, leaves: Any, carry: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> Physics:
+        """A chunk of samples of one lane, straight-line but for its counted loops."""
+        tree, kind = self.tree(leaves), self.kind
+        sampled_ = (c for o in kind.outputs if o.sampled for c in (o.channel, o.over) if c)
+        names = tuple(dict.fromkeys([*kind.kept, *sampled_]))
+
+        def sample(before: Any, row: Any) -> tuple[Any, sampled.Seen]:
+            return sampled.sample(
+                tree["plant"], tree["software"], before, row,
+                period=period, inner=inner, latency=tree["latency"], stiff=stiff,
+            )  # fmt: skip
+
+        def one(before: Any, row: Any) -> tuple[Any, Any]:
+            state, ran, last = before
+            after, seen = sample(state, row)
+            now = _told(seen)
+            last = {n: jnp.where(ran, now[n], old) for n, old in last.items()}
+            shown = {n: seen.shown[n] for n in SHOWN}
+            return (after, ran & seen.shown["running"], last), (named(seen, names), shown, seen.steepest, seen.sound)
+
+        row = jax.tree.map(lambda x: x[0], rows)
+        nothing = {n: jnp.zeros(x.shape) for n, x in jax.eval_shape(lambda: _told(sample(carry, row)[1])).items()}
+        begun = carry, jnp.asarray(True), nothing
+        (after, _, stop), (found, shown, steepest, sound) = jax.lax.scan(one, begun, rows)
+        finite = [jnp.isfinite(x).all() for x in jax.tree.leaves((after.state, after.memory))]
+        return Physics(after, found, shown, stop, jnp.max(steepest), jnp.all(sound), jnp.stack(finite).all())
+
+    def _counted_lane(self, leaves: Any, sums: tally.Tally, done: Physics, period: Any) -> tuple[tally.Tally, Seen]:
+        """What is made of the samples of a chunk of one lane."""
+        windows, kind, shown = self.tree(leaves)["windows"], self.kind, done.shown
+        new, counted = tally.count(sums, shown, kind.every)
+        look = tally.Look(done.channels, shown)
+        new = tally.add(new, kind.outputs, look, windows, counted.kept, period, kind.every)
+        stop = {**done.stop, "code": jnp.max(shown["code"])}
+        kept = {n: done.channels[n] for n in kind.kept}
+        return new, Seen(done.fastest, done.sound, done.finite, counted, stop, kept, shown["step"].astype(int))
+
+
+def _told(seen: sampled.Seen) -> dict[str, Any]:
+    """What a sentence about a sample needs."""
+    measured = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
+    return {
+        n: jnp.asarray(v, float) for n, v in {**measured, **{k: seen.shown[k] for k in ("velocity", "step")}}.items()
+    }
+
+
+def named(seen: sampled.Seen, names: Sequence[str]) -> dict[str, Any]:
+    """Channels of one sample under the names that a recording has."""
+    known = channels_of(seen)
+    return {name: jnp.asarray(known[name], float) for name in names}
+
+
+def channels_of(seen: sampled.Seen) -> Mapping[str, Any]:
+    """Every channel of a sample, as `bench.run` names them."""
+    found = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
+    found |= {n: v for n, v in seen.shown.items() if n.startswith("command.")}
+    found |= {channels.INPUTS[n]: v for n, v in seen.commands.items()}
+    true = {channels.RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(channels.CONSTANT)}
+    return found | true

@@ -1,0 +1,286 @@
+"""Which variants can share one compiled function, and the arrays of each of them.
+
+Variants are put into groups whose trees have one structure. In a group few variants are built for real; the others are
+written into their trees (`template`). The dry run judges every one: where only the muscle differs and nothing in a protocol
+waits for an event, the law's tension at all planned states decides, else the dry run itself.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from ..bench.hardware.pneumatics import MUSCLE
+from ..errors import InputError
+from ..experiments.checks_tension import states
+from ..experiments.dry_run import check
+from .recipe import KEPT, Kitchen, Recipe
+from .template import Fixed, Places, Template, build, places, same_leaves
+from .variants import Variants, power
+
+CHECKED = 2  # variants of a new structure that are built for real, to compare
+NEAR = 1e-9  # of the allowed tension: the dry run itself decides there
+MOST_STATES = 65_536  # planned states at which tensions are compared at once
+
+
+class Lane(NamedTuple):
+    """One variant that may run: its row, the template it is made from, and its arrays where they were written."""
+
+    row: int
+    template: Template
+    values: Mapping[str, float]
+
+
+class Group(NamedTuple):
+    """Variants that one compiled function runs.
+
+    Attributes:
+        family: what they have in common.
+        lanes: them.
+    """
+
+    family: Family
+    lanes: list[Lane]
+
+
+class Family:
+    """All variants of one structure, and what is known of their parameters."""
+
+    def __init__(self, fixed: Fixed) -> None:
+        self.fixed = fixed
+        self.places: dict[str, Places] = {}
+        self.checked = False
+        # of every array, whether it was the same in all lanes so far: what once differed is given per lane from then on
+        self.shared = [np.ones(len(part), bool) for part in fixed.shapes]
+
+    def write(self, template: Template, values: Mapping[str, float]) -> tuple[tuple[np.ndarray, ...], ...]:
+        """The arrays of a variant."""
+        leaves = [list(part) for part in template.leaves]
+        for path, value in values.items():
+            for part, i in self.places[path]:
+                leaves[part][i] = np.full_like(leaves[part][i], value)
+        return tuple(tuple(part) for part in leaves)
+
+    def stacked(self, lanes: Sequence[Lane], part: int) -> list[np.ndarray]:
+        """The arrays of a part of all lanes: those that are shared as they are, the others with the lanes first."""
+        templates = list({id(lane.template): lane.template for lane in lanes}.values())
+        number = {id(t): i for i, t in enumerate(templates)}
+        which = np.array([number[id(lane.template)] for lane in lanes])
+        written: dict[int, list[str]] = {}
+        for path in lanes[0].values:
+            for at, i in self.places[path]:
+                if at == part:
+                    written.setdefault(i, []).append(path)
+        found = []
+        for i in range(len(templates[0].leaves[part])):
+            own = [t.leaves[part][i] for t in templates]
+            same = i not in written and all(np.array_equal(own[0], x, equal_nan=x.dtype == float) for x in own[1:])
+            self.shared[part][i] &= same
+            if self.shared[part][i]:
+                found.append(own[0])
+                continue
+            many = np.stack(own)[which]
+            for path in written.get(i, ()):
+                values = np.array([lane.values[path] for lane in lanes])
+                many = np.broadcast_to(values.reshape((-1,) + (1,) * (many.ndim - 1)), many.shape).copy()
+            found.append(many)
+        return found
+
+
+class Planner:
+    """Makes lanes of the variants of a recipe; remembers what it found out."""
+
+    def __init__(self, recipe: Recipe, ranges: Mapping[str, tuple[float, float]]) -> None:
+        self.recipe, self.ranges = recipe, ranges
+        self.kitchen = Kitchen(recipe)
+        self.families: list[Family] = []
+        self._templates: dict[tuple[Any, ...], Template] = {}
+        self.apart: set[str] = set()  # paths that do more than stand in a tree: every value is built for real
+
+    def plan(self, variants: Variants) -> tuple[dict[int, str], list[Group]]:
+        """What is wrong with some variants, by row, and the groups of the others."""
+        while True:
+            before = len(self.apart)
+            refused, groups = self._plan(variants)
+            if len(self.apart) == before:
+                return refused, groups
+
+    def _plan(self, variants: Variants) -> tuple[dict[int, str], list[Group]]:
+        before = len(self.apart)
+        refused: dict[int, str] = {}
+        groups: dict[int, Group] = {}
+        for rows in self._alike(variants):
+            built = self._built(variants, rows, refused)
+            if built is None:
+                continue
+            family = self._family(built, variants.row(rows[0]))
+            if len(self.apart) > before:
+                return refused, []
+            if not family.checked and not self._check(family, built, variants, rows[1:]):
+                return refused, []
+            lanes = self._judged(family, built, variants, rows, refused)
+            for lane in lanes:
+                own = self._family(lane.template, variants.row(lane.row))
+                groups.setdefault(id(own), Group(own, [])).lanes.append(lane)
+        return refused, list(groups.values())
+
+    def _built(self, variants: Variants, rows: list[int], refused: dict[int, str]) -> Template | None:
+        """A template for some rows, perhaps of an earlier block; rows of which none can be made are refused and go."""
+        while rows:
+            values = variants.row(rows[0])
+            key = tuple(v for p, v in values.items() if isinstance(v, str) or p in self.apart)
+            if (key, len(self.apart)) in self._templates:
+                return self._templates[key, len(self.apart)]
+            try:
+                built = build(self.kitchen, values)
+            except InputError as error:
+                refused[rows.pop(0)] = str(error)
+                continue
+            while len(self._templates) >= KEPT:
+                self._templates.pop(next(iter(self._templates)))
+            self._templates[key, len(self.apart)] = built
+            return built
+        return None
+
+    def _free(self, variants: Variants) -> list[str]:
+        """Paths whose values are written into trees."""
+        return [p for p, v in variants.columns.items() if v.dtype == float and p not in self.apart]
+
+    def _alike(self, variants: Variants) -> Iterable[list[int]]:
+        """Rows that differ in written values only."""
+        fixed = [v for p, v in variants.columns.items() if v.dtype != float or p in self.apart]
+        found: dict[tuple[Any, ...], list[int]] = {}
+        for row in range(len(variants)):
+            found.setdefault(tuple(v[row] for v in fixed), []).append(row)
+        return found.values()
+
+    def _family(self, built: Template, values: Mapping[str, Any]) -> Family:
+        """The family of a template; of a new one it is found out where its parameters stand."""
+        for family in self.families:
+            if family.fixed == built.fixed:
+                break
+        else:
+            family = Family(built.fixed)
+            self.families.append(family)
+        for path, value in values.items():
+            if isinstance(value, str) or path in self.apart or path in family.places:
+                continue
+            low, high = self.ranges[path]
+            other = high if value != high else low
+            if other == value:
+                family.places[path] = ()
+                continue
+            found = None
+            try:
+                found = places(built, value, build(self.kitchen, {**values, path: other}), other)
+            except InputError:
+                pass  # allowed alone, but not with the others of this variant
+            if found is None:
+                self.apart.add(path)
+            else:
+                family.places[path] = found
+        return family
+
+    def _check(self, family: Family, built: Template, variants: Variants, rows: Sequence[int]) -> bool:
+        """Whether written trees are those of variants that are built; else all paths are set apart."""
+        free = self._free(variants)
+        for row in rows[:: max(1, len(rows) // CHECKED)][:CHECKED] if free else ():
+            values = variants.row(row)
+            try:
+                real = build(self.kitchen, values)
+            except InputError:
+                continue
+            if real.fixed != built.fixed or any(p not in family.places for p in free):
+                continue
+            if not same_leaves(real.leaves, family.write(built, {p: values[p] for p in free})):
+                self.apart.update(free)
+                return False
+        family.checked = True
+        return True
+
+    def _judged(
+        self, family: Family, built: Template, variants: Variants, rows: Sequence[int], refused: dict[int, str]
+    ) -> list[Lane]:
+        """The lanes of rows that a template stands for; those against which something speaks are refused."""
+        free = self._free(variants)
+        lanes = [Lane(r, built, {p: float(variants.columns[p][r]) for p in free}) for r in rows]
+        muscle = [p for p in free if p.startswith("muscle.") and self.ranges[p][0] != self.ranges[p][1]]
+        findings, accepted = built.bench.findings, built.bench.accepted
+        if not muscle:
+            if not findings:
+                return lanes
+            refused |= dict.fromkeys(rows, _against(findings))
+            return []
+        doubtful = np.ones(len(lanes), bool)
+        if not findings and not accepted:
+            doubtful = _doubtful(family, built, lanes)
+        kept = []
+        for lane, doubt in zip(lanes, doubtful, strict=True):
+            found = self._looked_at(lane, variants, refused) if doubt else lane
+            if found is not None:
+                kept.append(found)
+        return kept
+
+    def _looked_at(self, lane: Lane, variants: Variants, refused: dict[int, str]) -> Lane | None:
+        """A lane that the dry run itself judged."""
+        values = variants.row(lane.row)
+        try:
+            bench = self.kitchen.bench(values)
+            check(list(bench.findings))
+            if bench.accepted or lane.template.bench.accepted or lane.template.bench.findings:
+                return Lane(lane.row, build(self.kitchen, values), lane.values)
+        except InputError as error:
+            refused[lane.row] = str(error)
+            return None
+        return lane
+
+
+def _against(findings: Sequence[Any]) -> str:
+    try:
+        check(list(findings))
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _doubtful(family: Family, built: Template, lanes: Sequence[Lane]) -> np.ndarray:
+    """Which lanes the dry run itself has to judge (lanes,): all, unless a tension is all that the muscle decides."""
+    plan, limits = built.bench.plan, built.bench.rig.limits(built.bench.layout)
+    machine = built.machines[0]
+    simple = MUSCLE in machine.units and all(
+        s.until is None and s.mode == "span" and isinstance(s.motor, np.ndarray) and isinstance(s.pressure, np.ndarray)
+        for s in plan.steps
+    )
+    if not simple:
+        return np.ones(len(lanes), bool)
+    pairs = np.concatenate([np.stack(states(s, limits, None, 1.0 / plan.sample_rate)) for s in plan.steps], axis=1)
+    pairs = np.unique(pairs, axis=1)
+    allowed = min(limits.tension, limits.motor_force) * (1.0 - NEAR)
+    width = power(len(lanes))
+    leaves = family.stacked([*lanes, *[lanes[-1]] * (width - len(lanes))], 0)
+    axes = tuple(0 if not s else None for s in family.shared[0])
+    most = np.zeros(len(lanes))
+    for first in range(0, pairs.shape[1], max(1, MOST_STATES // width)):
+        piece = pairs[:, first : first + max(1, MOST_STATES // width)]
+        size = 1 << (piece.shape[1] - 1).bit_length()
+        padded = np.pad(piece, ((0, 0), (0, size - piece.shape[1])), mode="edge")
+        force = _most_tension(family.fixed.structures[0], axes, tuple(leaves), np.arange(width), *padded)
+        most = np.maximum(most, np.asarray(force)[: len(lanes)])
+    return np.asarray(~(most <= allowed))
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def _most_tension(
+    structure: Any, axes: tuple[int | None, ...], leaves: Any, lanes: Any, span: Any, pressure: Any
+) -> Any:
+    """Largest tension of every lane's law at some spans [m] and pressures [Pa]."""
+
+    def one(own: Any, lane: Any) -> Any:
+        law = jax.tree.unflatten(structure, own)["plant"].machine.units[MUSCLE].law
+        return law.tension(span, pressure).max()
+
+    return jax.vmap(one, in_axes=(axes, 0))(leaves, lanes)

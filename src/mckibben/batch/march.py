@@ -1,0 +1,187 @@
+"""All lanes of a group from the first sample to the last, chunk by chunk, each with steps that its own rates allow.
+
+The decisions are those of `engine.sampled.advance`, lane by lane: every chunk is tried with the usual steps; lanes whose
+modes are too fast for them do it again with shorter ones or by the stiff method, among themselves. A lane that fails leaves
+the others alone: it gets a result code and a sentence.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from ..bench.part import Draws
+from ..bench.source import AFTER_STOP, CHUNK
+from ..engine.integration import MOST_PARTS, ROS2_LIMIT
+from ..engine.rates import RK4_LIMIT
+from ..engine.sampled import MOST_BLIND, MOST_SPLIT
+from . import tally
+from .kernels import Kernels, Seen
+from .outcome import Outcome
+
+ROUNDING = 1.0 + 1e-9
+LEAST_LANES = 8  # of a call: fewer cost as much
+
+
+class Failed(NamedTuple):
+    """What became of a lane that did not reach its end."""
+
+    outcome: Outcome
+    message: str
+
+
+class Marched(NamedTuple):
+    """A part of all lanes.
+
+    Attributes:
+        begun: carries at its beginning.
+        carry: carries at its end.
+        tally: afterwards.
+        failed: by lane.
+        stopped: by lane: what was seen at the sample at which the machine stopped, with its time [s].
+        samples: kept channels, each (lanes, samples).
+        counted: which of them count (lanes, samples).
+        step: index of the step of each (lanes, samples).
+    """
+
+    begun: Any
+    carry: Any
+    tally: tally.Tally
+    failed: dict[int, Failed]
+    stopped: dict[int, dict[str, float]]
+    samples: dict[str, np.ndarray]
+    counted: np.ndarray
+    step: np.ndarray
+
+
+class Rows:
+    """The noise of every sample: one for all lanes, or one for each."""
+
+    def __init__(self, draws: Sequence[Draws]) -> None:
+        self.draws = draws
+
+    def first(self) -> Any:
+        """Of a sample without noise."""
+        return self.draws[0].first()
+
+    def next(self) -> Any:
+        """Of the next chunk."""
+        every = [d.next() for d in self.draws]
+        return every[0] if len(every) == 1 else jax.tree.map(lambda *x: np.stack(x), *every)
+
+
+def part(
+    kernels: Kernels, leaves: Sequence[np.ndarray], sums: tally.Tally, rows: Rows, *,
+    period: float, inner: int, tell: Callable[[float], None],
+) -> Marched:  # fmt: skip
+    """One part of every lane.
+
+    Args:
+        kernels: compiled functions.
+        leaves: arrays of the lanes.
+        sums: tally so far; lanes that are not going stay as they are.
+        rows: noise.
+        period: of the samples [s].
+        inner: steps of the physics per sample.
+        tell: told how many samples all lanes have done.
+    """
+    carry = begun = kernels.begin(leaves, rows.first(), len(sums.going))
+    failed: dict[int, Failed] = {}
+    stopped: dict[int, dict[str, float]] = {}
+    kept: list[tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]] = []
+    done = 0
+    while bool(np.any(sums.going)):
+        before, row = sums, rows.next()
+        carry, sums, seen = _chunk(kernels, leaves, carry, sums, row, period, inner, failed)
+        for lane in np.flatnonzero(seen.counted.stops & before.going):
+            at = float(before.samples[lane] + seen.counted.at[lane]) * period
+            stopped[int(lane)] = {n: float(v[lane]) for n, v in seen.stop.items()} | {"time": at}
+        if kernels.kind.kept:
+            kept.append((dict(seen.samples), seen.counted.kept & before.going[:, None], seen.step))
+        done += CHUNK
+        tell(done)
+    names = kernels.kind.kept
+    width = len(sums.going)
+    return Marched(
+        begun, carry, sums, failed, stopped,
+        {n: np.concatenate([k[0][n] for k in kept], axis=1) for n in names} if kept else {},
+        np.concatenate([k[1] for k in kept], axis=1) if kept else np.zeros((width, 0), bool),
+        np.concatenate([k[2] for k in kept], axis=1) if kept else np.zeros((width, 0), int),
+    )  # fmt: skip
+
+
+def _chunk(
+    kernels: Kernels, leaves: Sequence[np.ndarray], carry: Any, sums: Any, row: Any, period: float, inner: int,
+    failed: dict[int, Failed],
+) -> tuple[Any, Any, Seen]:  # fmt: skip
+    """A chunk of all lanes, those that need it with shorter steps; what failed is added to `failed`."""
+    after, new, seen = kernels.march(leaves, carry, sums, row, period=period, inner=inner, stiff=False)
+    todo = {(1, False): np.flatnonzero(sums.going)}
+    found: Seen = seen
+    while todo:
+        (split, stiff), lanes = todo.popitem()
+        if (split, stiff) != (1, False):
+            some, at = _few(lanes)
+            own = [x if s else x[some] for x, s in zip(leaves, kernels.kind.shared, strict=True)]
+            mine, sub = jax.tree.map(lambda x: x[some], (carry, sums))  # noqa: B023
+            theirs = jax.tree.map(lambda x: x[some], row) if kernels.kind.seeds else row  # noqa: B023
+            again = kernels.march(own, mine, sub, theirs, period=period, inner=inner * split, stiff=stiff)
+            after, new, found = (
+                jax.tree.map(lambda x, y: _put(x, lanes, y[at]), old, got)  # noqa: B023
+                for old, got in zip((after, new, found), again, strict=True)
+            )
+        for lane in lanes:
+            fastest, sound = float(found.fastest[lane]), bool(found.sound[lane])
+            h = period / (inner * split)
+            verdict = _verdict(fastest, sound, bool(found.finite[lane]), h, period / inner, split, stiff)
+            if isinstance(verdict, Failed):
+                failed[int(lane)] = verdict
+                new.going[lane] = False
+            elif verdict is not None:
+                todo[verdict] = np.append(todo.get(verdict, np.zeros(0, int)), lane)
+    return after, new, found
+
+
+def _verdict(
+    fastest: float, sound: bool, finite: bool, h: float, whole: float, split: int, stiff: bool
+) -> None | Failed | tuple[int, bool]:
+    """Whether a chunk was done with steps that are short enough; else into how many parts, and by which method."""
+    short = fastest * h <= (ROS2_LIMIT if stiff else RK4_LIMIT) * ROUNDING
+    if short and sound:
+        return None
+    if short:
+        outcome = Outcome.IMPOSSIBLE if finite else Outcome.NOT_FINITE
+        return Failed(outcome, f"{outcome.sentence} The steps were of {h:.3g} s.")
+    known = math.isfinite(fastest)
+    if split >= (MOST_PARTS if known else MOST_BLIND):
+        if not known and not finite:
+            return Failed(Outcome.NOT_FINITE, f"{Outcome.NOT_FINITE.sentence} The steps were of {h:.3g} s.")
+        return Failed(Outcome.TOO_STIFF, f"{Outcome.TOO_STIFF.sentence} It has {fastest:.3g} 1/s, the step {h:.3g} s.")
+    explicit = math.ceil(fastest * whole / RK4_LIMIT) if known else 2 * split
+    if not stiff and explicit <= MOST_SPLIT:
+        return max(explicit, split + 1), False
+    wanted = math.ceil(fastest * whole / ROS2_LIMIT) if known else 2 * split
+    return min(max(wanted, split + 1 if stiff else 1), MOST_PARTS), True
+
+
+def _few(lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lanes, padded so that few sizes are compiled, and where each stands among them."""
+    size = LEAST_LANES
+    while size < len(lanes):
+        size *= 4
+    return np.pad(lanes, (0, size - len(lanes)), mode="edge"), np.arange(len(lanes))
+
+
+def _put(all_: np.ndarray, lanes: np.ndarray, some: np.ndarray) -> np.ndarray:
+    found = np.array(all_)
+    found[lanes] = some
+    return found
+
+
+def after_stop(period: float) -> int:
+    """Samples that follow a stop."""
+    return round(AFTER_STOP / period)

@@ -1,0 +1,161 @@
+"""Variants drawn from what a fit knows: its intervals and correlations, or samples of another program's posterior."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..documents import read_text
+from ..errors import InputError
+from ..identification.fit import Fit
+from ..quantities import declared
+from .settings import Setting
+from .variants import Variants
+
+MOST_DRAWS = 1000  # for one variant within the bounds
+_HEADER = re.compile(r"\s*(\S+)\s*(?:\[([^\]]*)\])?\s*")
+
+
+def draws(
+    mean: np.ndarray, covariance: np.ndarray, bounds: tuple[np.ndarray, np.ndarray], count: int, *, seed: int = 0
+) -> np.ndarray:
+    """Normal draws within bounds, (count, n); those outside are drawn anew.
+
+    Args:
+        mean: (n,).
+        covariance: (n, n).
+        bounds: lowest and highest, (n,) each.
+        count: of the draws.
+        seed: same seed, same draws.
+
+    Raises:
+        InputError: if nearly all draws lie outside.
+    """
+    chance = np.random.default_rng(seed)
+    # by eigenvectors: a covariance of parameters that the data cannot tell apart has no Cholesky factor
+    strength, directions = np.linalg.eigh(covariance)
+    spread = directions * np.sqrt(np.maximum(strength, 0.0))
+    found = np.empty((0, len(mean)))
+    for _ in range(MOST_DRAWS):
+        tried = mean + chance.standard_normal((count, len(mean))) @ spread.T
+        inside = np.all((tried >= bounds[0]) & (tried <= bounds[1]), axis=1)
+        found = np.concatenate([found, tried[inside]])
+        if len(found) >= count:
+            return found[:count]
+    raise InputError("posterior", f"{len(found)} of {count} draws", "nearly none lies within the declared bounds")
+
+
+def of_fit(fit: Fit, count: int, *, seed: int = 0, prefix: str = "muscle.law.") -> Variants:
+    """Variants of a muscle whose law was fitted, from the fit's intervals and correlations.
+
+    Raises:
+        InputError: if the data do not fix a parameter.
+    """
+    from ..muscles.laws import law_type
+
+    names = list(fit.parameters)
+    deviation = np.array([_deviation(n, e._asdict(), len(fit.points), len(names)) for n, e in fit.parameters.items()])
+    alike = np.eye(len(names)) if fit.correlation is None else np.asarray(fit.correlation)
+    fields = declared(law_type(fit.law))
+    low, high = np.array([fields[n].bounds for n in names]).T
+    mean = np.array([e.value for e in fit.parameters.values()])
+    found = draws(mean, alike * np.outer(deviation, deviation), (low, high), count, seed=seed)
+    return Variants({prefix + n: column for n, column in zip(names, found.T, strict=True)})
+
+
+def of_json(
+    path: str | os.PathLike[str], law: str, count: int, known: Callable[[str], Setting], *, seed: int = 0
+) -> Variants:
+    """The same from what ``mckibben fit --json`` printed: intervals, without the correlations.
+
+    Args:
+        path: of the file.
+        law: whose fit; the first of the file where empty.
+        count: of the variants.
+        known: what a path names.
+        seed: same seed, same variants.
+
+    Raises:
+        InputError: if it is no such file, or has no such law.
+    """
+    where = os.fspath(path)
+    try:
+        fits = json.loads(read_text(path, field="posterior.fit"))["fits"]
+        names = [f["law"] for f in fits]
+        one = fits[names.index(law or names[0])]
+        given: Mapping[str, Mapping[str, Any]] = one["parameters"]
+        points = int(one["n"])
+    except (ValueError, KeyError, TypeError, IndexError):
+        said = f"a fit of {law}" if law else "a fit"
+        raise InputError("posterior.fit", where, f"allowed is what mckibben fit --json prints, with {said}") from None
+    settings = {name: known(f"muscle.law.{name}") for name in given}
+    deviation = np.array([_deviation(n, e, points, len(given)) for n, e in given.items()])
+    bounds = [s.quantity.bounds if s.quantity else (-np.inf, np.inf) for s in settings.values()]
+    low, high = np.array(bounds).T
+    mean = np.array([float(e["value"]) for e in given.values()])
+    found = draws(mean, np.diag(deviation**2), (low, high), count, seed=seed)
+    return Variants({s.path: column for s, column in zip(settings.values(), found.T, strict=True)})
+
+
+def of_samples(
+    path: str | os.PathLike[str], count: int | None, known: Callable[[str], Setting], *, seed: int = 0
+) -> Variants:
+    """Rows of a table whose headers are ``path [unit]``, a sample each.
+
+    Args:
+        path: of a CSV file.
+        count: of the variants, drawn without replacement; all rows in their order where left out.
+        known: what a path names.
+        seed: same seed, same rows.
+
+    Raises:
+        InputError: names the column, the value and what is allowed.
+    """
+    where = os.fspath(path)
+    rows = [row for row in csv.reader(io.StringIO(read_text(path, field="posterior.samples"))) if row]
+    if len(rows) < 2:
+        raise InputError("posterior.samples", where, "allowed is a table with a header and a row for each sample")
+    columns = {}
+    for i, header in enumerate(rows[0]):
+        match = _HEADER.fullmatch(header)
+        if match is None:
+            raise InputError("header", header, "allowed is a path and its unit, such as end_mass [g]", where=where)
+        one, unit = known(match[1]), match[2] or ""
+        try:
+            columns[one.path] = np.array([_number(one, row[i], unit, where) for row in rows[1:]])
+        except IndexError:
+            raise InputError("posterior.samples", where, "every row needs as many values as the header") from None
+    table = Variants(columns)
+    if count is None:
+        return table
+    if not 1 <= count <= len(table):
+        raise InputError("posterior.count", count, f"the table has {len(table)} samples", where=where)
+    chosen = np.sort(np.random.default_rng(seed).permutation(len(table))[:count])
+    return Variants({name: values[chosen] for name, values in columns.items()})
+
+
+def _number(one: Setting, text: str, unit: str, where: str) -> float:
+    value = one.read(f"{text.strip()} {unit}".strip(), where=where)
+    if isinstance(value, str):
+        raise InputError(one.path, text, "allowed is a number", where=where)
+    return value
+
+
+def _deviation(name: str, estimate: Mapping[str, Any], points: int, free: int) -> float:
+    """Standard error of an estimate from its 95 % interval, which is by Student's t."""
+    from scipy import stats
+
+    try:
+        half = 0.5 * (float(estimate["high"]) - float(estimate["low"]))
+    except TypeError:  # null where it is not finite
+        half = np.inf
+    if not np.isfinite(half):
+        raise InputError(f"posterior.{name}", "not fixed by the data", "allowed is a fit with finite intervals")
+    return half / float(stats.t.ppf(0.975, max(points - free, 1)))

@@ -1,0 +1,195 @@
+"""What all variants of a batch share, and how one of them becomes a bench, as ``mckibben run --set`` would prepare it.
+
+A recipe holds what it needs of files (rig, specimens, protocol), so that it can be sent to another machine.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..assembly.build import unit_from_specimen
+from ..assembly.muscle_unit import MuscleUnit
+from ..bench.prepare import Bench, prepare
+from ..bench.rig import Rig
+from ..bench.rig_file import read_rig
+from ..bench.rig_file import rig as rig_of
+from ..components import paths
+from ..engine import STEP
+from ..errors import InputError
+from ..experiments.protocol import Protocol
+from ..experiments.read import with_values
+from ..quantities import parse
+from ..specimens import Specimen, specimen
+from .outputs import USUAL, Output
+from .settings import Setting, setting
+
+TEXTS = ("title", "note", "order")  # settings of a protocol in which a comma is a comma
+KEPT = 32  # rigs and protocols that a process remembers, half a megabyte each
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """All that does not differ between variants, and the files that any of them needs.
+
+    Attributes:
+        protocol: what to do.
+        muscle: the specimen's name, where no variant states another.
+        rig: the rig's name, likewise.
+        specimens: every muscle that a variant may name.
+        rigs: the documents of every rig that a variant may name.
+        given: words by path that hold for all variants.
+        settings: what every varied path is.
+        outputs: what is kept of a variant.
+        plumbing: a way to join the rig's parts; by what the protocol needs where empty.
+        noise_seed: of the sensors' noise.
+        step: largest step of the physics [s].
+        accept_saturation: go on where only the cell's range would be exceeded.
+    """
+
+    protocol: Protocol
+    muscle: str
+    rig: str = "paper"
+    specimens: Mapping[str, Specimen] = field(default_factory=dict)
+    rigs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    given: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Setting] = field(default_factory=dict)
+    outputs: tuple[Output, ...] = USUAL
+    plumbing: str = ""
+    noise_seed: int = 0
+    step: float = STEP
+    accept_saturation: bool = False
+
+    def setting(self, path: str, *, where: str | None = None) -> Setting:
+        """What a path names, of the protocol, the first rig and the first muscle."""
+        return setting(path, self.protocol, self.first_rig, self.first_unit, where=where)
+
+    @functools.cached_property
+    def first_rig(self) -> Rig:
+        """The rig of variants that state no other."""
+        return read_rig(self.rigs[self.rig], where=_place(self.rig)) if self.rig in self.rigs else rig_of(self.rig)
+
+    @functools.cached_property
+    def first_unit(self) -> MuscleUnit:
+        """The muscle of variants that state no other."""
+        return unit_from_specimen(self.specimens.get(self.muscle) or specimen(self.muscle))
+
+    def words(self, values: Mapping[str, Any]) -> dict[str, str]:
+        """A variant in the words of ``--set``, what holds for all included."""
+        return {**self.given, **{path: self.settings[path].words(v) for path, v in values.items()}}
+
+
+class Kitchen:
+    """Makes benches of a recipe, and remembers the parts that variants have in common."""
+
+    def __init__(self, recipe: Recipe) -> None:
+        self.recipe = recipe
+        self._rig = _remembering(self._read_rig)
+        self._protocol = _remembering(self._read_protocol)
+        self._unit = _remembering(lambda name: unit_from_specimen(self._specimen(name)))
+
+    def bench(self, values: Mapping[str, Any]) -> Bench:
+        """The bench of one variant, the dry run included.
+
+        Args:
+            values: by path, SI or words.
+
+        Raises:
+            InputError: names what is unknown or out of bounds.
+        """
+        recipe, given = self.recipe, self.recipe.words(values)
+        muscle, rig = given.pop("muscle", recipe.muscle), given.pop("rig", recipe.rig)
+        plumbing = given.pop("plumbing", recipe.plumbing) or None
+        seed = _whole("noise_seed", given.pop("noise_seed", recipe.noise_seed))
+        of_rig = {k: v for k, v in given.items() if k.startswith("rig.")}
+        of_muscle = {k: v for k, v in given.items() if k.startswith("muscle.")}
+        own = {k: v for k, v in given.items() if k not in of_rig and k not in of_muscle}
+        return prepare(
+            self._protocol(_key(own)), muscle=self._specimen(muscle), unit=self._changed(self._unit(muscle), of_muscle),
+            rig=self._rig((rig, *_key(of_rig))), plumbing=plumbing, step=recipe.step, seed=seed,
+            accept_saturation=recipe.accept_saturation,
+        )  # fmt: skip
+
+    def _specimen(self, name: str) -> Specimen:
+        return self.recipe.specimens.get(name) or specimen(name)
+
+    @staticmethod
+    def _changed(unit: MuscleUnit, given: Mapping[str, str]) -> MuscleUnit:
+        for key, words in given.items():
+            path = key.removeprefix("muscle.")
+            declared = paths.declaration(unit, path)
+            value = parse(words, declared.unit, field=key)
+            declared.check(key, value)
+            unit = paths.put(unit, {path: value})
+        return unit
+
+    def _read_rig(self, key: tuple[Any, ...]) -> Rig:
+        name, *changes = key
+        if name not in self.recipe.rigs:
+            return rig_of(name, {k.removeprefix("rig."): v for k, v in changes})
+        document = copy.deepcopy(dict(self.recipe.rigs[name]))
+        for path, words in changes:
+            _put(document, path.removeprefix("rig."), words, _place(name))
+        return read_rig(document, where=_place(name))
+
+    def _read_protocol(self, key: tuple[Any, ...]) -> Protocol:
+        values = {name: words if name in TEXTS else _several(words) for name, words in key}
+        return with_values(self.recipe.protocol, values) if values else self.recipe.protocol
+
+
+def of(protocol: Protocol, muscle: str, rig: str = "paper", **more: Any) -> Recipe:
+    """A recipe with the files of its muscle and rig read.
+
+    Raises:
+        InputError: if there is no such muscle or rig, or a path of `given` is unknown.
+    """
+    made = Recipe(
+        protocol=protocol, muscle=muscle, rig=rig,
+        specimens={muscle: specimen(muscle), **more.pop("specimens", {})},
+        rigs={rig: dict(rig_of(rig).document), **more.pop("rigs", {})}, **more,
+    )  # fmt: skip
+    for path in made.given:
+        made.setting(path)
+    return made
+
+
+def _place(name: str) -> str:
+    return name if name.endswith(".toml") else f"{name}.toml"
+
+
+def _key(given: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+    return tuple(sorted(given.items()))
+
+
+def _remembering(make: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return functools.lru_cache(maxsize=KEPT)(make)
+
+
+def _several(words: str) -> Any:
+    values = [w.strip() for w in words.split(",") if w.strip()]
+    return values if len(values) > 1 else words
+
+
+def _whole(field_: str, value: Any) -> int:
+    try:
+        found = int(str(value))
+    except ValueError:
+        found = -1
+    if found < 0:
+        raise InputError(field_, str(value), "allowed is a whole number, 0 or more")
+    return found
+
+
+def _put(document: dict[str, Any], path: str, words: str, where: str) -> None:
+    """Replace a value of a rig's file; whole numbers and truth values may be words."""
+    *tables, last = path.split(".")
+    at: Any = document
+    for part in tables:
+        at = at.setdefault(part, {})
+        if not isinstance(at, dict):
+            raise InputError(f"rig.{path}", words, f"{part} is no table", where=where)
+    whole = words.lstrip("+-").isdigit()
+    at[last] = words == "true" if words in ("true", "false") else int(words) if whole else words

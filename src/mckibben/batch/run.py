@@ -1,0 +1,277 @@
+"""Variants of a recipe, run in lanes: numbers, a result code and a sentence for each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from ..assembly.accounts import accounts
+from ..bench.part import Draws
+from ..engine import sampled
+from ..engine.native import ENGINES
+from ..errors import InputError
+from . import march, rest, tally
+from .kernels import Kernels, Kind, channels_of
+from .lanes import Family, Group, Planner
+from .march import Marched
+from .outcome import Outcome
+from .outputs import LATER, TIME, Output
+from .recipe import Recipe
+from .template import Template
+from .variants import Variants, power
+
+LANES = 256  # of a compiled call: more are hardly faster
+Tell = Callable[[float], None]  # told the share of the work that is done
+
+
+class Results(NamedTuple):
+    """What became of some variants.
+
+    Attributes:
+        code: result codes (n,).
+        message: a sentence for each.
+        duration: simulated time of each [s] (n,).
+        outputs: by name (n,); whole channels (n, samples), NaN beyond the end of each.
+    """
+
+    code: np.ndarray
+    message: list[str]
+    duration: np.ndarray
+    outputs: dict[str, np.ndarray]
+
+
+class Runner:
+    """Runs variants of one recipe; remembers what it compiled and found out.
+
+    Args:
+        recipe: of all variants.
+        ranges: lowest and highest value of every varied number in the whole sweep [SI].
+        engine: that compiles the lanes: ``auto``, ``xla`` or ``native``.
+        threads: of native kernels; all cores where 0.
+    """
+
+    def __init__(
+        self, recipe: Recipe, ranges: Mapping[str, tuple[float, float]], *, engine: str = "auto", threads: int = 0
+    ) -> None:
+        if engine not in ENGINES:
+            raise InputError("engine", engine, f"known are {', '.join(ENGINES)}")
+        self.recipe, self.engine, self.threads = recipe, engine, threads
+        self.planner = Planner(recipe, ranges)
+        self._kernels: list[Kernels] = []
+
+    def run(self, variants: Variants, tell: Tell = lambda _: None) -> Results:
+        """All of them; a bad one never raises."""
+        count = len(variants)
+        code, duration = np.full(count, int(Outcome.REFUSED), np.int8), np.zeros(count)
+        message = [""] * count
+        refused, groups = self.planner.plan(variants)
+        for row, said in refused.items():
+            message[row] = said
+        pieces = [
+            Group(g.family, g.lanes[i : i + LANES]) for g in groups for i in range(0, len(g.lanes), LANES)
+        ]  # fmt: skip
+        outputs: dict[str, np.ndarray] = {}
+        for number, piece in enumerate(pieces):
+            done = _Piece(self, piece, _after(number, len(pieces), tell))
+            rows = [lane.row for lane in piece.lanes]
+            code[rows], duration[rows] = done.code, done.duration
+            for row, said in zip(rows, done.message, strict=True):
+                message[row] = said
+            for name, values in done.outputs.items():
+                outputs[name] = _placed(outputs.get(name), count, rows, values)
+        for one in self.recipe.outputs:
+            outputs.setdefault(one.name, np.full((count, 0) if one.reduce == "samples" else count, np.nan))
+        return Results(code, message, duration, outputs)
+
+    def kernels(self, family: Family, part: int, seeds: bool) -> Kernels:
+        """The compiled functions of a part, for what is now known to be shared."""
+        outputs = self.recipe.outputs
+        kept = tuple(dict.fromkeys(o.channel for o in outputs if o.reduce in LATER))
+        shared = tuple(bool(s) for s in family.shared[part])
+        kind = Kind(
+            structure=family.fixed.structures[part], shared=shared, depth=family.fixed.timing.depth,
+            every=family.fixed.every, outputs=outputs, kept=kept, accounts=any(not o.sampled for o in outputs),
+            seeds=seeds, engine=self.engine, threads=self.threads,
+        )  # fmt: skip
+        for known in self._kernels:
+            if known.kind == kind:
+                return known
+        self._kernels.append(Kernels(kind))
+        return self._kernels[-1]
+
+
+class _Piece:
+    """One group of lanes, run from begin to end."""
+
+    def __init__(self, runner: Runner, group: Group, tell: Tell) -> None:
+        lanes = group.lanes
+        self.outputs_wanted, self.family, self.lanes = runner.recipe.outputs, group.family, lanes
+        self.timing, self.period = group.family.fixed.timing, group.family.fixed.timing.period
+        count, width = len(lanes), power(len(lanes))
+        padded = [*lanes, *[lanes[-1]] * (width - count)]
+        self.code, self.duration = np.zeros(count, np.int8), np.zeros(count)
+        self.message = [Outcome.DONE.sentence] * count
+        self.outputs: dict[str, np.ndarray] = {}
+        self.gathered: list[list[tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]]] = [[] for _ in lanes]
+        self.integrals: dict[str, np.ndarray] = {}
+        self.balances: dict[str, np.ndarray] = {}
+        sums = jax.tree.map(
+            lambda x: np.array(np.broadcast_to(np.asarray(x), (width, *np.shape(x)))),
+            tally.fresh(self.outputs_wanted, march.after_stop(self.period)),
+        )
+        sums.going[count:] = False  # the last lane again, to fill the width
+        total = max(lane.template.bench.plan.samples for lane in lanes)
+        seeds = len({lane.template.bench.seed for lane in lanes}) > 1
+        before = 0
+        for part in range(len(group.family.fixed.structures)):
+            leaves = group.family.stacked(padded, part)
+            kernels = runner.kernels(group.family, part, seeds)
+            chosen = padded if seeds else padded[:1]
+            rows = march.Rows([Draws(lane.template.bench, part) for lane in chosen])
+            offset = sums.samples.copy()
+            found = march.part(
+                kernels, leaves, sums, rows, period=self.period, inner=self.timing.inner,
+                tell=_after(before, total, tell),
+            )  # fmt: skip
+            before = int(found.tally.samples.max())
+            self._take(kernels, leaves, part, found, offset)
+            dead = np.zeros(width, bool)
+            dead[count:] = True
+            dead[:count] = self.code != 0
+            sums = found.tally._replace(going=~dead, left=np.full(width, march.after_stop(self.period)))
+        self.duration[:] = sums.samples[:count] * self.period
+        self._finish(sums)
+
+    def _take(
+        self, kernels: Kernels, leaves: Sequence[np.ndarray], part: int, found: Marched, offset: np.ndarray
+    ) -> None:
+        """What a part adds: codes, sentences, samples, integrals and balances."""
+        for lane in range(len(self.lanes)):
+            if self.code[lane]:
+                continue
+            if lane in found.failed:
+                self.code[lane], self.message[lane] = int(found.failed[lane].outcome), found.failed[lane].message
+            elif lane in found.stopped:
+                self.code[lane] = int(Outcome.STOPPED)
+                self.message[lane] = self._why(kernels, _lane(leaves, kernels.kind.shared, lane), part, lane, found)
+            if found.samples:
+                at = np.flatnonzero(found.counted[lane])
+                own = {n: v[lane, at] for n, v in found.samples.items()}
+                self.gathered[lane].append((self.period * (offset[lane] + at), found.step[lane, at], own))
+            if kernels.kind.accounts:
+                self._account(kernels, _lane(leaves, kernels.kind.shared, lane), lane, found)
+
+    def _why(self, kernels: Kernels, leaves: Any, part: int, lane: int, found: Marched) -> str:
+        """Why the machine stopped, as `bench.run` says it."""
+        stop = found.stopped[lane]
+        if stop["code"] > 0:
+            watch = kernels.tree(leaves)["software"].interlocks
+            said: str = watch.reason(int(stop["code"]), stop, stop["time"])
+            return said
+        step = self.lanes[lane].template.parts[part].steps[int(stop["step"])]
+        test = "" if step.until is None else step.until.sentence()
+        waited = step.count * self.period
+        return f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
+
+    def _account(self, kernels: Kernels, leaves: Any, lane: int, found: Marched) -> None:
+        begun, ended = (jax.tree.map(lambda x: x[lane], c) for c in (found.begun, found.carry))
+        for name, value in ended.integrals.items():
+            many = self.integrals.setdefault(name, np.zeros(len(self.lanes)))
+            many[lane] += value
+        wanted = [o.channel for o in self.outputs_wanted if o.reduce == "balance"]
+        if not wanted:
+            return
+        plant, latency = kernels.tree(leaves)["plant"], float(kernels.tree(leaves)["latency"])
+        first, last = (sampled.inputs_of(plant, c, latency, self.period) for c in (begun, ended))
+        run: Any = _Ended(ended.state["machine"], ended.memory, ended.integrals)
+        closed = accounts(plant.machine, (begun.state["machine"], begun.memory), run, first, last)
+        for name in wanted:
+            many = self.balances.setdefault(name, np.zeros(len(self.lanes)))
+            many[lane] = max(many[lane], float(getattr(closed, name)))
+
+    def _finish(self, sums: tally.Tally) -> None:
+        count = len(self.lanes)
+        for one in self.outputs_wanted:
+            if one.reduce == "account":
+                self.outputs[one.name] = self.integrals.get(one.channel, np.full(count, np.nan))
+            elif one.reduce == "balance":
+                self.outputs[one.name] = self.balances[one.channel]
+            elif one.reduce in ("time_to", "samples"):
+                self._of_samples(one)
+            else:
+                self.outputs[one.name] = tally.finished(one, sums.sums[one.name])[:count]
+        bad = np.isin(self.code, [Outcome.NOT_FINITE, Outcome.TOO_STIFF, Outcome.IMPOSSIBLE])
+        for values in self.outputs.values():
+            values[bad] = np.nan
+
+    def _of_samples(self, one: Output) -> None:
+        kept = []
+        for lane, parts in zip(self.lanes, self.gathered, strict=True):
+            pieces = []
+            for part, (time, step, own) in zip(lane.template.parts, parts, strict=False):
+                inside = np.array([not one.step or s.step.label == one.step for s in part.steps])[step]
+                pieces.append((time[inside], own[one.channel][inside]))
+            kept.append(tuple(np.concatenate(x) if x else np.zeros(0) for x in zip(*pieces, strict=True)))
+        if one.reduce == "time_to":
+            self.outputs[one.name] = np.array([tally.time_to(one, *x) for x in kept])
+            return
+        longest = max(len(t) for t, _ in kept)
+        for name, i in ((TIME, 0), (one.name, 1)):
+            self.outputs[name] = np.stack(
+                [np.pad(x[i], (0, longest - len(x[i])), constant_values=np.nan) for x in kept]
+            )
+
+
+class _Ended(NamedTuple):
+    """What the accounts need of a run."""
+
+    state: Any
+    memory: Any
+    integrals: Any
+
+
+def known_names(template: Template) -> tuple[list[str], list[str]]:
+    """Channels and integrals that outputs can name, of a built variant."""
+    fixed, leaves = template.fixed, template.leaves[0]
+    kind = Kind(
+        fixed.structures[0], (True,) * len(leaves), fixed.timing.depth, fixed.every, (), (), True, False, "auto"
+    )
+    row = Draws(template.bench, 0).first()
+    kernels = Kernels(kind)
+
+    def one(own: Any) -> Any:
+        tree = kernels.tree(own)
+        carry = rest.begin(tree["plant"], tree["software"], tree["pressure"], fixed.timing.depth, row)
+        timing = fixed.timing
+        _, seen = sampled.sample(
+            tree["plant"], tree["software"], carry, row, period=timing.period, inner=timing.inner,
+            latency=tree["latency"], stiff=False,
+        )  # fmt: skip
+        return channels_of(seen), carry.integrals
+
+    channels, integrals = jax.eval_shape(one, leaves)
+    return sorted(channels), sorted(integrals)
+
+
+def _lane(leaves: Sequence[np.ndarray], shared: Sequence[bool], lane: int) -> list[np.ndarray]:
+    return [x if s else x[lane] for x, s in zip(leaves, shared, strict=True)]
+
+
+def _after(before: float, total: float, tell: Tell) -> Tell:
+    """Tells of the whole where told of what is done beyond a part of it."""
+    return lambda done: tell(min(1.0, (before + done) / total))
+
+
+def _placed(so_far: np.ndarray | None, count: int, rows: Sequence[int], values: np.ndarray) -> np.ndarray:
+    """Values of some rows among those of all; whole channels as long as the longest."""
+    shape = (count, *values.shape[1:])
+    if so_far is None:
+        so_far = np.full(shape, np.nan)
+    elif so_far.ndim > 1 and so_far.shape[1] < values.shape[1]:
+        so_far = np.pad(so_far, ((0, 0), (0, values.shape[1] - so_far.shape[1])), constant_values=np.nan)
+    place: Any = (rows, slice(0, values.shape[1])) if values.ndim > 1 else rows
+    so_far[place] = values
+    return so_far

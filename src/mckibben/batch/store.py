@@ -1,0 +1,241 @@
+"""Results of a sweep in a zarr group: every parameter, result code and sentence, and every output of every variant.
+
+    results.zarr/
+      parameters/<path>     (variants,)          SI floats with a unit, or words
+      code, message         (variants,)          `Outcome` and its sentence; -1 where it has not been run
+      duration              (variants,)          simulated time [s]
+      written               (variants,)          how often a result was written: once
+      outputs/<name>        (variants,) or (variants, samples)
+
+A block of variants is a chunk of every array, and a chunk is written whole or not at all; the codes are written last. So a
+store that was left at any moment says which variants it holds, and the others are run by the next call.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from .outcome import Outcome
+from .outputs import TIME
+from .run import Results
+from .sweep import Sweep
+from .variants import Variants
+
+NAME, LOCK = "results.zarr", "sweep.lock"
+SAMPLES = 4096  # of a chunk of whole channels
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+KEY = "mckibben"
+
+
+class Store:
+    """The results of one sweep in a folder; made by `opened`."""
+
+    def __init__(self, folder: Path, group: Any, count: int, block: int) -> None:
+        self.folder, self.group, self.count, self.block = folder, group, count, block
+
+    @property
+    def path(self) -> Path:
+        """Of the zarr group."""
+        return self.folder / NAME
+
+    def codes(self) -> np.ndarray:
+        """Result codes of all variants."""
+        return np.asarray(self.group["code"][:])
+
+    def missing(self) -> list[slice]:
+        """Blocks of which no result is there yet."""
+        codes = self.codes()
+        parts = (slice(i, min(i + self.block, self.count)) for i in range(0, self.count, self.block))
+        return [part for part in parts if (codes[part] == Outcome.NOT_RUN).any()]
+
+    def write(self, part: slice, results: Results) -> None:
+        """The results of a block.
+
+        Raises:
+            InputError: if the disk is full; what was written before stays.
+        """
+        with _full(self):
+            for name, values in results.outputs.items():
+                array = self.group[f"outputs/{name}"]
+                if values.ndim > 1:
+                    if array.shape[1] < values.shape[1]:
+                        array.resize((self.count, values.shape[1]))
+                    array[part, : values.shape[1]] = values
+                else:
+                    array[part] = values
+            self.group["duration"][part] = results.duration
+            self.group["message"][part] = np.array(results.message, object)
+            self.group["written"][part] = np.asarray(self.group["written"][part]) + 1
+            self.group["code"][part] = results.code
+
+
+@contextlib.contextmanager
+def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator[Store]:
+    """The store of a sweep in a folder, a new one or that of an earlier call; nobody else writes to it meanwhile.
+
+    Args:
+        folder: made if it is not there.
+        sweep: checked already.
+        block: variants of a block; a store that is there keeps its own.
+
+    Raises:
+        InputError: if another sweep wrote it, somebody is writing to it, it cannot be read, or the disk has no room.
+    """
+    import zarr
+
+    place = Path(folder)
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError("--out", str(place), f"the folder cannot be made ({error.strerror})") from None
+    with _alone(place):
+        path = place / NAME
+        if (path / "zarr.json").exists():
+            yield _known(place, sweep)
+            return
+        if path.exists() and any(path.iterdir()):
+            raise InputError("--out", str(path), "it is there already and no results of a sweep; choose another folder")
+        need, free = _size(sweep), shutil.disk_usage(place).free
+        if need > free:
+            raise InputError(
+                "--out", str(place), f"the results need {need / 1e6:.0f} MB, the disk has {free / 1e6:.0f} MB"
+            )
+        draft = place / f"{NAME}.new"  # so that a store is there whole or not at all
+        shutil.rmtree(draft, ignore_errors=True)
+        with _full(None, place):
+            _create(zarr.open_group(draft, mode="w"), sweep, block)
+            draft.rename(path)
+        yield Store(place, zarr.open_group(path, mode="r+"), len(sweep.variants), block)
+
+
+def _known(place: Path, sweep: Sweep) -> Store:
+    import zarr
+
+    try:
+        group = zarr.open_group(place / NAME, mode="r+")
+        about: Any = group.attrs[KEY]
+        digest, count, block = str(about["digest"]), int(about["variants"]), int(about["block"])
+    except (KeyError, ValueError, TypeError, OSError):
+        raise InputError("--out", str(place / NAME), "it is no store of a sweep, or damaged") from None
+    if digest != sweep.digest:
+        title = about.get("title") or "without a title"
+        raise InputError(
+            "--out", str(place), f"it holds the results of another sweep ({title}, {count} variants, hash {digest[:12]}; "
+            f"this one has {sweep.digest[:12]}); choose another folder",
+        )  # fmt: skip
+    return Store(place, group, count, block)
+
+
+def _create(group: Any, sweep: Sweep, block: int) -> None:
+    from ..bench.provenance import versions
+
+    count = len(sweep.variants)
+
+    def array(name: str, kind: Any, fill: Any, **attributes: Any) -> Any:
+        return group.create_array(
+            name, shape=(count,), chunks=(block,), dtype=kind, fill_value=fill, dimension_names=("variant",),
+            attributes=attributes,
+        )  # fmt: skip
+
+    for path, values in sweep.variants.columns.items():
+        one = array(f"parameters/{path}", float if values.dtype == float else str, np.nan if values.dtype == float else "",
+                    unit=sweep.recipe.settings[path].unit)  # fmt: skip
+        one[:] = values
+    array("code", "i1", -1, meaning={o.name.lower(): int(o) for o in Outcome})
+    array("message", str, "")
+    array("duration", float, np.nan, unit="s")
+    array("written", "u1", 0)
+    channels = {o.name: o for o in sweep.recipe.outputs}
+    whole = [n for n, o in channels.items() if o.reduce == "samples"]
+    for name, one in channels.items():
+        if name not in whole:
+            array(f"outputs/{name}", float, np.nan, **{k: v for k, v in one._asdict().items() if k != "name"})
+    for name in [TIME, *whole] if whole else []:
+        group.create_array(
+            f"outputs/{name}", shape=(count, 1), chunks=(block, SAMPLES), dtype=float, fill_value=np.nan,
+            dimension_names=("variant", "sample"),
+        )  # fmt: skip
+    group.attrs[KEY] = {
+        **sweep.document(), "digest": sweep.digest, "block": block, "version": versions()["mckibben"],
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }  # fmt: skip
+
+
+def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
+    """The variants and results of a store, or of the folder that holds one; what is not there yet has the code -1.
+
+    Raises:
+        InputError: if it is none.
+    """
+    import zarr
+
+    place = Path(path)
+    place = place / NAME if (place / NAME).exists() else place
+    try:
+        group: Any = zarr.open_group(place, mode="r")
+        about: Any = group.attrs[KEY]
+        columns = {p: np.asarray(group[f"parameters/{p}"][:]) for p in about["parameters"]}
+        outputs: Any = group["outputs"] if "outputs" in group else {}
+        found = {n: np.asarray(outputs[n][:]) for n in sorted(outputs)}
+        message = [str(m) for m in group["message"][:]]
+        codes, duration = np.asarray(group["code"][:]), np.asarray(group["duration"][:])
+    except (KeyError, ValueError, TypeError, OSError):
+        raise InputError("store", str(place), "allowed is the folder of a sweep's results") from None
+    return Variants({p: v if v.dtype == float else v.astype(object) for p, v in columns.items()}), Results(
+        codes, message, duration, found
+    )
+
+
+def _size(sweep: Sweep) -> float:
+    """What the results take on the disk at most, without whole channels [bytes]."""
+    columns = len(sweep.variants.columns) + len(sweep.recipe.outputs)
+    return len(sweep.variants) * (8.0 * columns + 100.0) + 1e5
+
+
+@contextlib.contextmanager
+def _full(store: Store | None, folder: Path | None = None) -> Iterator[None]:
+    """A full disk as a line that says what is safe."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        place = store.folder if store is not None else folder
+        safe = "nothing was run"
+        if store is not None:
+            done = int((store.codes() != Outcome.NOT_RUN).sum())
+            safe = f"{done} of {store.count} variants are safe; make room and run the same command again"
+        raise InputError("--out", str(place), f"the disk is full ({error.strerror}); {safe}") from None
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Nobody else writes to a folder meanwhile; the system frees it, whatever becomes of this process."""
+    path = folder / LOCK
+    with open(path, "a+b") as file:
+        try:
+            _take(file)
+        except OSError:
+            raise InputError("--out", str(folder), "another sweep is writing to it; wait for its end") from None
+        yield
+
+
+def _take(file: Any) -> None:
+    if os.name == "nt":  # pragma: no cover
+        import msvcrt
+
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+        return
+    import fcntl
+
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

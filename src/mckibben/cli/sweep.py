@@ -1,0 +1,113 @@
+"""``sweep``: a protocol on many variants of a rig and a muscle, on all cores or many machines, into one store."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .words import Json, print_json, progress, table
+
+if TYPE_CHECKING:
+    from ..batch.drive import Report
+    from ..batch.sweep import Sweep
+
+PARTS = 1000  # of the progress bar
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add this command to the table."""
+    app.command("sweep")(sweep)
+
+
+def sweep(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="What is varied, and what is kept of it.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; goes on where it stopped.")],
+    scheduler: Annotated[
+        str,
+        typer.Option(
+            metavar="dask|processes|serial|ADDRESS",
+            help="Dask on this machine, a pool of processes, this process, or a Dask scheduler such as tcp://host:8786.",
+        ),
+    ] = "dask",
+    workers: Annotated[int, typer.Option(min=0, help="Processes on this machine; 0 for one per core.")] = 0,
+    dry: Annotated[bool, typer.Option("--dry-run", help="Only say what would be run.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Run a protocol on many variants; results go to zarr, and a sweep that was interrupted goes on."""
+    from ..batch.distribute import Workers
+    from ..batch.drive import run_sweep
+    from ..batch.sweep_file import read_sweep
+
+    wanted, team = read_sweep(file), Workers(scheduler, workers)
+    if dry:
+        _tell(wanted, as_json)
+        return
+    shown = 0
+    with progress("sweep", PARTS) as advance:
+
+        def tell(done: float, total: int) -> None:
+            nonlocal shown
+            upto = math.floor(PARTS * done / total)
+            advance(f"{math.floor(done):,} of {total:,} variants", max(0, upto - shown))
+            shown = max(shown, upto)
+
+        try:
+            report = run_sweep(wanted, out, workers=team, progress=tell)
+        except KeyboardInterrupt:
+            typer.echo(f"mckibben: interrupted; what is done is in {out}, and the same command goes on", err=True)
+            raise typer.Exit(130) from None
+    if as_json:
+        print_json(_result(report))
+    else:
+        _print(wanted, report)
+    if report.failed:
+        raise typer.Exit(1)
+
+
+def _tell(wanted: Sweep, as_json: bool) -> None:
+    first = wanted.check()
+    duration = first.bench.plan.duration
+    columns: dict[str, Any] = {}
+    for path, values in wanted.variants.columns.items():
+        low_high = wanted.ranges.get(path)
+        words = list(dict.fromkeys(values)) if low_high is None else []
+        columns[path] = {"unit": wanted.recipe.settings[path].unit, "range": low_high, "words": words}
+    if as_json:
+        print_json(
+            {
+                "result": "ready", "variants": len(wanted.variants), "duration": duration, "hash": wanted.digest,
+                "parameters": columns, "outputs": [o.name for o in wanted.recipe.outputs],
+            }
+        )  # fmt: skip
+        return
+    typer.echo(f"{len(wanted.variants):,} variants of {wanted.recipe.protocol.title!r}, the first of {duration:.4g} s.")
+    table("", ["parameter", "values"], [[p, _range(c)] for p, c in columns.items()])
+    typer.echo(f"Kept: {', '.join(o.name for o in wanted.recipe.outputs)}")
+
+
+def _range(column: dict[str, Any]) -> str:
+    from ..quantities import with_unit
+
+    if column["range"] is None:
+        return ", ".join(column["words"][:8]) + (" .." if len(column["words"]) > 8 else "")
+    return " to ".join(with_unit(x, column["unit"] or "1") for x in column["range"])
+
+
+def _result(report: Report) -> dict[str, Any]:
+    return {
+        "runs": report.runs, "failed": report.failed, "store": report.store,
+        "muscle_seconds_per_second": report.rate, "new": report.new, "codes": report.codes, "seconds": report.seconds,
+    }  # fmt: skip
+
+
+def _print(wanted: Sweep, report: Report) -> None:
+    from ..batch.outcome import Outcome
+
+    rows = [[name.replace("_", " "), f"{n:,}", Outcome[name.upper()].sentence] for name, n in report.codes.items()]
+    table(f"{wanted.title or wanted.recipe.protocol.title}: {report.runs:,} variants", ["", "", ""], rows, right=(1,))
+    if report.new:
+        typer.echo(f"\n{report.new:,} run now, {report.rate:.3g} s of muscle per second.")
+    typer.echo(f"Written: {report.store}")

@@ -1,0 +1,174 @@
+"""Design study: muscles, tubes and valves on the test machine, run as one batch and judged by three numbers.
+
+    response    time from a step of the pressure until nine tenths of the tension's way, at a fixed length [s]
+    air         drawn from the supply in a working cycle [kg]
+    efficiency  work of a cycle over the exergy of that air:  -(integral of T dX) / (m b(P, T))
+
+with b the exergy of flowing air against the room (`pneumatics.exergy`). The cycle is a sine of the span with the pressure
+high while it shortens. What the machine measures is left aside: all is made of true channels. Range: that of the muscle's
+law and of the rig; a design that the rig refuses has no numbers and says why.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from ...batch import Outcome, Output, Variants, grid
+from ...batch import recipe as recipes
+from ...batch.settings import setting
+from ...batch.sweep import Sweep, run_batch
+from ...bench.rig_file import rig as rig_of
+from ...errors import InputError
+from ...experiments.protocol import Protocol
+from ...experiments.read import parse_protocol, with_values
+from ...pneumatics.exergy import DeadState
+from ...pneumatics.gas import AIR
+from ...specimens import specimen
+from .front import dominated
+
+FILE = "cycle-and-step.toml"
+REACHED = 0.9  # of the tension's way after the step
+PLUMBING = "direct"
+TUBE_LENGTH, TUBE_DIAMETER, VALVE_FLOW = (
+    f"rig.plumbing.{PLUMBING}.{key}" for key in ("tube.length", "tube.diameter", "valve.flow")
+)
+OUTPUTS = (
+    Output("response", "time_to", "muscle.load_tension", share=REACHED, step="step"),
+    Output("tension", "max", "muscle.load_tension", step="step"),
+    Output("loop", "area", "muscle.load_tension", over="muscle.span", step="cycles"),
+    Output("drawn", "integral", "valve.supply_to_outlet.mass_flow", step="cycles"),
+)
+
+
+@dataclass(frozen=True)
+class Design:
+    """One muscle behind one tube and one valve.
+
+    Attributes:
+        muscle: id of the specimen.
+        tube_length: [m].
+        tube_diameter: [m].
+        valve_flow: into the room, as the rig states it [m^3/s].
+        response: time to nine tenths of the tension's way [s]; NaN, as all below, where it could not be run.
+        tension: largest after the step [N].
+        air: drawn in a cycle [kg].
+        work: of a cycle [J].
+        efficiency: work over the exergy of the air [1].
+        best: whether no other design beats it in response, air and efficiency.
+        message: what became of its run.
+    """
+
+    muscle: str
+    tube_length: float
+    tube_diameter: float
+    valve_flow: float
+    response: float
+    tension: float
+    air: float
+    work: float
+    efficiency: float
+    best: bool
+    message: str
+
+
+@dataclass(frozen=True)
+class DesignStudy:
+    """All designs in their order, with what they were run with."""
+
+    designs: tuple[Design, ...]
+    protocol: Protocol
+    rig: str
+
+    @property
+    def front(self) -> tuple[Design, ...]:
+        """The best ones, the fastest first."""
+        return tuple(sorted((d for d in self.designs if d.best), key=lambda d: d.response))
+
+
+def protocol(**values: Any) -> Protocol:
+    """The cycles and the step, with other values of its parameters in words.
+
+    Raises:
+        InputError: names what is unknown, out of bounds or in the wrong unit.
+    """
+    text = (resources.files(__package__) / FILE).read_text(encoding="utf-8")
+    return with_values(parse_protocol(text, where=FILE), values)
+
+
+def design_sweep(
+    muscles: Sequence[str], *, tube_lengths: Sequence[str], tube_diameters: Sequence[str], valve_flows: Sequence[str],
+    rig: str = "modern", **values: Any,
+) -> Sweep:  # fmt: skip
+    """The sweep over all combinations, which `drive.run_sweep` can run on many machines.
+
+    Args:
+        muscles: ids of specimens.
+        tube_lengths: words such as ``"50 cm"``, as the next two.
+        tube_diameters: of the bore.
+        valve_flows: into the room.
+        rig: whose plumbing ``direct`` they are built into.
+        **values: of the protocol.
+
+    Raises:
+        InputError: names what is unknown or out of bounds.
+    """
+    if not muscles:
+        raise InputError("muscles", "none", "allowed is at least one specimen")
+    base = recipes.of(protocol(**values), muscles[0], rig, outputs=OUTPUTS, plumbing=PLUMBING)
+    base = dataclasses.replace(base, specimens={m: specimen(m) for m in muscles})
+    words = {"muscle": muscles, TUBE_LENGTH: tube_lengths, TUBE_DIAMETER: tube_diameters, VALVE_FLOW: valve_flows}
+    settings = {p: setting(p, base.protocol, base.first_rig, base.first_unit) for p in words}
+    axes = {path: [settings[path].read(one) for one in given] for path, given in words.items()}
+    return Sweep(dataclasses.replace(base, settings=settings), grid(axes), title="Muscles, tubes and valves")
+
+
+def design_study(
+    muscles: Sequence[str], *, tube_lengths: Sequence[str], tube_diameters: Sequence[str], valve_flows: Sequence[str],
+    rig: str = "modern", progress: Callable[[float], None] = lambda _: None, **values: Any,
+) -> DesignStudy:  # fmt: skip
+    """Run every combination in this process and judge it; see `design_sweep`."""
+    sweep = design_sweep(
+        muscles, tube_lengths=tube_lengths, tube_diameters=tube_diameters, valve_flows=valve_flows, rig=rig, **values
+    )
+    results = run_batch(sweep, progress=progress)
+    return judged(sweep, sweep.variants, results.code, results.message, results.outputs)
+
+
+def judged(
+    sweep: Sweep, variants: Variants, code: np.ndarray, message: Sequence[str], outputs: Mapping[str, np.ndarray]
+) -> DesignStudy:
+    """The study from results in memory, or from those of a store (`store.read_results`).
+
+    Args:
+        sweep: of `design_sweep`.
+        variants: that were run.
+        code: result codes (n,).
+        message: a sentence for each.
+        outputs: by name (n,).
+    """
+    rig = rig_of(sweep.recipe.rig)
+    done = np.asarray(code) == Outcome.DONE
+    cycles = float(next(p.values[0] for p in sweep.recipe.protocol.parameters if p.name == "cycles"))
+    dead = DeadState.of(AIR, rig.environment)
+    supply = rig.plumbing[PLUMBING].supply_pressure + rig.environment.pressure_abs
+    worth = float(dead.flowing(dead.see(supply, rig.environment.temperature)))
+    work, air, response = -outputs["loop"] / cycles, outputs["drawn"] / cycles, outputs["response"]
+    work, air, response = (np.where(done, x, np.nan) for x in (work, air, response))
+    efficiency = work / (air * worth)
+    worse = dominated(np.stack([response, air, -efficiency], axis=1))
+    designs = [
+        Design(
+            muscle=str(row["muscle"]), tube_length=row[TUBE_LENGTH], tube_diameter=row[TUBE_DIAMETER],
+            valve_flow=row[VALVE_FLOW], response=float(response[i]),
+            tension=float(outputs["tension"][i]) if done[i] else float("nan"), air=float(air[i]), work=float(work[i]),
+            efficiency=float(efficiency[i]), best=not worse[i], message=message[i],
+        )
+        for i, row in enumerate(variants.rows())
+    ]  # fmt: skip
+    return DesignStudy(tuple(designs), sweep.recipe.protocol, sweep.recipe.rig)

@@ -1,0 +1,111 @@
+"""``sweep``: the contract's JSON, exit codes, resuming, and bad input in one line before anything runs."""
+
+import json
+
+import pytest
+
+from mckibben.batch.store import read_results
+from mckibben.cli import main
+
+PROTOCOL = """
+schema = 1
+name = "short"
+sample_rate = "1 kHz"
+[parameters.high]
+unit = "Pa"
+value = "3 bar"
+[[steps]]
+label = "high"
+span = "1 L0"
+pressure = "$high"
+for = "0.1 s"
+"""
+FILE = """
+schema = 1
+protocol = "short.toml"
+muscle = "nylon"
+[list_or_grid]
+[outputs.peak]
+channel = "tension"
+reduce = "max"
+"""
+
+
+@pytest.fixture
+def run(capsys, tmp_path):
+    def call(values, *words, text=FILE):
+        (tmp_path / "short.toml").write_text(PROTOCOL)
+        file = tmp_path / "sweep.toml"
+        file.write_text(text.replace("[list_or_grid]", f"[grid]\nhigh = {values}"))
+        with pytest.raises(SystemExit) as stop:
+            main(["sweep", str(file), "--out", str(tmp_path / "out"), "--scheduler", "serial", *words])
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, out, err
+
+    return call
+
+
+def test_a_sweep_prints_the_contracts_json_and_goes_on_where_it_stopped(run, tmp_path):
+    code, out, err = run('["1 bar", "2 bar", "3 bar"]', "--json")
+    found = json.loads(out)
+    assert (code, err) == (0, "")
+    assert {"runs", "failed", "store", "muscle_seconds_per_second"} <= set(found)
+    assert (found["runs"], found["failed"], found["new"]) == (3, 0, 3)
+    assert found["muscle_seconds_per_second"] > 0.0
+    variants, results = read_results(found["store"])
+    assert list(variants.columns["high"]) == [1e5, 2e5, 3e5]
+    assert (results.outputs["peak"][1:] > results.outputs["peak"][:-1]).all()  # more pressure pulls harder
+    code, out, _ = run('["1 bar", "2 bar", "3 bar"]', "--json")
+    assert code == 0 and (json.loads(out)["runs"], json.loads(out)["new"]) == (3, 0)
+    code, out, err = run('["1 bar", "4 bar"]')
+    assert (code, out) == (2, "") and "another sweep" in err and err.count("\n") == 1
+
+
+def test_variants_that_fail_are_results_and_the_exit_code_tells(run):
+    code, out, err = run('["1 bar", "99 bar"]', "--json")
+    found = json.loads(out)
+    assert (code, err) == (1, "")
+    assert (found["runs"], found["failed"], found["codes"]) == (2, 1, {"done": 1, "refused": 1})
+    _, results = read_results(found["store"])
+    assert "regulator" in results.message[1]
+
+
+@pytest.mark.parametrize(
+    ("values", "words", "said"),
+    [
+        ('["1 m"]', [], "high"),
+        ('["1 bar"]', ["--scheduler", "slurm"], "--scheduler is 'slurm'"),
+        ('["1 bar"]', ["--out", "/proc/nowhere"], "--out is '/proc/nowhere'"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(run, values, words, said, tmp_path):
+    code, out, err = run(values, *words)
+    assert (code, out) == (2, "")
+    assert said in err and err.startswith("mckibben: ") and err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_dry_run_says_what_would_be_run_and_writes_nothing(run, tmp_path):
+    code, out, _ = run('["1 bar", "3 bar"]', "--dry-run", "--json")
+    found = json.loads(out)
+    assert code == 0 and found["variants"] == 2 and found["parameters"]["high"]["range"] == [1e5, 3e5]
+    code, out, _ = run('["1 bar", "3 bar"]', "--dry-run")
+    assert "2 variants" in out and "1 bar to 3 bar" in out
+    assert not (tmp_path / "out").exists()
+
+
+def test_ctrl_c_leaves_a_store_that_goes_on(run, monkeypatch):
+    from mckibben.batch.distribute import Serial
+
+    def interrupted(self, work, blocks, tell):
+        for block in blocks[:1]:
+            yield block, work.run(block, tell)
+        raise KeyboardInterrupt
+
+    text = FILE + "[run]\nblock = 2\n"
+    with monkeypatch.context() as patch:
+        patch.setattr(Serial, "run", interrupted)
+        code, out, err = run('["1 bar", "2 bar", "3 bar"]', "--json", text=text)
+    assert (code, out) == (130, "") and "the same command goes on" in err
+    code, out, _ = run('["1 bar", "2 bar", "3 bar"]', "--json", text=text)
+    assert code == 0 and (json.loads(out)["runs"], json.loads(out)["new"]) == (3, 1)
