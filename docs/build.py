@@ -69,6 +69,9 @@ def site() -> None:
     print(done.stdout, end="")
     if done.returncode or re.search(r"\b(warning|error)\b|^(griffe|mkdocstrings):", done.stdout, re.I | re.M):
         raise SystemExit("docs: zensical was not content")
+    # Where the site is opened from the disk, a browser reads no JSON: the theme asks for the index as a script then.
+    index = (SITE / "search.json").read_text(encoding="utf-8")
+    (SITE / "search.js").write_text(f"var __index = {index}", encoding="utf-8")
     _loads_nothing()
 
 

@@ -290,8 +290,9 @@ def literature(_: Path) -> str:
 def papers(_: Path) -> str:
     """The papers' rows that need no recording, beside ours."""
     from mckibben.reproduction import reproduce
+    from mckibben.reproduction.rows import select
 
-    outcomes = reproduce(recordings=False)
+    outcomes, printed = reproduce(recordings=False), select()
     done = [o for o in outcomes if o.ours is not None]
     short = [o for o in done if o.ok is False]
     rows = []
@@ -299,10 +300,10 @@ def papers(_: Path) -> str:
         paper = " to ".join(f"{v:g}" for v in o.row.paper) if isinstance(o.row.paper, tuple) else f"{o.row.paper:g}"
         ours, unit = f"{o.ours:.4g}", "" if o.row.unit == "-" else o.row.unit
         rows.append([f"`{o.row.id}`", o.row.what, paper, ours, unit, o.verdict, o.note])
-    return _page(
+    return "---\nhide:\n  - toc\n---\n\n" + _page(
         "The papers, number by number",
-        f"{len(done)} of the {len(outcomes)} printed numbers that this package reproduces, {len(short)} of them fall short; the other "
-        f"{len(outcomes) - len(done)} come from recordings of the simulated test machine, which take minutes. *Calibrated* means that an input "
+        f"{len(done)} of the {len(printed)} printed numbers that this package reproduces, {len(short)} of them fall short; the other "
+        f"{len(printed) - len(done)} come from recordings of the simulated test machine, which take minutes. *Calibrated* means that an input "
         "was inferred from that row or its companion, so that agreement is no prediction. All rows, and every figure of the papers:",
         "```sh\n$ mckibben reproduce --out reproduction\n```",
         _table(["row", "what", "paper", "ours", "unit", "verdict", "note"], rows, right=(2, 3)),

@@ -118,7 +118,7 @@ class LiveLog:
             values: by channel, a number or (m,) each [its unit]; or an array (k,) or (m, k) in the order of the channels.
 
         Raises:
-                InputError: a channel is missing or unknown, shapes differ, or the time does not increase, and none of these
+            InputError: a channel is missing or unknown, shapes differ, or the time does not increase, and none of these
                 samples is then in the log; or it is closed, or the disk is full.
         """
         with self._lock:

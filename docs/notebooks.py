@@ -1,0 +1,88 @@
+"""A notebook as a page: executed in a kernel of its own, in an empty folder, with what its cells show below them.
+
+The notebook is kept without outputs. A cell that raises, or that says anything on standard error, a warning for one, fails the
+build. The metadata of a cell may hold ``alt``, the words for a figure that it shows.
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from examples import ExampleError
+
+LONGEST = 600  # of one cell, on a busy machine [s]
+FIGURES = {"image/svg+xml": "svg", "image/png": "png"}
+
+
+def run_notebook(path: Path, name: str, figures: Path) -> str:
+    """The page; figures go to a folder.
+
+    Args:
+        path: the notebook.
+        name: of the page, from the folder of the documentation.
+        figures: folder for figures.
+    """
+    import nbformat
+    from nbclient import NotebookClient
+    from nbclient.exceptions import CellExecutionError
+    from traitlets.config import Config
+
+    book = nbformat.read(path, as_version=4)
+    with tempfile.TemporaryDirectory() as folder:
+        # Between processes where there is that, and not over a port of the machine that others could listen to.
+        sockets = {} if os.name == "nt" else {"transport": "ipc", "ip": os.path.join(folder, ".kernel")}
+        options: dict[str, Any] = {"timeout": LONGEST, "resources": {"metadata": {"path": folder}}}
+        try:
+            NotebookClient(book, config=Config({"KernelManager": sockets}), **options).execute()
+        except CellExecutionError as error:
+            raise ExampleError(f"{name}:\n{_plain(str(error))}") from None
+    back = "../" * name.count("/")
+    parts = []
+    for number, cell in enumerate(book.cells, 1):
+        if cell.cell_type == "markdown":
+            parts.append(cell.source)
+            continue
+        parts.append(f"```python\n{cell.source}\n```")
+        for place, output in enumerate(_joined(cell.outputs)):
+            where = f"{back}assets/generated/{Path(name).stem}"
+            parts.append(_shown(output, cell, f"{name}, cell {number}", f"cell-{number}-{place}", figures, where))
+    note = f"This page is a notebook: [{path.name}]({path.name}) runs on your machine, without a network."
+    return "\n\n".join([parts[0], note, *parts[1:]]) + "\n"
+
+
+def _joined(outputs: list[Any]) -> list[Any]:
+    """The outputs of a cell, with text that follows on text of the same stream in one piece: how it is cut is chance."""
+    found: list[Any] = []
+    for output in outputs:
+        if found and output.output_type == "stream" == found[-1].output_type and output.name == found[-1].name:
+            found[-1].text += output.text
+        else:
+            found.append(output)
+    return found
+
+
+def _shown(output: Any, cell: Any, place: str, figure: str, figures: Path, where: str) -> str:
+    """One output of a cell as Markdown; a figure becomes a file."""
+    if output.output_type == "stream":
+        if output.name == "stderr":
+            raise ExampleError(f"{place} says on standard error:\n{output.text}")
+        return f"```text\n{_plain(output.text)}\n```"
+    data = output.data
+    for kind, ending in FIGURES.items():
+        if kind in data:
+            file = figures / f"{figure}.{ending}"
+            file.write_bytes(data[kind].encode() if ending == "svg" else base64.b64decode(data[kind]))
+            alt = cell.metadata.get("alt")
+            if not alt:
+                raise ExampleError(f"{place} shows a figure; its metadata need `alt`, the words for it")
+            return f"![{alt}]({where}/{file.name})"
+    return f"```text\n{_plain(data['text/plain'])}\n```"
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[ \t]+$", "", re.sub(r"\x1b\[[0-9;]*m", "", text), flags=re.M).strip("\n")
