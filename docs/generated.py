@@ -327,6 +327,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "studies": ("studies", "Questions, answered as a whole.", ["studies.*"]),
     "sizing": ("Sizing", "Which muscle, valve, tube and gas source do what is wished for.", ["studies.sizing.**"]),
     "comparison": ("Comparison", "Muscles beside biological muscle: Table 1, the same protocols, a search over elements.", ["studies.comparison.**"]),
+    "design": ("Design", "Fronts of response time, air and efficiency over muscle, tube and valve.", ["studies.design.**"]),
     "laws": ("Tension laws", "One file per law; all of them have the methods of [TensionLaw](muscles.md).", ["muscles.laws.*"]),
     "hysteresis": ("Friction", "One file per model, under one interface.", ["components.element", "muscles.hysteresis.*"]),
     "biological": ("Biological muscle", "One file per effect, and the muscle that puts them together.", ["muscles.biological.*"]),

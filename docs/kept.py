@@ -13,6 +13,7 @@ import os
 import shutil
 import sys
 import time
+import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -96,6 +97,8 @@ def _make(make: Callable[[str, Path], str], name: str, folder: Path) -> tuple[st
         text = make(name, figures)
     except examples.ExampleError as error:
         return str(error), 0.0
+    except Exception:
+        return f"{name}:\n{traceback.format_exc()}", 0.0
     (folder / "page.md").write_text(text, encoding="utf-8", newline="\n")
     return "", time.perf_counter() - begun
 
