@@ -4,6 +4,7 @@ import dataclasses
 import errno
 import functools
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -139,6 +140,13 @@ def test_a_store_of_another_sweep_is_left_alone(tmp_path):
         run_sweep(other, tmp_path, workers=SERIAL)
     renamed = dataclasses.replace(sweep, block=2, engine="xla")  # decide nothing
     assert run_sweep(renamed, tmp_path, workers=SERIAL).new == 0
+
+
+@pytest.mark.parametrize(("library", "way"), [("zarr", "serial"), ("distributed", "dask")])
+def test_a_library_that_is_not_installed_is_named(tmp_path, monkeypatch, library, way):
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(InputError, match=r"pip install 'mckibben\[sweep\]'"):
+        run_sweep(at_once()[0], tmp_path, workers=Workers(way))
 
 
 def test_two_sweeps_do_not_write_into_one_folder(tmp_path):

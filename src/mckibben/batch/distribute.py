@@ -257,7 +257,13 @@ def _client(way: str, count: int) -> Iterator[Any]:
                 yield client
             return
         with (
-            LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=0) as cluster,
+            LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                dashboard_address=None,
+                memory_limit=0,
+                env={"DASK_LOGGING__DISTRIBUTED": "critical"},
+            ) as cluster,  # fmt: skip
             Client(cluster) as client,
         ):
             yield client

@@ -91,7 +91,7 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
     Raises:
         InputError: if another sweep wrote it, somebody is writing to it, it cannot be read, or the disk has no room.
     """
-    import zarr
+    zarr = _library()
 
     place = Path(folder)
     try:
@@ -119,7 +119,7 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
 
 
 def _known(place: Path, sweep: Sweep) -> Store:
-    import zarr
+    zarr = _library()
 
     try:
         group = zarr.open_group(place / NAME, mode="r+")
@@ -177,7 +177,7 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
     Raises:
         InputError: if it is none.
     """
-    import zarr
+    zarr = _library()
 
     place = Path(path)
     place = place / NAME if (place / NAME).exists() else place
@@ -194,6 +194,15 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
     return Variants({p: v if v.dtype == float else v.astype(object) for p, v in columns.items()}), Results(
         codes, message, duration, found
     )
+
+
+def _library() -> Any:
+    try:
+        import zarr
+    except ImportError:
+        allowed = "results of sweeps need it: pip install 'mckibben[sweep]'"
+        raise InputError("library zarr", "not installed", allowed) from None
+    return zarr
 
 
 def _size(sweep: Sweep) -> float:
