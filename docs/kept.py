@@ -26,6 +26,7 @@ import examples
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "build" / "kept"
 WORKERS = min(2, os.cpu_count() or 1)
+PAGES = 10  # that one process makes before another takes its place: what is compiled stays in memory
 
 
 class Made(NamedTuple):
@@ -62,7 +63,7 @@ def make_all(sources: dict[str, bytes], make: Callable[[str, Path], str], *, fre
     wrong = []
     KEPT.mkdir(parents=True, exist_ok=True)
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_begin) as pool:
+    with ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_begin, max_tasks_per_child=PAGES) as pool:
         waiting = {pool.submit(_make, make, name, KEPT / keys[name]): name for name in left}
         for done in as_completed(waiting):
             name = waiting[done]
