@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 
 from .graph import Graph, Node
+from .products import products, straight
 from .rewrite import Alive, alive, homes, rewritten, sinks
 
 TOGETHER = 4  # reciprocals that are taken with one division
@@ -29,7 +30,8 @@ def optimised(graph: Graph, mode: str, real: str) -> Graph:
     """The graph that emitters write."""
     exact = mode == "strict"
     if not exact:
-        graph = reciprocals(rewritten(graph, lambda g, node, args: None, exact=False))
+        graph = straight(rewritten(graph, lambda g, node, args: None, exact=False))
+        graph = products(graph, together=real == "float64")
         graph = rewritten(graph, lambda g, node, args: None, exact=False)  # what nothing uses any more is gone
         if real == "float64" and mode == "fast":
             graph = shared(graph)
