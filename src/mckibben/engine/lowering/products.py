@@ -10,8 +10,8 @@
 * What is ready first is multiplied first, so that the last to come waits for one multiplication only.
 * `straight`: k (x + a) + b, and longer chains that end with a sum, become K x + B with K and B taken before the loop.
 
-All of them move results by rounding; `straight` by rounding of b, not of the sum. A quotient of a number by itself is 1, also
-of zero by itself.
+All of them move results by rounding; `straight` by rounding of b, not of the sum. A quotient of a number by itself is 1,
+also of zero by itself.
 """
 
 from __future__ import annotations
