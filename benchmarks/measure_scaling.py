@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from compiled_c import Kernel
 from engines import ENGINES, native
-from measure_batches import samples_for
+from measure_batches import peak, samples_for
 from timing import CORES, in_turns, pin
 
 LANES = 16384
@@ -22,7 +22,11 @@ RIG_SAMPLES = 20
 
 
 def cores(quick: bool) -> dict[str, Any]:
-    """One core and two, at the same batch; pieces of the C kernel's batch run in threads."""
+    """One core and two, at the same batch; pieces of the C kernel's batch run in threads.
+
+    Beside them what the two cores give at all: the bare peak of multiply and add. Where a machine calls two threads of one
+    core two cores, nothing that keeps its units busy gains by the second.
+    """
     if len(CORES) < 2:
         return {"note": "this machine has one core"}
     batch = cases.batch(cases.tube(), LANES, samples_for(LANES, 1e6 if quick else 4e6))
@@ -32,7 +36,9 @@ def cores(quick: bool) -> dict[str, Any]:
     whole = kernel.prepared(batch, cases.INNER, cases.PERIOD)
     pin(CORES[:2])
     with ThreadPoolExecutor(2) as pool:
+        top = peak()["float64"][0]
         candidates: dict[str, Any] = {"C, 1": whole, "C, 2": lambda: list(pool.map(lambda run: run(), runs))}
+        candidates |= {"peak, 1": lambda: [top(), top()], "peak, 2": lambda: list(pool.map(lambda _: top(), range(2)))}
         for name in ENGINES:
             if name == "native":
                 candidates |= {f"{name}, {n}": native(batch, threads=n) for n in (1, 2)}
@@ -49,6 +55,7 @@ def cores(quick: bool) -> dict[str, Any]:
             "rate": steps / taken.median(name),
         }
         for name in candidates
+        if not name.startswith("peak")
     ]
     gains = {
         name.split(",")[0]: taken.ratio(name.replace(", 2", ", 1"), name) for name in candidates if name.endswith(", 2")
