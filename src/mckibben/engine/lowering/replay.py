@@ -97,7 +97,7 @@ class Replay:
         if node.op == "load":
             attr = (self.buffer(scope, attr[0]), *attr[1:])
         if node.op == "table":
-            buffer = self.buffer(scope, attr)
+            buffer = scope.buffers[attr] = self.new.buffer("scratch", attr.kind, attr.shape)
             made = self.new.once(("table", buffer), "table", args, buffer, "token")
         else:
             made = self.new.make(node.op, args, attr, node.kind)
