@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ...errors import LoweringError
+from .eliminate import Edges
 from .graph import Buffer, Graph, Loop, Node, Store
 from .partials import Active, is_zero, partials, product, total
 from .program import Leaf, Program
@@ -210,6 +211,7 @@ class _Reverse:
             if (scope, buffer) not in self.twins:
                 made = self.new.buffer("scratch", "real", buffer.shape)
                 self.twins[scope, buffer] = self._begun(made, scope)
+        edges = self._edges(entries, scope)
         for entry in reversed(entries):
             if isinstance(entry, Loop):
                 if entry in self.shape.moving:
@@ -223,28 +225,36 @@ class _Reverse:
                     if value in self.active.nodes:
                         self._add(bars, value, self.new.load(twin.buffer, k, tokens=tuple(twin.root.tokens)))
             elif entry in self.active.nodes and entry in bars:
-                self._node(entry, scope, bars)
+                if entry.op == "load":
+                    self._memory(entry, scope, bars[entry])
+                for argument, slope in edges.into.get(entry, {}).items():
+                    self._add(bars, argument, product(self.new, slope, bars[entry]))
 
     def _add(self, bars: Bars, node: Node, more: Node) -> None:
         if not is_zero(more):
             known = bars.get(node)
             bars[node] = more if known is None or is_zero(known) else total(self.new, known, more)
 
-    def _node(self, node: Node, scope: Scope, bars: Bars) -> None:
-        bar = bars[node]
-        if node.op == "load":
-            self._memory(node, scope, bar)
-            return
+    def _edges(self, entries: list[Entry], scope: Scope) -> Edges:
+        """What the numbers of a block change by with each other."""
+        edges = Edges(self.new)
+        for node in entries:
+            if isinstance(node, Node) and node in self.active.nodes and node.op not in ("load", "table"):
+                slopes = zip(node.args, self._slopes(node, scope), strict=True)
+                edges.add(node, [(a, s) for a, s in slopes if s is not None and a in self.active.nodes and not is_zero(s)])
+        if scope.around is not None and not any(isinstance(e, Loop) for e in entries):
+            (loop,) = scope.loops
+            kept = {loop.nexts[k] for k in self.plan.live.carried[loop]}
+            edges.shorten(kept | {e.value for e in entries if isinstance(e, Store)}, lambda node: {0})
+        return edges
+
+    def _slopes(self, node: Node, scope: Scope) -> list[Node | None]:
         args = tuple(self.replay.node(scope, a) for a in node.args)
         made = self.replay.node(scope, node)
         if self.shape.divides(node) and ("inverse", node.args[1]) in self.tapes and scope is not self.outer:
             inverse = self.kept(("inverse", node.args[1]), scope)
-            slopes: list[Node | None] = [inverse, self.new.make("neg", (self.new.make("mul", (made, inverse)),))]
-        else:
-            slopes = partials(self.new, node, args, made)
-        for argument, slope in zip(node.args, slopes, strict=True):
-            if slope is not None and argument in self.active.nodes:
-                self._add(bars, argument, product(self.new, slope, bar))
+            return [inverse, self.new.make("neg", (self.new.make("mul", (made, inverse)),))]
+        return partials(self.new, node, args, made)
 
     def _memory(self, node: Node, scope: Scope, bar: Node) -> None:
         """Add to the derivatives by what was read."""
