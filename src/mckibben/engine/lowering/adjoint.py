@@ -10,6 +10,7 @@ an index is added up in memory of its own.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -24,6 +25,7 @@ from .schedule import Entry, schedule
 from .tangents import check
 
 MOST = 1_000_000  # numbers per lane that are kept of a run
+DEAR = 2.0  # operations to make a number again from which on it is kept
 SMALL = 64  # elements of an argument up to which its derivative is no sum in memory
 Bars = dict[Node, Node]  # by old node, the derivative of the weighted sum by it so far
 
@@ -152,6 +154,8 @@ class _Reverse:
                     below = self.replay.node(scope, entry.args[1])
                     inverse = self.new.make("div", (self.new.const(1.0), below))
                     self._keep(("inverse", entry.args[1]), inverse, nest, around)
+                if keeps and nest and entry in self.shape.dear:
+                    self._keep(entry, self.replay.node(scope, entry), nest, around)
 
     def _written(self, buffer: Buffer, scope: Scope) -> bool:
         """Whether memory is written in this scope: on the way back, only what is read there again."""
@@ -348,7 +352,9 @@ class _Reverse:
                 else:
                     self._forward_loop(entry, scope, [], [], False)
             elif isinstance(entry, Node):
-                if self.shape.divides(entry) and ("inverse", entry.args[1]) in self.tapes:
+                if entry in self.tapes:
+                    scope.nodes[entry] = self.kept(entry, scope)
+                elif self.shape.divides(entry) and ("inverse", entry.args[1]) in self.tapes:
                     above = self.replay.node(scope, entry.args[0])
                     inverse = self.kept(("inverse", entry.args[1]), scope)
                     scope.nodes[entry] = self.new.make("mul", (above, inverse))
@@ -373,6 +379,7 @@ class Shape:
         self.loads = [n for n in live.nodes if n.op == "load"]
         self.moving = {x for x in live.loops if any(self._moves(y) for y in self.inside[x])}
         self._shared: dict[Loop, list[Node]] = {}
+        self.dear = {n for x in self.moving if len(self.inside[x]) == 1 for n in self._dear(x)}
 
     def _moves(self, loop: Loop) -> bool:
         if any(loop.phis[k] in self.active.nodes for k in self.plan.live.carried[loop]):
@@ -396,6 +403,22 @@ class Shape:
             return False
         home = self.home[node]
         return home is not None and self.home.get(node.args[1]) is home
+
+    def _dear(self, loop: Loop) -> list[Node]:
+        """What is worth keeping: sums that the way back needs, of much that it does not need."""
+        entries = [e for e in self.plan.bodies[loop] if isinstance(e, Node)]
+        needed = {a for e in entries if e in self.active.nodes for a in _needed(e)}
+        uses = Counter(a for e in entries for a in e.args)
+        cost: dict[Node, float] = {}
+        found = []
+        for node in entries:
+            if node.op in ("load", "table"):
+                continue
+            cost[node] = 1.0 + sum(0.0 if a in needed else cost.get(a, 0.0) / uses[a] for a in node.args)
+            if cost[node] > DEAR and node.kind == "real":
+                cost[node] = 0.0
+                found.append(node)
+        return found
 
     def plain(self, buffer: Buffer) -> bool:
         """Whether an argument is read at known places only."""
@@ -474,6 +497,17 @@ class Shape:
                         found[node] = None
             self._shared[loop] = list(found)
         return self._shared[loop]
+
+
+def _needed(node: Node) -> tuple[Node, ...]:
+    """What the derivatives of an operation are made of."""
+    if node.op in ("add", "sub", "neg"):
+        return ()
+    if node.op == "select":
+        return node.args[:1]
+    if node.op == "given":
+        return node.args[2::2]
+    return (*node.args, node) if node.op in ("div", "sqrt", "exp", "expm1", "pow") else node.args
 
 
 def loop_inits(inner: Loop, place: int, outer: Loop) -> Node | None:
