@@ -26,7 +26,7 @@ import examples
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "build" / "kept"
 WORKERS = min(2, os.cpu_count() or 1)
-PAGES = 10  # that one process makes before another takes its place: what is compiled stays in memory
+PAGES = 10  # that a process makes, about, before others take their place: what is compiled stays in memory
 
 
 class Made(NamedTuple):
@@ -62,24 +62,31 @@ def make_all(sources: dict[str, bytes], make: Callable[[str, Path], str], *, fre
     left.sort(key=lambda name: -took.get(name, 1.0))
     wrong = []
     KEPT.mkdir(parents=True, exist_ok=True)
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_begin, max_tasks_per_child=PAGES) as pool:
-        waiting = {pool.submit(_make, make, name, KEPT / keys[name]): name for name in left}
-        for done in as_completed(waiting):
-            name = waiting[done]
-            error, seconds = done.result()
+    for first in range(0, len(left), PAGES * WORKERS):
+        for name, error, seconds in _in_processes(make, left[first : first + PAGES * WORKERS], keys):
             if error:
                 wrong.append(error)
                 print(f"  {name}  FAILED", flush=True)
                 continue
             took[name] = round(seconds, 1)
+            _times(took)
             yield Made(name, KEPT / keys[name], seconds)
-    _times(took)
     if wrong:
         raise examples.ExampleError("\n\n".join(wrong))
     for folder in KEPT.iterdir():
         if folder.is_dir() and folder.name not in keys.values():
             shutil.rmtree(folder)
+
+
+def _in_processes(
+    make: Callable[[str, Path], str], names: list[str], keys: dict[str, str]
+) -> Iterator[tuple[str, str, float]]:
+    """Make some pages in new processes: of each its name, what was wrong in words, and how long it took [s]."""
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_begin) as pool:
+        waiting = {pool.submit(_make, make, name, KEPT / keys[name]): name for name in names}
+        for done in as_completed(waiting):
+            yield (waiting[done], *done.result())
 
 
 def _begin() -> None:

@@ -239,7 +239,7 @@ def test_a_check_valve_cracks_opens_and_lets_nothing_back():
     flow, free = np.asarray(valve.mass_flow(a, b)), np.asarray(WIDE.mass_flow(a, b))
     np.testing.assert_array_equal(flow[:5], 0.0)
     assert 0.0 < flow[5] < flow[6] < free[6]
-    np.testing.assert_array_equal(flow[7:], free[7:])
+    np.testing.assert_allclose(flow[7:], free[7:], rtol=1e-15)  # the factor 1 is multiplied in another order
 
 
 # ---- switching valves ----

@@ -98,8 +98,9 @@ class MuscleUnit(Module):
     def damping(self, length: Any) -> Scalar:
         """Damping at a length of the braid [N s/m]."""
         beyond = (length - self.law.length_range()[1]) / STOP_TRAVEL
-        share = jnp.where(beyond > 1.0, 1.0, jnp.where(beyond > 0.0, beyond * beyond, 0.0))
-        return self.viscosity + self.stop_damping * share
+        above = jnp.where(beyond > 0.0, beyond, 0.0)
+        share = jnp.where(above < 1.0, above, 1.0)
+        return self.viscosity + self.stop_damping * (share * share)
 
     def rate(self, state: UnitState, memory: dict[str, Ledger], pressure: Any, tension: Any) -> UnitState:
         """Rates of length and velocity; gauge pressure [Pa], tension of the tendon [N]."""

@@ -42,14 +42,16 @@ def _rounded(y: Any) -> Scalar:
     """
     u = _within(y)
     u2 = u * u
-    return u2 * u2 * (u * (7.0 + u * (-14.0 + u * (10.0 - 2.5 * u)))) + jnp.where(y > 1.0, y - 1.0, 0.0)
+    u4 = u2 * u2
+    beyond = y - 1.0
+    return (u4 * u) * ((7.0 - 14.0 * u) + u2 * (10.0 - 2.5 * u)) + jnp.where(beyond > 0.0, beyond, 0.0)
 
 
 @jax.custom_jvp
 def _slope(y: Any) -> Scalar:
     u = _within(y)
     u2 = u * u
-    return u2 * u2 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+    return (u2 * u2) * ((35.0 - 84.0 * u) + u2 * (70.0 - 20.0 * u))
 
 
 def _curvature(y: Any) -> Scalar:
@@ -59,7 +61,8 @@ def _curvature(y: Any) -> Scalar:
 
 
 def _within(y: Any) -> Scalar:
-    return jnp.where(y > 1.0, 1.0, jnp.where(y > 0.0, y, 0.0))
+    above = jnp.where(y > 0.0, y, 0.0)
+    return jnp.where(above < 1.0, above, 1.0)
 
 
 @_rounded.defjvp

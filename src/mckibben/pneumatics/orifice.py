@@ -35,19 +35,18 @@ def conductance_flow(
         critical_ratio: b [1].
         linear_band: pressure difference below which the root is rounded [Pa].
     """
-    # With x = (1 - r)/(1 - b) from 0 at equal pressures to 1 at choking, psi^2 = x (2 - x) needs no ratio of r - b.
-    x = jnp.minimum((p1 - p2) / (p1 * (1.0 - critical_ratio)), 1.0)
-    start = jnp.minimum(linear_band / (p1 * (1.0 - critical_ratio)), 0.5)
-    root = smooth_root(x * (2.0 - x), start * (2.0 - start))
-    return conductance * REFERENCE_DENSITY * jnp.sqrt(REFERENCE_TEMPERATURE / temperature1) * p1 * root
+    # With d the part of the difference that is felt and K = p1 (1 - b) that at choking, psi^2 = d (2 K - d)/K^2 needs no
+    # ratio, p1 psi = sqrt(d (2 K - d))/(1 - b), and K itself cancels.
+    choking = p1 * (1.0 - critical_ratio)
+    drop, band = jnp.minimum(p1 - p2, choking), jnp.minimum(linear_band, 0.5 * choking)
+    root = smooth_root(drop * (2.0 * choking - drop), band * (2.0 * choking - band), REFERENCE_TEMPERATURE / temperature1)
+    return conductance * REFERENCE_DENSITY / (1.0 - critical_ratio) * root
 
 
-def smooth_root(square: Any, start: Any) -> Scalar:
-    """sqrt(square) from `start` on; below, the parabola in `square` that meets it with value and slope (start > 0)."""
+def smooth_root(square: Any, start: Any, factor: Any = 1.0) -> Scalar:
+    """sqrt(factor square) from `start` on; below, the parabola in `square` that meets it with value and slope (start > 0)."""
     share = jnp.minimum(square / start, 1.0)
-    return jnp.where(
-        square < start, jnp.sqrt(start) * share * (1.5 - 0.5 * share), jnp.sqrt(jnp.maximum(square, start))
-    )
+    return jnp.sqrt(factor * jnp.maximum(square, start)) * (share * (1.5 - 0.5 * share))
 
 
 class Orifice(TwoPort):

@@ -2,11 +2,12 @@
 
 In order; `shared` only in mode ``fast``, in mode ``strict`` only the last:
 
-* `reciprocals`: x/d becomes x (1/d), so that the reciprocal of what does not change in a loop is taken before it, and one of
-  a denominator that occurs more than once is taken once; a/(b/c) becomes a c (1/b).
+* `products.straight` and `products.products`: sums and products are put together anew, with one reciprocal for the divisors
+  of each, and what does not change in a loop is taken before it.
 * `shared` (float64 only, where products of denominators have room): reciprocals that do not depend on each other are taken
   together, 1/a = b r and 1/b = a r with r = 1/(a b). It pays where division is slow against multiplication; where it is not,
   as on AMD's Zen 5, what one has to wait for the others costs more than the divisions saved.
+* `lonely`: a reciprocal that one product needs becomes the division that it was.
 * `contracted`: a product that is used once, by a sum, becomes one operation with it, rounded once. The choice is made here
   and not by a compiler, so that it is the same for every width and every emitter.
 
@@ -17,9 +18,10 @@ own estimates instead where there are some, see `llvm_estimates`.
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 
 from .graph import Graph, Node
+from .products import products, straight, uses
 from .rewrite import Alive, alive, homes, rewritten, sinks
 
 TOGETHER = 4  # reciprocals that are taken with one division
@@ -29,45 +31,13 @@ def optimised(graph: Graph, mode: str, real: str) -> Graph:
     """The graph that emitters write."""
     exact = mode == "strict"
     if not exact:
-        graph = reciprocals(rewritten(graph, lambda g, node, args: None, exact=False))
+        graph = straight(rewritten(graph, lambda g, node, args: None, exact=False))
+        graph = products(graph, together=real == "float64")
         graph = rewritten(graph, lambda g, node, args: None, exact=False)  # what nothing uses any more is gone
         if real == "float64" and mode == "fast":
             graph = shared(graph)
         graph = lonely(graph)
     return contracted(graph, exact=exact)
-
-
-def reciprocals(graph: Graph) -> Graph:
-    """Divisions as products with reciprocals."""
-
-    def rule(g: Graph, node: Node, args: tuple[Node, ...]) -> Node | None:
-        if node.op != "div":
-            return None
-        a, d = args
-        if d.op == "const":
-            return g.make("mul", (a, g.const(1.0 / d.attr))) if d.attr else None
-        return _times(g, a, reciprocal(g, d))
-
-    return rewritten(graph, rule, exact=False)
-
-
-def reciprocal(g: Graph, d: Node) -> Node:
-    """1/d."""
-    if d.op == "rcp":
-        return d.args[0]
-    if d.op == "neg":
-        return g.make("neg", (reciprocal(g, d.args[0]),))
-    if d.op == "mul":
-        for x, y in (d.args, d.args[::-1]):
-            if y.op == "rcp":
-                return _times(g, y.args[0], reciprocal(g, x))
-            if x.op == "const" and x.attr != 0.0:
-                return g.make("mul", (g.const(1.0 / x.attr), reciprocal(g, y)))
-    return g.make("rcp", (d,))
-
-
-def _times(g: Graph, a: Node, b: Node) -> Node:
-    return g.make("mul", (a, b))
 
 
 def shared(graph: Graph) -> Graph:
@@ -132,12 +102,12 @@ def _order(live: Alive, chosen: dict[Node, list[Node]]) -> list[Node]:
 def lonely(graph: Graph) -> Graph:
     """A reciprocal that is used once, by a product beside it, becomes the division that it was."""
     live = alive(graph)
-    home, uses = homes(graph, live), _uses(graph, live)
+    home, times = homes(graph, live), uses(graph, live)
 
     def rule(g: Graph, node: Node, args: tuple[Node, ...]) -> Node | None:
         if node.op == "mul":
             for k, arg in enumerate(node.args):
-                if arg.op == "rcp" and uses[arg] == 1 and home[arg] is home[node] and args[k].op == "rcp":
+                if arg.op == "rcp" and times[arg] == 1 and home[arg] is home[node] and args[k].op == "rcp":
                     return g.make("div", (args[1 - k], args[k].args[0]))
         return None
 
@@ -147,11 +117,11 @@ def lonely(graph: Graph) -> Graph:
 def contracted(graph: Graph, *, exact: bool) -> Graph:
     """Sums with a product of their own."""
     live = alive(graph)
-    home, uses = homes(graph, live), _uses(graph, live)
+    home, times = homes(graph, live), uses(graph, live)
 
     def own(node: Node, k: int, args: tuple[Node, ...]) -> bool:
         arg = node.args[k]
-        return arg.op == "mul" and uses[arg] == 1 and home[arg] is home[node] and args[k].op == "mul"
+        return arg.op == "mul" and times[arg] == 1 and home[arg] is home[node] and args[k].op == "mul"
 
     def rule(g: Graph, node: Node, args: tuple[Node, ...]) -> Node | None:
         if node.kind != "real" or node.op not in ("add", "sub"):
@@ -167,13 +137,3 @@ def contracted(graph: Graph, *, exact: bool) -> Graph:
         return None
 
     return rewritten(graph, rule, exact=exact)
-
-
-def _uses(graph: Graph, live: Alive) -> Counter[Node]:
-    """How often each node is needed."""
-    uses = Counter(a for n in live.nodes for a in n.args)
-    for loop in live.loops:
-        uses.update(n for k in live.carried[loop] for n in (loop.inits[k], loop.nexts[k]))
-        uses.update(s.value for s in loop.stores)
-    uses.update(s.value for s in graph.stores)
-    return uses
