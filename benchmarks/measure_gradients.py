@@ -38,37 +38,58 @@ def tangents(batch: cases.Batch) -> Any:
 
 def adjoint(batch: cases.Batch) -> Any:
     """The sum of squares of the length's way, and its derivatives by eight parameters, of one lane."""
-    one = batch.one()
+    cost = summed(batch)
 
     def run(changes: Any, values: Any) -> Any:
-        def cost(eight: Any) -> Any:
-            length, _ = one({**changes, **eight}, values)
-            return jnp.sum((length - length[0]) ** 2)
-
-        return jax.value_and_grad(cost)({name: changes[name] for name in ADJOINTS})
+        eight = {name: changes[name] for name in ADJOINTS}
+        return jax.value_and_grad(lambda moved: cost({**changes, **moved}, values))(eight)
 
     return run
 
 
-def by_xla(function: Any, batch: cases.Batch) -> Any:
-    """A function of one lane over all of them, by JAX itself."""
+def summed(batch: cases.Batch) -> Any:
+    """The sum of squares of the length's way of one lane."""
+    one = batch.one()
+
+    def cost(changes: Any, values: Any) -> Any:
+        length, _ = one(changes, values)
+        return jnp.sum((length - length[0]) ** 2)
+
+    return cost
+
+
+def by_xla(name: str, batch: cases.Batch) -> Any:
+    """The run, its tangents or the adjoint of all lanes, by JAX itself."""
+    function = {"primal": lambda b: b.one(), "tangents": tangents, "adjoint": adjoint}[name](batch)
     compiled, given = jax.jit(jax.vmap(function)), batch.arguments()
     return lambda: jax.block_until_ready(compiled(*given))
 
 
-def by_native(function: Any, batch: cases.Batch) -> Any:
-    """The same by the library's kernels."""
-    from mckibben.engine.native import compiled
+def by_native(name: str, batch: cases.Batch) -> Any:
+    """The run, its tangents or the adjoint by the library's kernels; results as `by_xla` has them."""
+    from mckibben.engine.lowering import lower
+    from mckibben.engine.lowering.adjoint import adjoint as adjoint_of
+    from mckibben.engine.lowering.tangents import tangents as tangents_of
 
     one = batch.first(1)
     example = {name: np.asarray(v[0]) for name, v in one.changes.items()}, one.commands[:, :, 0]
-    run = compiled(function, *example, engine="native")
-    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves((batch.changes, batch.commands))]
-    structure = jax.tree.structure(jax.eval_shape(function, *example))
+    function = summed(batch) if name == "adjoint" else batch.one()
+    program, _ = lower(function, *example, title=name)
+    names = [leaf.name for leaf in program.arguments]
+    places = lambda wanted: [names.index(f"[0]['{n}']") for n in wanted]  # noqa: E731
+    given = [np.asarray(leaf) for leaf in jax.tree.leaves((batch.changes, batch.commands))]
+    if name == "tangents":
+        program = tangents_of(program, places(TANGENTS), len(TANGENTS))
+        given += list(np.eye(len(TANGENTS)))
+    if name == "adjoint":
+        program = adjoint_of(program, places(ADJOINTS))
+        given.append(np.ones(()))
 
     def call() -> Any:
-        found = jax.tree.unflatten(structure, run.program.call(leaves, lanes=batch.lanes, threads=1))
-        return jax.tree.map(lambda x: np.moveaxis(x, -1, 0), found)
+        found = [np.moveaxis(x, -1, 0) for x in program.call(given, lanes=batch.lanes, threads=1)]
+        if name == "adjoint":
+            return found[0], dict(zip(ADJOINTS, found[1:], strict=True))
+        return (found[:2], found[2:]) if name == "tangents" else found
 
     return call
 
@@ -81,13 +102,13 @@ def measure(quick: bool) -> dict[str, Any]:
     rounds, samples = (3, 5) if quick else (7, 20)
     makers = {"native": by_native} if "native" in ENGINES else {}
     makers |= {} if quick and makers else {"XLA": by_xla}
-    for name, make in (("tangents", tangents), ("adjoint", adjoint)):
+    for name in ("tangents", "adjoint"):
         lanes = LANES[name] // (8 if quick else 1)
         batch = cases.batch(cases.tube(), lanes, samples)
         runs: dict[str, Any] = {}
         for engine, build in makers.items():
             try:
-                both = {f"{engine} primal": build(batch.one(), batch), f"{engine} {name}": build(make(batch), batch)}
+                both = {f"{engine} primal": build("primal", batch), f"{engine} {name}": build(name, batch)}
                 for run in both.values():
                     run()
                 runs |= both

@@ -56,6 +56,11 @@ class Compiled:
             raise LoweringError("the function", self.reason or "it was compiled for XLA")
         return self._program
 
+    @property
+    def tree(self) -> Any:
+        """Structure of the results of the program, for JAX."""
+        return self._tree
+
     def __call__(
         self,
         *trees: Any,

@@ -15,9 +15,9 @@ Friction in a force balance: T. Vo-Minh, T. Tjahjowidodo, H. Ramon and H. Van Br
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from .criterion import HalfSeen, akaike
 from .loop_models import MODELS, SMOOTH, TRAVEL, Free
 from .path_record import PathRecord
 from .uncertainty import Estimate, uncertainty, widening
+
+if TYPE_CHECKING:
+    from ..engine.prediction import Prediction
 
 # Area by which a curve's pressure becomes a force [m^2]; near that of a 10 mm muscle, and of no effect on the stroke.
 AREA = 1e-3
@@ -177,17 +180,19 @@ def _parameters(
 
 def _predictor(
     record: PathRecord, model: str, law: TensionLaw | None, fixed: dict[str, float], free: Any, knots: int
-) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
+) -> Prediction:
     """Stroke of every sample, and its derivatives, of the scaled parameters."""
     import jax
     import jax.numpy as jnp
 
+    from ..engine.prediction import prediction
+
     make = MODELS[model][0]
     reach = float(np.ptp(record.stroke))
     place = float(record.stroke.min()) + reach * np.linspace(0.0, 1.0, knots)
-    pressure = jnp.asarray(np.concatenate([record.pressure, record.pressure]))
+    twice = np.concatenate([record.pressure, record.pressure])
 
-    def stroke(x: Any) -> Any:
+    def stroke(x: Any, pressure: Any) -> Any:
         p = fixed | {n: jnp.exp(x[i]) if f.log else x[i] * _size(f) for i, (n, f) in enumerate(free)}
         friction = make(p)
         origin = p["start_length"] if law is not None else 0.0
@@ -215,8 +220,7 @@ def _predictor(
         _, length = jax.lax.scan(step, (jnp.asarray(start) + 0.0 * x[0], state, pressure[0]), pressure)
         return (origin - length)[len(record.pressure) :]
 
-    value, slope = jax.jit(stroke), jax.jit(jax.jacfwd(stroke))
-    return (lambda x: np.asarray(value(x))), (lambda x: np.asarray(slope(x)))
+    return prediction(stroke, len(free), twice)
 
 
 def _root(excess: Any, state: Any, before: Any, low: Any, high: Any) -> Any:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import fnmatch
-import functools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
 
 from ..components import paths
 from ..engine import STEP, Run, Signal, integrate, march
+from ..engine.prediction import Prediction, prediction
 from ..errors import ConvergenceError, InputError
 from ..pneumatics.circuit import Circuit
 
@@ -120,22 +120,15 @@ class Trial:
         except ConvergenceError as error:
             raise ConvergenceError(f"{self.name}: {error}") from None
 
-    def model(self, names: tuple[tuple[str, ...], ...], inner: int, stiff: bool) -> Model:
-        """Prediction and slopes as functions of values, each at one path or several; with a number of steps per sample."""
+    def model(self, names: tuple[tuple[str, ...], ...], inner: int, stiff: bool) -> Prediction:
+        """Prediction of the measured outputs (channels, samples + 1) by values, each at one path or several.
+
+        With a number of steps per sample, and by the Rosenbrock method where the circuit is stiff.
+        """
         leaves = (self.circuit, dict(self.signals), {k: float(v) for k, v in self.initial.items()})
         follows = tuple(self.follows.items())
         static = (names, self.channels, self.period, self.temperature, inner, self.samples, stiff, follows)
-        return Model(
-            lambda values: np.asarray(_predict(leaves, jax.numpy.asarray(values), *static)),
-            lambda values: np.asarray(_slopes(leaves, jax.numpy.asarray(values), *static)),
-        )
-
-
-class Model(NamedTuple):
-    """Measured outputs (channels, samples + 1) and their derivatives (channels, samples + 1, parameters)."""
-
-    predict: Callable[[np.ndarray], np.ndarray]
-    slopes: Callable[[np.ndarray], np.ndarray]
+        return prediction(lambda values, *known: _outputs(known, values, *static), len(names), *leaves, name=static)
 
 
 def _changed(
@@ -175,15 +168,6 @@ def _outputs(
     state, memory = _start(circuit, signals, initial, period, temperature)
     _, kept = march(circuit, state, memory, signals, period, inner, samples, stiff)
     return jax.numpy.stack([kept[2][name] for name in channels])
-
-
-_STATIC = tuple(range(2, 10))
-_predict = functools.partial(jax.jit, static_argnums=_STATIC)(_outputs)
-
-
-@functools.partial(jax.jit, static_argnums=_STATIC)
-def _slopes(leaves: Any, values: Any, *static: Any) -> Any:
-    return jax.jacfwd(lambda v: _outputs(leaves, v, *static))(values)
 
 
 def matching(pattern: str, circuit: Circuit, signals: Iterable[str]) -> tuple[str, ...]:

@@ -285,6 +285,11 @@ for _op in ("and", "or", "xor"):
     FOLDS[_op] = _logic(_op)
 
 
+@folds("given")
+def _given(g: Graph, args: tuple[Node, ...], kind: str) -> Node | None:
+    return args[0] if args[0].op == "const" or (args[0].op == "given" and len(args[0].args) == len(args) == 1) else None
+
+
 @folds("real", "int")
 def _convert(g: Graph, args: tuple[Node, ...], kind: str) -> Node | None:
     (a,) = args

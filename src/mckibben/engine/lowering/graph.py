@@ -16,6 +16,8 @@ The node set, by `Node.op` (arguments in brackets; one kind throughout unless sa
 * bool: ``and or xor`` [a, b], ``not`` [a], ``lt le eq ne`` [a, b] of real, int or bool (all but ne false for NaN)
 * ``select`` [c, a, b] a where c, else b; ``real`` [a] of int or bool; ``int`` [a] of bool, or of real towards zero;
   ``bits`` [real] the int with the same bits, ``unbits`` [int] back; these two mean what they do in float64 only
+* ``given`` [value, x1, d1, x2, d2 ..] the value, whose derivatives by x1, x2 .. are d1, d2 .. whatever it was made of, and
+  none by anything else (real); emitters get the value in its place
 * made by the last passes: ``invert`` [d..] attr n, the reciprocals of n numbers with one division, see `passes` (only in
   mode ``fast``); ``item`` [invert] attr k, one of them (real)
 """

@@ -102,7 +102,8 @@ class Program:
         _known("mode", mode, MODES)
         _known("real", real, tuple(REALS))
         exact = mode == "strict"
-        graph = rewritten(self.graph, written_out(REALS[real]), exact=exact)
+        write = written_out(REALS[real])
+        graph = rewritten(self.graph, lambda g, n, a: a[0] if n.op == "given" else write(g, n, a), exact=exact)
         graph = optimised(graph, mode, real)
         return graph, schedule(graph)
 

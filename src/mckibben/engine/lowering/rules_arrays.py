@@ -165,12 +165,22 @@ def _concatenate(t: Tracer, eqn: Any, *parts: Any) -> Any:
 def _stack(t: Tracer, eqn: Any, *parts: Any) -> Any:
     axis = eqn.params.get("axis", 0)
     if any(is_long(p) for p in parts):
-        raise NotImplementedError("long arrays can not be stacked")
+        if axis:
+            raise NotImplementedError("long arrays can be stacked along a new first axis only")
+        shape, kind = tuple(eqn.outvars[0].aval.shape), kind_of(parts[0])
+        return Joined(t.graph, [_as_row(t, p) for p in parts], shape, kind)
     written = [solid(t.graph, p) for p in parts]
     out = np.empty((len(written), *shape_of(written[0])), object)
     for k, part in enumerate(written):
         out[k] = part
     return np.moveaxis(out, 0, axis)
+
+
+def _as_row(t: Tracer, part: Any) -> Any:
+    shape = (1, *shape_of(part))
+    if isinstance(part, Rows):
+        return Rows(t.graph, part.buffer, shape, part.tokens, part.written)
+    return shaped(t.graph, shape, kind_of(part), lambda i: at(t.graph, part, i[1:]))
 
 
 @rule("pad")

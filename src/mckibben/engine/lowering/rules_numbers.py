@@ -117,7 +117,9 @@ def _tanh(t: Tracer, eqn: Any, a: Any) -> Any:
         size = g.make("min", (g.make("abs", (x,)), g.const(22.0)))  # where it is 1 to rounding
         e = g.make("expm1", (g.make("mul", (g.const(2.0), size)),))
         share = g.make("div", (e, g.make("add", (e, g.const(2.0)))))
-        return g.make("select", (g.make("lt", (x, g.const(0.0))), g.make("neg", (share,)), share))
+        found = g.make("select", (g.make("lt", (x, g.const(0.0))), g.make("neg", (share,)), share))
+        slope = g.make("sub", (g.const(1.0), g.make("mul", (found, found))))
+        return g.make("given", (found, x, slope), kind="real")  # the size of 0 has no slope, but this has
 
     return each(g, one, a)
 
@@ -135,7 +137,8 @@ def _sign(t: Tracer, eqn: Any, a: Any) -> Any:
     def one(x: Node) -> Node:
         zero = g.const(0, x.kind)
         below = g.make("select", (g.make("lt", (x, zero)), g.const(-1, x.kind), x))
-        return g.make("select", (g.make("lt", (zero, x)), g.const(1, x.kind), below))
+        found = g.make("select", (g.make("lt", (zero, x)), g.const(1, x.kind), below))
+        return g.make("given", (found,), kind="real") if x.kind == "real" else found
 
     return each(g, one, a)
 
@@ -205,6 +208,11 @@ def _convert(t: Tracer, eqn: Any, a: Any) -> Any:
     return a if isinstance(a, Growing | Update) and kind == "real" else each(g, one, a)
 
 
-@rule("copy", "copy_p", "stop_gradient", "reduce_precision", "optimization_barrier")
+@rule("stop_gradient")
+def _still(t: Tracer, eqn: Any, a: Any) -> Any:
+    return each(t.graph, lambda x: t.graph.make("given", (x,), kind="real"), a) if kind_of(a) == "real" else a
+
+
+@rule("copy", "copy_p", "reduce_precision", "optimization_barrier")
 def _same(t: Tracer, eqn: Any, *values: Any) -> Any:
     return list(values)
