@@ -6,7 +6,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, jaxpr_as_fun
+from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
 
 from .graph import Node
 from .trace import RULES, Refused, Tracer, rule
@@ -33,13 +33,15 @@ def _call(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
 
 def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
     """A function that says its derivatives itself: they are traced beside it, one input at a time."""
-    found = t.run(eqn.params["call_jaxpr"].jaxpr, [t.constant(c) for c in eqn.params["call_jaxpr"].consts], values)
+    inner = eqn.params["call_jaxpr"]
+    found = t.run(inner.jaxpr, [t.constant(c) for c in inner.consts], values)
     inputs = [k for k, v in enumerate(values) if isinstance(v, Node) and v.kind == "real" and v.op != "const"]
     numbers = all(isinstance(v, Node) for v in (*values, *found))
     if not numbers or not inputs:
         return found  # of arrays the operations themselves are differentiated
     names = [v for v in dict.fromkeys(eqn.invars) if not isinstance(v, Literal)]
-    call = jaxpr_as_fun(ClosedJaxpr(Jaxpr((), names, eqn.outvars, [eqn]), ()))
+    alone = inner.jaxpr.replace(constvars=[], invars=names, outvars=eqn.outvars, eqns=[eqn])
+    call = jaxpr_as_fun(ClosedJaxpr(alone, ()))
     shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in names]
     known = {v: value for v, value in zip(eqn.invars, values, strict=True) if not isinstance(v, Literal)}
     slopes: dict[Any, list[Any]] = {}
