@@ -18,7 +18,7 @@ from ..components.system import System
 from ..errors import ConvergenceError, InputError
 from .rates import RK4_LIMIT, fastest_rate
 from .signals import Signal
-from .step import step
+from .step import nothing, step
 
 STEP = 50e-6  # default step of the physics [s]
 # The Rosenbrock method is stable at any step, but a valve that chokes shows it nothing of the steep zone ahead: over a step
@@ -166,7 +166,7 @@ def march(
         (state, memory, integrals) at the end, and (states, memories, outputs) at all samples.
     """
     h = period / inner
-    sums = jax.tree.map(jnp.zeros_like, system.integrands(state, memory, _inputs(signals, 0, 0.0, period)))
+    sums = nothing(system, state, memory, _inputs(signals, 0, 0.0, period))
 
     def sample(carry: Any, index: Any) -> tuple[Any, Any]:
         now = _inputs(signals, index, 0.0, period)
