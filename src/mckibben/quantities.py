@@ -99,9 +99,14 @@ def quantity(
 
 
 def _as_array(value: Any) -> Any:
+    import jax
     import jax.numpy as jnp
 
-    return jnp.asarray(value, float)
+    if isinstance(value, jax.core.Tracer):
+        return jnp.asarray(value, float)
+    if isinstance(value, jax.Array) and value.dtype == float and not value.weak_type:
+        return value
+    return jnp.asarray(np.asarray(value, float))  # by NumPy: JAX would compile a program that converts
 
 
 def declared(owner: Any) -> dict[str, Quantity]:

@@ -144,7 +144,7 @@ def called(function: Callable[..., Any], *trees: Any) -> Any:
         *trees: what it is called with.
     """
     leaves, structure = jax.tree.flatten(trees)
-    known = function, structure, tuple((np.shape(leaf), np.result_type(leaf)) for leaf in leaves)
+    known = function, structure, tuple((np.shape(leaf), getattr(leaf, "dtype", type(leaf))) for leaf in leaves)
     run = _called.get(known)
     if run is None:
         if len(_called) >= MOST_CALLED:
