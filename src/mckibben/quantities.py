@@ -95,10 +95,11 @@ def quantity(
 
     declared = Quantity(unit, bounds, doc, symbol, typical or bounds)
     options: dict[str, Any] = {} if default is dataclasses.MISSING else {"default": default}
-    return eqx.field(converter=_as_array, metadata={"quantity": declared}, kw_only=True, **options)
+    return eqx.field(converter=as_array, metadata={"quantity": declared}, kw_only=True, **options)
 
 
-def _as_array(value: Any) -> Any:
+def as_array(value: Any) -> Any:
+    """A number or array, which may be traced, as an array of floats; compiles nothing, as `jax.numpy.asarray` would."""
     import jax
     import jax.numpy as jnp
 
@@ -106,7 +107,7 @@ def _as_array(value: Any) -> Any:
         return jnp.asarray(value, float)
     if isinstance(value, jax.Array) and value.dtype == float and not value.weak_type:
         return value
-    return jnp.asarray(np.asarray(value, float))  # by NumPy: JAX would compile a program that converts
+    return jax.device_put(np.asarray(value, float))
 
 
 def declared(owner: Any) -> dict[str, Quantity]:

@@ -19,7 +19,7 @@ from ..pneumatics.circuit import Circuit
 from ..pneumatics.exergy import exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
-from .muscle_unit import MuscleUnit, Path, UnitState
+from .muscle_unit import MuscleUnit, Path, UnitState, braid_tension
 
 
 class Machine(System):
@@ -105,7 +105,7 @@ class Machine(System):
                     f"pressure of {name}", p, "allowed is an absolute pressure above 0 Pa", where="machine"
                 )
         given = {name: np.asarray(pressures[name], float) for name in self.circuit.chambers}
-        start: tuple[Any, Any] = jax.tree.map(jnp.asarray, called(_at_rest, self, given, dict(inputs)))
+        start: tuple[Any, Any] = jax.device_put(called(_at_rest, self, given, dict(inputs)))
         return start
 
     def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -166,7 +166,7 @@ class Machine(System):
             at: UnitState = state["muscles"][name]
             gauge = self.gauge(state, name)
             swelling = now.swelling(name)
-            moved, filled = unit.law.braid_tension(at.length, gauge) * at.velocity, gauge * swelling
+            moved, filled = braid_tension(unit.law, at.length, gauge) * at.velocity, gauge * swelling
             braid, filling = braid + moved, filling + filled
             exchanged = exchanged + jnp.abs(moved) + jnp.abs(filled)
             work = work + state["circuit"]["pressure"][name] * swelling

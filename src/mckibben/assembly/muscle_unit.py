@@ -104,7 +104,7 @@ class MuscleUnit(Module):
 
     def rate(self, state: UnitState, memory: dict[str, Ledger], pressure: Any, tension: Any) -> UnitState:
         """Rates of length and velocity; gauge pressure [Pa], tension of the tendon [N]."""
-        inner = self.law.braid_tension(state.length, pressure) + self.memory_force(memory, state, pressure)
+        inner = braid_tension(self.law, state.length, pressure) + self.memory_force(memory, state, pressure)
         push = tension - inner - self.damping(state.length) * state.velocity
         return UnitState(state.velocity, push / self.end_mass)
 
@@ -148,13 +148,19 @@ class MuscleUnit(Module):
         return _equilibrium(self, span, pressure)
 
 
+@jax.jit  # traced once for all that asks for it
+def braid_tension(law: TensionLaw, length: Any, pressure: Any) -> Scalar:
+    """`TensionLaw.braid_tension`."""
+    return law.braid_tension(length, pressure)
+
+
 @jax.jit
 def _equilibrium(unit: MuscleUnit, span: Any, pressure: Any) -> UnitState:
     """Straight-line, so that thousands of machines are prepared at once."""
 
     def excess(length: Any) -> Any:
         """Pull of the braid over that of its tendon [N]."""
-        return unit.law.braid_tension(length, pressure) - unit.tendon.force(span - length)
+        return braid_tension(unit.law, length, pressure) - unit.tendon.force(span - length)
 
     shortest, longest = unit.law.length_range()
     hanging = span - unit.tendon.slack_length  # the tendon gets slack here

@@ -191,7 +191,7 @@ def _outputs(
     stiff: bool,
     outputs: Any,
 ) -> dict[str, Any]:
-    _, kept = march(system, state, memory, signals, period, inner, samples, stiff)
+    _, kept = march(system, state, memory, signals, period, inner, samples, stiff, integrals=False)
     if outputs is None:
         return dict(kept[2])
     for name in outputs:

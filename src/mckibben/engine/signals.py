@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..components import Module, Scalar
+from ..quantities import as_array
 
 
 class Value(NamedTuple):
@@ -74,9 +75,9 @@ class Signal(Module):
 
 def held(values: Any) -> Signal:
     """A signal that jumps at the samples and is constant between them: a command from a converter."""
-    return Signal(jnp.asarray(values, float))
+    return Signal(as_array(values))
 
 
 def ramped(values: Any) -> Signal:
     """A signal that is straight between the samples: a prescribed motion or a measured pressure."""
-    return Signal(jnp.asarray(values, float), straight=True)
+    return Signal(as_array(values), straight=True)

@@ -40,6 +40,12 @@ def integrands_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
     return system.integrands(state, memory, inputs)
 
 
+@jax.jit
+def outputs_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+    """`System.outputs`."""
+    return system.outputs(state, memory, inputs)
+
+
 def nothing(system: System, state: Any, memory: Any, inputs: Any) -> Any:
     """Integrals of a system before the first step: zeros."""
     shapes = jax.eval_shape(integrands_of, system, state, memory, inputs)
@@ -62,7 +68,7 @@ def step(system: System, carry: tuple[Any, Any, Any], inputs: Inputs, h: Any, st
 
     Args:
         system: what is integrated.
-        carry: the three trees.
+        carry: the three trees; without numbers in the last, no integrals are taken.
         inputs: the inputs as a function of the share of the step, 0 to 1.
         h: duration of the step [s].
         stiff: use ROS2 instead of Runge-Kutta.
@@ -82,6 +88,7 @@ def step(system: System, carry: tuple[Any, Any, Any], inputs: Inputs, h: Any, st
 
 def _rk4(system: System, y: Any, z: Any, sums: Any, inputs: Inputs, h: Any) -> tuple[Any, Any]:
     """Four stages; of a large system in a loop, which the compiler handles once instead of four times."""
+    counted = bool(jax.tree.leaves(sums))
 
     def stage(carry: Any, tableau: Any) -> tuple[Any, None]:
         k, change, gain = carry
@@ -89,7 +96,9 @@ def _rk4(system: System, y: Any, z: Any, sums: Any, inputs: Inputs, h: Any) -> t
         at = axpy(ahead * h, k, y)
         now = inputs(share)
         k = rate_of(system, at, z, now)
-        return (k, axpy(weight * h, k, change), axpy(weight * h, integrands_of(system, at, z, now), gain)), None
+        if counted:
+            gain = axpy(weight * h, integrands_of(system, at, z, now), gain)
+        return (k, axpy(weight * h, k, change), gain), None
 
     carry = jax.tree.map(jnp.zeros_like, (y, y, sums))
     if len(jax.tree.leaves(y)) > UNROLLED:

@@ -168,6 +168,8 @@ class Circuit(System):
 
     def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Every element's memory after the gas at its ports has changed."""
+        if not memory:
+            return {}
         before, after = self._gas_states(*start), self._gas_states(*end)
         return {
             name: self.elements[name].slide(kept, self._at(name, before), self._at(name, after))
@@ -257,7 +259,7 @@ class Circuit(System):
     def _volume(self, name: str, pressure_abs: Any, inputs: Any) -> VolumeState:
         node = self._chamber(name)
         length, velocity = (0.0, 0.0) if node.signal is None else inputs[node.signal]
-        volume = node.volume(pressure_abs, length, velocity)
+        volume = _volume_of(node, pressure_abs, length, velocity)
         return volume._replace(value=volume.value + self.inner_volume(name))
 
     def inner_volume(self, name: str) -> Scalar:
@@ -304,6 +306,11 @@ class Circuit(System):
             if power is not None:
                 enthalpy[b], total = enthalpy[b] + power, total + power
         return {name: Inflow(mass[name], enthalpy[name]) for name in self.nodes}, total
+
+
+@jax.jit  # traced once for all that asks for it
+def _volume_of(node: Chamber, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+    return node.volume(pressure_abs, length, velocity)
 
 
 class _Fixed(dict[str, Any]):

@@ -13,7 +13,6 @@ Tjahjowidodo, H. Ramon and H. Van Brussel, IEEE/ASME Trans. Mechatronics 16(1), 
 
 from __future__ import annotations
 
-import functools
 from typing import Any
 
 import jax
@@ -61,8 +60,13 @@ class MaxwellSlip(Contacts):
         """
         if elements < 1:
             raise InputError("elements", elements, "allowed is 1 or more", where=cls.__name__)
-        share, stiffness = _spread(limit, shortest, longest, at_pressure, elements)
-        return cls(limit=share, stiffness=stiffness)
+        traced = any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves((limit, shortest, longest, at_pressure)))
+        xp: Any = jnp if traced else np  # plain numbers stay with NumPy, for which nothing is compiled
+        whole: FrictionLimit = limit if traced else jax.tree.map(np.asarray, limit)
+        place = np.linspace(0.0, 1.0, elements) if elements > 1 else np.array([0.5])
+        travel = xp.asarray(shortest, float) * xp.exp(place * xp.log(xp.asarray(longest, float) / shortest))
+        stiffness = whole.force(at_pressure, xp) / elements / travel
+        return cls(limit=whole.scaled(np.full(elements, 1.0 / elements)), stiffness=stiffness)
 
     def advance(
         self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
@@ -70,12 +74,3 @@ class MaxwellSlip(Contacts):
         """Move along a straight piece of path, then limit once with the yield at its end."""
         dx = per_contact(displacement)
         return advanced(self.stiffness, state, dx, slip(state, dx, self.travel(end_pressure)))
-
-
-@functools.partial(jax.jit, static_argnums=4)  # once, not operation by operation
-def _spread(limit: FrictionLimit, shortest: Any, longest: Any, pressure: Any, elements: int) -> Any:
-    """Limits and stiffnesses of the elements of `MaxwellSlip.geometric`."""
-    place = np.linspace(0.0, 1.0, elements) if elements > 1 else np.array([0.5])
-    travel = jnp.asarray(shortest, float) * jnp.exp(place * jnp.log(jnp.asarray(longest, float) / shortest))
-    share = limit.scaled(np.full(elements, 1.0 / elements))
-    return share, share.force(pressure) / travel
