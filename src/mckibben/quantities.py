@@ -22,8 +22,8 @@ from .errors import InputError
 # What a person reads; the SI unit on the left is what the package computes with.
 _SHOWN = {"m": "cm", "Pa": "bar", "m^3": "cm^3", "N/m": "N/cm", "rad": "deg", "m^2": "cm^2", "N/m^2": "N/cm^2"}
 
-# Units that files and people use most, by SI unit: factor to it and factor back, as pint has them to the last bit. They spare
-# most processes pint, which takes half a second to begin with.
+# Units that files and people use most, by SI unit: factor to it and factor back, as pint has them to the last bit. They
+# spare most processes pint, which takes half a second to begin with.
 _USUAL: dict[str, dict[str, tuple[float, float]]] = {
     "m": {"mm": (1e-3, 1e3), "cm": (1e-2, 1e2), "um": (1e-6, 1e6), "in": (0.0254, 39.37007874015748)},
     "m^2": {"mm^2": (1e-6, 1e6), "cm^2": (1e-4, 1e4), "N/bar": (1e-5, 1e5)},
@@ -81,7 +81,7 @@ def quantity(
     typical: tuple[float, float] | None = None,
     default: Any = dataclasses.MISSING,
 ) -> Any:
-    """Declare a physical parameter as a field of an Equinox module.
+    """Declare a physical parameter as a field of a module.
 
     Args:
         unit: SI unit in words, ``"1"`` for a pure number.
@@ -91,11 +91,9 @@ def quantity(
         typical: range from which a fit draws its starting points [unit]; the bounds where it is left out.
         default: value where none is given [unit].
     """
-    import equinox as eqx
-
     declared = Quantity(unit, bounds, doc, symbol, typical or bounds)
     options: dict[str, Any] = {} if default is dataclasses.MISSING else {"default": default}
-    return eqx.field(converter=as_array, metadata={"quantity": declared}, kw_only=True, **options)
+    return dataclasses.field(metadata={"quantity": declared, "converter": as_array}, kw_only=True, **options)
 
 
 def as_array(value: Any) -> Any:

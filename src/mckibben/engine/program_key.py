@@ -1,6 +1,6 @@
 """The name of a program: a hash of all that tracing a function for examples of its arguments depends on.
 
-* the sources of this package, and the versions of Python, JAX, NumPy, Equinox and llvmlite;
+* the sources of this package, and the versions of Python, JAX, NumPy and llvmlite;
 * the function: where it stands, and what is bound to it (`functools.partial`);
 * the examples: structure, with types and static fields, and shapes and types of the leaves, not their values;
 * the plain constants of the modules that all these come from and of those they use, as they are now: they may have been set;
@@ -23,12 +23,13 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
 import jax
 import numpy as np
 
+from ..components import Module
+
 OWN = __name__.partition(".")[0]
-LIBRARIES = frozenset({"builtins", "functools", "operator", "math", "jax", "jaxlib", "numpy", "equinox"})
+LIBRARIES = frozenset({"builtins", "functools", "operator", "math", "jax", "jaxlib", "numpy"})
 PLAIN = (bool, int, float, str, bytes, type(None))
 MODULES = (f"{OWN}.engine.step",)  # on which every program depends
 
@@ -60,7 +61,7 @@ def base() -> bytes:
     import llvmlite
 
     digest = hashlib.sha256()
-    versions = (sys.version, jax.__version__, np.__version__, eqx.__version__, llvmlite.__version__)
+    versions = (sys.version, jax.__version__, np.__version__, llvmlite.__version__)
     for text in versions:
         digest.update(text.encode() + b"\n")
     for path in sources(str(Path(__file__).parents[1])):
@@ -85,7 +86,7 @@ class _Name:
     """A hash in the making, and the modules that what was named comes from."""
 
     def __init__(self) -> None:
-        counting = jax.config.jax_enable_x64, jax.config.jax_numpy_dtype_promotion
+        counting = [jax.config.values[f"jax_{name}"] for name in ("enable_x64", "numpy_dtype_promotion")]
         self.digest = hashlib.sha256(base() + repr(counting).encode())
         self.modules = set(MODULES)
 
@@ -95,7 +96,7 @@ class _Name:
 
     def tree(self, value: Any) -> None:
         """An example: its structure, and of its leaves shapes and types."""
-        if isinstance(value, eqx.Module):
+        if isinstance(value, Module):
             self.module(value, self.tree)
         elif _collection(value):
             self.collection(value, self.tree)
@@ -112,7 +113,7 @@ class _Name:
         """What is part of a function or of a structure: its value."""
         if isinstance(value, PLAIN):
             self.word(type(value).__name__, value)
-        elif isinstance(value, eqx.Module):
+        elif isinstance(value, Module):
             self.module(value, self.static)
         elif _collection(value):
             self.collection(value, self.static)

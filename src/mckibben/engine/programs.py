@@ -12,9 +12,9 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 
+from ..components import Module
 from . import program_key
 from .lowering import disk
 from .lowering.program import Leaf, Program
@@ -71,7 +71,7 @@ def _said(value: Any) -> Any:
     place = f"{kind.__module__}:{kind.__qualname__}"
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         return {"named": place, "parts": [_said(v) for v in value]}
-    if isinstance(value, eqx.Module):
+    if isinstance(value, Module):
         return {"module": place, "fields": [[f.name, _said(vars(value)[f.name])] for f in dataclasses.fields(value)]}
     raise TypeError(place)
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ..components import Module, Scalar
+from ..components import Module, Scalar, field
 from ..quantities import as_array
 
 
@@ -26,7 +25,7 @@ class Signal(Module):
     """
 
     values: Scalar
-    straight: bool = eqx.field(static=True, default=False)
+    straight: bool = field(static=True, default=False)
     delay: Scalar | None = None
 
     def at(self, index: Any, share: Any, period: Any) -> Value:

@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..components import Scalar
+from ..components import Scalar, field
 from ..components.flow import FlowElement, GasState
 from ..components.system import Moment, System
 from ..errors import InputError
@@ -38,7 +37,7 @@ class Circuit(System):
 
     nodes: dict[str, Reservoir | Chamber]
     elements: dict[str, FlowElement]
-    ends: dict[str, tuple[tuple[str, ...], str | None]] = eqx.field(static=True)
+    ends: dict[str, tuple[tuple[str, ...], str | None]] = field(static=True)
     gas: Gas = AIR
 
     @classmethod

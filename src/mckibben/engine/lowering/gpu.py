@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, MissingDataError
-from . import gpu_driver as driver
 from . import disk, machine_code
+from . import gpu_driver as driver
 from .emit_ptx import ENTRY, OLDEST, USUAL, Places, gpu_assembly, ptx
 from .kernel import Kernel, Slot
 from .program import Program

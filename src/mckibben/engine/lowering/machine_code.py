@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from ...errors import MissingDataError
 
+
 class Host(NamedTuple):
     """The processor: its name, its features for LLVM, the bits of its vectors, and whether it divides quickly."""
 

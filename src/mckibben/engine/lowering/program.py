@@ -57,15 +57,18 @@ class Program:
     the sum that it goes to rounded once, as XLA does; ``fast`` gives up what `llvm_estimates` says, and equal bits.
     """
 
-    def __init__(self, graph: Graph, arguments: Sequence[Leaf], results: Sequence[Leaf], title: str = "") -> None:
-        self.graph, self.arguments, self.results, self.title = graph, list(arguments), list(results), title
-        self._kernels: dict[Any, Kernel] = {}  # what `kept` below sets, too
+    def __init__(
+        self, graph: Graph | None, arguments: Sequence[Leaf], results: Sequence[Leaf], title: str = ""
+    ) -> None:
+        if graph is not None:
+            self.graph = graph
+        self.arguments, self.results, self.title = list(arguments), list(results), title
+        self._kernels: dict[Any, Kernel] = {}
 
     @classmethod
     def kept(cls, data: bytes, arguments: Sequence[Leaf], results: Sequence[Leaf], title: str) -> Program:
         """One that is packed: what is read of it only where it has to be compiled."""
-        made = cls.__new__(cls)
-        made.arguments, made.results, made.title, made._kernels = list(arguments), list(results), title, {}
+        made = cls(None, arguments, results, title)
         made.packed = data
         return made
 
