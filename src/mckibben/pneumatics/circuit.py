@@ -21,7 +21,7 @@ from .exergy import Passing, Stream, kind_of, path_name
 from .gas import AIR, Gas
 from .heat import Inflow, VolumeState
 from .topology import check_topology
-from .volume import Chamber, Reservoir
+from .volume import Chamber, Reservoir, volume_of
 
 
 class Branch(NamedTuple):
@@ -258,7 +258,7 @@ class Circuit(System):
     def _volume(self, name: str, pressure_abs: Any, inputs: Any) -> VolumeState:
         node = self._chamber(name)
         length, velocity = (0.0, 0.0) if node.signal is None else inputs[node.signal]
-        volume = _volume_of(node, pressure_abs, length, velocity)
+        volume = volume_of(node, pressure_abs, length, velocity)
         return volume._replace(value=volume.value + self.inner_volume(name))
 
     def inner_volume(self, name: str) -> Scalar:
@@ -305,11 +305,6 @@ class Circuit(System):
             if power is not None:
                 enthalpy[b], total = enthalpy[b] + power, total + power
         return {name: Inflow(mass[name], enthalpy[name]) for name in self.nodes}, total
-
-
-@jax.jit  # traced once for all that asks for it
-def _volume_of(node: Chamber, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
-    return node.volume(pressure_abs, length, velocity)
 
 
 class _Fixed(dict[str, Any]):

@@ -89,3 +89,9 @@ class MovingVolume(Chamber):
         value, per_pressure = jax.jvp(lambda p: self.of(length, p), (gauge,), (jnp.ones_like(gauge),))
         per_length = jax.jvp(lambda x: self.of(x, gauge), (length,), (jnp.ones_like(length),))[1]
         return VolumeState(value + self.dead, per_pressure, per_length * velocity)
+
+
+@jax.jit  # traced once for all that asks for it
+def volume_of(node: Chamber, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+    """`Chamber.volume`."""
+    return node.volume(pressure_abs, length, velocity)
