@@ -27,11 +27,12 @@ import jax
 import numpy as np
 
 from ..components import Module
+from . import step
 
 OWN = __name__.partition(".")[0]
 LIBRARIES = frozenset({"builtins", "functools", "operator", "math", "jax", "jaxlib", "numpy"})
 PLAIN = (bool, int, float, str, bytes, type(None))
-MODULES = (f"{OWN}.engine.step",)  # on which every program depends
+MODULES = (step.__name__,)  # on which every program depends
 
 
 class Unnamed(Exception):  # noqa: N818 - no error: there is no key
@@ -64,10 +65,11 @@ def base() -> bytes:
     versions = (sys.version, jax.__version__, np.__version__, llvmlite.__version__)
     for text in versions:
         digest.update(text.encode() + b"\n")
-    for path in sources(str(Path(__file__).parents[1])):
+    folder = str(Path(__file__).parents[1])
+    for path in sources(folder):
         with open(path, "rb") as file:
             data = file.read()
-        digest.update(f"{path} {len(data)}\n".encode() + data)
+        digest.update(f"{path.removeprefix(folder)} {len(data)}\n".encode() + data)
     return digest.digest()
 
 
