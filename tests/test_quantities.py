@@ -2,8 +2,9 @@
 
 import pytest
 
+from mckibben import quantities
 from mckibben.errors import InputError
-from mckibben.quantities import Quantity, parse, to_si, with_unit
+from mckibben.quantities import Quantity, from_si, parse, to_si, with_unit
 
 
 @pytest.mark.parametrize(
@@ -37,3 +38,13 @@ def test_round_trip_of_shown_values():
     assert with_unit(0.12, "m") == "12 cm"
     assert with_unit(5e5, "Pa") == "5 bar"
     assert to_si(600.0, "l/min", "m^3/s", field="flow") == pytest.approx(0.01, rel=1e-12)
+
+
+@pytest.mark.parametrize(("si_unit", "unit"), [(s, u) for s, known in quantities._USUAL.items() for u in known])  # noqa: SLF001
+def test_the_usual_units_are_converted_as_pint_does_it(si_unit, unit, monkeypatch):
+    numbers = [1.0, -3.7, 0.1, 1e-7, 123456.789, 6.02e23]
+    usual = [(to_si(x, unit, si_unit, field="x"), from_si(x, si_unit, unit)) for x in numbers]
+    assert all(a != x or si_unit in ("1", "1/s") for x, (a, _) in zip(numbers, usual, strict=True))
+    monkeypatch.setattr(quantities, "_USUAL", {})
+    # to the last bit: a number of a file must not depend on which of the two has read it
+    assert usual == [(to_si(x, unit, si_unit, field="x"), from_si(x, si_unit, unit)) for x in numbers]

@@ -22,6 +22,31 @@ from .errors import InputError
 # What a person reads; the SI unit on the left is what the package computes with.
 _SHOWN = {"m": "cm", "Pa": "bar", "m^3": "cm^3", "N/m": "N/cm", "rad": "deg", "m^2": "cm^2", "N/m^2": "N/cm^2"}
 
+# Units that files and people use most, by SI unit: factor to it and factor back, as pint has them to the last bit. They
+# spare most processes pint, which takes half a second to begin with.
+_USUAL: dict[str, dict[str, tuple[float, float]]] = {
+    "m": {"mm": (1e-3, 1e3), "cm": (1e-2, 1e2), "um": (1e-6, 1e6), "in": (0.0254, 39.37007874015748)},
+    "m^2": {"mm^2": (1e-6, 1e6), "cm^2": (1e-4, 1e4), "N/bar": (1e-5, 1e5)},
+    "m^3": {
+        "cm^3": (1.0000000000000002e-06, 999999.9999999999),
+        "ml": (1.0000000000000002e-06, 999999.9999999999),
+        "l": (0.0010000000000000002, 999.9999999999999),
+    },
+    "s": {"us": (1e-6, 1e6), "ms": (1e-3, 1e3), "min": (60.0, 0.016666666666666666)},
+    "kg": {"g": (1e-3, 1e3)},
+    "Pa": {"bar": (1e5, 1e-5), "mbar": (1e2, 1e-2), "kPa": (1e3, 1e-3), "MPa": (1e6, 1e-6)},
+    "N/m": {"N/cm": (1e2, 1e-2), "N/mm": (1e3, 1e-3)},
+    "N/m^2": {"N/cm^2": (1e4, 1e-4)},
+    "m/s": {"mm/s": (1e-3, 1e3), "cm/s": (1e-2, 1e2)},
+    "m^3/s": {"l/min": (1.666666666666667e-05, 59999.99999999999)},
+    "m^3/(s*Pa)": {"l/min/bar": (1.666666666666667e-10, 5999999999.999999)},
+    "rad": {"deg": (0.017453292519943295, 57.29577951308232)},
+    "Hz": {"kHz": (1e3, 1e-3)},
+    "1/s": {"Hz": (1.0, 1.0), "kHz": (1e3, 1e-3)},
+    "H": {"mH": (1e-3, 1e3)},
+    "1": {"-": (1.0, 1.0), "%": (1e-2, 1e2)},
+}
+
 
 class Quantity(NamedTuple):
     """The declaration of one parameter: SI unit, bounds (inclusive), meaning, symbol, and a range usual in practice."""
@@ -58,7 +83,7 @@ def quantity(
     typical: tuple[float, float] | None = None,
     default: Any = dataclasses.MISSING,
 ) -> Any:
-    """Declare a physical parameter as a field of an Equinox module.
+    """Declare a physical parameter as a field of a module.
 
     Args:
         unit: SI unit in words, ``"1"`` for a pure number.
@@ -68,17 +93,21 @@ def quantity(
         typical: range from which a fit draws its starting points [unit]; the bounds where it is left out.
         default: value where none is given [unit].
     """
-    import equinox as eqx
-
     declared = Quantity(unit, bounds, doc, symbol, typical or bounds)
     options: dict[str, Any] = {} if default is dataclasses.MISSING else {"default": default}
-    return eqx.field(converter=_as_array, metadata={"quantity": declared}, kw_only=True, **options)
+    return dataclasses.field(metadata={"quantity": declared, "converter": as_array}, kw_only=True, **options)
 
 
-def _as_array(value: Any) -> Any:
+def as_array(value: Any) -> Any:
+    """A number or array, which may be traced, as an array of floats; compiles nothing, as `jax.numpy.asarray` would."""
+    import jax
     import jax.numpy as jnp
 
-    return jnp.asarray(value, float)
+    if isinstance(value, jax.core.Tracer):
+        return jnp.asarray(value, float)
+    if isinstance(value, jax.Array) and value.dtype == float and not value.weak_type:
+        return value
+    return jax.device_put(np.asarray(value, float))
 
 
 def declared(owner: Any) -> dict[str, Quantity]:
@@ -115,8 +144,17 @@ def _unit(text: str) -> Any:
     return _registry().Unit("percent" if text == "%" else "" if text in ("1", "-") else text)
 
 
+def _usual(unit: str, si_unit: str) -> tuple[float, float] | None:
+    """Factors to the SI unit and back; None where pint has to be asked."""
+    unit = unit.strip()
+    return (1.0, 1.0) if unit == si_unit else _USUAL.get(si_unit, {}).get(unit)
+
+
 def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | None = None) -> float:
     """Convert a number with a unit in words to the SI unit, or raise `InputError` that says what is allowed."""
+    usual = _usual(unit, si_unit)
+    if usual is not None:
+        return float(value * usual[0])
     import pint
 
     registry = _registry()
@@ -136,6 +174,9 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
 
 def from_si(value: float, si_unit: str, unit: str) -> float:
     """Convert an SI number to another unit given in words."""
+    usual = _usual(unit, si_unit)
+    if usual is not None:
+        return float(value * usual[1])
     return float(_registry().Quantity(value, _unit(si_unit)).to(_unit(unit)).magnitude)
 
 

@@ -1,5 +1,7 @@
 """Machines from specimens: what is refused, and that what is built has the parts that were asked for."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -48,7 +50,7 @@ def test_a_muscle_has_what_its_specimen_states_and_what_is_inferred():
 
 def test_only_coulomb_friction_stated_becomes_one_with_memory():
     nylon = specimen("nylon")
-    stated = nylon.model_copy(update={"friction": {"coulomb": nylon.friction["coulomb"]}})
+    stated = dataclasses.replace(nylon, friction={"coulomb": nylon.friction["coulomb"]})
     rubbing = unit_from_specimen(stated).friction
     assert isinstance(rubbing, MaxwellSlip)
     assert float(rubbing.largest_force(3e5)) == pytest.approx(2.5)

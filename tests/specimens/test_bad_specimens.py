@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+import mckibben.specimens
 from mckibben.errors import InputError
 from mckibben.muscles import law_from_specimen
 from mckibben.specimens import specimen, specimen_ids, specimens
@@ -198,3 +199,10 @@ def test_a_folder_of_specimens_is_read_and_a_bad_one_in_it_is_named(
     monkeypatch.setenv("MCKIBBEN_SPECIMENS", str(tmp_path / "nowhere"))
     with pytest.raises(InputError, match="no such folder"):
         specimens()
+
+
+def test_a_shipped_specimen_is_found_in_the_file_of_its_name_as_among_all() -> None:
+    # a single one is read without the others; its file is found by the id
+    files = sorted(p.stem for p in (Path(mckibben.specimens.__file__).parent / "data").glob("*.toml"))
+    assert sorted(s.id.lower() for s in specimens()) == files
+    assert all(specimen(s.id) == s for s in specimens())

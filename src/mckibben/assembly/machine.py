@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ..components import Environment, Scalar
 from ..components.system import Moment, System
+from ..engine.native import called
 from ..engine.signals import Value
 from ..errors import InputError
 from ..muscles.law import law_name
@@ -16,7 +19,7 @@ from ..pneumatics.circuit import Circuit
 from ..pneumatics.exergy import exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
-from .muscle_unit import MuscleUnit, Path, UnitState
+from .muscle_unit import MuscleUnit, Path, UnitState, braid_tension
 
 
 class Machine(System):
@@ -97,19 +100,22 @@ class Machine(System):
             if name not in pressures:
                 raise InputError(f"pressure of {name}", "not given", "every volume needs one", where="machine")
             p = float(pressures[name])
-            if not (p > 0.0 and jnp.isfinite(p)):
+            if not (p > 0.0 and np.isfinite(p)):
                 raise InputError(
                     f"pressure of {name}", p, "allowed is an absolute pressure above 0 Pa", where="machine"
                 )
+        given = {name: np.asarray(pressures[name], float) for name in self.circuit.chambers}
+        start: tuple[Any, Any] = jax.device_put(called(_at_rest, self, given, dict(inputs)))
+        return start
+
+    def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
+        """The same, unchecked, so that all of it may be traced."""
         load = self.load.initial()
         spans = self.load.spans(load, inputs)
-        ambient = float(self.environment.pressure_abs)
-        states = {
-            name: unit.equilibrium(float(spans[name].span), float(pressures[name]) - ambient)
-            for name, unit in self.units.items()
-        }
+        ambient = self.environment.pressure_abs
+        states = {n: unit.equilibrium(spans[n].span, pressures[n] - ambient) for n, unit in self.units.items()}
         seen, joined = self.with_lengths({"muscles": states}, inputs), self.joined
-        circuit = joined.at_rest(pressures, seen, float(self.environment.temperature))
+        circuit = joined.at_rest(pressures, seen, self.environment.temperature)
         memory = {
             "circuit": joined.initial_memory(circuit, seen),
             "muscles": {name: unit.initial_memory() for name, unit in self.units.items()},
@@ -160,7 +166,7 @@ class Machine(System):
             at: UnitState = state["muscles"][name]
             gauge = self.gauge(state, name)
             swelling = now.swelling(name)
-            moved, filled = unit.law.braid_tension(at.length, gauge) * at.velocity, gauge * swelling
+            moved, filled = braid_tension(unit.law, at.length, gauge) * at.velocity, gauge * swelling
             braid, filling = braid + moved, filling + filled
             exchanged = exchanged + jnp.abs(moved) + jnp.abs(filled)
             work = work + state["circuit"]["pressure"][name] * swelling
@@ -230,3 +236,7 @@ class Machine(System):
                 f"{name}.slack": jnp.where(own[name] > 0.0, 0.0, 1.0),
             }
         return out | {f"load.{k}": v for k, v in self.load.outputs(state["load"], felt, inputs).items()}
+
+
+def _at_rest(machine: Machine, pressures: Any, inputs: Any) -> tuple[Any, Any]:
+    return machine.at_rest(pressures, inputs)

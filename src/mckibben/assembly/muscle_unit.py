@@ -27,6 +27,7 @@ from .wrap import Wrap
 
 # Stretch beyond the law's longest length at which the damping of the stop is full [m].
 STOP_TRAVEL = 1.3e-3
+HALVINGS = 64  # of a bracket: from any length to the last bit
 
 
 class UnitState(NamedTuple):
@@ -104,7 +105,7 @@ class MuscleUnit(Module):
 
     def rate(self, state: UnitState, memory: dict[str, Ledger], pressure: Any, tension: Any) -> UnitState:
         """Rates of length and velocity; gauge pressure [Pa], tension of the tendon [N]."""
-        inner = self.law.braid_tension(state.length, pressure) + self.memory_force(memory, state, pressure)
+        inner = braid_tension(self.law, state.length, pressure) + self.memory_force(memory, state, pressure)
         push = tension - inner - self.damping(state.length) * state.velocity
         return UnitState(state.velocity, push / self.end_mass)
 
@@ -135,8 +136,8 @@ class MuscleUnit(Module):
         in_tendon = (tension - self.tendon.force(span - state.length)) * stretching
         return self.damping(state.length) * state.velocity**2 + in_tendon
 
-    def equilibrium(self, span: float, pressure: float) -> UnitState:
-        """The length at which braid and tendon balance at rest, without friction and creep.
+    def equilibrium(self, span: Any, pressure: Any) -> UnitState:
+        """The length at which braid and tendon balance at rest, without friction and creep; it may be traced.
 
         A slack braid has its free length. Where the law has none, as without pressure or bladder, it lies as long as its
         span; and none is longer than its law's longest length unless it is pulled there.
@@ -145,27 +146,35 @@ class MuscleUnit(Module):
             span: from the anchor to the load [m].
             pressure: gauge pressure [Pa].
         """
-        from scipy.optimize import brentq
+        return _equilibrium(self, span, pressure)
 
-        def excess(length: float) -> float:
-            return float(_excess(self, length, span, pressure))
 
-        low, longest = (float(end) for end in self.law.length_range())
-        hanging = span - float(self.tendon.slack_length)  # the tendon gets slack here
-        if hanging > low and excess(hanging) >= 0.0:
-            high = hanging
-        else:
-            low, high = max(low, hanging), max(longest, hanging)
-        if excess(low) >= 0.0:
-            length = low
-        elif excess(high) <= 0.0:
-            length = high
-        else:
-            length = float(brentq(excess, low, high, xtol=1e-15, rtol=1e-14))
-        return UnitState(jnp.asarray(length, float), jnp.zeros(()))
+@jax.jit  # traced once for all that asks for it
+def braid_tension(law: TensionLaw, length: Any, pressure: Any) -> Scalar:
+    """`TensionLaw.braid_tension`."""
+    return law.braid_tension(length, pressure)
 
 
 @jax.jit
-def _excess(unit: MuscleUnit, length: Any, span: Any, pressure: Any) -> Scalar:
-    """Pull of the braid over that of its tendon [N]."""
-    return unit.law.braid_tension(length, pressure) - unit.tendon.force(span - length)
+def _equilibrium(unit: MuscleUnit, span: Any, pressure: Any) -> UnitState:
+    """Straight-line, so that thousands of machines are prepared at once."""
+
+    def excess(length: Any) -> Any:
+        """Pull of the braid over that of its tendon [N]."""
+        return braid_tension(unit.law, length, pressure) - unit.tendon.force(span - length)
+
+    shortest, longest = unit.law.length_range()
+    hanging = span - unit.tendon.slack_length  # the tendon gets slack here
+    taut = (hanging > shortest) & (excess(hanging) >= 0.0)
+    low = jnp.where(taut, shortest, jnp.maximum(shortest, hanging))
+    high = jnp.where(taut, hanging, jnp.maximum(longest, hanging))
+
+    def halve(_: int, ends: tuple[Any, Any]) -> tuple[Any, Any]:
+        middle = 0.5 * (ends[0] + ends[1])
+        above = excess(middle) > 0.0
+        return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
+
+    ends = jax.lax.fori_loop(0, HALVINGS, halve, (low, high))
+    found = 0.5 * (ends[0] + ends[1])
+    length = jnp.where(excess(low) >= 0.0, low, jnp.where(excess(high) <= 0.0, high, found))
+    return UnitState(length, jnp.zeros_like(length))

@@ -141,13 +141,7 @@ class Kernels:
 
     def tree(self, leaves: Sequence[Any]) -> dict[str, Any]:
         """A lane, or many, as the tree that it is."""
-        tree: dict[str, Any] = jax.tree.unflatten(self.kind.structure, leaves)
-        if not self.kind.accounts:
-            plant = tree["plant"]
-            tree["plant"] = Unaccounted(
-                machine=plant.machine, sensors=plant.sensors, tested=plant.tested, converters=plant.converters
-            )
-        return tree
+        return _tree(self.kind, leaves)
 
     def _lowered(self, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int) -> Compiled | None:
         """The native kernel; None where there is none, and XLA has to do."""
@@ -156,8 +150,8 @@ class Kernels:
             row = jax.tree.map(lambda x: x[0], rows) if self.kind.seeds else rows
             first = jax.tree.map(lambda x: x[0], carry)
             self._native = compiled(
-                functools.partial(self._physics, stiff=False), one, first, row, np.float64(period), np.int64(inner),
-                engine=self.kind.engine, title="a lane of a batch",
+                functools.partial(physics, self.kind._replace(engine="", threads=0), stiff=False),
+                one, first, row, np.float64(period), np.int64(inner), engine=self.kind.engine, title="a lane of a batch",
             )  # fmt: skip
         return self._native if self._native is not None and self._native.engine == "native" else None
 
@@ -182,37 +176,10 @@ class Kernels:
         """Physics and counting of all lanes in one function of XLA's."""
 
         def one(own: Any, before: Any, so_far: Any, given: Any) -> Any:
-            done = self._physics(own, before, given, period, inner, stiff)
+            done = physics(self.kind, own, before, given, period, inner, stiff)
             return done.carry, *self._counted_lane(own, so_far, done, period)
 
         return jax.vmap(one, in_axes=(self._leaves, 0, 0, self._rows))(leaves, carry, sums, rows)
-
-    def _physics(self, leaves: Any, carry: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> Physics:
-        """A chunk of samples of one lane, straight-line but for its counted loops."""
-        tree, kind = self.tree(leaves), self.kind
-        sampled_ = (c for o in kind.outputs if o.sampled for c in (o.channel, o.over) if c)
-        names = tuple(dict.fromkeys([*kind.kept, *sampled_]))
-
-        def sample(before: Any, row: Any) -> tuple[Any, sampled.Seen]:
-            return sampled.sample(
-                tree["plant"], tree["software"], before, row,
-                period=period, inner=inner, latency=tree["latency"], stiff=stiff,
-            )  # fmt: skip
-
-        def one(before: Any, row: Any) -> tuple[Any, Any]:
-            state, ran, last = before
-            after, seen = sample(state, row)
-            now = _told(seen)
-            last = {n: jnp.where(ran, now[n], old) for n, old in last.items()}
-            shown = {n: seen.shown[n] for n in SHOWN}
-            return (after, ran & seen.shown["running"], last), (named(seen, names), shown, seen.steepest, seen.sound)
-
-        row = jax.tree.map(lambda x: x[0], rows)
-        nothing = {n: jnp.zeros(x.shape) for n, x in jax.eval_shape(lambda: _told(sample(carry, row)[1])).items()}
-        begun = carry, jnp.asarray(True), nothing
-        (after, _, stop), (found, shown, steepest, sound) = jax.lax.scan(one, begun, rows)
-        finite = [jnp.isfinite(x).all() for x in jax.tree.leaves((after.state, after.memory))]
-        return Physics(after, found, shown, stop, jnp.max(steepest), jnp.all(sound), jnp.stack(finite).all())
 
     def _counted_lane(self, leaves: Any, sums: tally.Tally, done: Physics, period: Any) -> tuple[tally.Tally, Seen]:
         """What is made of the samples of a chunk of one lane."""
@@ -223,6 +190,44 @@ class Kernels:
         stop = {**done.stop, "code": jnp.max(shown["code"])}
         kept = {n: done.channels[n] for n in kind.kept}
         return new, Seen(done.fastest, done.sound, done.finite, counted, stop, kept, shown["step"].astype(int))
+
+
+def physics(kind: Kind, leaves: Any, carry: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> Physics:
+    """A chunk of samples of one lane, straight-line but for its counted loops."""
+    tree = _tree(kind, leaves)
+    sampled_ = (c for o in kind.outputs if o.sampled for c in (o.channel, o.over) if c)
+    names = tuple(dict.fromkeys([*kind.kept, *sampled_]))
+
+    def sample(before: Any, row: Any) -> tuple[Any, sampled.Seen]:
+        return sampled.sample(
+            tree["plant"], tree["software"], before, row,
+            period=period, inner=inner, latency=tree["latency"], stiff=stiff,
+        )  # fmt: skip
+
+    def one(before: Any, row: Any) -> tuple[Any, Any]:
+        state, ran, last = before
+        after, seen = sample(state, row)
+        now = _told(seen)
+        last = {n: jnp.where(ran, now[n], old) for n, old in last.items()}
+        shown = {n: seen.shown[n] for n in SHOWN}
+        return (after, ran & seen.shown["running"], last), (named(seen, names), shown, seen.steepest, seen.sound)
+
+    row = jax.tree.map(lambda x: x[0], rows)
+    nothing = {n: jnp.zeros(x.shape) for n, x in jax.eval_shape(lambda: _told(sample(carry, row)[1])).items()}
+    begun = carry, jnp.asarray(True), nothing
+    (after, _, stop), (found, shown, steepest, sound) = jax.lax.scan(one, begun, rows)
+    finite = [jnp.isfinite(x).all() for x in jax.tree.leaves((after.state, after.memory))]
+    return Physics(after, found, shown, stop, jnp.max(steepest), jnp.all(sound), jnp.stack(finite).all())
+
+
+def _tree(kind: Kind, leaves: Sequence[Any]) -> dict[str, Any]:
+    tree: dict[str, Any] = jax.tree.unflatten(kind.structure, leaves)
+    if not kind.accounts:
+        plant = tree["plant"]
+        tree["plant"] = Unaccounted(
+            machine=plant.machine, sensors=plant.sensors, tested=plant.tested, converters=plant.converters
+        )
+    return tree
 
 
 def _told(seen: sampled.Seen) -> dict[str, Any]:

@@ -70,7 +70,7 @@ class Sweep:
         recipe = self.recipe
         return {
             "schema": SCHEMA, "title": self.title, "protocol": recipe.protocol.document(), "muscle": recipe.muscle,
-            "rig": recipe.rig, "specimens": {k: s.model_dump(by_alias=True) for k, s in recipe.specimens.items()},
+            "rig": recipe.rig, "specimens": {k: s.stated() for k, s in recipe.specimens.items()},
             "rigs": {k: dict(d) for k, d in recipe.rigs.items()}, "set": dict(recipe.given),
             "plumbing": recipe.plumbing, "noise_seed": recipe.noise_seed, "step": recipe.step,
             "accept_saturation": recipe.accept_saturation, "outputs": document(recipe.outputs),

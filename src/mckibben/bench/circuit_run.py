@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..assembly.circuit_plan import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
-from ..components import Module, Scalar
+from ..components import Module, Scalar, field
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
 from ..pneumatics.balance import balance
@@ -34,7 +33,7 @@ class Window(Module):
 
     values: Scalar
     whole: Signal
-    first: Any = eqx.field(converter=jnp.asarray)
+    first: Any = field(converter=jnp.asarray)
 
     def at(self, index: Any, share: Any, period: Any) -> Any:
         """As for the signal."""

@@ -106,7 +106,7 @@ def _keep_compilations() -> None:
     home = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     if os.path.isabs(home):
         os.environ["JAX_COMPILATION_CACHE_DIR"] = os.path.join(home, "mckibben", "compiled")
-        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
+        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.02")
 
 
 def _usage(error: Any) -> int:

@@ -11,6 +11,9 @@ jax.config.update("jax_enable_x64", True)
 from .derivative import slope  # noqa: E402
 from .element import Advanced, ForceElement, Hysteresis, MemoryElement  # noqa: E402
 from .environment import Environment  # noqa: E402
-from .module import Module, Scalar  # noqa: E402
+from .module import AbstractVar, Module, Scalar, field  # noqa: E402
 
-__all__ = ["Advanced", "Environment", "ForceElement", "Hysteresis", "MemoryElement", "Module", "Scalar", "slope"]
+__all__ = [
+    "AbstractVar", "Advanced", "Environment", "ForceElement", "Hysteresis", "MemoryElement", "Module", "Scalar", "field",
+    "slope",
+]  # fmt: skip

@@ -1,33 +1,157 @@
-"""The type that everything with declared parameters derives from."""
+"""The type that everything with declared parameters derives from: an immutable value that JAX takes apart as a tree.
+
+    class Spring(Module):
+        stiffness: Scalar = quantity("N/m", (0.0, 1e6), "slope", symbol="k")
+        name: str = field(static=True, kw_only=True, default="")
+
+Fields are those of a dataclass. What is `static` belongs to the structure of the tree and is compared by value; all else is
+a branch of it. It does what `equinox.Module` does for such values, and transformations of Equinox take it as a tree; but a
+process that only runs kernels is spared the loading of Equinox, and a class is made in a fifth of the time.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import abc
+import dataclasses
+import types
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, dataclass_transform
 
-import equinox as eqx
-from jaxtyping import Array, Float
+import jax
+import numpy as np
 
 from ..quantities import check_fields
 
-# A number or an array of them: all formulas are elementwise and broadcast.
+Scalar = Any  # a number or an array of them: all formulas are elementwise and broadcast
+
 if TYPE_CHECKING:
-    Scalar = Any  # fields take plain floats and hold arrays, for which type checkers have no word
+    from typing import Annotated
+
+    _T = TypeVar("_T")
+    AbstractVar = Annotated[_T, "a field that a kind of this type must have"]
 else:
-    Scalar = Float[Array, "..."]
+
+    class AbstractVar:
+        """Says in an abstract type that its kinds have such a field."""
+
+        def __class_getitem__(cls, _: Any) -> Any:
+            return cls
 
 
-class Module(eqx.Module):
+def field(*, static: bool = False, converter: Callable[[Any], Any] | None = None, **options: Any) -> Any:
+    """A field as `dataclasses.field` makes it.
+
+    Args:
+        static: whether it is part of the structure.
+        converter: makes its value of the one that is given.
+        **options: of `dataclasses.field`.
+    """
+    more = {} if converter is None else {"converter": converter}
+    return dataclasses.field(metadata={"static": static, **more}, **options)
+
+
+@dataclass_transform(field_specifiers=(dataclasses.field, field))
+class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract methods
     """An immutable value whose declared parameters are checked when they are concrete."""
+
+    if TYPE_CHECKING:
+        __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Make it a dataclass and a kind of tree."""
+        super().__init_subclass__(**options)
+        own = cls.__dict__.get("__annotations__", {})
+        for name in [n for n, kind in own.items() if "AbstractVar" in str(kind)]:
+            del own[name]
+        dataclasses.dataclass(eq=False, repr=False)(cls)
+        _register(cls)
+
+    def __post_init__(self) -> None:
+        known = self.__dict__
+        for f in dataclasses.fields(self):
+            value = known[f.name]
+            if "converter" in f.metadata:
+                known[f.name] = f.metadata["converter"](value)
+            elif isinstance(value, types.MethodType) and isinstance(value.__self__, Module):
+                known[f.name] = Method(value.__func__, value.__self__)
+        for kind in type(self).__mro__:
+            if "__check_init__" in kind.__dict__:
+                kind.__dict__["__check_init__"](self)
 
     def __check_init__(self) -> None:
         """Refuse parameters out of their declared bounds."""
         check_fields(self, where=type(self).__name__)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in self.__dict__ or name not in type(self).__dataclass_fields__:
+            raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+        self.__dict__[name] = value  # by its constructor
+
+    def __delattr__(self, name: str) -> None:
+        raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        mine: Any = jax.tree.flatten(self)
+        theirs: Any = jax.tree.flatten(other)
+        return bool(mine[1] == theirs[1]) and all(map(_same, mine[0], theirs[0]))
+
     # Parameters are arrays, which have no hash; by identity, `jax.jit(law.tension)` works as a newcomer writes it.
     __hash__ = object.__hash__
 
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{f.name}={_shown(getattr(self, f.name))}" for f in dataclasses.fields(self))
+        return f"{type(self).__name__}({shown})"
+
     def replace(self, **changes: Any) -> Any:
         """A copy with some fields changed, checked like a new one."""
-        import dataclasses
-
         return dataclasses.replace(self, **changes)
+
+
+def _register(cls: type[Module]) -> None:
+    """Tell JAX how such a value is taken apart and put together; what is put together is not checked again."""
+    fields = dataclasses.fields(cls)
+    static = tuple(f.name for f in fields if f.metadata.get("static", False))
+    branches = tuple(f.name for f in fields if f.name not in static)
+    keys = tuple(jax.tree_util.GetAttrKey(name) for name in branches)
+
+    def flat(value: Any) -> Any:
+        known = value.__dict__
+        return [known[n] for n in branches], tuple([known[n] for n in static])
+
+    def with_keys(value: Any) -> Any:
+        children, structure = flat(value)
+        return list(zip(keys, children, strict=True)), structure
+
+    def whole(structure: Any, children: Any) -> Any:
+        made: Any = object.__new__(cls)
+        known = made.__dict__
+        known.update(zip(branches, children, strict=True))
+        known.update(zip(static, structure, strict=True))
+        return made
+
+    jax.tree_util.register_pytree_with_keys(cls, with_keys, whole, flat)
+
+
+class Method(Module):
+    """A method of a module as a tree: its owner is a branch."""
+
+    __func__: Callable[..., Any] = field(static=True)
+    __self__: Module
+
+    def __call__(self, *args: Any, **options: Any) -> Any:
+        """What the method returns."""
+        return self.__func__(self.__self__, *args, **options)
+
+
+def _same(mine: Any, theirs: Any) -> bool:
+    if mine is theirs or isinstance(mine, jax.core.Tracer) or isinstance(theirs, jax.core.Tracer):
+        return mine is theirs
+    return bool(np.array_equal(mine, theirs)) and np.asarray(mine).dtype == np.asarray(theirs).dtype
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, jax.Array | np.ndarray) and not isinstance(value, jax.core.Tracer):
+        return repr(np.asarray(value).tolist()) if value.size <= 8 else f"{value.dtype}{list(value.shape)}"
+    return repr(value)

@@ -18,7 +18,7 @@ from ..components.system import System
 from ..errors import ConvergenceError, InputError
 from .rates import RK4_LIMIT, fastest_rate
 from .signals import Signal
-from .step import step
+from .step import nothing, outputs_of, step
 
 STEP = 50e-6  # default step of the physics [s]
 # The Rosenbrock method is stable at any step, but a valve that chokes shows it nothing of the steep zone ahead: over a step
@@ -148,8 +148,9 @@ def _run(
 
 
 def march(
-    system: System, state: Any, memory: Any, signals: Any, period: Any, inner: int, samples: int, stiff: bool
-) -> tuple[Any, Any]:
+    system: System, state: Any, memory: Any, signals: Any, period: Any, inner: int, samples: int, stiff: bool,
+    *, integrals: bool = True,
+) -> tuple[Any, Any]:  # fmt: skip
     """The run itself, unchecked: a pure function, to be compiled, mapped and differentiated.
 
     Args:
@@ -161,16 +162,17 @@ def march(
         inner: steps per sample.
         samples: how many samples to go on for.
         stiff: use the Rosenbrock method.
+        integrals: whether they are wanted; empty where not.
 
     Returns:
         (state, memory, integrals) at the end, and (states, memories, outputs) at all samples.
     """
     h = period / inner
-    sums = jax.tree.map(jnp.zeros_like, system.integrands(state, memory, _inputs(signals, 0, 0.0, period)))
+    sums = nothing(system, state, memory, _inputs(signals, 0, 0.0, period)) if integrals else ()
 
     def sample(carry: Any, index: Any) -> tuple[Any, Any]:
         now = _inputs(signals, index, 0.0, period)
-        seen = carry[0], carry[1], system.outputs(carry[0], carry[1], now)
+        seen = carry[0], carry[1], outputs_of(system, carry[0], carry[1], now)
 
         def one(i: Any, c: Any) -> Any:
             begin, end = i / inner, (i + 1) / inner
@@ -180,7 +182,7 @@ def march(
 
     carry, kept = jax.lax.scan(sample, (state, memory, sums), jnp.arange(samples))
     last = _inputs(signals, samples - 1, 1.0, period)
-    end = carry[0], carry[1], system.outputs(carry[0], carry[1], last)
+    end = carry[0], carry[1], outputs_of(system, carry[0], carry[1], last)
     return carry, jax.tree.map(lambda many, one: jnp.concatenate([many, jnp.asarray(one)[None]]), kept, end)
 
 

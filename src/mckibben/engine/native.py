@@ -19,9 +19,9 @@ import numpy as np
 
 from ..errors import InputError, LoweringError, MissingDataError
 from .integration import march
-from .lowering.from_jax import lower
 from .lowering.machine_code import llvm
 from .lowering.program import Program
+from .programs import program
 
 ENGINES = ("auto", "native", "xla")
 
@@ -38,7 +38,7 @@ class Compiled:
             return
         try:
             llvm()
-            self._program, self._tree = lower(function, *examples, title=title)
+            self._program, self._tree = program(function, examples, title)
             self.engine = "native"
         except (LoweringError, MissingDataError) as error:
             if engine == "native":
@@ -137,6 +137,27 @@ def compiled(function: Callable[..., Any], *examples: Any, engine: str = "auto",
     return Compiled(function, examples, engine, title)
 
 
+_called: dict[Any, Compiled] = {}
+MOST_CALLED = 64  # functions with the structures of their arguments that are remembered
+
+
+def called(function: Callable[..., Any], *trees: Any) -> Any:
+    """What a function returns, compiled when it is first called with trees of this structure and these shapes.
+
+    Args:
+        function: a module's own, of trees.
+        *trees: what it is called with.
+    """
+    leaves, structure = jax.tree.flatten(trees)
+    known = function, structure, tuple((np.shape(leaf), getattr(leaf, "dtype", type(leaf))) for leaf in leaves)
+    run = _called.get(known)
+    if run is None:
+        if len(_called) >= MOST_CALLED:
+            _called.pop(next(iter(_called)))
+        run = _called[known] = compiled(function, *trees, title=function.__name__)
+    return run(*trees)
+
+
 def compiled_march(
     system: Any, state: Any, memory: Any, signals: Mapping[str, Any], *, period: float, inner: int, stiff: bool = False,
     outputs: Sequence[str] | None = None, engine: str = "auto",
@@ -175,7 +196,7 @@ def _outputs(
     stiff: bool,
     outputs: Any,
 ) -> dict[str, Any]:
-    _, kept = march(system, state, memory, signals, period, inner, samples, stiff)
+    _, kept = march(system, state, memory, signals, period, inner, samples, stiff, integrals=False)
     if outputs is None:
         return dict(kept[2])
     for name in outputs:

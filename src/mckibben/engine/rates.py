@@ -12,6 +12,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ..components.system import System
+from .step import rate_of
 
 # The classical Runge-Kutta method damps a real mode of rate r while r h < 2.785.
 RK4_LIMIT = 2.78
@@ -40,7 +41,7 @@ def _examined(system: System, states: Any, memory: Any, inputs: Any) -> tuple[An
 
     def one(state: Any, z: Any, u: Any) -> Any:
         flat, back = ravel_pytree(state)
-        return jax.jacfwd(lambda v: ravel_pytree(system.rate(back(v), z, u))[0])(flat), system.steepest_rate(
+        return jax.jacfwd(lambda v: ravel_pytree(rate_of(system, back(v), z, u))[0])(flat), system.steepest_rate(
             state, z, u
         )
 

@@ -20,7 +20,7 @@ from ..errors import ConvergenceError
 from .integration import MOST_PARTS, ROS2_LIMIT
 from .rates import RK4_LIMIT
 from .signals import Signal, Value
-from .step import step
+from .step import nothing, step
 
 MOST_BLIND = 64  # parts of a step that are tried where the system no longer says how many it needs
 MOST_SPLIT = 8  # parts of a step up to which Runge-Kutta is cheaper than the stiff method
@@ -90,7 +90,7 @@ def rest(plant: Plant, start: tuple[Any, Any], commands: Mapping[str, float], de
     """What goes into the first sample of a machine that something else commands; see `begin`."""
     history = {name: jnp.full((depth,), value) for name, value in plant.convert(commands).items()}
     now = _inputs(plant, history, 0.0, 1.0, 1.0)
-    sums = jax.tree.map(jnp.zeros_like, plant.integrands(*start, now))
+    sums = nothing(plant, *start, now)
     return Carry(*start, sums, (), history)
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ..components import Module, Scalar
+from ..components import Module, Scalar, field
+from ..quantities import as_array
 
 
 class Value(NamedTuple):
@@ -25,7 +25,7 @@ class Signal(Module):
     """
 
     values: Scalar
-    straight: bool = eqx.field(static=True, default=False)
+    straight: bool = field(static=True, default=False)
     delay: Scalar | None = None
 
     def at(self, index: Any, share: Any, period: Any) -> Value:
@@ -74,9 +74,9 @@ class Signal(Module):
 
 def held(values: Any) -> Signal:
     """A signal that jumps at the samples and is constant between them: a command from a converter."""
-    return Signal(jnp.asarray(values, float))
+    return Signal(as_array(values))
 
 
 def ramped(values: Any) -> Signal:
     """A signal that is straight between the samples: a prescribed motion or a measured pressure."""
-    return Signal(jnp.asarray(values, float), straight=True)
+    return Signal(as_array(values), straight=True)

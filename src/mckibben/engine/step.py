@@ -27,6 +27,37 @@ GAMMA = 1.0 - 0.5**0.5  # of ROS2, the L-stable choice with small errors
 Inputs = Callable[[Any], Any]  # share of the step -> inputs
 
 
+# Traced once for all stages of a step, for all steps, and for every run of a system of this structure.
+@jax.jit
+def rate_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+    """`System.rate`."""
+    return system.rate(state, memory, inputs)
+
+
+@jax.jit
+def integrands_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+    """`System.integrands`."""
+    return system.integrands(state, memory, inputs)
+
+
+@jax.jit
+def outputs_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+    """`System.outputs`."""
+    return system.outputs(state, memory, inputs)
+
+
+def nothing(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+    """Integrals of a system before the first step: zeros."""
+    shapes = jax.eval_shape(integrands_of, system, state, memory, inputs)
+    return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+
+
+@jax.jit
+def slide_of(system: System, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    """`System.slide`."""
+    return system.slide(memory, start, end, duration)
+
+
 def axpy(a: Any, x: Any, y: Any) -> Any:
     """Two trees as y + a x."""
     return jax.tree.map(lambda u, v: v + a * u, x, y)
@@ -37,7 +68,7 @@ def step(system: System, carry: tuple[Any, Any, Any], inputs: Inputs, h: Any, st
 
     Args:
         system: what is integrated.
-        carry: the three trees.
+        carry: the three trees; without numbers in the last, no integrals are taken.
         inputs: the inputs as a function of the share of the step, 0 to 1.
         h: duration of the step [s].
         stiff: use ROS2 instead of Runge-Kutta.
@@ -46,25 +77,28 @@ def step(system: System, carry: tuple[Any, Any, Any], inputs: Inputs, h: Any, st
     has_memory = bool(jax.tree.leaves(memory))
     middle = state
     if has_memory:
-        first = system.rate(state, memory, inputs(0.0))
-        middle = axpy(0.5 * h, system.rate(axpy(0.25 * h, first, state), memory, inputs(0.25)), state)
-        memory = system.slide(memory, Moment(state, inputs(0.0)), Moment(middle, inputs(0.5)), 0.5 * h)
+        first = rate_of(system, state, memory, inputs(0.0))
+        middle = axpy(0.5 * h, rate_of(system, axpy(0.25 * h, first, state), memory, inputs(0.25)), state)
+        memory = slide_of(system, memory, Moment(state, inputs(0.0)), Moment(middle, inputs(0.5)), 0.5 * h)
     new, sums = (_ros2 if stiff else _rk4)(system, state, memory, sums, inputs, h)
     if has_memory:
-        memory = system.slide(memory, Moment(middle, inputs(0.5)), Moment(new, inputs(1.0)), 0.5 * h)
+        memory = slide_of(system, memory, Moment(middle, inputs(0.5)), Moment(new, inputs(1.0)), 0.5 * h)
     return new, memory, sums
 
 
 def _rk4(system: System, y: Any, z: Any, sums: Any, inputs: Inputs, h: Any) -> tuple[Any, Any]:
     """Four stages; of a large system in a loop, which the compiler handles once instead of four times."""
+    counted = bool(jax.tree.leaves(sums))
 
     def stage(carry: Any, tableau: Any) -> tuple[Any, None]:
         k, change, gain = carry
         ahead, share, weight = tableau
         at = axpy(ahead * h, k, y)
         now = inputs(share)
-        k = system.rate(at, z, now)
-        return (k, axpy(weight * h, k, change), axpy(weight * h, system.integrands(at, z, now), gain)), None
+        k = rate_of(system, at, z, now)
+        if counted:
+            gain = axpy(weight * h, integrands_of(system, at, z, now), gain)
+        return (k, axpy(weight * h, k, change), gain), None
 
     carry = jax.tree.map(jnp.zeros_like, (y, y, sums))
     if len(jax.tree.leaves(y)) > UNROLLED:
@@ -80,10 +114,10 @@ def _ros2(system: System, y: Any, z: Any, sums: Any, inputs: Inputs, h: Any) -> 
     total, whole = ravel_pytree(sums)
 
     def rate(v: Any, share: float) -> Any:
-        return ravel_pytree(system.rate(back(v), z, inputs(share)))[0]
+        return ravel_pytree(rate_of(system, back(v), z, inputs(share)))[0]
 
     def sum_rate(v: Any, share: float) -> Any:
-        return ravel_pytree(system.integrands(back(v), z, inputs(share)))[0]
+        return ravel_pytree(integrands_of(system, back(v), z, inputs(share)))[0]
 
     first, rates = jax.linearize(lambda v: rate(v, 0.0), flat)
     matrix = jnp.eye(flat.size) - GAMMA * h * jax.vmap(rates, out_axes=1)(jnp.eye(flat.size))

@@ -145,9 +145,10 @@ def _friction(spec: Specimen, name: str) -> Hysteresis:
         if key in given:
             given[key] = int(given[key])
     # Elements of equal force with spread travels are how a source states Maxwell-slip; single stiffnesses are measured.
-    make: Any = MaxwellSlip.geometric if name == "maxwell_slip" and "stiffness" not in given else HYSTERESES[name]
+    spread = name == "maxwell_slip" and "stiffness" not in given
+    make: Any = MaxwellSlip.geometric if spread else HYSTERESES[name]
     try:
-        built: Hysteresis = make(limit, **given) if make is not HYSTERESES[name] else make(limit=limit, **given)
+        built: Hysteresis = make(limit=limit, **given)
     except TypeError as error:
         raise InputError(f"friction.{name}", ", ".join(given), str(error).split(") ")[-1], where=spec.where) from None
     return built

@@ -12,10 +12,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ..components import ForceElement, Module, Scalar
+from ..components import ForceElement, Module, Scalar, field
 from ..errors import InputError
 from ..quantities import quantity
 
@@ -151,7 +150,7 @@ class Delay(Module):
     The buffer keeps the values under way, the oldest first, shape (samples, ...).
     """
 
-    samples: int = eqx.field(static=True)
+    samples: int = field(static=True)
 
     def __check_init__(self) -> None:
         """Only whole, non-negative numbers of samples."""

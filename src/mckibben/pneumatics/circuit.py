@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..components import Scalar
+from ..components import Scalar, field
 from ..components.flow import FlowElement, GasState
 from ..components.system import Moment, System
 from ..errors import InputError
@@ -22,7 +21,7 @@ from .exergy import Passing, Stream, kind_of, path_name
 from .gas import AIR, Gas
 from .heat import Inflow, VolumeState
 from .topology import check_topology
-from .volume import Chamber, Reservoir
+from .volume import Chamber, Reservoir, volume_of
 
 
 class Branch(NamedTuple):
@@ -38,7 +37,7 @@ class Circuit(System):
 
     nodes: dict[str, Reservoir | Chamber]
     elements: dict[str, FlowElement]
-    ends: dict[str, tuple[tuple[str, ...], str | None]] = eqx.field(static=True)
+    ends: dict[str, tuple[tuple[str, ...], str | None]] = field(static=True)
     gas: Gas = AIR
 
     @classmethod
@@ -168,6 +167,8 @@ class Circuit(System):
 
     def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Every element's memory after the gas at its ports has changed."""
+        if not memory:
+            return {}
         before, after = self._gas_states(*start), self._gas_states(*end)
         return {
             name: self.elements[name].slide(kept, self._at(name, before), self._at(name, after))
@@ -257,7 +258,7 @@ class Circuit(System):
     def _volume(self, name: str, pressure_abs: Any, inputs: Any) -> VolumeState:
         node = self._chamber(name)
         length, velocity = (0.0, 0.0) if node.signal is None else inputs[node.signal]
-        volume = node.volume(pressure_abs, length, velocity)
+        volume = volume_of(node, pressure_abs, length, velocity)
         return volume._replace(value=volume.value + self.inner_volume(name))
 
     def inner_volume(self, name: str) -> Scalar:

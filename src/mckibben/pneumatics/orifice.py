@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+import jax
 import jax.numpy as jnp
 
 from ..components import Scalar
@@ -79,14 +80,8 @@ class Orifice(TwoPort):
         if not pressure > 0.0:
             raise InputError("pressure", pressure, "allowed is a gauge pressure above 0 Pa")
         one = cls(conductance=1e-8, critical_ratio=critical_ratio, **options)
-        unit = (
-            float(
-                one.mass_flow(
-                    GasState(pressure + ambient, REFERENCE_TEMPERATURE), GasState(ambient, REFERENCE_TEMPERATURE)
-                )
-            )
-            / 1e-8
-        )
+        inlet, outlet = (GasState(p, REFERENCE_TEMPERATURE) for p in (pressure + ambient, ambient))
+        unit = float(_flow_of(one, inlet, outlet)) / 1e-8
         return cls(conductance=flow * REFERENCE_DENSITY / unit, critical_ratio=critical_ratio, **options)
 
     @classmethod
@@ -106,6 +101,11 @@ class Orifice(TwoPort):
     def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
         """Slope at equal pressures, where the flow is steepest [kg/(s Pa)]."""
         return (steepest_slope(self, gas[0], gas[1]) * command,)
+
+
+@jax.jit  # once, not operation by operation
+def _flow_of(orifice: Orifice, a: GasState, b: GasState) -> Scalar:
+    return orifice.mass_flow(a, b)
 
 
 def opening_flow(orifice: Any, a: GasState, b: GasState, opening: Any = 1.0, *, conductance: Any = None) -> Scalar:

@@ -6,11 +6,10 @@ import abc
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..components import Module, Scalar
+from ..components import AbstractVar, Module, Scalar, field
 from ..quantities import quantity
 from .heat import HeatModel, Isothermal, VolumeState
 
@@ -21,15 +20,15 @@ class Reservoir(Module):
     pressure_abs: Scalar = quantity("Pa", (0.0, 1e8), "absolute pressure", symbol="P", default=101325.0)
     temperature: Scalar = quantity("K", (100.0, 1000.0), "temperature", symbol="T", default=293.15)
     # Name of a signal that gives the absolute pressure instead [Pa].
-    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+    signal: str | None = field(static=True, kw_only=True, default=None)
 
 
 class Chamber(Module):
     """A node that stores gas."""
 
-    heat: eqx.AbstractVar[HeatModel]
+    heat: AbstractVar[HeatModel]
     # Name of the signal of its length, where it moves [m].
-    signal: eqx.AbstractVar[str | None]
+    signal: AbstractVar[str | None]
 
     @abc.abstractmethod
     def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
@@ -41,7 +40,7 @@ class FixedVolume(Chamber):
 
     size: Scalar = quantity("m^3", (1e-12, 1e3), "volume", symbol="V", typical=(1e-6, 1e-2))
     heat: HeatModel = Isothermal()
-    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+    signal: str | None = field(static=True, kw_only=True, default=None)
 
     def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
         """Constant."""
@@ -61,7 +60,7 @@ class CompliantVolume(Chamber):
     swept: Scalar = quantity("m^3", (-1e3, 1e3), "volume per unit of the signal", symbol="s", default=0.0)
     ambient: Scalar = quantity("Pa", (0.0, 1e7), "absolute pressure outside", symbol="P0", default=101325.0)
     heat: HeatModel = Isothermal()
-    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+    signal: str | None = field(static=True, kw_only=True, default=None)
 
     def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
         """A plane, with a floor."""
@@ -77,11 +76,11 @@ class MovingVolume(Chamber):
     `of` is a function of length [m] and gauge pressure [Pa], such as ``law.braid_volume``; `dead` is what its fittings add.
     """
 
-    of: Callable[[Any, Any], Any] = eqx.field(kw_only=True)
+    of: Callable[[Any, Any], Any] = field(kw_only=True)
     ambient: Scalar = quantity("Pa", (0.0, 1e7), "absolute pressure outside", symbol="P0", default=101325.0)
     dead: Scalar = quantity("m^3", (0.0, 1.0), "volume of the fittings", default=0.0)
     heat: HeatModel = Isothermal()
-    signal: str | None = eqx.field(static=True, kw_only=True, default="length")
+    signal: str | None = field(static=True, kw_only=True, default="length")
 
     def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
         """Value and derivatives by one forward tangent each."""
@@ -90,3 +89,9 @@ class MovingVolume(Chamber):
         value, per_pressure = jax.jvp(lambda p: self.of(length, p), (gauge,), (jnp.ones_like(gauge),))
         per_length = jax.jvp(lambda x: self.of(x, gauge), (length,), (jnp.ones_like(length),))[1]
         return VolumeState(value + self.dead, per_pressure, per_length * velocity)
+
+
+@jax.jit  # traced once for all that asks for it
+def volume_of(node: Chamber, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+    """`Chamber.volume`."""
+    return node.volume(pressure_abs, length, velocity)

@@ -45,7 +45,7 @@ def write_specimen(fits: list[Fit], like: Specimen | None, path: Path) -> None:
     for f in good:
         laws[f.law] = _law_table(f)
     if like is not None and like.properties:
-        out["properties"] = {k: _plain(p.model_dump(exclude_defaults=True)) for k, p in like.properties.items()}
+        out["properties"] = {k: _plain(p.stated()) for k, p in like.properties.items()}
     out["laws"] = laws
     whole = path.with_suffix(".toml.part")
     whole.write_text(tomlkit.dumps(out), encoding="utf-8")

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..documents import parse_toml, read_text
 from ..errors import InputError
@@ -55,6 +55,10 @@ def specimen(name: str | os.PathLike[str]) -> Specimen:
         if not path.is_file():
             raise InputError("specimen", text, "no such file")
         return _read(read_text(path), where=str(path))
+    if not os.environ.get(FOLDER_VARIABLE):
+        alone = _shipped(text.lower())
+        if alone is not None:
+            return alone
     found = _by_id()
     if text.lower() not in found:
         near = difflib.get_close_matches(text.lower(), found, n=1)
@@ -79,6 +83,15 @@ def map_file(spec: Specimen) -> Path:
         with_map = [s.id for s in specimens() if s.map]
         raise InputError("specimen", spec.id, f"it ships without a force map; with one: {', '.join(with_map)}")
     return Path(str(resources.files(__package__) / "maps" / spec.map))
+
+
+@functools.cache
+def _shipped(name: str) -> Specimen | None:
+    """A shipped specimen by its id in small letters, which is the name of its file; None where there is none."""
+    if not name.replace("-", "").replace("_", "").isalnum():
+        return None
+    file = resources.files(__package__) / "data" / f"{name}.toml"
+    return _read(file.read_text(encoding="utf-8"), where=file.name) if file.is_file() else None
 
 
 def _by_id() -> dict[str, Specimen]:
@@ -109,17 +122,12 @@ def _files(folders: str) -> Iterator[tuple[str, str]]:
 
 
 def _read(text: str, *, where: str) -> Specimen:
-    from pydantic import ValidationError
-
     from .model import SCHEMA, Specimen
 
     data = parse_toml(text, where=where)
     if data.get("schema") != SCHEMA:
         raise InputError("schema", data.get("schema", "missing"), f"this version reads schema {SCHEMA}", where=where)
-    try:
-        one = Specimen.model_validate(data | {"where": where})
-    except ValidationError as error:
-        raise _first_complaint(error, where) from None
+    one = Specimen.read(data, where=where)
     if one.kind != "valve" and (one.element or one.valve):
         field = "element" if one.element else "valve"
         raise InputError(field, one.element or ", ".join(one.valve), "allowed in the file of a valve only", where=where)
@@ -135,17 +143,3 @@ def _read(text: str, *, where: str) -> Specimen:
 def _positive(value: float | list[float], name: str, where: str) -> None:
     if isinstance(value, float) and value < 0.0:
         raise InputError(f"properties.{name}", value, "allowed is a number that is not negative", where=where)
-
-
-def _first_complaint(error: Any, where: str) -> InputError:
-    first = error.errors()[0]
-    path = [str(part) for part in first["loc"] if not str(part).startswith(("float", "int", "list["))]
-    field = ".".join(path).replace("schema_version", "schema") or "file"
-    if first["type"] == "extra_forbidden":
-        return InputError(field, "unknown", "no such key in a specimen file", where=where)
-    if first["type"] == "missing":
-        return InputError(field, "missing", "it is required", where=where)
-    value = first.get("input")
-    return InputError(
-        field, value if isinstance(value, str | int | float) else type(value).__name__, first["msg"], where=where
-    )

@@ -78,8 +78,6 @@ def read_parts(text: str, *, where: str) -> tuple[Part, ...]:
 
 
 def _part(id_: str, entry: dict[str, Any], units: dict[str, str], where: str) -> Part:
-    from pydantic import ValidationError
-
     words = ("title", "sources", "note", "law", "form")
     for key in ("title", "sources"):
         if key not in entry:
@@ -90,11 +88,7 @@ def _part(id_: str, entry: dict[str, Any], units: dict[str, str], where: str) ->
             continue
         if key not in units:
             raise InputError(f"{id_}.{key}", "unknown", f"known are {', '.join([*words, *units])}", where=where)
-        try:
-            one = Parameter.model_validate(raw)
-        except ValidationError as error:
-            first = error.errors()[0]
-            raise InputError(f"{id_}.{key}.{first['loc'][0]}", "not allowed", first["msg"], where=where) from None
+        one = Parameter.read(raw, field=f"{id_}.{key}", where=where)
         value = one.si(units[key], field=f"{id_}.{key}", where=where)
         if not isinstance(value, float) or value < 0.0:
             raise InputError(f"{id_}.{key}", str(one.value), "allowed is one number, not negative", where=where)

@@ -19,7 +19,7 @@ import pytest
 from c_programs import COMPILER, same_bits
 from lowered_examples import CASES, arguments_of, muscle_program, muscle_values, program
 
-from mckibben.engine.lowering import gpu, lower, machine_code
+from mckibben.engine.lowering import disk, gpu, lower, machine_code
 from mckibben.engine.lowering import gpu_driver as driver
 from mckibben.engine.lowering.emit_ptx import OWN, gpu_assembly, ptx
 from mckibben.engine.lowering.gpu import on_gpu
@@ -160,7 +160,7 @@ def fake(library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Fake
     copy = tmp_path / "driver.so"  # its own, for a library that was changed by another test stays loaded
     shutil.copy(library, copy)
     monkeypatch.setenv(driver.VARIABLE, str(copy))
-    monkeypatch.setenv(machine_code.VARIABLE, "off")
+    monkeypatch.setenv(disk.VARIABLE, "off")
     made = Fake(copy)
 
     def watched(text: str, capability: tuple[int, int]) -> str:

@@ -173,7 +173,8 @@ def test_the_whole_bench_with_its_software_stays_with_xla():
         )
         moved = max(moved, float(np.ptp(seen.outputs["muscle.pressure"])))
         sums = jax.tree.map(lambda a, b: np.abs(a - b).max(), after.integrals, carry.integrals)
-        assert max(jax.tree.leaves(sums)) < 1e-12  # kg and J; some are sums of flows that cancel, or of motion at rest
+        # kg and J; some are sums of flows that cancel, or of motion at rest, of which 60 J turn over: 5e-14 of them
+        assert max(jax.tree.leaves(sums)) < 3e-12
         # A number that is carried may be what remains of larger ones, a velocity of forces; a channel has its whole range.
         # Converters and encoders pass a rounding on as a step only where it falls on one of their borders.
         for share, (mine, theirs) in {1e-8: (after, carry), 1e-10: (other, seen)}.items():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from lowered_systems import positions, rubbing
 
-from mckibben.engine.lowering import Program, machine_code
+from mckibben.engine.lowering import Program, disk, machine_code
 from mckibben.engine.native import compiled
 
 WITHOUT_JAX = """
@@ -54,7 +54,7 @@ def test_saving_and_loading_changes_nothing(run, tmp_path):
 
 
 def test_machine_code_is_compiled_once_and_a_damaged_file_is_made_anew(run, tmp_path, monkeypatch):
-    monkeypatch.setenv(machine_code.VARIABLE, str(tmp_path))
+    monkeypatch.setenv(disk.VARIABLE, str(tmp_path))
     made = []
     real = machine_code.compiled
     monkeypatch.setattr(machine_code, "compiled", lambda text: made.append(1) or real(text))
@@ -72,6 +72,6 @@ def test_machine_code_is_compiled_once_and_a_damaged_file_is_made_anew(run, tmp_
 
 def test_a_folder_that_cannot_be_written_is_no_error(run, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("in the way")
-    monkeypatch.setenv(machine_code.VARIABLE, str(tmp_path / "file"))
+    monkeypatch.setenv(disk.VARIABLE, str(tmp_path / "file"))
     found = Program.unpacked(run.program.packed).call(jax.tree.leaves(arguments()), lanes=5)[0]
     np.testing.assert_array_equal(found, run(*arguments(), lanes=5))

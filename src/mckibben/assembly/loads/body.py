@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...quantities import quantity
 from .load import Load, SpanState
 
@@ -29,7 +28,7 @@ class BodyState(NamedTuple):
 class Body(Load):
     """A mass with a weight, a spring and a damper; any of them may be left out but the mass."""
 
-    held: tuple[str, ...] = eqx.field(static=True, kw_only=True)
+    held: tuple[str, ...] = field(static=True, kw_only=True)
     start: Scalar = quantity("m", (1e-3, 100.0), "span at the start", symbol="X")
     mass: Scalar = quantity("kg", (1e-4, 1e4), "inertia", symbol="m", typical=(0.1, 100.0))
     weight: Scalar = quantity("N", (-1e5, 1e5), "constant force that lengthens", symbol="W", default=0.0)
@@ -37,7 +36,7 @@ class Body(Load):
     spring_rest: Scalar = quantity("m", (-10.0, 100.0), "span at which the spring is relaxed", symbol="X0", default=0.0)
     damping: Scalar = quantity("N*s/m", (0.0, 1e6), "damper", symbol="c", default=0.0)
     # Name of the signal of a further force that lengthens [N].
-    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+    signal: str | None = field(static=True, kw_only=True, default=None)
 
     @classmethod
     def dead_weight(cls, mass: float, *, held: tuple[str, ...], start: float, gravity: float = 9.80665) -> Body:

@@ -13,10 +13,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Module, Scalar
+from ...components import Module, Scalar, field
 from ...quantities import quantity
 from .load import Load, SpanState
 
@@ -58,7 +57,7 @@ class Joint(Load):
     upper_stop: Scalar = quantity("rad", (-10.0, 10.0), "largest angle", default=2.0)
     stop_stiffness: Scalar = quantity("N*m", (0.0, 1e6), "of the stops, per rad", default=1e3)
     # Name of the signal of an outside moment [N m].
-    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+    signal: str | None = field(static=True, kw_only=True, default=None)
 
     def muscles(self) -> tuple[str, ...]:
         """Those around it."""

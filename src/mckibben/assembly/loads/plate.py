@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...quantities import quantity
 from .load import Load, SpanState
 
@@ -16,10 +15,10 @@ from .load import Load, SpanState
 class Plate(Load):
     """Holds each of its muscles at one span, constant or by a signal."""
 
-    held: tuple[str, ...] = eqx.field(static=True, kw_only=True)
+    held: tuple[str, ...] = field(static=True, kw_only=True)
     span: Scalar = quantity("m", (1e-3, 100.0), "span, where no signal gives it", symbol="X", default=0.14)
     # Name of the signal that gives the span [m].
-    signal: str | None = eqx.field(static=True, kw_only=True, default=None)
+    signal: str | None = field(static=True, kw_only=True, default=None)
 
     def muscles(self) -> tuple[str, ...]:
         """Those it holds."""

@@ -17,11 +17,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...components import Module, Scalar
+from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity
 
@@ -32,7 +31,7 @@ LARGEST = 1e9  # of the ranges below, which are in the unit of their channel, SI
 class Scale(Module):
     """Whole counts for a range of values; low and high in the unit of the channel."""
 
-    bits: int = eqx.field(static=True, kw_only=True, default=8)
+    bits: int = field(static=True, kw_only=True, default=8)
     low: Scalar = quantity("1", (-LARGEST, LARGEST), "value of count zero, in the unit of the channel")
     high: Scalar = quantity("1", (-LARGEST, LARGEST), "one count above the highest, in the unit of the channel")
 
@@ -99,7 +98,7 @@ class Sensor(Module):
     Its converter may reach beyond the transducer's range: with a live zero, readings below the range tell a broken one.
     """
 
-    converter: Converter = eqx.field(kw_only=True)
+    converter: Converter = field(kw_only=True)
     low: Scalar = quantity("1", (-LARGEST, LARGEST), "lowest that the transducer sees, in the unit of the channel")
     high: Scalar = quantity("1", (-LARGEST, LARGEST), "highest that the transducer sees, in the unit of the channel")
     offset: Scalar = quantity(

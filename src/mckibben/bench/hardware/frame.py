@@ -12,11 +12,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from ...assembly.loads import Load, SpanState
-from ...components import Module, Scalar
+from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity
 from .motor import Motor
@@ -52,12 +51,12 @@ class TestStand(Load):
 
     __test__: ClassVar[bool] = False  # test runners: its name begins like a test's, and it is none
 
-    held: tuple[str, ...] = eqx.field(static=True, kw_only=True)
-    frame: Frame = eqx.field(kw_only=True, default_factory=Frame)
-    motor: Motor | None = eqx.field(kw_only=True, default=None)
+    held: tuple[str, ...] = field(static=True, kw_only=True)
+    frame: Frame = field(kw_only=True, default_factory=Frame)
+    motor: Motor | None = field(kw_only=True, default=None)
     start: Scalar = quantity("m", (1e-3, 100.0), "span at the start, and position of a fixed end", symbol="x")
     # Name of the signal of the force asked of the motor [N], positive where it lengthens; unused without a motor.
-    signal: str | None = eqx.field(static=True, kw_only=True, default="motor")
+    signal: str | None = field(static=True, kw_only=True, default="motor")
 
     def __check_init__(self) -> None:
         """Refuse more muscles than one, and a motor that nothing drives."""

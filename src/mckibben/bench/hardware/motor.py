@@ -20,10 +20,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Module, Scalar
+from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity
 
@@ -38,9 +37,9 @@ def _radius() -> Any:
 class Encoder(Module):
     """An incremental encoder on the motor's shaft, with a counter that wraps around."""
 
-    steps_per_turn: int = eqx.field(static=True, kw_only=True, default=1600)
-    edges: int = eqx.field(static=True, kw_only=True, default=4)  # counts per step: 1, 2 or 4
-    counter_bits: int = eqx.field(static=True, kw_only=True, default=24)
+    steps_per_turn: int = field(static=True, kw_only=True, default=1600)
+    edges: int = field(static=True, kw_only=True, default=4)  # counts per step: 1, 2 or 4
+    counter_bits: int = field(static=True, kw_only=True, default=24)
     pulley_radius: Scalar = _radius()
 
     def __check_init__(self) -> None:

@@ -11,11 +11,10 @@ import abc
 from collections.abc import Mapping
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from ...assembly.machine import Machine
-from ...components import Scalar
+from ...components import Scalar, field
 from ...components.sampled import Plant
 from ...components.system import Moment
 from ...engine.signals import Signal, Value
@@ -105,7 +104,7 @@ class Measured(Plant):
 class Rigged(Measured):
     """A machine with sensors, and converters that its software knows; the encoder has an entry of its own in ``lost``."""
 
-    tested: str = eqx.field(static=True)
+    tested: str = field(static=True)
     converters: Converters
 
     def _stand(self) -> TestStand:

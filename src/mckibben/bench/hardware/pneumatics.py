@@ -12,10 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import equinox as eqx
-
 from ...assembly.muscle_unit import MuscleUnit
-from ...components import Environment, Module, Scalar
+from ...components import Environment, Module, Scalar, field
 from ...components.flow import FlowElement
 from ...pneumatics.circuit import Branch, Circuit
 from ...pneumatics.heat import HeatModel
@@ -43,7 +41,7 @@ class Plumbing(Module):
     muscle_accumulator: Scalar = quantity("m^3", (0.0, 1.0), "accumulator at the muscle, or in its place", default=0.0)
     shut_off: OnOffValve | None = None
     leak: Leak | None = None
-    has_muscle: bool = eqx.field(static=True, kw_only=True, default=True)
+    has_muscle: bool = field(static=True, kw_only=True, default=True)
 
     @property
     def tested(self) -> str:

@@ -15,10 +15,9 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Module, Scalar
+from ...components import Module, Scalar, field
 from ...quantities import quantity, with_unit
 
 ASKED = 0.1  # share of the valve's range above which a pressure must show
@@ -75,7 +74,7 @@ class Interlocks(Module):
     tension_floor: Scalar = quantity("N", (-1e12, 1e7), "least tension that an intact cell reads", default=-1e12)
     valve_range: Scalar = quantity("Pa", (1.0, 1e9), "full scale of the valve", default=1e6)
     motor_force: Scalar = quantity("N", (1e-3, 1e7), "full force of the motor", default=264.0)
-    watch_tension: bool = eqx.field(static=True, kw_only=True, default=True)
+    watch_tension: bool = field(static=True, kw_only=True, default=True)
 
     def initial(self) -> InterlockState:
         """Nothing found, nothing doubtful; the first span equals no span before it."""

@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...components.sampled import Software
 from ...quantities import quantity
 from .controllers import ForceControl, PositionControl, PressureControl
@@ -38,7 +37,7 @@ class BenchSoftware(Software):
     interlocks: Interlocks
     start_pressure: Any = 0.0
     start_motor: Any = 0.0
-    has_motor: bool = eqx.field(static=True, kw_only=True, default=True)
+    has_motor: bool = field(static=True, kw_only=True, default=True)
     brake: Scalar = quantity("N*s/m", (0.0, 1e4), "damping by the motor once it is stopped", default=50.0)
 
     def initial(self, measured: Mapping[str, Any]) -> Any:

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, MissingDataError
+from . import disk, machine_code
 from . import gpu_driver as driver
-from . import machine_code
 from .emit_ptx import ENTRY, OLDEST, USUAL, Places, gpu_assembly, ptx
 from .kernel import Kernel, Slot
 from .program import Program
@@ -136,7 +136,7 @@ class GpuProgram(Program):
                 return ptx(text, capability).encode(), about
 
             name = machine_code.key(self.packed, "gpu", capability, sorted(differs), mode, real)
-            code, about = machine_code.kept(name, make)
+            code, about = disk.kept(f"{name}.o", make)
             slots = [Slot(role, place, kind, tuple(shape), many) for role, place, kind, shape, many in about["slots"]]
             begins, fixed, per_lane = about["places"]
             places = Places([(a, b) for a, b in begins], fixed, per_lane)

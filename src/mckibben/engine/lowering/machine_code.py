@@ -1,25 +1,17 @@
-"""LLVM assembly to machine code of this processor, kept on disk so that a program is compiled once.
+"""LLVM assembly to machine code of this processor, kept on disk (see `disk`) so that a program is compiled once.
 
-The folder is the user's cache folder, or the one that MCKIBBEN_KERNELS names; "off" keeps nothing. A file is named by a hash
-of everything its content depends on: the program, how it is called, processor, and versions of compiler and emitter.
+A file is named by a hash of everything its content depends on: the program, how it is called, processor, and versions of
+compiler and emitter.
 """
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import hashlib
-import json
-import os
-import sys
-import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...errors import MissingDataError
-
-VARIABLE = "MCKIBBEN_KERNELS"
 
 
 class Host(NamedTuple):
@@ -112,22 +104,6 @@ def loaded(data: bytes) -> Loaded:
     return Loaded(engine.get_function_address("kernel"), engine)
 
 
-def folder() -> Path | None:
-    """Where machine code is kept, or None."""
-    named = os.environ.get(VARIABLE)
-    if named == "off":
-        return None
-    if named:
-        return Path(named)
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "mckibben" / "kernels"
-
-
 def key(*parts: Any) -> str:
     """The name of machine code that depends on these parts, on this processor and on the versions here."""
     import llvmlite
@@ -137,27 +113,3 @@ def key(*parts: Any) -> str:
         data = part if isinstance(part, bytes) else repr(part).encode()
         digest.update(len(data).to_bytes(8, "little") + data)
     return digest.hexdigest()[:40]
-
-
-def kept(name: str, make: Callable[[], tuple[bytes, dict[str, Any]]]) -> tuple[bytes, dict[str, Any]]:
-    """Machine code and what its caller must know, from disk or made; a folder that cannot be written is no error."""
-    at = folder()
-    if at is None:
-        return make()
-    file = at / f"{name}.o"
-    with contextlib.suppress(OSError, ValueError, KeyError):
-        whole = file.read_bytes()
-        size = int.from_bytes(whole[:8], "little")
-        about = json.loads(whole[8 : 8 + size])
-        code = whole[8 + size :]
-        if hashlib.sha256(code).hexdigest() == about["sha256"]:
-            return code, about
-    code, about = make()
-    about["sha256"] = hashlib.sha256(code).hexdigest()
-    head = json.dumps(about).encode()
-    with contextlib.suppress(OSError):
-        at.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=at, delete=False) as part:
-            part.write(len(head).to_bytes(8, "little") + head + code)
-        os.replace(part.name, file)
-    return code, about

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError
-from . import machine_code
+from . import disk, machine_code
 from .elementary import written_out
 from .emit_llvm import emit
 from .graph import Graph
@@ -57,9 +57,25 @@ class Program:
     the sum that it goes to rounded once, as XLA does; ``fast`` gives up what `llvm_estimates` says, and equal bits.
     """
 
-    def __init__(self, graph: Graph, arguments: Sequence[Leaf], results: Sequence[Leaf], title: str = "") -> None:
-        self.graph, self.arguments, self.results, self.title = graph, list(arguments), list(results), title
+    def __init__(
+        self, graph: Graph | None, arguments: Sequence[Leaf], results: Sequence[Leaf], title: str = ""
+    ) -> None:
+        if graph is not None:
+            self.graph = graph
+        self.arguments, self.results, self.title = list(arguments), list(results), title
         self._kernels: dict[Any, Kernel] = {}
+
+    @classmethod
+    def kept(cls, data: bytes, arguments: Sequence[Leaf], results: Sequence[Leaf], title: str) -> Program:
+        """One that is packed: what is read of it only where it has to be compiled."""
+        made = cls(None, arguments, results, title)
+        made.packed = data
+        return made
+
+    @functools.cached_property
+    def graph(self) -> Graph:
+        """What it does."""
+        return unpacked(self.packed, self.title or "program")[0]
 
     @functools.cached_property
     def packed(self) -> bytes:
@@ -123,7 +139,7 @@ class Program:
         known = (differs, lanes, mode, real, width)
         if known not in self._kernels:
             name = machine_code.key(self.packed, sorted(differs), *known[1:])
-            code, about = machine_code.kept(name, lambda: self._compiled(*known))
+            code, about = disk.kept(f"{name}.o", lambda: self._compiled(*known))
             slots = [Slot(role, place, kind, tuple(shape), many) for role, place, kind, shape, many in about["slots"]]
             made = Kernel(machine_code.loaded(code), slots, about["width"], about["scratch"], REALS_NUMPY[real])
             self._kernels[known] = made

@@ -178,7 +178,7 @@ class Tracer:
     def refusal(self, eqn: Any, why: str) -> LoweringError:
         """Why an operation cannot be lowered, with the place where it is written."""
         # a function of JAX's own is traced once, and remembers where it was called first: what counts is its call
-        inside = next((k for k, e in enumerate(self.calls) if e.primitive.name in ("jit", "pjit")), len(self.calls))
+        inside = next((k for k, e in enumerate(self.calls) if _of_jax(e)), len(self.calls))
         places = (written_at(e) for e in (*reversed(self.calls[: inside + 1]), eqn))
         return LoweringError(eqn.primitive.name, why, where=next((p for p in places if p), None))
 
@@ -230,6 +230,16 @@ def copy(graph: Graph, value: Any, put: Callable[[Any, Node], None]) -> None:
     value = solid(graph, value)
     for place, node in enumerate([value] if isinstance(value, Node) else value.ravel()):
         put(place, node)
+
+
+def _of_jax(eqn: Any) -> bool:
+    """Whether it is a call of a function of JAX's own."""
+    if eqn.primitive.name not in ("jit", "pjit"):
+        return False
+    try:
+        return "jax" in Path(eqn.params["jaxpr"].jaxpr.debug_info.func_src_info.split(" at ")[-1]).parts
+    except (AttributeError, KeyError):
+        return True
 
 
 def written_at(eqn: Any) -> str | None:

@@ -15,10 +15,9 @@ doi:10.1016/j.sysconle.2006.09.001.
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...errors import InputError
 from ...quantities import quantity
 from .limit import FrictionLimit
@@ -35,7 +34,7 @@ class BoucWen(RelaxingContacts):
     share: Scalar = quantity(
         "1", (0.5, 100.0), "beta/(beta + gamma), the shape of unloading", symbol="s", typical=(0.5, 2.0), default=0.5
     )
-    exponent: int = eqx.field(static=True, kw_only=True, default=1)
+    exponent: int = field(static=True, kw_only=True, default=1)
 
     title = "Bouc-Wen"
     cites = ("bouc1967", "wen1976")

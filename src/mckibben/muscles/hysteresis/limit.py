@@ -24,9 +24,9 @@ class FrictionLimit(Module):
         "m^2", (0.0, 1.0), "friction per gauge pressure", symbol="c", typical=(0.0, 5e-5), default=0.0
     )
 
-    def force(self, pressure: Any) -> Scalar:
-        """Fc(P') [N] at a gauge pressure [Pa]."""
-        return self.constant + self.per_pressure * jnp.maximum(pressure, 0.0)
+    def force(self, pressure: Any, xp: Any = jnp) -> Scalar:
+        """Fc(P') [N] at a gauge pressure [Pa]; by `xp`, NumPy or JAX's."""
+        return self.constant + self.per_pressure * xp.maximum(pressure, 0.0)
 
     def scaled(self, factor: Any) -> FrictionLimit:
         """The same limit times a factor >= 0."""

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -59,10 +60,13 @@ class MaxwellSlip(Contacts):
         """
         if elements < 1:
             raise InputError("elements", elements, "allowed is 1 or more", where=cls.__name__)
+        traced = any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves((limit, shortest, longest, at_pressure)))
+        xp: Any = jnp if traced else np  # plain numbers stay with NumPy, for which nothing is compiled
+        whole: FrictionLimit = limit if traced else jax.tree.map(np.asarray, limit)
         place = np.linspace(0.0, 1.0, elements) if elements > 1 else np.array([0.5])
-        travel = jnp.asarray(shortest, float) * jnp.exp(place * jnp.log(jnp.asarray(longest, float) / shortest))
-        share = limit.scaled(np.full(elements, 1.0 / elements))
-        return cls(limit=share, stiffness=share.force(at_pressure) / travel)
+        travel = xp.asarray(shortest, float) * xp.exp(place * xp.log(xp.asarray(longest, float) / shortest))
+        stiffness = whole.force(at_pressure, xp) / elements / travel
+        return cls(limit=whole.scaled(np.full(elements, 1.0 / elements)), stiffness=stiffness)
 
     def advance(
         self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0

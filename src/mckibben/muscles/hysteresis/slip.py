@@ -10,10 +10,9 @@ from __future__ import annotations
 import abc
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import AbstractVar, Scalar
 from ...components.element import Advanced, Hysteresis
 from .limit import FrictionLimit
 
@@ -65,8 +64,8 @@ def per_contact(value: Any) -> Scalar:
 class Contacts(Hysteresis):
     """Friction of one contact or several; the state is the deflection of each [m], shape (..., contacts)."""
 
-    limit: eqx.AbstractVar[FrictionLimit]
-    stiffness: eqx.AbstractVar[Scalar]
+    limit: AbstractVar[FrictionLimit]
+    stiffness: AbstractVar[Scalar]
 
     def initial(self) -> Scalar:
         """No deflections, shape (contacts,) [m]."""

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import AbstractVar, Scalar, field
 from ...quantities import quantity
 from .. import bladder, dimensions
 from ..law import TensionLaw
@@ -43,13 +42,13 @@ def volume_when_unknown(*, rest_length: Any, upper_length: Any, shortest_length:
 class SpringVolume(TensionLaw):
     """A law whose volume is that of a gas spring (eq. 38b) above a threshold pressure."""
 
-    stiffness_per_pressure: eqx.AbstractVar[Scalar]
-    shortest_length: eqx.AbstractVar[Scalar]
-    rest_length: eqx.AbstractVar[Scalar]
-    upper_length: eqx.AbstractVar[Scalar]
-    rest_volume: eqx.AbstractVar[Scalar]
-    threshold_width: eqx.AbstractVar[Scalar]
-    volume_known: eqx.AbstractVar[bool]
+    stiffness_per_pressure: AbstractVar[Scalar]
+    shortest_length: AbstractVar[Scalar]
+    rest_length: AbstractVar[Scalar]
+    upper_length: AbstractVar[Scalar]
+    rest_volume: AbstractVar[Scalar]
+    threshold_width: AbstractVar[Scalar]
+    volume_known: AbstractVar[bool]
 
     def threshold(self) -> Scalar | float:
         """Gauge pressure at which the bladder reaches the braid [Pa]; none by default."""
@@ -94,7 +93,7 @@ class GasSpring(SpringVolume):
     upper_length: Scalar = dimensions.upper_length()
     rest_volume: Scalar = dimensions.rest_volume()
     threshold_width: Scalar = dimensions.threshold_width()
-    volume_known: bool = eqx.field(static=True, kw_only=True, default=True)
+    volume_known: bool = field(static=True, kw_only=True, default=True)
 
     title = "Gas spring"
     cites = ("chou1996",)

@@ -32,10 +32,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar, slope
+from ...components import Scalar, field, slope
 from ...quantities import quantity
 from .. import bladder, dimensions
 from ..law import TensionLaw
@@ -72,7 +71,7 @@ class HyperelasticBraid(TensionLaw):
     )
     upper_length: Scalar = dimensions.upper_length()
     threshold_width: Scalar = dimensions.threshold_width()
-    ogden_exponent: int = eqx.field(static=True, kw_only=True, default=-4)
+    ogden_exponent: int = field(static=True, kw_only=True, default=-4)
 
     title = "Hyperelastic braid"
     cites = ("ogden1972", "chou1996")

@@ -15,9 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import equinox as eqx
-
-from ...components import Scalar
+from ...components import Scalar, field
 from ...quantities import quantity
 from .. import dimensions
 from ..stop import stop_tension
@@ -44,7 +42,7 @@ class LinearThreshold(SpringVolume):
     rest_volume: Scalar = dimensions.rest_volume()
     threshold_width: Scalar = dimensions.threshold_width(8.5e4)
     stop_stiffness: Scalar = dimensions.stop_stiffness()
-    volume_known: bool = eqx.field(static=True, kw_only=True, default=True)
+    volume_known: bool = field(static=True, kw_only=True, default=True)
 
     title = "Linear with threshold"
     cites = ("chou1996",)

@@ -13,10 +13,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...quantities import quantity
 from .. import dimensions
 from ..law import TensionLaw
@@ -43,7 +42,7 @@ class Sarosi(TensionLaw):
     area_constant: Scalar = quantity("m^2", (-1.0, 1.0), "pressure factor alone", symbol="a5", typical=(0.0, 5e-3))
     force_constant: Scalar = quantity("N", (-1e5, 1e5), "constant force", symbol="a6", typical=(-5e2, 1e2))
     rest_volume: Scalar = dimensions.rest_volume()
-    volume_known: bool = eqx.field(static=True, kw_only=True, default=False)
+    volume_known: bool = field(static=True, kw_only=True, default=False)
 
     title = "Sarosi, six coefficients"
     cites = ("sarosi2015",)

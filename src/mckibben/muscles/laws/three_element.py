@@ -14,10 +14,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...quantities import quantity
 from .. import dimensions
 from ..law import TensionLaw
@@ -43,7 +42,7 @@ class ThreeElement(TensionLaw):
     damping_constant: Scalar = quantity("N*s/m", (0.0, 1e6), "damping at zero pressure", symbol="b0", default=0.0)
     damping_per_pressure: Scalar = quantity("m*s", (-10.0, 10.0), "damping per pressure", symbol="b1", default=0.0)
     rest_volume: Scalar = dimensions.rest_volume()
-    volume_known: bool = eqx.field(static=True, kw_only=True, default=False)
+    volume_known: bool = field(static=True, kw_only=True, default=False)
 
     title = "Three elements"
     cites = ("reynolds2003",)

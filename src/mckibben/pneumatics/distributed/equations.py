@@ -17,10 +17,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Module, Scalar
+from ...components import Module, Scalar, field
 from ..gas import AIR, Gas
 
 
@@ -44,7 +43,7 @@ class Medium(Module):
     """The gas and whether its temperature is held by the wall."""
 
     gas: Gas = AIR
-    isothermal: bool = eqx.field(static=True, default=False)
+    isothermal: bool = field(static=True, default=False)
 
     def primitive(self, state: Conserved) -> Primitive:
         """Pressure, velocity and temperature of conserved quantities."""

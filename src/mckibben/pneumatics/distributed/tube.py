@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...components import Module, Scalar
+from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity
 from ..gas import AIR, Gas
@@ -48,8 +47,8 @@ class DistributedTube(Module):
     wall_temperature: Scalar = quantity("K", (100.0, 1000.0), "temperature of the wall", symbol="Tw", default=293.15)
     friction_scale: Scalar = quantity("1", (0.0, 100.0), "multiple of the wall friction; 0 leaves it out", default=1.0)
     gas: Gas = AIR
-    cells: int = eqx.field(static=True, kw_only=True, default=50)
-    wall: str = eqx.field(static=True, kw_only=True, default="wall_heat")
+    cells: int = field(static=True, kw_only=True, default=50)
+    wall: str = field(static=True, kw_only=True, default="wall_heat")
 
     def __check_init__(self) -> None:
         """Refuse too few cells, an unknown wall, and roughness outside the range of the friction law."""

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...components.flow import Gases, GasState, TwoPort
 from ...quantities import quantity
 from ..orifice import Orifice, conductance_flow, opening_flow, steepest_slope
@@ -23,7 +22,7 @@ from .shares import EASED_SLOPE, eased
 class CheckValve(TwoPort):
     """Opens from a to b only."""
 
-    passage: Orifice = eqx.field(kw_only=True)
+    passage: Orifice = field(kw_only=True)
     cracking_pressure: Scalar = quantity(
         "Pa", (0.0, 1e6), "pressure difference at which it opens", symbol="Pc", typical=(1e3, 5e4), default=5e3
     )

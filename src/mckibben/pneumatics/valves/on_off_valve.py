@@ -10,9 +10,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import equinox as eqx
-
-from ...components import Scalar
+from ...components import Scalar, field
 from ...components.flow import Gases, GasState, TwoPort
 from ..orifice import Orifice, opening_flow, steepest_slope
 from .solenoid import Solenoid
@@ -22,8 +20,8 @@ class OnOffValve(TwoPort):
     """Open above a command of 0.5, closed below, after its dead and switching times."""
 
     commanded: ClassVar[bool] = True
-    passage: Orifice = eqx.field(kw_only=True)
-    drive: Solenoid = eqx.field(kw_only=True)
+    passage: Orifice = field(kw_only=True)
+    drive: Solenoid = field(kw_only=True)
 
     def initial(self) -> Any:
         """Closed."""

@@ -19,10 +19,9 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...components.flow import FlowElement, Gases
 from ...errors import InputError
 from ...quantities import quantity
@@ -40,8 +39,8 @@ class PressureRegulator(FlowElement):
 
     ports: ClassVar[tuple[str, ...]] = ("supply", "outlet", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
-    fill: Orifice = eqx.field(kw_only=True)
-    relief: Orifice = eqx.field(kw_only=True)
+    fill: Orifice = field(kw_only=True)
+    relief: Orifice = field(kw_only=True)
     band: Scalar = quantity("Pa", (100.0, 1e7), "error at which it is fully open", typical=(5e3, 2e5))
     set_pressure: Scalar = quantity(
         "Pa", (-1.1e5, 1e8), "gauge pressure it is set to by hand", symbol="Pset", typical=(0.0, 1e6), default=0.0

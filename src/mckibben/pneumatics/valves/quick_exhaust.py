@@ -12,10 +12,9 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...components.flow import FlowElement, Gases
 from ...quantities import quantity
 from ..gas import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
@@ -28,8 +27,8 @@ class QuickExhaust(FlowElement):
 
     ports: ClassVar[tuple[str, ...]] = ("inlet", "work", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
-    feed: Orifice = eqx.field(kw_only=True)
-    vent: Orifice = eqx.field(kw_only=True)
+    feed: Orifice = field(kw_only=True)
+    vent: Orifice = field(kw_only=True)
     cracking_pressure: Scalar = quantity(
         "Pa", (0.0, 1e6), "inlet below work before it vents", symbol="Pc", typical=(1e3, 3e4), default=5e3
     )

@@ -15,10 +15,9 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...components.flow import FlowElement, Gases
 from ...quantities import quantity
 from ..orifice import Orifice, opening_flow, steepest_slope
@@ -31,8 +30,8 @@ class SpoolValve(FlowElement):
     ports: ClassVar[tuple[str, ...]] = ("supply", "work", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
     commanded: ClassVar[bool] = True
-    fill: Orifice = eqx.field(kw_only=True)
-    vent: Orifice = eqx.field(kw_only=True)
+    fill: Orifice = field(kw_only=True)
+    vent: Orifice = field(kw_only=True)
     dead_time: Scalar = quantity("s", (0.0, 1.0), "of the command", typical=(0.0, 1e-2), default=0.0)
     lag: Scalar = quantity("s", (1e-4, 10.0), "time constant of the spool", symbol="tau", typical=(1e-3, 2e-2))
     speed_limit: Scalar = quantity(

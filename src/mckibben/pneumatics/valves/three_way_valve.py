@@ -12,10 +12,9 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from ...components import Scalar
+from ...components import Scalar, field
 from ...components.flow import FlowElement, Gases
 from ...quantities import quantity
 from ..orifice import Orifice, opening_flow, steepest_slope
@@ -29,9 +28,9 @@ class ThreeWayValve(FlowElement):
     ports: ClassVar[tuple[str, ...]] = ("supply", "work", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
     commanded: ClassVar[bool] = True
-    fill: Orifice = eqx.field(kw_only=True)
-    vent: Orifice = eqx.field(kw_only=True)
-    drive: Solenoid = eqx.field(kw_only=True)
+    fill: Orifice = field(kw_only=True)
+    vent: Orifice = field(kw_only=True)
+    drive: Solenoid = field(kw_only=True)
     overlap: Scalar = quantity(
         "1", (-0.9, 0.9), "share of the stroke with both edges closed, negative: open", typical=(-0.3, 0.3), default=0.1
     )

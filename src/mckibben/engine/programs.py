@@ -1,0 +1,98 @@
+"""Programs that were lowered before, from disk: neither traced nor lowered again.
+
+The structure of a program's results is kept with it, as words and lists: tables, tuples and modules by the places where
+their types stand. What cannot be said so, or has no `program_key`, is lowered anew in every process.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import json
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+
+from ..components import Module
+from . import program_key
+from .lowering import disk
+from .lowering.program import Leaf, Program
+
+
+def program(function: Callable[..., Any], examples: Sequence[Any], title: str) -> tuple[Program, Any]:
+    """A function's program and the structure of its results, from disk or lowered; see `lowering.from_jax.lower`."""
+    key = None if disk.folder() is None else program_key.key(function, examples)
+    known = None if key is None else _known(f"{key}.program")
+    if known is not None:
+        return known
+    from .lowering.from_jax import lower
+
+    made, tree = lower(function, *examples, title=title)
+    if key is not None:
+        _keep(f"{key}.program", made, tree)
+    return made, tree
+
+
+def _known(file: str) -> tuple[Program, Any] | None:
+    found = disk.found(file)
+    if found is None:
+        return None
+    data, about = found
+    try:
+        given, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in about[part]] for part in ("arguments", "results"))
+        tree = jax.tree.structure(_built(about["tree"]))
+        return Program.kept(data, given, wanted, about["title"]), tree
+    except (KeyError, TypeError, ValueError, AttributeError, ImportError):
+        return None
+
+
+def _keep(file: str, made: Program, tree: Any) -> None:
+    """Keep a program, if the structure of its results can be said and is understood."""
+    try:
+        said = json.loads(json.dumps(_said(jax.tree.unflatten(tree, [0.0] * tree.num_leaves))))
+    except TypeError:
+        return
+    if jax.tree.structure(_built(said)) != tree:
+        return
+    about = {"arguments": list(map(list, made.arguments)), "results": list(map(list, made.results))}
+    disk.keep(file, made.packed, {**about, "title": made.title, "tree": said})
+
+
+def _said(value: Any) -> Any:
+    """A tree as words and lists; raises TypeError where there are none for it."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if type(value) is dict:
+        return {"dict": [[k, _said(v)] for k, v in value.items()]}
+    if type(value) in (list, tuple):
+        return {type(value).__name__: [_said(v) for v in value]}
+    kind = type(value)
+    place = f"{kind.__module__}:{kind.__qualname__}"
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return {"named": place, "parts": [_said(v) for v in value]}
+    if isinstance(value, Module):
+        return {"module": place, "fields": [[f.name, _said(vars(value)[f.name])] for f in dataclasses.fields(value)]}
+    raise TypeError(place)
+
+
+def _built(said: Any) -> Any:
+    """The inverse of `_said`."""
+    if not isinstance(said, dict):
+        return said
+    if "dict" in said:
+        return {k: _built(v) for k, v in said["dict"]}
+    if "list" in said:
+        return [_built(v) for v in said["list"]]
+    if "tuple" in said:
+        return tuple(_built(v) for v in said["tuple"])
+    home, _, name = said["named" if "named" in said else "module"].partition(":")
+    kind: Any = importlib.import_module(home)
+    for part in name.split("."):
+        kind = getattr(kind, part)
+    if "named" in said:
+        return kind(*(_built(v) for v in said["parts"]))
+    made = object.__new__(kind)  # its constructor would check numbers, and there are none
+    for field, value in said["fields"]:
+        object.__setattr__(made, field, _built(value))
+    return made

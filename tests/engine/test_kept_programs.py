@@ -1,0 +1,266 @@
+"""Programs and machine code on disk: found again by all that they depend on, and by nothing less."""
+
+import functools
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import mckibben
+from mckibben.assembly.build import unit_from_specimen
+from mckibben.components import Module, Scalar, field
+from mckibben.components.system import System
+from mckibben.engine import held, program_key, programs, step
+from mckibben.engine.lowering import disk, from_jax
+from mckibben.engine.native import _outputs, compiled, compiled_march
+from mckibben.muscles.elements import Tendon
+from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
+from mckibben.pneumatics.volume import MovingVolume
+
+TENDON = Tendon(stiffness=1e5, toe_length=5e-4, loss=0.2)
+STRETCH = np.float64(1e-3)
+ROOT = Path(mckibben.__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """A folder of its own, for no test may find what another one left."""
+    monkeypatch.setenv(disk.VARIABLE, str(tmp_path / "kept"))
+    return tmp_path / "kept"
+
+
+@pytest.fixture
+def lowered(monkeypatch):
+    """How often something was lowered."""
+    times = []
+    real = from_jax.lower
+    monkeypatch.setattr(from_jax, "lower", lambda *a, **k: times.append(1) or real(*a, **k))
+    return times
+
+
+def tension(**changes):
+    """The force of a tendon, anew, as a fresh process has it."""
+    tendon = TENDON.replace(**changes)
+    return compiled(Tendon.force, tendon, STRETCH, engine="native")(tendon, STRETCH)
+
+
+def march_key(system=None, **changes):
+    known = {"period": 1e-3, "inner": 10, "samples": 4, "stiff": False, "outputs": None} | changes
+    return program_key.key(functools.partial(_outputs, **known), (TENDON if system is None else system, 1.0))
+
+
+def test_what_is_kept_is_found_and_gives_the_same_bits(lowered, monkeypatch):
+    first, second = tension(), tension()
+    assert len(lowered) == 1
+    monkeypatch.setenv(disk.VARIABLE, "off")
+    third = tension()
+    assert len(lowered) == 2
+    assert first == second == third != 0.0
+
+
+def test_parameters_are_arguments_and_not_part_of_a_program(lowered):
+    assert tension() != tension(stiffness=2e5)
+    assert len(lowered) == 1
+
+
+def test_off_keeps_nothing(folder, monkeypatch):
+    monkeypatch.setenv(disk.VARIABLE, "off")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
+    tension()
+    assert not folder.exists()
+
+
+class Named(Module):
+    """A module with structure that is no array."""
+
+    factor: Scalar
+    name: str = field(static=True, default="")
+
+
+def test_a_key_changes_with_every_thing_that_tracing_depends_on():
+    limit = FrictionLimit(constant=1.0)
+    slip = {n: MaxwellSlip.geometric(limit, elements=n) for n in (3, 4)}
+    keys = [
+        march_key(), march_key(period=2e-3), march_key(inner=11), march_key(samples=5), march_key(stiff=True),
+        march_key(outputs=("a",)), march_key(outputs=("b",)), march_key(slip[3]), march_key(slip[4]),
+        march_key(held(np.zeros(4))), march_key(held(np.zeros(5))), march_key(held(np.zeros(4)).delayed(0.1)),
+        march_key(held(np.zeros(4)).replace(straight=True)),  # a static field
+        march_key((TENDON, TENDON)), march_key([TENDON, TENDON]), march_key({"a": TENDON}), march_key({"b": TENDON}),
+        march_key(np.int64(1)), march_key(np.float64(1.0)), march_key(np.float32(1.0)), march_key(np.zeros(1)),
+        program_key.key(Tendon.force, (TENDON, 1.0)), program_key.key(Tendon.stored_energy, (TENDON, 1.0)),
+    ]  # fmt: skip
+    assert None not in keys
+    assert len(set(keys)) == len(keys)
+    assert march_key(slip[3]) == march_key(MaxwellSlip.geometric(FrictionLimit(constant=2.0), elements=3))
+
+
+def test_a_constant_that_was_set_gives_another_key(monkeypatch):
+    before = march_key()
+    monkeypatch.setattr(step, "UNROLLED", step.UNROLLED + 1)
+    assert march_key() != before
+
+
+def test_a_method_in_a_tree_is_known_by_its_function_and_its_owner():
+    def chamber(law):
+        return MovingVolume(of=law.braid_volume, ambient=1e5, dead=1e-6, signal="m.length")
+
+    laws = [unit_from_specimen(name).law for name in ("nylon", "nylon", "fiberglass", "dmsp-20-300")]
+    keys = [march_key(chamber(law)) for law in laws]
+    assert None not in keys
+    assert keys[0] == keys[1] == keys[2] != keys[3]  # two muscles of one law, and one of another
+
+
+def test_what_has_no_sure_name_has_no_key(lowered):
+    class Inner(Module):
+        x: Scalar
+
+    bound = 3.0
+    for function in (
+        lambda t, x: t.force(x),
+        lambda t, x: bound * x,
+        Named(1.0).replace,
+        functools.partial(len, object()),
+    ):
+        assert program_key.key(function, (TENDON, STRETCH)) is None
+    for tree in (Inner(1.0), Named(1.0, name="a"), object(), {"a": "text"}, jnp.sum):  # types of a test, and no trees
+        assert program_key.key(Tendon.force, (tree, STRETCH)) is None
+    # it is lowered each time, and right
+    doubled = [compiled(lambda t, x, k=k: k * t.force(x), TENDON, STRETCH, engine="native") for k in (2.0, 3.0)]
+    assert doubled[1](TENDON, STRETCH) == pytest.approx(1.5 * doubled[0](TENDON, STRETCH), rel=1e-15)
+    assert len(lowered) == 2
+
+
+def test_a_changed_source_gives_another_key(tmp_path):
+    shutil.copytree(ROOT / "mckibben", tmp_path / "src" / "mckibben", ignore=shutil.ignore_patterns("__pycache__"))
+    program = (
+        "from mckibben.engine.program_key import key\nfrom mckibben.muscles.elements import Tendon\n"
+        "print(key(Tendon.force, (Tendon(stiffness=1e5), 1.0)))"
+    )
+
+    def asked():
+        settings = {**os.environ, "PYTHONPATH": str(tmp_path / "src")}
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=settings)
+        return done.stdout.strip()
+
+    first, again = asked(), asked()
+    physics = tmp_path / "src" / "mckibben" / "pneumatics" / "orifice.py"
+    physics.write_text(physics.read_text(encoding="utf-8") + "\n# another\n", encoding="utf-8")
+    assert first == again != asked()
+    assert len(first) == 40
+
+
+@pytest.mark.parametrize("kind", ["program", "o"])
+@pytest.mark.parametrize("place", [0, 20, 40, -40])
+def test_a_damaged_file_is_made_anew(folder, kind, place):
+    first = tension()
+    (file,) = folder.glob(f"*.{kind}")
+    good = file.read_bytes()
+    bad = bytearray(good)
+    bad[place] ^= 0xFF
+    for wrong in (bytes(bad), good[: len(good) // 2], b""):
+        file.write_bytes(wrong)
+        assert tension() == first
+        assert file.read_bytes() == good  # as it was made before
+
+
+def test_results_that_are_trees_come_back_as_they_were():
+    def shown(run):
+        return run(*given)
+
+    given = MaxwellSlip.geometric(FrictionLimit(constant=1.0), elements=3), np.zeros(3), np.float64(1e-3)
+    runs = [compiled(_advanced, *given, engine="native") for _ in range(2)]
+    native, again = map(shown, runs)
+    assert type(native) is type(again) is type(_advanced(*given))
+    for a, b in zip(native, again, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def _advanced(friction, state, displacement):
+    return friction.advance(state, displacement, start_pressure=1e5, end_pressure=1e5)
+
+
+def test_the_words_of_a_structure_are_understood_or_nothing_is_kept():
+    import jax
+
+    trees = [
+        {"a": 1.0, "b": (2.0, [3.0, None])}, TENDON, held(np.zeros(3)),
+        programs.Leaf("x", None, (2,)),
+    ]  # fmt: skip
+    for tree in trees:
+        said = programs._said(jax.tree.map(lambda _: 0.0, tree))  # noqa: SLF001
+        assert jax.tree.structure(programs._built(json.loads(json.dumps(said)))) == jax.tree.structure(tree)  # noqa: SLF001
+    with pytest.raises(TypeError):
+        programs._said({"a": object()})  # noqa: SLF001
+
+
+def test_two_processes_at_once_make_one_program(folder):
+    program = (
+        "import numpy as np\nfrom mckibben.engine.native import compiled\nfrom mckibben.muscles.elements import Tendon\n"
+        "t = Tendon(stiffness=1e5, toe_length=5e-4, loss=0.2)\n"
+        "print(float(compiled(Tendon.force, t, np.float64(1e-3), engine='native')(t, np.float64(1e-3))))"
+    )
+    both = [subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    said = {p.communicate()[0].strip() for p in both}
+    assert [p.returncode for p in both] == [0, 0]
+    assert sorted(p.suffix for p in folder.iterdir()) == [".o", ".program"]  # and no parts of files
+    assert said == {str(float(tension()))}
+
+
+def test_the_folder_is_bounded_and_what_was_used_last_stays(folder, monkeypatch):
+    monkeypatch.setattr(disk, "LIMIT", 10_000)
+    names = [f"{k:040x}.o" for k in range(12)]
+    for k, name in enumerate(names):
+        disk.keep(name, bytes(1_000), {})
+        os.utime(folder / name, (k, k))
+        if k:
+            assert disk.found(names[0]) is not None  # which is used all the time
+            os.utime(folder / names[0], (1_000, 1_000))
+    left = {p.name for p in folder.iterdir()}
+    assert names[0] in left and names[-1] in left and names[1] not in left
+    assert sum(p.stat().st_size for p in folder.iterdir()) <= disk.LIMIT
+
+
+def test_what_others_put_there_and_what_is_being_written_stays(folder, monkeypatch):
+    monkeypatch.setattr(disk, "LIMIT", 0)
+    folder.mkdir()
+    for name in ("notes.txt", "part-young", "part-old"):
+        (folder / name).write_bytes(bytes(100))
+    os.utime(folder / "part-old", (time.time() - 2 * disk.LEFT_BEHIND,) * 2)
+    disk.keep(f"{1:040x}.o", b"code", {})
+    assert {p.name for p in folder.iterdir()} == {"notes.txt", "part-young"}
+
+
+class Falling(System):
+    """Stands for a system of the user's own, whose sources nobody watches."""
+
+    gravity: Scalar
+
+    def rate(self, state, memory, inputs):
+        return {"v": self.gravity + inputs["push"].value}
+
+    def integrands(self, state, memory, inputs):
+        return {}
+
+    def slide(self, memory, start, end, duration):
+        return memory
+
+    def outputs(self, state, memory, inputs):
+        return {"v": state["v"]}
+
+
+def test_a_run_of_a_type_that_is_not_the_packages_own_is_right_and_kept_by_nobody(folder, lowered):
+    signals = {"push": held(np.zeros(11))}
+    for gravity in (1.0, 2.0):
+        system, state = Falling(gravity=np.float64(gravity)), {"v": np.float64(0.0)}
+        run = compiled_march(system, state, (), signals, period=1e-3, inner=2, engine="native")
+        # 10 samples of 1 ms at a constant rate: exact to rounding
+        assert run(system, state, (), signals)["v"][-1] == pytest.approx(0.01 * gravity, rel=1e-13)
+    assert len(lowered) == 2
+    assert not list(folder.glob("*.program"))
