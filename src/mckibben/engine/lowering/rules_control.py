@@ -38,18 +38,16 @@ def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
     numbers = all(isinstance(v, Node) for v in (*values, *found))
     if not numbers or not inputs:
         return found  # of arrays the operations themselves are differentiated
-    names = [v for v in dict.fromkeys(eqn.invars) if not isinstance(v, Literal)]
-    call = jaxpr_as_fun(ClosedJaxpr(Jaxpr((), names, eqn.outvars, [eqn]), ()))
-    shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in names]
     known = {v: value for v, value in zip(eqn.invars, values, strict=True) if not isinstance(v, Literal)}
     slopes: dict[Any, list[Any]] = {}
     for var in known:
         if known[var].kind == "real" and known[var].op != "const":
-            change = [jnp.zeros(v.aval.shape, _tangent(v)) if v is not var else jnp.ones(()) for v in names]
-            traced = jax.make_jaxpr(lambda *at, change=change: jax.jvp(call, at, tuple(change))[1])(*shapes)
+            key = id(eqn), list(known).index(var)  # an equation of a compiled function stands for all its calls
+            if key not in t.slopes:
+                t.slopes[key] = eqn, _slope(eqn, list(known), var)
             exact, t.graph.exact = t.graph.exact, False  # what is multiplied by 0 is gone
             try:
-                slopes[var] = t.closed(_needed(traced), [known[v] for v in names])
+                slopes[var] = t.closed(t.slopes[key][1], list(known.values()))
             finally:
                 t.graph.exact = exact
     told: list[Any] = []
@@ -60,6 +58,14 @@ def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
         else:
             told.append(t.graph.make("given", (value, *rows), kind="real"))
     return told
+
+
+def _slope(eqn: Any, names: list[Any], by: Any) -> Any:
+    """The derivatives of a call by one of its inputs, as a jaxpr of all of them."""
+    call = jaxpr_as_fun(ClosedJaxpr(Jaxpr((), names, eqn.outvars, [eqn]), ()))
+    change = tuple(jnp.zeros(v.aval.shape, _tangent(v)) if v is not by else jnp.ones(()) for v in names)
+    shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in names]
+    return _needed(jax.make_jaxpr(lambda *at: jax.jvp(call, at, change)[1])(*shapes))
 
 
 def _needed(closed: Any) -> Any:
