@@ -75,6 +75,10 @@ def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
     return _slope(*primals), _curvature(*primals) * tangents[0]
 
 
+# traced once, however often a step calls them
+_rounded, _slope = jax.jit(_rounded), jax.jit(_slope)
+
+
 def gas_energy(
     pressure: Any, braid_volume: Any, *, upper_volume: Any, threshold_pressure: Any, threshold_width: Any
 ) -> Scalar:

@@ -6,6 +6,7 @@ import struct
 
 from ...errors import LoweringError
 from .graph import Buffer, Graph, Node, Store
+from .rewrite import roots
 from .schedule import Schedule
 from .varying import Varying
 
@@ -174,11 +175,7 @@ class Memory(Text):
         size = 1 if one == "i8" else 4 if one == "float" else 8
         if scattered:
             whole = f"<{self.width} x {one}>"
-            name = f"llvm.masked.gather.v{self.width}{'f' if node.kind == 'real' else 'i'}{8 * size}.v{self.width}p0"
-            rest = f"<{self.width} x i1> splat (i1 true), {whole} zeroinitializer"
-            self.declared.add(f"declare {whole} @{name}(<{self.width} x ptr>, <{self.width} x i1>, {whole})")
-            pointers = f"<{self.width} x ptr> align {size} {pointer}"
-            found = self.emit(f"call {whole} @{name}({pointers}, {rest})")
+            found = self._gather(pointer, node.kind, one, size)
         else:
             whole = f"<{self.width} x {one}>" if vector else one
             found = self.emit(f"load {whole}, ptr {pointer}, align {size}")
@@ -188,12 +185,35 @@ class Memory(Text):
             return self.emit(f"trunc {whole} {found} to {self.type('int', True)}")
         return found
 
+    def _gather(self, pointers: str, kind: str, one: str, size: int) -> str:
+        """Read from an address per lane."""
+        whole = f"<{self.width} x {one}>"
+        name = f"llvm.masked.gather.v{self.width}{'f' if kind == 'real' else 'i'}{8 * size}.v{self.width}p0"
+        rest = f"<{self.width} x i1> splat (i1 true), {whole} zeroinitializer"
+        self.declared.add(f"declare {whole} @{name}(<{self.width} x ptr>, <{self.width} x i1>, {whole})")
+        return self.emit(f"call {whole} @{name}(<{self.width} x ptr> align {size} {pointers}, {rest})")
+
     def store(self, store: Store) -> None:
         """Write an element."""
         pointer, scattered, many = self.pointer(store.buffer, store.index, store.scale, store.offset)
         if scattered:
+            self._scatter(pointer, store)
+        else:
+            self.put(pointer, many, store.value, store.adds)
+
+    def _scatter(self, pointers: str, store: Store) -> None:
+        """Write to an address per lane; no two lanes have an address in common, for what differs stands apart by lanes."""
+        if store.value.kind != "real" or not self.differs(list(roots(store.buffer))[-1]):
             raise LoweringError("a store", "its place differs from lane to lane")
-        self.put(pointer, many, store.value, store.adds)
+        one, name = self.real, self.name(store.value, True)
+        size = 4 if one == "float" else 8
+        whole, mask = f"<{self.width} x {one}>", f"<{self.width} x i1>"
+        if store.adds:
+            name = self.emit(f"fadd {whole} {self._gather(pointers, 'real', one, size)}, {name}")
+        made = f"llvm.masked.scatter.v{self.width}f{8 * size}.v{self.width}p0"
+        self.declared.add(f"declare void @{made}({whole}, <{self.width} x ptr>, {mask})")
+        where = f"<{self.width} x ptr> align {size} {pointers}"
+        self.lines.append(f"  call void @{made}({whole} {name}, {where}, {mask} splat (i1 true))")
 
     def put(self, pointer: str, many: bool, value: Node, adds: bool = False) -> None:
         """Write a value to an address, or add it to what is there."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
+from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, jaxpr_as_fun
 
 from .graph import Node
 from .trace import RULES, Refused, Tracer, rule
@@ -33,25 +33,21 @@ def _call(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
 
 def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
     """A function that says its derivatives itself: they are traced beside it, one input at a time."""
-    inner = eqn.params["call_jaxpr"]
-    found = t.run(inner.jaxpr, [t.constant(c) for c in inner.consts], values)
+    found = t.run(eqn.params["call_jaxpr"].jaxpr, [t.constant(c) for c in eqn.params["call_jaxpr"].consts], values)
     inputs = [k for k, v in enumerate(values) if isinstance(v, Node) and v.kind == "real" and v.op != "const"]
     numbers = all(isinstance(v, Node) for v in (*values, *found))
     if not numbers or not inputs:
         return found  # of arrays the operations themselves are differentiated
-    names = [v for v in dict.fromkeys(eqn.invars) if not isinstance(v, Literal)]
-    alone = inner.jaxpr.replace(constvars=[], invars=names, outvars=eqn.outvars, eqns=[eqn])
-    call = jaxpr_as_fun(ClosedJaxpr(alone, ()))
-    shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in names]
     known = {v: value for v, value in zip(eqn.invars, values, strict=True) if not isinstance(v, Literal)}
     slopes: dict[Any, list[Any]] = {}
     for var in known:
         if known[var].kind == "real" and known[var].op != "const":
-            change = [jnp.zeros(v.aval.shape, _tangent(v)) if v is not var else jnp.ones(()) for v in names]
-            traced = jax.make_jaxpr(lambda *at, change=change: jax.jvp(call, at, tuple(change))[1])(*shapes)
+            key = id(eqn), list(known).index(var)  # an equation of a compiled function stands for all its calls
+            if key not in t.slopes:
+                t.slopes[key] = eqn, _slope(eqn, list(known), var)
             exact, t.graph.exact = t.graph.exact, False  # what is multiplied by 0 is gone
             try:
-                slopes[var] = t.closed(_needed(traced), [known[v] for v in names])
+                slopes[var] = t.closed(t.slopes[key][1], list(known.values()))
             finally:
                 t.graph.exact = exact
     told: list[Any] = []
@@ -62,6 +58,14 @@ def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
         else:
             told.append(t.graph.make("given", (value, *rows), kind="real"))
     return told
+
+
+def _slope(eqn: Any, names: list[Any], by: Any) -> Any:
+    """The derivatives of a call by one of its inputs, as a jaxpr of all of them."""
+    call = jaxpr_as_fun(ClosedJaxpr(Jaxpr((), names, eqn.outvars, [eqn]), ()))
+    change = tuple(jnp.zeros(v.aval.shape, _tangent(v)) if v is not by else jnp.ones(()) for v in names)
+    shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in names]
+    return _needed(jax.make_jaxpr(lambda *at: jax.jvp(call, at, change)[1])(*shapes))
 
 
 def _needed(closed: Any) -> Any:

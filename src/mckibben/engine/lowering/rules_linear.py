@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import at, is_long, shape_of, solid, unwrapped
+from .arrays import at, each, is_long, kind_of, shape_of, solid, unwrapped
 from .graph import Graph, Node
 from .rules_arrays import shaped
 from .trace import Tracer, rule
@@ -103,4 +103,15 @@ def _custom_linear_solve(t: Tracer, eqn: Any, *values: Any) -> Any:
         count = getattr(lengths, name)
         parts[name] = values[begin : begin + count]
         begin += count
-    return [unwrapped(v) for v in t.closed(jaxprs.solve, [*parts["solve"], *values[begin:]])]
+    wanted = [solid(t.graph, v) for v in values[begin:]]
+    found = [unwrapped(v) for v in t.closed(jaxprs.solve, [*parts["solve"], *wanted])]
+    if any(kind_of(x) != "real" for x in found):
+        return found
+    # JAX's factors have no derivatives; those of the solution are those of what a correction by the residual would add
+    g = t.graph
+    still = [each(g, lambda x: g.make("given", (x,), kind="real"), x) for x in found]
+    left = t.closed(jaxprs.matvec, [*parts["matvec"], *still])
+    rest = [each(g, lambda b, ax: g.make("sub", (b, ax)), *pair) for pair in zip(wanted, left, strict=True)]
+    more = t.closed(jaxprs.solve, [*parts["solve"], *rest])
+    told = lambda x, y: g.make("given", (x, y, g.const(1.0)), kind="real")  # noqa: E731
+    return [unwrapped(each(g, told, x, y)) for x, y in zip(found, more, strict=True)]

@@ -110,6 +110,7 @@ class Tracer:
     def __init__(self, graph: Graph) -> None:
         self.graph = graph
         self.calls: list[Any] = []  # operations in work, from the outermost in
+        self.slopes: dict[Any, Any] = {}  # derivatives that functions say themselves, by call and input
 
     def closed(self, closed: ClosedJaxpr, values: Sequence[Any]) -> list[Any]:
         """Results of a jaxpr with its constants."""
