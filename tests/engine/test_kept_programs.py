@@ -107,6 +107,14 @@ def test_a_constant_that_was_set_gives_another_key(monkeypatch):
     assert march_key() != before
 
 
+def test_a_function_that_was_replaced_is_found_out(monkeypatch):
+    before = march_key()
+    monkeypatch.setattr(step, "axpy", step.nothing)
+    assert march_key() != before
+    monkeypatch.setattr(step, "axpy", lambda a, x, y: y)
+    assert march_key() is None
+
+
 def test_a_method_in_a_tree_is_known_by_its_function_and_its_owner():
     def chamber(law):
         return MovingVolume(of=law.braid_volume, ambient=1e5, dead=1e-6, signal="m.length")

@@ -3,7 +3,8 @@
 * the sources of this package, and the versions of Python, JAX, NumPy and llvmlite;
 * the function: where it stands, and what is bound to it (`functools.partial`);
 * the examples: structure, with types and static fields, and shapes and types of the leaves, not their values;
-* the plain constants of the modules that all these come from and of those they use, as they are now: they may have been set;
+* the modules that all these come from and those they use: their plain constants, as they are now, and the names of their
+  functions and types, for either may have been replaced;
 * how JAX counts: with 64 bits, and by which promotion.
 
 What has no sure name has no key: lambdas and what is defined inside a function, methods of objects that are no trees, and
@@ -179,11 +180,16 @@ class _Name:
 
     def home(self, name: str) -> None:
         """A module that something comes from."""
-        root = name.partition(".")[0]
-        if root == OWN:
+        if self.known(name):
             self.modules.add(name)
-        elif root not in LIBRARIES and root not in sys.stdlib_module_names:
+
+    @staticmethod
+    def known(name: str) -> bool:
+        """Whether a module is this package's own; those whose sources nobody watches are refused."""
+        root = name.partition(".")[0]
+        if root != OWN and root not in LIBRARIES and root not in sys.stdlib_module_names:
             raise Unnamed
+        return root == OWN
 
     def constants(self) -> None:
         """Plain values that now stand in the modules, and in those whose functions and types they use."""
@@ -197,6 +203,9 @@ class _Name:
                     self.word(module.__name__, name, value)
                     continue
                 home = value.__name__ if isinstance(value, types.ModuleType) else getattr(value, "__module__", None)
+                if callable(value) and isinstance(home, str) and hasattr(value, "__qualname__"):
+                    self.known(home)
+                    self.word(name, home, value.__qualname__)  # another function may have been put into its place
                 if not isinstance(home, str) or home in seen or home.partition(".")[0] != OWN:
                     continue
                 if home in sys.modules and not hasattr(sys.modules[home], "__path__"):
