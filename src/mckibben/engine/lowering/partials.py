@@ -89,7 +89,11 @@ _RULES: dict[str, Callable[[Graph, Node, tuple[Node, ...]], list[Node | None]]] 
 
 
 def product(g: Graph, x: Node, y: Node) -> Node:
-    """x y, where a factor that chooses between 1 and 0 is a choice."""
+    """x y, where a factor that chooses between 1 and 0 is a choice, and a sign is left to the sum that it goes to."""
+    if x.op == "neg" or y.op == "neg":
+        signs = (x.op == "neg") + (y.op == "neg")
+        made = product(g, *(z.args[0] if z.op == "neg" else z for z in (x, y)))
+        return made if signs == 2 else g.make("neg", (made,))
     for a, b in ((x, y), (y, x)):
         if a.op == "select" and a.args[1].op == a.args[2].op == "const":
             if (a.args[1].attr, a.args[2].attr) == (1.0, 0.0):
