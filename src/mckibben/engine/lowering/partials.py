@@ -1,7 +1,7 @@
 """What each operation's result changes by with its arguments, as nodes; and which nodes depend on some arguments at all.
 
-Where an extreme is reached by both arguments each has half of it, and the size of 0 has no slope: as JAX has it. What the
-tracer was told about a value (op ``given``) goes before what its operations would say.
+Where an extreme is reached by both arguments each has half of it, and the size of 0 rises: as JAX has it. What the tracer
+was told about a value (op ``given``) goes before what its operations would say.
 """
 
 from __future__ import annotations
@@ -48,9 +48,7 @@ def _extreme(g: Graph, args: tuple[Node, ...], largest: bool) -> list[Node | Non
 
 
 def _size(g: Graph, z: Node, args: tuple[Node, ...]) -> list[Node | None]:
-    zero = g.const(0.0)
-    above = g.make("select", (g.make("lt", (zero, args[0])), _one(g), zero))
-    return [g.make("select", (g.make("lt", (args[0], zero)), g.const(-1.0), above))]
+    return [g.make("select", (g.make("lt", (args[0], g.const(0.0))), g.const(-1.0), _one(g)))]
 
 
 def _power(g: Graph, z: Node, args: tuple[Node, ...]) -> list[Node | None]:
