@@ -9,6 +9,7 @@ an index is added up in memory of its own.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -27,6 +28,7 @@ from .tangents import check
 MOST = 1_000_000  # numbers per lane that are kept of a run
 DEAR = 2.0  # operations to make a number again from which on it is kept
 SMALL = 64  # elements of an argument up to which its derivative is no sum in memory
+KEPT = "kept of loop "  # what buffers of numbers that are kept of one loop are called
 Bars = dict[Node, Node]  # by old node, the derivative of the weighted sum by it so far
 
 
@@ -107,6 +109,7 @@ class _Reverse:
                 for k in range(buffer.size):
                     g.store(slope, k, self.sums.get((buffer, k), g.const(0.0)))
         whole = rewritten(g, lambda g, node, args: None, exact=False)
+        side_by_side(whole)
         return Program(whole, leaves, wanted, given.title)
 
     def _weighted(self, buffer: Buffer, weight: Buffer) -> None:
@@ -186,7 +189,7 @@ class _Reverse:
         if key in self.tapes and self.tapes[key][2] is around[0]:
             return
         size = math.prod(self.shape.trips(x) for x in nest)
-        buffer = self.new.buffer("scratch", value.kind, (size,))
+        buffer = self.new.buffer("scratch", value.kind, (size,), f"{KEPT}{around[-1].serial} {value.kind}")
         self.new.store(buffer, self._flat(nest, [x.index for x in around]), value)
         self.tapes[key] = buffer, list(nest), around[0]
 
@@ -497,6 +500,30 @@ class Shape:
                         found[node] = None
             self._shared[loop] = list(found)
         return self._shared[loop]
+
+
+def side_by_side(graph: Graph) -> None:
+    """Put what is kept of one trip side by side in memory, not what is kept of one number in all trips."""
+    groups: dict[str, list[Buffer]] = {}
+    for buffer in graph.buffers:
+        if buffer.name.startswith(KEPT):
+            groups.setdefault(buffer.name, []).append(buffer)
+    place: dict[Buffer, tuple[Buffer, int, int]] = {}
+    for name, buffers in groups.items():
+        many = len(buffers)
+        whole = graph.buffer("scratch", buffers[0].kind, (buffers[0].size * many,), name)
+        place.update({b: (whole, many, k) for k, b in enumerate(buffers)})
+    for node in graph.nodes:
+        if node.op == "load" and node.attr[0] in place:
+            (whole, many, k), (_, scale, offset) = place[node.attr[0]], node.attr
+            node.attr = whole, scale * many, offset * many + k
+    for stores in (graph.stores, *(x.stores for x in graph.loops)):
+        for i, store in enumerate(stores):
+            if store.buffer in place:
+                whole, many, k = place[store.buffer]
+                stores[i] = dataclasses.replace(
+                    store, buffer=whole, scale=store.scale * many, offset=store.offset * many + k
+                )
 
 
 def _needed(node: Node) -> tuple[Node, ...]:

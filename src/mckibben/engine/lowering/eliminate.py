@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable, Iterator
 
 from .graph import Graph, Node
@@ -46,15 +47,31 @@ class Edges:
                     support[a] = directions(a)
             support[node] = set().union(*(support[a] for a in terms))
         self.wide = {n: len(s) for n, s in support.items()}
-        work = [n for n in self.into if n not in kept]
-        while work:
-            again: set[Node] = set()
-            for node in work:
-                if node in self.into and self._gain(node) >= 0.0:
-                    near = [*self.into[node], *self.uses.get(node, ())]
-                    self._remove(node)
-                    again.update(n for n in near if n in self.into and n not in kept)
-            work = [n for n in self.into if n in again]
+        best: list[tuple[float, int]] = []  # what saves most for its work comes first
+        number = {n: k for k, n in enumerate(self.into)}
+        nodes = list(self.into)
+        rank: dict[Node, float] = {}
+
+        def look(node: Node) -> None:
+            gain = self._gain(node)
+            rank[node] = -gain / (1.0 + len(self.into[node]) * len(self.uses[node]))
+            if gain >= 0.0:
+                heapq.heappush(best, (rank[node], number[node]))
+
+        for node in nodes:
+            if node not in kept:
+                look(node)
+        while best:
+            ranked, k = heapq.heappop(best)
+            node = nodes[k]
+            if node not in self.into or rank[node] != ranked:
+                continue  # seen in another state of the graph
+            near = {*self.into[node], *self.uses[node]}
+            self._remove(node)
+            for n in list(near):
+                near.update(self.uses.get(n, ()), self.into.get(n, ()))
+            for n in sorted((n for n in near if n in number and n in self.into and n not in kept), key=number.__getitem__):
+                look(n)
 
     def rest(self, kept: set[Node]) -> Iterator[tuple[Node, list[tuple[Node, Node]]]]:
         """What is left, arguments first."""

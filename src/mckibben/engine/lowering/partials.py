@@ -1,7 +1,7 @@
 """What each operation's result changes by with its arguments, as nodes; and which nodes depend on some arguments at all.
 
-Where an extreme is reached by both arguments each has half of it, and the size of 0 has no slope: as JAX has it. What the
-tracer was told about a value (op ``given``) goes before what its operations would say.
+Where an extreme is reached by both arguments each has half of it, and the size of 0 rises: as JAX has it. What the tracer
+was told about a value (op ``given``) goes before what its operations would say.
 """
 
 from __future__ import annotations
@@ -48,9 +48,7 @@ def _extreme(g: Graph, args: tuple[Node, ...], largest: bool) -> list[Node | Non
 
 
 def _size(g: Graph, z: Node, args: tuple[Node, ...]) -> list[Node | None]:
-    zero = g.const(0.0)
-    above = g.make("select", (g.make("lt", (zero, args[0])), _one(g), zero))
-    return [g.make("select", (g.make("lt", (args[0], zero)), g.const(-1.0), above))]
+    return [g.make("select", (g.make("lt", (args[0], g.const(0.0))), g.const(-1.0), _one(g)))]
 
 
 def _power(g: Graph, z: Node, args: tuple[Node, ...]) -> list[Node | None]:
@@ -89,7 +87,11 @@ _RULES: dict[str, Callable[[Graph, Node, tuple[Node, ...]], list[Node | None]]] 
 
 
 def product(g: Graph, x: Node, y: Node) -> Node:
-    """x y, where a factor that chooses between 1 and 0 is a choice."""
+    """x y, where a factor that chooses between 1 and 0 is a choice, and a sign is left to the sum that it goes to."""
+    if x.op == "neg" or y.op == "neg":
+        signs = (x.op == "neg") + (y.op == "neg")
+        made = product(g, *(z.args[0] if z.op == "neg" else z for z in (x, y)))
+        return made if signs == 2 else g.make("neg", (made,))
     for a, b in ((x, y), (y, x)):
         if a.op == "select" and a.args[1].op == a.args[2].op == "const":
             if (a.args[1].attr, a.args[2].attr) == (1.0, 0.0):

@@ -37,6 +37,7 @@ from .varying import varying
 # Vectors in flight side by side, by the operations of the longest body: what waits for one is done for another, until the
 # registers no longer hold them. Measured with AVX-512 on bodies of 220, 670, 1,000 and 1,400 operations.
 IN_FLIGHT = ((300, 4), (1_500, 2))
+REGISTERS = 24  # that may hold what a loop carries
 MODES = ("default", "strict", "fast")
 REALS = {"float64": "double", "float32": "float"}
 
@@ -167,7 +168,9 @@ class Program:
         if width is None:
             width = at.bits // size if lanes else 1
             longest = max(map(len, (plan.root, *plan.bodies.values())))
-            width *= next((many for most, many in IN_FLIGHT if longest <= most), 1) if lanes else 1
+            carried = max((len(places) for places in plan.live.carried.values()), default=0)
+            many = next((many for most, many in IN_FLIGHT if longest <= most), 1)
+            width *= min(many, max(REGISTERS // max(carried, 1), 1)) if lanes else 1
         text, layout = emit(
             graph,
             plan,

@@ -6,7 +6,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, jaxpr_as_fun
+from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
 
 from .graph import Node
 from .trace import RULES, Refused, Tracer, rule
@@ -62,7 +62,8 @@ def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
 
 def _slope(eqn: Any, names: list[Any], by: Any) -> Any:
     """The derivatives of a call by one of its inputs, as a jaxpr of all of them."""
-    call = jaxpr_as_fun(ClosedJaxpr(Jaxpr((), names, eqn.outvars, [eqn]), ()))
+    own = eqn.params["call_jaxpr"].jaxpr
+    call = jaxpr_as_fun(ClosedJaxpr(own.replace(constvars=[], invars=names, outvars=eqn.outvars, eqns=[eqn]), ()))
     change = tuple(jnp.zeros(v.aval.shape, _tangent(v)) if v is not by else jnp.ones(()) for v in names)
     shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in names]
     return _needed(jax.make_jaxpr(lambda *at: jax.jvp(call, at, change)[1])(*shapes))

@@ -119,7 +119,7 @@ def _tanh(t: Tracer, eqn: Any, a: Any) -> Any:
         share = g.make("div", (e, g.make("add", (e, g.const(2.0)))))
         found = g.make("select", (g.make("lt", (x, g.const(0.0))), g.make("neg", (share,)), share))
         slope = g.make("sub", (g.const(1.0), g.make("mul", (found, found))))
-        return g.make("given", (found, x, slope), kind="real")  # the size of 0 has no slope, but this has
+        return g.make("given", (found, x, slope), kind="real")  # shorter than that of its parts
 
     return each(g, one, a)
 

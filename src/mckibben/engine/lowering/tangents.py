@@ -195,17 +195,17 @@ class _Forward:
         for k in places:
             inner.nodes[loop.phis[k]] = self.new.carry(made, self.replay.node(scope, loop.inits[k]))
         moving = [p for p in places if loop.phis[p] in self.active.nodes]
-        for p in moving:
-            for k in range(self.count):
+        for k in range(self.count):
+            for p in moving:
                 self.changes[loop.phis[p], k] = self.new.carry(made, self.change(loop.inits[p], k))
         before, self._nexts = self._nexts, {loop.nexts[p] for p in moving}
         self.block(self.plan.bodies[loop], inner, loop not in self.inside)
         self._nexts = before
         nexts = [self.replay.node(inner, loop.nexts[p]) for p in places]
-        nexts += [self.change(loop.nexts[p], k) for p in moving for k in range(self.count)]
+        nexts += [self.change(loop.nexts[p], k) for k in range(self.count) for p in moving]
         ends = self.new.close_loop(made, nexts)
         scope.loops[loop] = made
         for p, end in zip(places, ends, strict=False):
             scope.nodes[loop, p] = end
         for i, p in enumerate(moving):
-            self.ends[loop, p] = ends[len(places) + i * self.count : len(places) + (i + 1) * self.count]
+            self.ends[loop, p] = ends[len(places) + i :: len(moving)]
