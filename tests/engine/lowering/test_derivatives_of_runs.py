@@ -24,7 +24,13 @@ def stiff(*given):
 
 def bent(x, y):
     """What has a corner where it is looked at, and what says its slope itself."""
-    return jnp.maximum(x, y) + 3.0 * jnp.minimum(x, 0.0), jnp.abs(x) + 2.0 * jnp.abs(-y), jnp.tanh(x), jnp.sign(x) * y, told(x, y) * y
+    return (
+        jnp.maximum(x, y) + 3.0 * jnp.minimum(x, 0.0),
+        jnp.abs(x) + 2.0 * jnp.abs(-y),
+        jnp.tanh(x),
+        jnp.sign(x) * y,
+        told(x, y) * y,
+    )
 
 
 @jax.custom_jvp
@@ -149,7 +155,9 @@ def muscle_places():
 def test_tangents_of_a_muscle_are_differences_of_the_strict_kernel():
     program, values, places = muscle_program(), muscle_values(), muscle_places()
     seeds = [np.eye(4)[k] for k in range(4)]
-    seeds = [s.reshape(4, *np.shape(values[p])) if np.size(values[p]) == 1 else s for s, p in zip(seeds, places, strict=True)]
+    seeds = [
+        s.reshape(4, *np.shape(values[p])) if np.size(values[p]) == 1 else s for s, p in zip(seeds, places, strict=True)
+    ]
     found = tangents(program, places, 4).call([*values, *seeds])[2:]
     for k, place in enumerate(places):
         step = 1e-5 * float(np.ravel(values[place])[0])
