@@ -233,7 +233,7 @@ _PULL = _primitive(
 
 
 def _zero(value: Any) -> Any:
-    return ad.Zero(jax.core.get_aval(value).to_tangent_aval())
+    return ad.Zero(jax.typeof(value).to_tangent_aval())
 
 
 def _run_with_changes(primals: Any, changes: Any, *, kernels: Kernels, depth: int) -> tuple[Any, Any]:

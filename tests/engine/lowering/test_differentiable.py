@@ -76,6 +76,14 @@ def test_without_a_kernel_it_is_the_function_itself():
     np.testing.assert_array_equal(chosen(jnp.arange(9.0))[-1], 64.0)
 
 
+def test_whole_numbers_among_the_results_have_no_derivative():
+    run = differentiable(lambda x, n: (x * n, (3.0 * x).astype(int) + n), 0.5, 3, engine="native")
+    found, changed = jax.jvp(lambda x: run(x, 3), (0.7,), (1.0,))
+    assert (float(found[0]), int(found[1])) == (0.7 * 3, 5)
+    assert float(changed[0]) == 3.0
+    assert changed[1].dtype == jax.dtypes.float0
+
+
 def test_what_no_kernel_does_is_refused():
     with pytest.raises(LoweringError, match="derivative of a derivative"):
         jax.hessian(lambda v: cost(kernel(), v))(VALUES)
