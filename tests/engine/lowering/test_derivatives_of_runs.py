@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from c_programs import COMPILER, InC, same_bits
 from lowered_examples import CASES, OTHERS, muscle_program, muscle_values
 from lowered_systems import PERIOD, positions, rubbing
 
@@ -218,6 +219,16 @@ def test_derived_programs_are_saved_and_loaded(tmp_path):
     again = Program.load(tmp_path / "adjoint.kernel")
     for a, b in zip(made.call([*case.values, *case.weights]), again.call([*case.values, *case.weights]), strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+@pytest.mark.parametrize("derive", [lambda p, k: tangents(p, k, 2), adjoint])
+def test_derivatives_in_c_have_the_bits_of_the_kernel(derive, tmp_path):
+    case = Case(channels, RUNS["channels"][1])
+    made = derive(case.program, case.places)
+    chance = np.random.default_rng(6)
+    given = [*case.values, *(chance.normal(size=leaf.shape) for leaf in made.arguments[len(case.values) :])]
+    assert same_bits(InC(tmp_path, made)(given), made.call(given))
 
 
 def operations(program):
