@@ -1,4 +1,4 @@
-"""A native kernel as a JAX function: under `jit` and `vmap`, with `jvp`, `grad`, `jacfwd` and `jacrev` by kernels of its own.
+"""A native kernel as a JAX function: under `jit` and `vmap`, with its derivatives by kernels too.
 
     run = differentiable(function, *examples)      # of trees, like `native.compiled`
     jax.grad(lambda mass: loss(run(system.replace(mass=mass), state)))(0.2)
@@ -61,7 +61,8 @@ def differentiable(
     made = compiled(function, *examples, engine=engine, title=title)
     if made.engine == "xla":
         return jax.jit(function)
-    structure, kernels = jax.tree.structure(tuple(examples)), Kernels(made.program, mode, threads)
+    structure: Any = jax.tree.structure(tuple(examples))
+    kernels = Kernels(made.program, mode, threads)
 
     def run(*trees: Any) -> Any:
         if jax.tree.structure(trees) != structure:
@@ -154,7 +155,12 @@ def _is_one(batch: tuple[int, ...]) -> bool:
 
 
 def _called(
-    program: Program, arrays: Sequence[np.ndarray], batch: tuple[int, ...], options: Any, leaves: Sequence[Leaf], begin: int = 0
+    program: Program,
+    arrays: Sequence[np.ndarray],
+    batch: tuple[int, ...],
+    options: Any,
+    leaves: Sequence[Leaf],
+    begin: int = 0,
 ) -> list[np.ndarray]:
     """Results of a program from `begin` on, for arrays with the axes of batches in front."""
     depth, lanes = len(batch), int(np.prod(batch))
@@ -185,9 +191,7 @@ def _primitive(name: str, host: Callable[..., Any], leaves: Callable[..., Sequen
 
     def shapes(*arrays: Any, kernels: Kernels, depth: int, **more: Any) -> list[Any]:
         batch = _batch(arrays, depth)
-        return [
-            jax.ShapeDtypeStruct((*batch, *x.shape), DTYPES[x.kind or "real"]) for x in leaves(kernels, **more)
-        ]
+        return [jax.ShapeDtypeStruct((*batch, *x.shape), DTYPES[x.kind or "real"]) for x in leaves(kernels, **more)]
 
     def call(*arrays: Any, kernels: Kernels, depth: int, **more: Any) -> Any:
         def on_host(*given: Any) -> Any:
@@ -213,7 +217,9 @@ def _primitive(name: str, host: Callable[..., Any], leaves: Callable[..., Sequen
     return made
 
 
-_RUN = _primitive("native_run", lambda kernels, given, depth: kernels.run(given, depth), lambda kernels: kernels.results)
+_RUN = _primitive(
+    "native_run", lambda kernels, given, depth: kernels.run(given, depth), lambda kernels: kernels.results
+)
 _PUSH = _primitive(
     "native_tangents",
     lambda kernels, given, depth, places: kernels.push(given, depth, places),
@@ -224,6 +230,10 @@ _PULL = _primitive(
     lambda kernels, given, depth, places: kernels.pull(given, depth, places),
     lambda kernels, places: [kernels.program.arguments[p] for p in places],
 )
+
+
+def _zero(value: Any) -> Any:
+    return ad.Zero(jax.typeof(value).to_tangent_aval())
 
 
 def _run_with_changes(primals: Any, changes: Any, *, kernels: Kernels, depth: int) -> tuple[Any, Any]:
@@ -237,7 +247,7 @@ def _run_with_changes(primals: Any, changes: Any, *, kernels: Kernels, depth: in
     if places:
         moved = iter(_PUSH.bind(*primals, *(changes[p] for p in places), kernels=kernels, depth=depth, places=places))
     return found, [
-        next(moved) if leaf.kind == "real" and places else ad.Zero.from_primal_value(x)
+        next(moved) if leaf.kind == "real" and places else _zero(x)
         for x, leaf in zip(found, kernels.results, strict=True)
     ]
 

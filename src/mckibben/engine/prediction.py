@@ -25,10 +25,10 @@ class Prediction(NamedTuple):
 def prediction(
     function: Callable[..., Any], count: int, *fixed: Any, engine: str = "auto", name: Hashable = None
 ) -> Prediction:
-    """The prediction of a JAX function of (values, *fixed) that returns one array, by native kernels where it can be lowered.
+    """The prediction of a JAX function that returns one array, by native kernels where it can be lowered.
 
     Args:
-        function: of the values and of what stays as it is.
+        function: of (values, *fixed).
         count: of the values.
         *fixed: trees that stay as they are.
         engine: see `native.compiled`.

@@ -76,7 +76,7 @@ def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
 
 
 # traced once, however often a step calls them
-_rounded, _slope = jax.jit(_rounded), jax.jit(_slope)
+_rounded, _slope = jax.jit(_rounded), jax.jit(_slope)  # type: ignore[assignment]
 
 
 def gas_energy(

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from c_programs import COMPILER, InC, same_bits
 from lowered_examples import CASES, OTHERS, muscle_program, muscle_values
 from lowered_systems import PERIOD, positions, rubbing
 
@@ -24,7 +25,13 @@ def stiff(*given):
 
 def bent(x, y):
     """What has a corner where it is looked at, and what says its slope itself."""
-    return jnp.maximum(x, y) + 3.0 * jnp.minimum(x, 0.0), jnp.abs(x) + 2.0 * jnp.abs(-y), jnp.tanh(x), jnp.sign(x) * y, told(x, y) * y
+    return (
+        jnp.maximum(x, y) + 3.0 * jnp.minimum(x, 0.0),
+        jnp.abs(x) + 2.0 * jnp.abs(-y),
+        jnp.tanh(x),
+        jnp.sign(x) * y,
+        told(x, y) * y,
+    )
 
 
 @jax.custom_jvp
@@ -149,7 +156,9 @@ def muscle_places():
 def test_tangents_of_a_muscle_are_differences_of_the_strict_kernel():
     program, values, places = muscle_program(), muscle_values(), muscle_places()
     seeds = [np.eye(4)[k] for k in range(4)]
-    seeds = [s.reshape(4, *np.shape(values[p])) if np.size(values[p]) == 1 else s for s, p in zip(seeds, places, strict=True)]
+    seeds = [
+        s.reshape(4, *np.shape(values[p])) if np.size(values[p]) == 1 else s for s, p in zip(seeds, places, strict=True)
+    ]
     found = tangents(program, places, 4).call([*values, *seeds])[2:]
     for k, place in enumerate(places):
         step = 1e-5 * float(np.ravel(values[place])[0])
@@ -210,6 +219,16 @@ def test_derived_programs_are_saved_and_loaded(tmp_path):
     again = Program.load(tmp_path / "adjoint.kernel")
     for a, b in zip(made.call([*case.values, *case.weights]), again.call([*case.values, *case.weights]), strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+@pytest.mark.parametrize("derive", [lambda p, k: tangents(p, k, 2), adjoint])
+def test_derivatives_in_c_have_the_bits_of_the_kernel(derive, tmp_path):
+    case = Case(channels, RUNS["channels"][1])
+    made = derive(case.program, case.places)
+    chance = np.random.default_rng(6)
+    given = [*case.values, *(chance.normal(size=leaf.shape) for leaf in made.arguments[len(case.values) :])]
+    assert same_bits(InC(tmp_path, made)(given), made.call(given))
 
 
 def operations(program):

@@ -1,4 +1,4 @@
-"""The discrete adjoint: a program that goes a run forwards, then backwards with the derivatives of a weighted sum of results.
+"""The discrete adjoint: a run forwards, then backwards with the derivatives of a weighted sum of its results.
 
 Backwards, a loop is gone through from its last trip to its first. What it carried into each trip was kept on the way
 forwards, everything else of a trip is made again from that; of a division the reciprocal is kept too. Where this would fill
@@ -9,26 +9,23 @@ an index is added up in memory of its own.
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ...errors import LoweringError
+from .adjoint_memory import KEPT, Sums, Twin, side_by_side
 from .eliminate import Edges
 from .graph import Buffer, Graph, Loop, Node, Store
 from .partials import Active, is_zero, partials, product, total
 from .program import Leaf, Program
 from .replay import Replay, Scope
-from .rewrite import rewritten, roots
+from .rewrite import rewritten
 from .schedule import Entry, schedule
 from .tangents import check
+from .way_back import Shape
 
 MOST = 1_000_000  # numbers per lane that are kept of a run
-DEAR = 2.0  # operations to make a number again from which on it is kept
-SMALL = 64  # elements of an argument up to which its derivative is no sum in memory
-KEPT = "kept of loop "  # what buffers of numbers that are kept of one loop are called
 Bars = dict[Node, Node]  # by old node, the derivative of the weighted sum by it so far
 
 
@@ -52,15 +49,7 @@ def adjoint(program: Program, places: Sequence[int], *, most: int = MOST) -> Pro
     return _Reverse(program, places, most).program()
 
 
-class Twin:
-    """Memory for the derivatives by a buffer's numbers; `tokens` say what has been added to it, `scope` where it was begun."""
-
-    def __init__(self, buffer: Buffer, scope: Scope, root: Twin | None = None) -> None:
-        self.buffer, self.root = buffer, root or self
-        self.scope, self.tokens = scope, list[Node]()
-
-
-class _Reverse:
+class _Reverse(Sums):
     def __init__(self, program: Program, places: Sequence[int], most: int) -> None:
         self.given, self.places = program, list(places)
         self.old = rewritten(program.graph, lambda g, node, args: None, exact=False)
@@ -70,7 +59,7 @@ class _Reverse:
         self.active = Active(self.old, self.plan, {self.arguments[p] for p in places})
         self.outer = Scope()
         self.replay = Replay(self.old, self.plan, self.new, self.outer)
-        self.shape = Shape(self)
+        self.shape = Shape(self.plan, self.active)
         self.again = self.shape.again(most)
         self.tapes: dict[Any, tuple[Buffer, list[Loop], Loop]] = {}
         self.twins: dict[tuple[Scope, Buffer], Twin] = {}
@@ -111,24 +100,6 @@ class _Reverse:
         whole = rewritten(g, lambda g, node, args: None, exact=False)
         side_by_side(whole)
         return Program(whole, leaves, wanted, given.title)
-
-    def _weighted(self, buffer: Buffer, weight: Buffer) -> None:
-        """The weights of a result, as the beginning of the derivatives by it."""
-        if not self.shape.read(buffer):
-            self.twins[self.outer, buffer] = Twin(weight, self.outer)
-            return
-        made = self.new.buffer("scratch", "real", buffer.shape)
-        self.twins[self.outer, buffer] = self._begun(made, self.outer, weight)
-
-    def _begun(self, buffer: Buffer, scope: Scope, values: Buffer | None = None) -> Twin:
-        g, twin = self.new, Twin(buffer, scope)
-        if buffer.size:
-            loop = g.open_loop(buffer.size)
-            g.store(buffer, loop.index, g.const(0.0) if values is None else g.load(values, loop.index))
-            g.pin()
-            g.close_loop(loop, ())
-            twin.tokens.append(g.done(loop))
-        return twin
 
     # Forwards
 
@@ -208,8 +179,6 @@ class _Reverse:
 
     # Backwards
 
-    sums: dict[tuple[Buffer, int], Node]
-
     def backward(self, entries: list[Entry], scope: Scope, bars: Bars) -> None:
         """Write the way back through a block."""
         if scope is self.outer:
@@ -248,7 +217,9 @@ class _Reverse:
         for node in entries:
             if isinstance(node, Node) and node in self.active.nodes and node.op not in ("load", "table"):
                 slopes = zip(node.args, self._slopes(node, scope), strict=True)
-                edges.add(node, [(a, s) for a, s in slopes if s is not None and a in self.active.nodes and not is_zero(s)])
+                edges.add(
+                    node, [(a, s) for a, s in slopes if s is not None and a in self.active.nodes and not is_zero(s)]
+                )
         if scope.around is not None and not any(isinstance(e, Loop) for e in entries):
             (loop,) = scope.loops
             kept = {loop.nexts[k] for k in self.plan.live.carried[loop]}
@@ -262,49 +233,6 @@ class _Reverse:
             inverse = self.kept(("inverse", node.args[1]), scope)
             return [inverse, self.new.make("neg", (self.new.make("mul", (made, inverse)),))]
         return partials(self.new, node, args, made)
-
-    def _memory(self, node: Node, scope: Scope, bar: Node) -> None:
-        """Add to the derivatives by what was read."""
-        buffer, scale, offset = node.attr
-        if buffer.role == "argument" and self.shape.plain(buffer):
-            self.sums[buffer, offset] = bar
-            return
-        twin, g = self.twin(scope, buffer), self.new
-        index: Node | int = self.replay.node(scope, node.args[0]) if scale else 0
-        if twin.root.scope is scope:  # what is added here is read here: a loop of one trip says when it is there
-            loop = g.open_loop(1)
-            loop.after = list(twin.root.tokens)
-            g.store(twin.buffer, index, bar, scale=scale, offset=offset, adds=True)
-            g.close_loop(loop, ())
-            twin.root.tokens.append(g.done(loop))
-        else:
-            g.store(twin.buffer, index, bar, scale=scale, offset=offset, adds=True)
-            self.touched[-1].add(twin.root)
-
-    def _read(self, store: Store, scope: Scope) -> Node:
-        """The derivative by what was stored."""
-        twin = self.twin(scope, store.buffer)
-        index: Node | int = 0 if store.index is None else self.replay.node(scope, store.index)
-        return self.new.load(twin.buffer, index, store.scale, store.offset, tuple(twin.root.tokens))
-
-    def twin(self, scope: Scope, buffer: Buffer) -> Twin:
-        """The derivatives by a buffer's numbers."""
-        at: Scope | None = scope
-        while at is not None:
-            found = self.twins.get((at, buffer))
-            if found is not None:
-                return found
-            at = at.around
-        assert buffer.within is not None, buffer.name
-        inside, offset, loop, by = buffer.within
-        around = self.twin(scope, inside)
-        made = self.new.buffer("scratch", "real", buffer.shape)
-        made.within = self.replay.moved(scope, around.buffer, offset, loop, by)
-        home = scope
-        while loop is not None and home.around is not None and loop not in home.loops:
-            home = home.around
-        found = self.twins[home if loop is not None else self.outer, buffer] = Twin(made, home, around.root)
-        return found
 
     def _backward_loop(self, loop: Loop, scope: Scope, bars: Bars) -> None:
         g, carried = self.new, self.plan.live.carried[loop]
@@ -363,180 +291,3 @@ class _Reverse:
                     scope.nodes[entry] = self.new.make("mul", (above, inverse))
                 else:
                     self.replay.again(scope, entry)
-
-
-class Shape:
-    """What is known of loops and memory before the way back is written."""
-
-    def __init__(self, at: _Reverse) -> None:
-        self.at, self.plan, self.active = at, at.plan, at.active
-        live, home = at.plan.live, at.plan.home
-        self.home = home
-        self.ends = {n.attr: n for n in live.nodes if n.op == "end"}
-        self.inside: dict[Loop, set[Loop]] = {x: set() for x in live.loops}  # each with those inside of it
-        for loop in live.loops:
-            up: Loop | None = loop
-            while up is not None:
-                self.inside[up].add(loop)
-                up = home[up]
-        self.loads = [n for n in live.nodes if n.op == "load"]
-        self.moving = {x for x in live.loops if any(self._moves(y) for y in self.inside[x])}
-        self._shared: dict[Loop, list[Node]] = {}
-        self.dear = {n for x in self.moving if len(self.inside[x]) == 1 for n in self._dear(x)}
-
-    def _moves(self, loop: Loop) -> bool:
-        if any(loop.phis[k] in self.active.nodes for k in self.plan.live.carried[loop]):
-            return True
-        return any(
-            (e.value if isinstance(e, Store) else e) in self.active.nodes
-            for e in self.plan.bodies[loop]
-            if not isinstance(e, Loop)
-        )
-
-    @staticmethod
-    def trips(loop: Loop) -> int:
-        """How many trips a loop has."""
-        if isinstance(loop.trips, int):
-            return loop.trips
-        raise LoweringError("a loop", "its derivative needs a number of trips that is known before it runs")
-
-    def divides(self, node: Entry) -> bool:
-        """Whether the reciprocal of a division in a loop is kept."""
-        if not isinstance(node, Node) or node.op != "div" or node not in self.active.nodes:
-            return False
-        home = self.home[node]
-        return home is not None and self.home.get(node.args[1]) is home
-
-    def _dear(self, loop: Loop) -> list[Node]:
-        """What is worth keeping: sums that the way back needs, of much that it does not need."""
-        entries = [e for e in self.plan.bodies[loop] if isinstance(e, Node)]
-        needed = {a for e in entries if e in self.active.nodes for a in _needed(e)}
-        uses = Counter(a for e in entries for a in e.args)
-        cost: dict[Node, float] = {}
-        found = []
-        for node in entries:
-            if node.op in ("load", "table"):
-                continue
-            cost[node] = 1.0 + sum(0.0 if a in needed else cost.get(a, 0.0) / uses[a] for a in node.args)
-            if cost[node] > DEAR and node.kind == "real":
-                cost[node] = 0.0
-                found.append(node)
-        return found
-
-    def plain(self, buffer: Buffer) -> bool:
-        """Whether an argument is read at known places only."""
-        return buffer.size <= SMALL and not any(n.attr[0] is buffer and n.attr[1] for n in self.loads)
-
-    def read(self, buffer: Buffer) -> bool:
-        """Whether what stands in a buffer, or in one inside of it, is read again as something that changes."""
-        return any(n in self.active.nodes and buffer in roots(n.attr[0]) for n in self.loads)
-
-    def begun(self, entries: list[Entry]) -> list[Buffer]:
-        """Buffers whose derivatives begin with a block: those that it writes and reads."""
-        found: dict[Buffer, None] = {}
-        for entry in entries:
-            if isinstance(entry, Node) and entry.op == "table" and entry in self.active.nodes:
-                found[entry.attr] = None
-            for loop in self.inside[entry] if isinstance(entry, Loop) else ():
-                for store in loop.stores:
-                    root = list(roots(store.buffer))[-1]
-                    if root.role == "scratch" and root in self.active.buffers and root.kind == "real":
-                        found[root] = None
-        return [b for b in found if self._here(b, entries)]
-
-    def _here(self, buffer: Buffer, entries: list[Entry]) -> bool:
-        """Whether all that reads a buffer stands in a block or inside of it."""
-        inside = {x for e in entries if isinstance(e, Loop) for x in self.inside[e]}
-        own = {e for e in entries if isinstance(e, Node)}
-        return all(
-            n in own or self.home[n] in inside for n in self.loads if buffer in roots(n.attr[0])
-        ) and not any(
-            all(n in self._body(x) or self.home[n] in self.inside[x] for n in self.loads if buffer in roots(n.attr[0]))
-            and self._writes(x, buffer)
-            for x in inside
-        )
-
-    def _body(self, loop: Loop) -> list[Entry]:
-        return self.plan.bodies[loop]
-
-    def _writes(self, loop: Loop, buffer: Buffer) -> bool:
-        """Whether a buffer is written by loops inside of one, not by itself."""
-        return any(buffer in roots(s.buffer) for x in self.inside[loop] - {loop} for s in x.stores)
-
-    def local(self, loop: Loop) -> list[Buffer]:
-        """Memory that one trip writes, by loops inside of it, and reads."""
-        written = {s.buffer for x in self.inside[loop] - {loop} for s in x.stores}
-        read = {n.attr[0] for n in self.loads if self.home[n] in self.inside[loop]}
-        return sorted(written & read, key=lambda b: b.serial)
-
-    def again(self, most: int) -> set[Loop]:
-        """Loops that go forwards once more through what is inside of them, in every trip on the way back."""
-        found = {x for x in self.moving if self.local(x)}
-        size = 0
-        for loop in self.moving:
-            many, up = len(self.plan.live.carried[loop]), loop
-            while up is not None:
-                many *= self.trips(up)
-                up = self.home[up]  # type: ignore[assignment]
-            size += many
-        if size > most:
-            found |= {x for x in self.moving if self.home[x] is None and len(self.inside[x]) > 1}
-        return found
-
-    def shared(self, loop: Loop) -> list[Node]:
-        """What changes, stands outside of a loop, and is used inside."""
-        if loop not in self._shared:
-            found: dict[Node, None] = {}
-            for x in sorted(self.inside[loop], key=lambda x: x.serial):
-                places = self.plan.live.carried[x]
-                used = [n for k in places for n in (loop_inits(x, k, loop), x.nexts[k]) if n is not None]
-                for entry in self.plan.bodies[x]:
-                    if isinstance(entry, Store):
-                        used.append(entry.value)
-                    elif isinstance(entry, Node) and entry in self.active.nodes and entry.op != "load":
-                        used += entry.args
-                for node in used:
-                    if node in self.active.nodes and node.op != "table" and self.home[node] not in self.inside[loop]:
-                        found[node] = None
-            self._shared[loop] = list(found)
-        return self._shared[loop]
-
-
-def side_by_side(graph: Graph) -> None:
-    """Put what is kept of one trip side by side in memory, not what is kept of one number in all trips."""
-    groups: dict[str, list[Buffer]] = {}
-    for buffer in graph.buffers:
-        if buffer.name.startswith(KEPT):
-            groups.setdefault(buffer.name, []).append(buffer)
-    place: dict[Buffer, tuple[Buffer, int, int]] = {}
-    for name, buffers in groups.items():
-        many = len(buffers)
-        whole = graph.buffer("scratch", buffers[0].kind, (buffers[0].size * many,), name)
-        place.update({b: (whole, many, k) for k, b in enumerate(buffers)})
-    for node in graph.nodes:
-        if node.op == "load" and node.attr[0] in place:
-            (whole, many, k), (_, scale, offset) = place[node.attr[0]], node.attr
-            node.attr = whole, scale * many, offset * many + k
-    for stores in (graph.stores, *(x.stores for x in graph.loops)):
-        for i, store in enumerate(stores):
-            if store.buffer in place:
-                whole, many, k = place[store.buffer]
-                stores[i] = dataclasses.replace(
-                    store, buffer=whole, scale=store.scale * many, offset=store.offset * many + k
-                )
-
-
-def _needed(node: Node) -> tuple[Node, ...]:
-    """What the derivatives of an operation are made of."""
-    if node.op in ("add", "sub", "neg"):
-        return ()
-    if node.op == "select":
-        return node.args[:1]
-    if node.op == "given":
-        return node.args[2::2]
-    return (*node.args, node) if node.op in ("div", "sqrt", "exp", "expm1", "pow") else node.args
-
-
-def loop_inits(inner: Loop, place: int, outer: Loop) -> Node | None:
-    """What a loop inside of another begins with; of the other itself, that is used outside."""
-    return None if inner is outer else inner.inits[place]

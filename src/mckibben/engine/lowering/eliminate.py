@@ -70,7 +70,9 @@ class Edges:
             self._remove(node)
             for n in list(near):
                 near.update(self.uses.get(n, ()), self.into.get(n, ()))
-            for n in sorted((n for n in near if n in number and n in self.into and n not in kept), key=number.__getitem__):
+            for n in sorted(
+                (n for n in near if n in number and n in self.into and n not in kept), key=number.__getitem__
+            ):
                 look(n)
 
     def rest(self, kept: set[Node]) -> Iterator[tuple[Node, list[tuple[Node, Node]]]]:

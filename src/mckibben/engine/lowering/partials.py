@@ -87,7 +87,7 @@ _RULES: dict[str, Callable[[Graph, Node, tuple[Node, ...]], list[Node | None]]] 
 
 
 def product(g: Graph, x: Node, y: Node) -> Node:
-    """x y, where a factor that chooses between 1 and 0 is a choice, and a sign is left to the sum that it goes to."""
+    """Product of x and y; a factor that chooses between 1 and 0 is a choice, a sign is left to the sum that follows."""
     if x.op == "neg" or y.op == "neg":
         signs = (x.op == "neg") + (y.op == "neg")
         made = product(g, *(z.args[0] if z.op == "neg" else z for z in (x, y)))
@@ -102,7 +102,7 @@ def product(g: Graph, x: Node, y: Node) -> Node:
 
 
 def total(g: Graph, x: Node, y: Node) -> Node:
-    """x + y, where what a choice gives to one and what it gives to the other are one choice."""
+    """Sum of x and y, where what a choice gives to one and what it gives to the other are one choice."""
     if x.op == y.op == "select" and x.args[0] is y.args[0]:
         for a, b in ((x, y), (y, x)):
             if is_zero(a.args[2]) and is_zero(b.args[1]):

@@ -56,7 +56,7 @@ class Replay:
         else:
             found = scope.find("nodes", node)
         assert found is not None, node
-        return found  # type: ignore[no-any-return]
+        return found
 
     def buffer(self, scope: Scope, buffer: Buffer) -> Buffer:
         """What stands for a buffer; scratch memory is made when it is first asked for."""
@@ -115,7 +115,9 @@ class Replay:
         inner.nodes[loop.index] = made.index
         return made, inner
 
-    def store(self, scope: Scope, store: Store, buffer: Buffer, value: Node, offset: int = 0, adds: bool = False) -> None:
+    def store(
+        self, scope: Scope, store: Store, buffer: Buffer, value: Node, offset: int = 0, adds: bool = False
+    ) -> None:
         """Write to the place of a store, in some buffer."""
         index = 0 if store.index is None else self.node(scope, store.index)
         self.new.store(buffer, index, value, scale=store.scale, offset=store.offset + offset, adds=adds)
