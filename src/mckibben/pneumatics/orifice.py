@@ -45,7 +45,10 @@ def conductance_flow(
 
 
 def smooth_root(square: Any, start: Any, factor: Any = 1.0) -> Scalar:
-    """sqrt(factor square) from `start` on; below, the parabola in `square` that meets it with value and slope (start > 0)."""
+    """sqrt(factor square) from `start` on; below, the parabola in `square` that meets it with value and slope.
+
+    Range: start > 0.
+    """
     share = jnp.minimum(square / start, 1.0)
     return jnp.sqrt(factor * jnp.maximum(square, start)) * (share * (1.5 - 0.5 * share))
 

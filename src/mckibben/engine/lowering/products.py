@@ -44,7 +44,7 @@ class Uses(NamedTuple):
 
     live: Alive
     home: dict[Any, Any]
-    count: Counter[Node]
+    times: Counter[Node]
     ready: dict[Node, float]
 
 
@@ -80,7 +80,7 @@ def straight(graph: Graph) -> Graph:
 
     def line(node: Node, loop: Any, first: bool) -> tuple[Node, list[tuple[str, Node]]]:
         """What a chain begins with, and what is done to it, in order."""
-        if node.op in ("add", "sub", "mul", "div", "neg") and at.home[node] is loop and (first or at.count[node] == 1):
+        if node.op in ("add", "sub", "mul", "div", "neg") and at.home[node] is loop and (first or at.times[node] == 1):
             if node.op == "neg":
                 begin, steps = line(node.args[0], loop, False)
                 return begin, [*steps, ("neg", node)]
@@ -151,7 +151,7 @@ def _bags(at: Uses) -> dict[Node, Bag]:
     for node in reversed(at.live.nodes):
         if node.kind != "real" or node.op not in OPEN or node.op == "neg":
             continue
-        inside = at.count[node] == 1 and users[node] and at.home[users[node][0]] is at.home[node]
+        inside = at.times[node] == 1 and users[node] and at.home[users[node][0]] is at.home[node]
         if inside and (users[node][0].op != "neg" or _in_product(users[node][0], at, users)):
             continue
         bag = _taken_apart(node, at)
@@ -162,7 +162,7 @@ def _bags(at: Uses) -> dict[Node, Bag]:
 
 def _in_product(neg: Node, at: Uses, users: dict[Node, list[Node]]) -> bool:
     """Whether a sign is part of a product."""
-    while at.count[neg] == 1 and users[neg] and at.home[users[neg][0]] is at.home[neg]:
+    while at.times[neg] == 1 and users[neg] and at.home[users[neg][0]] is at.home[neg]:
         if users[neg][0].op != "neg":
             return True
         neg = users[neg][0]
@@ -178,7 +178,7 @@ def _taken_apart(root: Node, at: Uses) -> Bag | None:
         node, exponent = stack.pop()
         if node.op == "const" and node.attr != 0.0:
             constant = constant * node.attr if exponent > 0 else constant / node.attr
-        elif node is root or (node.op in OPEN and (at.home[node] is not here or at.count[node] == 1)):
+        elif node is root or (node.op in OPEN and (at.home[node] is not here or at.times[node] == 1)):
             if node.op == "neg":
                 constant = -constant
             if node.op == "rcp":
