@@ -40,7 +40,9 @@ def conductance_flow(
     # ratio, p1 psi = sqrt(d (2 K - d))/(1 - b), and K itself cancels.
     choking = p1 * (1.0 - critical_ratio)
     drop, band = jnp.minimum(p1 - p2, choking), jnp.minimum(linear_band, 0.5 * choking)
-    root = smooth_root(drop * (2.0 * choking - drop), band * (2.0 * choking - band), REFERENCE_TEMPERATURE / temperature1)
+    root = smooth_root(
+        drop * (2.0 * choking - drop), band * (2.0 * choking - band), REFERENCE_TEMPERATURE / temperature1
+    )
     return conductance * REFERENCE_DENSITY / (1.0 - critical_ratio) * root
 
 

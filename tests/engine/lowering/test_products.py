@@ -82,9 +82,7 @@ def test_a_difference_is_zero_where_it_was_zero():
 names = st.sampled_from([f"{kind}{i}" for kind in "cx" for i in range(3)])
 expressions = st.recursive(
     names,
-    lambda inner: st.one_of(
-        st.tuples(st.sampled_from("+-*/"), inner, inner), st.tuples(st.sampled_from("nqk"), inner)
-    ),
+    lambda inner: st.one_of(st.tuples(st.sampled_from("+-*/"), inner, inner), st.tuples(st.sampled_from("nqk"), inner)),
     max_leaves=16,
 )
 
