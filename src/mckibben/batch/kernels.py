@@ -153,7 +153,7 @@ class Kernels:
                 functools.partial(physics, self.kind._replace(engine="", threads=0), stiff=False),
                 one, first, row, np.float64(period), np.int64(inner), engine=self.kind.engine, title="a lane of a batch",
             )  # fmt: skip
-        return self._native if self._native is not None and self._native.engine == "native" else None
+        return self._native if self._native is not None and self._native.engine != "xla" else None
 
     def _called(
         self, native: Compiled, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int

@@ -49,7 +49,7 @@ class Runner:
     Args:
         recipe: of all variants.
         ranges: lowest and highest value of every varied number in the whole sweep [SI].
-        engine: that compiles the lanes: ``auto``, ``xla`` or ``native``.
+        engine: that compiles the lanes: ``auto``, ``native``, ``gpu`` or ``xla``.
         threads: of native kernels; all cores where 0.
     """
 

@@ -23,7 +23,7 @@ from .lowering.machine_code import llvm
 from .lowering.program import Program
 from .programs import program
 
-ENGINES = ("auto", "native", "xla")
+ENGINES = ("auto", "native", "gpu", "xla")
 
 
 class Compiled:
@@ -40,8 +40,12 @@ class Compiled:
             llvm()
             self._program, self._tree = program(function, examples, title)
             self.engine = "native"
+            if engine == "gpu":
+                from .lowering.gpu import on_gpu
+
+                self._program, self.engine = on_gpu(self._program), "gpu"
         except (LoweringError, MissingDataError) as error:
-            if engine == "native":
+            if engine != "auto":
                 raise
             self.reason = str(error)
 
@@ -52,7 +56,7 @@ class Compiled:
         Raises:
             LoweringError: if the function runs by XLA.
         """
-        if self.engine != "native":
+        if self.engine == "xla":
             raise LoweringError("the function", self.reason or "it was compiled for XLA")
         return self._program
 
@@ -84,7 +88,7 @@ class Compiled:
         if jax.tree.structure(trees) != self._structure:
             raise InputError("arguments", "another tree", "allowed are trees like the examples")
         leaves = jax.tree.leaves(trees)
-        if self.engine == "native":
+        if self.engine != "xla":
             found = self._program.call(leaves, lanes=lanes, mode=mode, real=real, threads=threads)
             return jax.tree.unflatten(self._tree, [self._empty(k) if v is None else v for k, v in enumerate(found)])
         axes = tuple(self._axis(shape, leaf, lanes) for shape, leaf in zip(self._shapes, leaves, strict=True))
@@ -124,13 +128,14 @@ def compiled(function: Callable[..., Any], *examples: Any, engine: str = "auto",
     Args:
         function: of trees; whole numbers that fix its structure are closed over, all else are arguments.
         *examples: trees like its arguments, for one lane.
-        engine: ``native``, ``xla``, or ``auto``: native where the function can be lowered, else XLA.
+        engine: ``native``, ``gpu`` (lanes on one of NVIDIA's, a single run on the processor), ``xla``, or ``auto``: native
+            where the function can be lowered, else XLA.
         title: what errors call it.
 
     Raises:
         InputError: an unknown engine.
-        LoweringError: with ``native``, an operation that no kernel can do.
-        MissingDataError: with ``native``, if llvmlite is not installed.
+        LoweringError: with ``native`` or ``gpu``, an operation that no kernel can do.
+        MissingDataError: with these, if llvmlite is not installed; with ``gpu``, no driver or no GPU.
     """
     if engine not in ENGINES:
         raise InputError("engine", engine, f"known are {', '.join(ENGINES)}")

@@ -24,6 +24,7 @@ from mckibben.engine.lowering import gpu_driver as driver
 from mckibben.engine.lowering.emit_ptx import OWN, gpu_assembly, ptx
 from mckibben.engine.lowering.gpu import on_gpu
 from mckibben.engine.lowering.program import Program
+from mckibben.engine.native import compiled as compile_for
 from mckibben.errors import InputError, MckibbenError, MissingDataError
 
 ASSEMBLER = shutil.which("ptxas") or next(map(str, Path(np.__file__).parents[1].glob("nvidia/*/bin/ptxas")), None)
@@ -255,10 +256,23 @@ def test_a_run_without_lanes_is_the_processors(fake: Fake) -> None:
     assert fake.number("launches").value == 0
 
 
+@compiled
+def test_the_engine_gpu_is_the_native_one_elsewhere(fake: Fake) -> None:
+    function, examples = CASES["arithmetic"]
+    by_gpu, native = (compile_for(function, *examples, engine=engine) for engine in ("gpu", "native"))
+    leaves, structure = jax.tree.flatten(examples)
+    many = jax.tree.unflatten(structure, [np.multiply.outer(leaf, np.linspace(1.0, 2.0, 70)) for leaf in leaves])
+    found, wanted = (jax.tree.leaves(run(*many, lanes=70)) for run in (by_gpu, native))
+    assert same_bits(found, wanted)
+    assert by_gpu.engine == "gpu" and fake.number("launches").value == 1
+
+
 def test_no_driver_is_said_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(driver.VARIABLE, str(tmp_path / "none.so"))
     with pytest.raises(MissingDataError, match=r"^No GPU: there is no driver of NVIDIA here \(.*none\.so\)\.$"):
         on_gpu(program("loops"))
+    with pytest.raises(MissingDataError, match="no driver"):
+        compile_for(*CASES["arithmetic"][:1], *CASES["arithmetic"][1], engine="gpu")
 
 
 @compiled
