@@ -181,7 +181,7 @@ def prepare(
     layout = on.layout(wanted, plumbing)
     rest = _rest_length(unit, spec)
     plan = _plan(wanted, rest)
-    found = check_plan(plan, on.limits(layout), _expected(unit))
+    found = check_plan(plan, on.limits(layout), expected(unit))
     known = [*on.sensors, *(["span"] if on.encoder is not None else [])]
     for fault in faults:
         if fault.channel not in known:
@@ -209,7 +209,7 @@ def _every(rate: float, plan: Plan) -> int:
     return math.ceil(CONTROL_RATE / rate * (1.0 - 1e-9)) if moves and rate < CONTROL_RATE else 1
 
 
-def _expected(unit: MuscleUnit) -> Estimate:
+def expected(unit: MuscleUnit) -> Estimate:
     """Tension by the muscle's law; in pieces of one size, so that it is compiled once."""
 
     def tension(span: Any, pressure: Any) -> np.ndarray:

@@ -18,7 +18,7 @@ from ..specimens import Specimen
 from . import channels
 from .about import StepTable, describe
 from .hardware.border import Hardware
-from .hardware.in_process import InProcess
+from .hardware.in_process import InProcess, SimulatedMachine
 from .keeping import Keeper
 from .part import PartMachine, rubbed, software_of, timing_of
 from .prepare import Bench, Fault, Part, prepare
@@ -85,6 +85,7 @@ class Run:
 
     real_time = False
     hardware: Hardware | None = None
+    simulated_by: Callable[[SimulatedMachine], Hardware] = InProcess  # how a simulated machine keeps its time
 
     def __init__(
         self, bench: Bench, *, progress: Progress | None = None, display: Display | None = None,
@@ -153,7 +154,7 @@ class Run:
         own = PartMachine(self.bench, number, part, self.timing, self.time)
         if self.real_time:
             at = own.at_border(ahead=most * self.timing.period)
-            self._clocked(InProcess(at), software, part, own.machine, most)
+            self._clocked(self.simulated_by(at), software, part, own.machine, most)
             self.closed.append(own.closed(at.carry()))
             return own.machine
         carry = own.carry(software)

@@ -23,6 +23,7 @@ from . import (
     record,
     reproduce,
     run,
+    serve,
     size,
     study,
     sweep,
@@ -68,6 +69,7 @@ reproduce.add_to(app)
 size.add_to(app)
 study.add_to(app)
 sweep.add_to(app)
+serve.add_to(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

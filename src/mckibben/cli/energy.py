@@ -104,28 +104,24 @@ def _muscles(
     name: str, law: str | None, change: list[str] | None, volume: str | None
 ) -> tuple[Specimen, str, dict[str, CycleMuscle], str]:
     """The specimen, the name of its law, the muscle with each volume that it has, and the volume that is asked for."""
-    from ..analysis.energy import VOLUMES, cycle_muscle, has_paper_volume
-    from ..muscles.build import law_from_specimen
+    from ..analysis.energy.settings import cycle_muscles
     from ..specimens import specimen
 
     spec = specimen(name)
-    if spec.kind != "mckibben":
-        raise InputError("specimen", spec.id, f"its kind is {spec.kind}; allowed is a McKibben muscle")
     chosen = law or spec.law
-    built = law_from_specimen(spec, chosen, changes=parameters(change, chosen))
-    which = volume or ("paper" if has_paper_volume(built) else "potential")
-    order = [which, *(v for v in VOLUMES if v != which and (v == "potential" or has_paper_volume(built)))]
-    return spec, chosen, {v: cycle_muscle(built, v) for v in order}, which
+    chosen, muscles = cycle_muscles(spec, chosen, volume or "", parameters(change, chosen) if change else None)
+    return spec, chosen, muscles, next(iter(muscles))
 
 
 def _conditions(
     spec: Specimen, muscle: CycleMuscle, pressure: str, stretched: str | None, ambient: str | None, **more: Any
 ) -> Conditions:
     from ..analysis.energy import Conditions
+    from ..analysis.energy.settings import surroundings
     from ..components import Environment
     from ..quantities import parse
 
-    around = Environment.of_the_papers() if "chou1996" in spec.sources else Environment()
+    around = surroundings(spec)
     if ambient is not None:
         around = Environment(pressure_abs=parse(ambient, "Pa", field="--ambient"))
     between = Conditions(
@@ -142,38 +138,30 @@ def _conditions(
 
 def _stretched(spec: Specimen, muscle: CycleMuscle, text: str | None) -> float:
     """The length at which cycles begin [m], below that of the threads wherever the specimen states one."""
-    from ..quantities import parse, with_unit
+    from ..analysis.energy.settings import check_threads, stretched_length
+    from ..quantities import parse
 
     if text is None:
-        known = [n for n in ("stretched_length", "upper_length", "rest_length") if n in spec.properties]
-        return spec.property_si(known[0], "m") if known else float(muscle.length_range()[1])
+        return stretched_length(spec, muscle)
     length = parse(text, "m", field="--stretched")
-    for group in spec.laws.values():
-        if "thread_length" in group:
-            threads = group["thread_length"].si("m", field="thread_length", where=spec.where)
-            if isinstance(threads, float) and length >= threads:
-                raise InputError(
-                    "--stretched", text, f"allowed is below {with_unit(threads, 'm')}, the length of its threads"
-                )
+    check_threads(spec, length, field="--stretched", shown=text)
     return length
 
 
 def _exchange(wanted: bool, text: str | None, muscle: CycleMuscle, law: str) -> float:
+    from ..analysis.energy.settings import at_threshold
     from ..quantities import parse
 
     if text is not None and wanted:
         raise InputError("--accumulator-pressure", text, "allowed without --accumulator, which is at the threshold")
     if text is not None:
         return parse(text, "Pa", field="--accumulator-pressure")
-    if wanted and float(muscle.threshold()) <= 0.0:
-        words = (
-            f"the law '{law}' has no threshold pressure; allowed is --accumulator-pressure with one, such as '0.9 bar'"
-        )
-        raise InputError("--accumulator", "given", words)
-    return float(muscle.threshold()) if wanted else 0.0
+    cure = "--accumulator-pressure with one, such as '0.9 bar'"
+    return at_threshold(muscle, law, field="--accumulator", cure=cure) if wanted else 0.0
 
 
 def _friction(spec: Specimen, text: str | None, *, none: bool) -> float:
+    from ..analysis.energy.settings import coulomb_friction
     from ..quantities import parse
 
     if none and text is not None:
@@ -182,17 +170,15 @@ def _friction(spec: Specimen, text: str | None, *, none: bool) -> float:
         return 0.0
     if text is not None:
         return parse(text, "N", field="--friction")
-    return spec.property_si("coulomb_friction", "N") if "coulomb_friction" in spec.properties else 0.0
+    return coulomb_friction(spec)
 
 
 def _curve(asked: Asked, name: str) -> EnergyCurve:
-    import numpy as np
-
     from ..analysis.energy import energy_curve
+    from ..analysis.energy.settings import pressures
 
     muscle, between = asked.muscles[asked.volume], asked.conditions
-    low = max(float(muscle.threshold()), between.exchange_pressure, 0.0)
-    at = low + (2.0 * between.pressure - low) * np.linspace(0.0, 1.0, CURVE_POINTS)[1:]
+    at = pressures(muscle, between, 2.0 * between.pressure, CURVE_POINTS - 1)
     return energy_curve(muscle, name, at, between)
 
 

@@ -24,7 +24,9 @@ def add_to(app: typer.Typer) -> None:
 def fit(
     files: Annotated[
         list[str],
-        typer.Argument(metavar="FILE..", help="CSV tables, specimens that ship with a map, or a .toml of constraints."),
+        typer.Argument(
+            metavar="FILE..", help="CSV, MAT, TDMS tables, specimens that ship with a map, or a .toml of constraints."
+        ),
     ],
     law: Annotated[
         list[str] | None, typer.Option("--law", help="Law to fit; repeat for several. All where left out.")
@@ -35,10 +37,11 @@ def fit(
     ] = None,
     change: Set = None,
     column: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="Which column is length, pressure, ...")
+        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="Which column is length, pressure, ...; - for none.")
     ] = None,
     unit: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none.")
+        list[str] | None,
+        typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none, such as kPa, or 'kPa abs'."),
     ] = None,
     branch: Annotated[str | None, typer.Option(help="Keep only rows with this value in the branch column.")] = None,
     pressure_zero: Annotated[
@@ -132,11 +135,10 @@ def _study(
     below: float | None,
     slack: bool,
 ) -> Any:
-    from ..identification import evaluate, fit_all
+    from ..identification import fit_all
     from ..identification.fit import SCHEMES
-    from ..muscles.build import law_from_specimen
     from ..muscles.laws import LAWS, law_type
-    from ..report.study import Study
+    from ..report.study import Study, published_of
 
     for name in laws or []:
         law_type(name)
@@ -147,18 +149,12 @@ def _study(
         fits = fit_all(
             points, laws=chosen, known=known, skipped=skipped, train_below=below, slack=slack, progress=advance
         )
-    published = []
-    if spec is not None:
-        for name in spec.laws if spec.map else ():
-            if not any(p.note.startswith("fitted") for p in spec.laws[name].values()):
-                built = law_from_specimen(spec, name)
-                published.append((f"{built.title}, as published", evaluate(built, points)))
     return Study(
         title=spec.title if spec else points.name,
         specimen=spec,
         points=points,
         fits=fits,
-        published=published,
+        published=published_of(spec, points),
         skipped=skipped,
     )
 
@@ -167,13 +163,9 @@ def _known(spec: Specimen | None, change: list[str] | None, laws: list[str] | No
     """Dimensions that are not fitted: from the specimen, then from ``--set``."""
     from ..muscles.laws import LAWS, law_type
     from ..quantities import declared, parse
+    from ..report.study import known_of
 
-    found: dict[str, Any] = {}
-    if spec is not None:
-        places = {"rest_inner_diameter": ("rest_diameter", "m"), "wall_thickness": ("wall_thickness", "m")}
-        for name, (parameter, unit) in places.items():
-            if name in spec.properties:
-                found[parameter] = spec.property_si(name, unit)
+    found: dict[str, Any] = {**known_of(spec)}
     fields = {k: q for name in (laws or LAWS) if name in LAWS for k, q in declared(law_type(name)).items()}
     for name, text in assignments(change).items():
         if name not in fields:

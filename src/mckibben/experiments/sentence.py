@@ -39,6 +39,18 @@ def protocol_sentence(protocol: Protocol) -> str:
     return " ".join(said)
 
 
+def clauses(protocol: Protocol) -> list[tuple[str, str]]:
+    """Every step or group in words, with its dotted path such as ``steps.2``, in the order in which they are done."""
+    cases = protocol.cases()
+    varied, found = _varied(cases), []
+    for section, case in (("first", cases[0]), ("steps", _told(protocol, cases[0])), ("last", cases[-1])):
+        for i, part in enumerate(getattr(protocol, section), 1):
+            text = _marked((part,), case, varied)
+            if text:
+                found.append((f"{section}.{i}", text))
+    return found
+
+
 def case_words(case: Mapping[str, Any]) -> str:
     """A case in words, such as ``pressure 5 bar, frequency 1 Hz``."""
     return ", ".join(f"{_named(k)} {v}" for k, v in case.items())

@@ -73,7 +73,7 @@ def assembled(
     remarks = [f"{g.label} is left out: {_why(g.values)}" for g in given if not any(g is one for one in usable)]
     if not usable:
         raise InputError("columns", "none", "allowed is a file with at least one column of numbers", where=where)
-    usable = _stripped(usable)
+    usable = stripped(usable)
     found = _found(usable, dict(columns or {}), period is None, where)
     words = _units(found, usable, dict(units or {}), where)
     clock, left = _clock(found, usable, bool(columns), where)
@@ -98,7 +98,7 @@ def _why(values: np.ndarray) -> str:
     return "it holds no real numbers"
 
 
-def _stripped(given: Sequence[Given]) -> list[Given]:
+def stripped(given: Sequence[Given]) -> list[Given]:
     """Without the struct, group or topic in front of every name."""
     first = given[0].label.partition(".")[0] + "."
     if not all(one.label.startswith(first) and len(one.label) > len(first) for one in given):

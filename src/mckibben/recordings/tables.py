@@ -1,4 +1,4 @@
-"""Force maps from CSV files with a header.
+"""Force maps from CSV files with a header, from MATLAB and TDMS files, and from recordings.
 
 A column says what it holds and in which unit: ``length_mm``, ``pressure_bar_gauge``, ``force [N]``,
 ``contraction_percent``, ``rest_length_mm``. Everything is converted to SI here, once.
@@ -14,14 +14,15 @@ import numpy as np
 from ..errors import InputError
 from ..quantities import to_si, with_unit
 from .force_map import ForceMap
+from .table_files import OTHERS, table_of
 from .text import Rows, check_width, is_number, read_rows, split_header, to_numbers
 
 # Names under which the columns are known; the first that a header holds is taken.
 COLUMNS = {
-    "length": ("length", "braid_length", "test_length", "muscle_length", "l"),
+    "length": ("length", "braid_length", "test_length", "muscle_length", "l", "muscle.length"),
     "contraction": ("contraction", "contraction_ratio", "strain", "eps", "kappa", "epsilon"),
-    "pressure": ("pressure", "p", "gauge_pressure"),
-    "tension": ("tension", "force", "f", "pull"),
+    "pressure": ("pressure", "p", "gauge_pressure", "muscle.pressure"),
+    "tension": ("tension", "force", "f", "pull", "muscle.tension"),
     "rest_length": ("rest_length", "resting_length", "l0", "initial_length"),
     "branch": ("branch", "direction"),
     "diameter": ("diameter", "inner_diameter", "rest_diameter", "bore"),
@@ -45,6 +46,8 @@ PLAUSIBLE = {
 }
 # A largest pressure or tension below this is no muscle either: bar read as pascal, kN as N, swapped columns.
 LEAST_LARGEST = {"pressure": 2e3, "tension": 0.05}
+LEFT_OUT = "-"
+_ABSOLUTE, _GAUGE = ("abs", "absolute"), ("gauge", "rel", "g")
 _UNIT_WORDS = {
     **{
         u: u for u in ("m", "mm", "cm", "Pa", "kPa", "MPa", "bar", "mbar", "psi", "N", "kN", "mN", "lbf", "kgf", "inch")
@@ -63,13 +66,14 @@ def read_force_map(
     pressure_zero: float = 0.0,
     ambient: float = 101325.0,
 ) -> ForceMap:
-    """Read a force map from a CSV file (``.csv`` or ``.csv.gz``).
+    """Read a force map from a CSV file (``.csv``, ``.csv.gz``), a MATLAB or TDMS file, or a recording (``.nc``, ``.mcap``).
 
     Args:
-        path: the file; lines that begin with # are skipped.
+        path: the file; lines of a CSV file that begin with # are skipped.
         rest_length: one rest length for all points [m], over a column of the file.
-        columns: column names for ``length``, ``pressure``, ... where the header uses others.
-        units: units for columns whose header has none.
+        columns: column names for ``length``, ``pressure``, ... where the header uses others; ``-`` where a column that the
+            header names so shall not be read.
+        units: units for columns whose header has none; a pressure's may be ``kPa abs`` or ``kPa gauge``.
         branch: keep only the rows whose branch column has this value.
         pressure_zero: what the pressure channel reads at zero gauge pressure [Pa].
         ambient: environment pressure, for a column of absolute pressures [Pa].
@@ -78,7 +82,7 @@ def read_force_map(
         InputError: names file, column, value and what is allowed.
     """
     where = str(path)
-    header, rows = _rows(Path(path), where)
+    header, rows = rows_of(Path(path), where)
     chosen = _choose(header, dict(columns or {}), where)
     data: dict[str, np.ndarray] = {}
     for what, column in chosen.items():
@@ -111,7 +115,10 @@ def read_force_map(
     return found
 
 
-def _rows(path: Path, where: str) -> tuple[list[str], Rows]:
+def rows_of(path: Path, where: str) -> tuple[list[str], Rows]:
+    """The cells of the header, and the rows of cells with their numbers."""
+    if path.suffix.lower() in OTHERS:
+        return table_of(path, where)
     lines = read_rows(path, where)
     if len(lines) < 2:
         raise InputError(
@@ -130,16 +137,13 @@ def _choose(header: list[str], columns: dict[str, str], where: str) -> dict[str,
     for what, column in columns.items():
         if what not in COLUMNS:
             raise InputError("column", what, f"known are {', '.join(COLUMNS)}", where=where)
-        if column not in header:
+        if column not in (*header, LEFT_OUT):
             raise InputError("column", column, f"the file has {', '.join(header)}", where=where)
-    stems = {column: split_header(column, _UNIT_WORDS)[0] for column in header}
-    for what, names in COLUMNS.items():
-        for name in names:
-            match = [c for c in header if stems[c] == name]
-            if len(match) > 1 and what not in columns:
-                raise InputError(what, ", ".join(match), f"name one with --column {what}=NAME", where=where)
-            if match:
-                columns.setdefault(what, match[0])
+    for what, match in recognised(header).items():
+        if len(match) > 1 and what not in columns:
+            raise InputError(what, ", ".join(match), f"name one with --column {what}=NAME", where=where)
+        columns.setdefault(what, match[0])
+    columns = {what: column for what, column in columns.items() if column != LEFT_OUT}
     for what in ("pressure", "tension"):
         if what not in columns:
             raise InputError(
@@ -154,11 +158,34 @@ def _choose(header: list[str], columns: dict[str, str], where: str) -> dict[str,
     return columns
 
 
-def _unit(column: str, given: str | None, what: str, where: str) -> tuple[str, bool]:
+def recognised(header: list[str]) -> dict[str, list[str]]:
+    """The columns that a header names, by what they hold; more than one where it is not clear which."""
+    stems = {column: split_header(column, _UNIT_WORDS)[0] for column in header}
+    found: dict[str, list[str]] = {}
+    for what, names in COLUMNS.items():
+        matches = ([c for c in header if stems[c] == name] for name in names)
+        match = next((m for m in matches if m), None)
+        if match:
+            found[what] = match
+    return found
+
+
+def unit_of(column: str, what: str) -> tuple[str | None, bool]:
+    """The unit that a header says, if it does, and whether a pressure is absolute."""
     _, tail = split_header(column, _UNIT_WORDS)
-    absolute = any(w.lower() in ("abs", "absolute") for w in tail)
+    absolute = any(w.lower() in _ABSOLUTE for w in tail)
     found = [w for w in tail if w in _UNIT_WORDS]
-    unit = given or (_UNIT_WORDS[found[-1]] if found else "1" if what == "contraction" else None)
+    return (_UNIT_WORDS[found[-1]] if found else "1" if what == "contraction" else None), absolute
+
+
+def _unit(column: str, given: str | None, what: str, where: str) -> tuple[str, bool]:
+    unit, absolute = unit_of(column, what)
+    if given is not None:
+        unit, _, reference = given.partition(" ")
+        if what != "pressure" or reference.lower() not in (*_ABSOLUTE, *_GAUGE, ""):
+            unit = given
+        elif reference:
+            absolute = reference.lower() in _ABSOLUTE
     if unit is None:
         raise InputError(
             column,

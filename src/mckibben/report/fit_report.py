@@ -136,7 +136,7 @@ def _study(study: Study, mark: str) -> list[Block]:
     ]
     for fit in study.fits:
         anchor, inner = f"{mark}-{fit.law}", _law(fit, study, main=fit is best)
-        count = len(_cautions(fit, study.points.largest))
+        count = len(cautions_of(fit, study.points.largest))
         words = f"▲ {count} caution{'s' if count > 1 else ''}"
         title = (law_title(fit), *((" ", Span(words, "caution")) if count else ()))
         blocks += [Fold(title, tuple(inner), anchor, opened=fit is best)]
@@ -314,7 +314,7 @@ def _state(fit: Fit, size: float) -> Cell:
 def _law(fit: Fit, study: Study, *, main: bool) -> list[Block]:
     kind = law_type(fit.law)
     meaning = (kind.__doc__ or "").strip().split("\n")[0]
-    cautions, held = _cautions(fit, study.points.largest), _held(fit)
+    cautions, held = cautions_of(fit, study.points.largest), _held(fit)
     columns = (
         Column(""), Column("Parameter"), Column("Value", number=True), Column("Half-width", number=True), Column("Unit"),
         Column("−50 % to +50 % of the value"),
@@ -370,7 +370,7 @@ def _parameter(name: str, fit: Fit) -> Row:
     unit = shown_unit(estimate.unit)
     value, low, high = (from_si(v, estimate.unit, unit) if math.isfinite(v) else v for v in estimate[:3])
     half = 0.5 * (high - low) if math.isfinite(high - low) else math.inf
-    text, spread = _value_and_half(value, half)
+    text, spread = value_and_half(value, half)
     meaning = (f"{q.doc} ", Span(name, "code"))
     return Row((_symbol(q.symbol, name), meaning, Cell(text, "best"), spread, unit_text(unit), _whisker(value, half)))
 
@@ -383,7 +383,7 @@ def _whisker(value: float, half: float) -> Gauge | str:
     return Gauge(label, 0.0, whisker=(-2.0 * share, 2.0 * share), ruled=(-1.0, 0.0, 1.0))
 
 
-def _value_and_half(value: float, half: float) -> tuple[str, str]:
+def value_and_half(value: float, half: float) -> tuple[str, str]:
     """A value and its half-width with the same power of ten, the half-width to two digits."""
     if not math.isfinite(value):
         return "–", "–"
@@ -413,7 +413,8 @@ def _held(fit: Fit) -> str:
     return "; ".join(parts)
 
 
-def _cautions(fit: Fit, size: float) -> list[str]:
+def cautions_of(fit: Fit, size: float) -> list[str]:
+    """What to mind of a fit, in sentences; `size` is the largest tension [N], to which shares refer."""
     found = []
     if not fit.converged:
         found.append(

@@ -78,6 +78,16 @@ def shared(key: str, make: Callable[[], Recording]) -> Recording:
 
 
 @contextlib.contextmanager
+def kept_in(folder: Folder) -> Iterator[None]:
+    """While inside, recordings come from a folder and go there."""
+    _folders.append(folder)
+    try:
+        yield
+    finally:
+        _folders.remove(folder)
+
+
+@contextlib.contextmanager
 def helped(identifiers: list[str]) -> Iterator[None]:
     """While inside, a second process makes recordings for these rows, where that is worth its start."""
     wanted = [row.id for row in select(None, identifiers) if needs_recording(row)] if identifiers else []

@@ -104,7 +104,7 @@ def tension_grid(law: TensionLaw, lengths: np.ndarray, pressures: Iterable[float
 def _draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, room: float = 10.5) -> None:
     """Points and lines into axes; labels right of them, which need about 45 pt."""
     taut = points.select(points.taut)
-    levels, near = _levels(points)
+    levels, near = levels_of(points)
     low, high = float(points.length.min()), float(points.length.max())
     reach = max(high, float(points.rest_length.max())) if points.rest_length is not None else high
     margin = 0.025 * (reach - low)
@@ -161,7 +161,7 @@ def pulling(lengths: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.concatenate([[start], lengths[first:]]), np.concatenate([[0.0], force[first:]])
 
 
-def _levels(points: ForceMap) -> tuple[np.ndarray, np.ndarray]:
+def levels_of(points: ForceMap) -> tuple[np.ndarray, np.ndarray]:
     """Pressures to draw lines for [Pa], and which points lie on them; a few of a table without common pressures."""
     taut = points.pressure[points.taut]
     distinct = np.unique(np.round(taut, 3))

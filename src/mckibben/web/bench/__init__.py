@@ -1,0 +1,5 @@
+"""The test machine of a laboratory's screen: chosen, prepared, run, operated by hand and stopped; `machine.Bench` is it."""
+
+from .machine import Bench
+
+__all__ = ["Bench"]

@@ -1,0 +1,209 @@
+"""What is on the bench: muscle, rig and protocol, with the dry run that follows every change, in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from ...assembly.build import unit_from_specimen
+from ...bench.rig_file import rig as rig_of
+from ...bench.rig_file import rig_names
+from ...errors import InputError, MckibbenError
+from ...experiments.library import protocol_names, shipped
+from ...experiments.protocol import Protocol
+from ...experiments.read import parse_protocol
+from ...quantities import with_unit
+from ...specimens import Specimen
+from ..shelf import Shelf
+from . import drawing
+from .columns import factors
+from .dry import Dry, dry_run, laws
+from .faces import changed, faces
+
+FIRST = ("nylon", "paper", "work-loop")  # muscle, rig and protocol with which a bench begins
+LONGEST = 100_000  # characters of a protocol's text
+MARGIN = 0.08  # of the rest length, beside the lengths that a muscle reaches
+
+
+class Chosen:
+    """The choice of one bench.
+
+    Args:
+        own: folder of a user's protocols.
+        news: told that something is not as it was.
+
+    Attributes:
+        dry: of the choice; None while it is being made.
+    """
+
+    def __init__(self, own: Shelf, news: Callable[[], None]) -> None:
+        self.own, self._news = own, news
+        self.rigs = Shelf(own.folder.parent / "rigs", (".toml",))  # such as the circuit page makes of a circuit
+        self._lock, self._number = threading.RLock(), 0
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="dry run")
+        self.muscles = {s.id: s for s in drawing.muscles()}
+        self.spec: Specimen = self.muscles[FIRST[0]]
+        self.rig = rig_of(FIRST[1])
+        self.protocol: Protocol = shipped(FIRST[2])
+        self.dry: Dry | None = None
+        self.parts: dict[str, Any] = {}
+        self.told: Callable[[Dry], None] = lambda dry: None
+
+    def begin(self) -> None:
+        """Make the first dry run."""
+        self._renew(setup=True)
+
+    def muscle(self, name: str) -> str:
+        """Another muscle on the bench."""
+        if name not in self.muscles:
+            raise InputError("muscle", str(name)[:80], f"known are {', '.join(self.muscles)}")
+        self.spec = self.muscles[name]
+        self._renew(setup=True)
+        return f"{name}: {self.spec.title}"
+
+    def choose_rig(self, name: str) -> str:
+        """Another rig, of those that ship or of the user's own."""
+        if name not in (known := [*rig_names(), *self._own_rigs()]):
+            raise InputError("rig", str(name)[:80], f"known are {', '.join(known)}")
+        self.rig = rig_of(name if name in rig_names() else self.rigs.found(f"{name}.toml"))
+        self._renew(setup=True)
+        return f"{name}: {self.rig.title}"
+
+    def _own_rigs(self) -> list[str]:
+        return [n.removesuffix(".toml") for n in self.rigs.names()]
+
+    def load(self, name: str) -> str:
+        """A shipped protocol, or one of the user's, by its plain name."""
+        self.protocol = self._loaded(name)
+        self._renew()
+        return f"{self.protocol.name}: {self.protocol.title}"
+
+    def _loaded(self, name: str) -> Protocol:
+        if name in protocol_names():
+            return shipped(name)
+        mine = f"{name}.toml"
+        try:
+            path = self.own.found(mine)
+        except InputError:
+            known = [*protocol_names(), *(n.removesuffix(".toml") for n in self.own.names())]
+            raise InputError("protocol", str(name)[:80], f"known are {', '.join(known)}") from None
+        return parse_protocol(path.read_text(encoding="utf-8"), where=mine)
+
+    def value(self, name: str, words: str) -> str:
+        """Other words of a parameter or choice of the protocol."""
+        self.protocol = changed(self.protocol, str(name), str(words)[:2000])
+        self._renew()
+        return ""
+
+    def text(self, text: str) -> str:
+        """The protocol as the text of a file says it."""
+        if len(text) > LONGEST:
+            raise InputError("text", f"{len(text)} characters", f"allowed are {LONGEST}")
+        self.protocol = parse_protocol(str(text), where="text")
+        self._renew()
+        return f"{self.protocol.name}: {self.protocol.title}"
+
+    def save(self, name: str) -> str:
+        """Keep the protocol among the user's, under a plain name."""
+        path = self.own.path(f"{name}.toml")
+        if name in protocol_names():
+            raise InputError("protocol", name, "it ships with mckibben; allowed is another name")
+        self.own.ready()
+        path.write_text(self.protocol.toml(), encoding="utf-8")
+        self._renew()
+        return f"Saved as {name}."
+
+    def again(self) -> str:
+        """The dry run once more."""
+        self._renew()
+        return ""
+
+    def cure(self) -> str:
+        """Take the value with which nothing speaks against the protocol."""
+        found = None if self.dry is None else self.dry.plain.get("cure")
+        if not found:
+            raise InputError("cure", "none", "no smaller value of one number was found that fits")
+        return self.value(found["name"], found["words"])
+
+    def _renew(self, setup: bool = False) -> None:
+        with self._lock:
+            self._number += 1
+            self.dry = None
+            found = {"setup": self._setup()} if setup else {}
+            found |= {"protocol": {**faces(self.protocol), "known": self._known()}, "dry": {"pending": True}}
+            self.parts = {**self.parts, **found}
+            number = self._number
+        self._pool.submit(self._make, number, setup)
+        self._news()
+
+    def _make(self, number: int, setup: bool) -> None:
+        if number != self._number and not setup:
+            return
+        try:
+            unit = unit_from_specimen(self.spec)
+            if setup:
+                self.parts = {**self.parts, "laws": self._laws(unit)}
+            dry = dry_run(self.protocol, self.spec, unit, self.rig)
+        except MckibbenError as error:
+            one = {"sentence": str(error), "path": "", "field": ""}
+            dry = Dry(
+                None, {"passed": False, "findings": [one], "limits": [], "cure": None, "curves": {}, "duration": 0.0}
+            )
+        except Exception as error:  # a page has to hear of it, and the next change gets another try
+            one = {
+                "sentence": f"the dry run failed: {type(error).__name__}: {str(error)[:200]}",
+                "path": "",
+                "field": "",
+            }
+            dry = Dry(
+                None, {"passed": False, "findings": [one], "limits": [], "cure": None, "curves": {}, "duration": 0.0}
+            )
+        with self._lock:
+            if number != self._number:
+                return
+            self.dry = dry
+            self.parts = {**self.parts, "dry": dry.plain}
+        self.told(dry)
+        self._news()
+
+    def _known(self) -> list[dict[str, str]]:
+        found = [{"name": n, "title": shipped(n).title} for n in protocol_names()]
+        return found + [{"name": n.removesuffix(".toml"), "title": n.removesuffix(".toml")} for n in self.own.names()]
+
+    def _setup(self) -> dict[str, Any]:
+        limits = self.rig.limits(next(iter(self.rig.plumbing)))
+        rest = drawing.rest_length(self.spec)
+        return {
+            "muscles": [drawing.plain(s) for s in self.muscles.values()], "muscle": self.spec.id, "rest_length": rest,
+            "rigs": [{"name": n, "title": rig_of(n).title} for n in rig_names()]
+            + [{"name": n, "title": f"Your own: {n}"} for n in self._own_rigs()], "rig": self.rig.name,
+            "rig_title": self.rig.title, "plumbing": list(self.rig.plumbing), "units": factors(),
+            "limits": {
+                "pressure": [limits.pressure[0], limits.pressure[1]], "tension": [0.0, limits.tension],
+                "length": [limits.span[0], limits.span[1]],
+            },
+            "inferred": self.spec.inferred(), "has_motor": self.rig.motor is not None,
+        }  # fmt: skip
+
+    def _laws(self, unit: Any) -> dict[str, Any]:
+        import numpy as np
+
+        rest, limits = drawing.rest_length(self.spec), self.rig.limits(next(iter(self.rig.plumbing)))
+        free = float(np.asarray(unit.law.free_length(limits.pressure[1])))
+        upper = self.spec.properties.get("upper_length")
+        longest = max(rest, self.spec.property_si("upper_length", "m") if upper is not None else rest)
+        low, high = free - MARGIN * rest, longest + MARGIN * rest
+        lines = laws(unit, low, longest, limits.pressure[1])
+        return {
+            "title": type(unit.law).title, "low": low, "high": high, "free": free, "longest": longest, "lines": lines,
+        }  # fmt: skip
+
+    def words(self) -> str:
+        """What is on the bench, for a message."""
+        return f"{self.spec.title} on the rig {self.rig.name}, rest length {with_unit(drawing.rest_length(self.spec), 'm')}"
+
+    def close(self) -> None:
+        """No more of it."""
+        self._pool.shutdown(wait=True, cancel_futures=True)

@@ -1,0 +1,64 @@
+"""What the screen shows of a machine: seven channels from those that a run or a session has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...bench.rig import Rig
+from ...pneumatics.gas import AIR
+from ...quantities import from_si, shown_unit
+
+TUBE = "tube.mass_flow"
+# Of every channel: SI unit of the stream, and the unit and factor of the screen.
+UNITS = {"pressure": "Pa", "tension": "N", "length": "m", "flow": "m^3/s", "valve": "1"}
+SHOWN = {"flow": "L/min", "valve": "%"}
+
+
+class Columns:
+    """The channels of a rig.
+
+    Args:
+        rig: whose machine it is.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self.top = float(rig.valve_out.high)
+        room = rig.environment
+        self.density = float(AIR.density(room.pressure_abs, room.temperature))
+
+    def of(self, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """Columns (n,) by the names of `stream.CHANNELS` [SI]; the flow is that of the room's air [m^3/s]."""
+        names = {
+            "pressure": "pressure", "tension": "tension", "length": "span", "set_pressure": "command.pressure",
+            "set_length": "command.span",
+        }  # fmt: skip
+        found = {shown: np.asarray(arrays[name], float) for shown, name in names.items() if name in arrays}
+        if "valve.command" in arrays:
+            found["valve"] = np.asarray(arrays["valve.command"], float) / self.top
+        flow = self._flow(arrays)
+        if flow is not None:
+            found["flow"] = flow / self.density
+        return found
+
+    def _flow(self, arrays: Mapping[str, Any]) -> np.ndarray | None:
+        """Mass flow towards the muscle [kg/s]."""
+        if TUBE in arrays:
+            return np.asarray(arrays[TUBE], float)
+        into = [n for n in arrays if n.endswith("supply_to_outlet.mass_flow")]
+        out = [n for n in arrays if n.endswith("outlet_to_exhaust.mass_flow")]
+        if not into or not out:
+            return None
+        return np.asarray(arrays[into[0]], float) - np.asarray(arrays[out[0]], float)
+
+
+def factors() -> dict[str, dict[str, Any]]:
+    """Of every quantity, the unit of the screen and the factor from SI."""
+    found = {}
+    for name, si in UNITS.items():
+        unit = SHOWN.get(name, shown_unit(si))
+        factor = 100.0 if unit == "%" else from_si(1.0, si, "l/min" if unit == "L/min" else unit)
+        found[name] = {"unit": unit, "factor": factor}
+    return found

@@ -1,0 +1,211 @@
+"""The dry run as a page shows it: what speaks against a protocol, how near it comes to the limits, and what is expected."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...assembly.muscle_unit import MuscleUnit
+from ...bench.prepare import Bench as Prepared
+from ...bench.prepare import expected, prepare
+from ...bench.rig import Rig
+from ...errors import InputError
+from ...experiments.bind import names_in
+from ...experiments.protocol import Parameter, Protocol
+from ...experiments.read import with_values
+from ...quantities import from_si, shown_unit, with_unit
+from ...specimens import Specimen
+
+SEEN, FINE, POINTS = 12.0, 3000, 1500  # the first seconds have so many points, the rest so many
+CYCLES = 400  # drawn one by one
+TRIES = 9  # values that the search for a cure looks at
+CAUSES = {
+    "pressure": ("Pa",),
+    "tension": ("Pa", "m", "N"),
+    "span": ("m",),
+    "velocity": ("m/s", "1/s"),
+    "speed": ("m", "1/s"),
+}
+
+
+@dataclass(frozen=True)
+class Dry:
+    """What a dry run found.
+
+    Attributes:
+        bench: ready to start if nothing speaks against it; None where the protocol could not be prepared.
+        plain: all of it for a page [SI].
+    """
+
+    bench: Prepared | None
+    plain: dict[str, Any]
+
+    @property
+    def passed(self) -> bool:
+        """Whether it may start."""
+        return self.bench is not None and not self.bench.findings
+
+
+def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig) -> Dry:
+    """Prepare a protocol and look at it; never raises for what is wrong with it."""
+    try:
+        bench = prepare(protocol, muscle=spec, unit=unit, rig=rig)
+    except InputError as error:
+        one = {"sentence": str(error), "path": "", "field": error.field}
+        return Dry(
+            None, {"passed": False, "findings": [one], "limits": [], "cure": None, "duration": 0.0, "curves": {}}
+        )
+    found = [{"sentence": f.sentence, "path": f.path, "field": f.field} for f in bench.findings]
+    plain: dict[str, Any] = {
+        "passed": not found, "findings": found, "cautions": list(bench.cautions), "duration": bench.plan.duration,
+        "plumbing": bench.layout, "rest_length": bench.plan.rest_length, "lane": lane(bench),
+    }  # fmt: skip
+    curves = _curves(bench)
+    plain["curves"] = {n: _plain(v) for n, v in curves.items()}
+    plain["limits"] = _limits(bench, curves)
+    plain["cure"] = _cure(bench) if found else None
+    return Dry(bench, plain)
+
+
+def lane(bench: Prepared) -> list[dict[str, Any]]:
+    """The steps on the clock: path, label, start, end [s], and the period of their cycles [s] where they have any."""
+    rate, found = bench.plan.sample_rate, []
+    for step in bench.plan.steps[:CYCLES]:
+        frequency = step.step.frequency()
+        found.append(
+            {
+                "path": step.path, "label": step.step.label or "step", "start": step.start / rate,
+                "end": (step.start + step.count) / rate, "period": 1.0 / frequency if frequency else 0.0,
+            }
+        )  # fmt: skip
+    return found
+
+
+def _curves(bench: Prepared) -> dict[str, np.ndarray]:
+    """Time [s] and what is expected, (n,) each, NaN where only the machine decides."""
+    plan = bench.plan
+    rate, total = plan.sample_rate, plan.samples
+    near = min(total, round(SEEN * rate))
+    at = np.unique(
+        np.concatenate([np.linspace(0, near - 1, min(near, FINE)), np.linspace(near - 1, total - 1, POINTS)]).astype(
+            int
+        )
+    )
+    names = ("pressure", "span", "pull")
+    values = {n: np.full(len(at), np.nan) for n in names}
+    for step in plan.steps:
+        mine = (at >= step.start) & (at < step.start + step.count)
+        if not mine.any():
+            continue
+        k = at[mine] - step.start
+        if isinstance(step.pressure, np.ndarray):
+            values["pressure"][mine] = step.pressure[k]
+        if isinstance(step.motor, np.ndarray):
+            name = {"span": "span", "tension": "pull"}.get(step.mode)
+            if name:
+                values[name][mine] = step.motor[k]
+    tension = np.full(len(at), np.nan)
+    known = np.isfinite(values["pressure"]) & np.isfinite(values["span"])
+    if known.any():
+        tension[known] = expected(bench.unit)(values["span"][known], values["pressure"][known])
+    tension = np.where(np.isfinite(values["pull"]), values["pull"], tension)
+    return {
+        "time": at / rate, "pressure": values["pressure"], "length": values["span"], "tension": tension,
+        "valve": values["pressure"] / float(bench.rig.valve_out.high),
+        "flow": _flow(bench, at / rate, values["span"], values["pressure"]),
+    }  # fmt: skip
+
+
+def _flow(bench: Prepared, time: np.ndarray, span: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    """Flow of the room's air into the muscle while its gas stays at the room's temperature [m^3/s]."""
+    law, room = bench.unit.law, float(bench.rig.environment.pressure_abs)
+    if len(time) < 3 or not law.has_volume():
+        return np.full(len(time), np.nan)
+    known = np.where(np.isfinite(span), span, 0.0), np.where(np.isfinite(pressure), pressure, 0.0)
+    gas = (known[1] + room) / room * np.asarray(law.braid_volume(*known))
+    flow = np.gradient(gas, time)
+    return np.where(np.isfinite(span) & np.isfinite(pressure), flow, np.nan)
+
+
+def _limits(bench: Prepared, curves: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    """Peaks against limits: name, peak and limit [SI], and the share of it."""
+    limits = bench.rig.limits(bench.layout)
+    found = []
+    for name, limit in (
+        ("pressure", limits.pressure[1]), ("tension", min(limits.tension, limits.motor_force)), ("length", limits.span[1])
+    ):  # fmt: skip
+        values = curves[name][np.isfinite(curves[name])]
+        if values.size and math.isfinite(limit):
+            peak = float(values.max())
+            found.append({"name": name, "peak": peak, "limit": float(limit), "share": peak / float(limit)})
+    return found
+
+
+def _cure(bench: Prepared) -> dict[str, Any] | None:
+    """A smaller value of one number with which nothing speaks against the protocol, nearest to what was asked."""
+    finding, protocol = bench.findings[0], bench.protocol
+    units = next((u for key, u in CAUSES.items() if finding.field.startswith(key)), ())
+    section, _, place = finding.path.partition(".")
+    parts = getattr(protocol, section, ()) if section else ()
+    number = place.split(".")[0]
+    used = names_in(parts[int(number) - 1]) if number.isdigit() and int(number) <= len(parts) else set()
+    for p in protocol.parameters:
+        if p.name in used and p.unit in units and len(p.values) == 1:
+            found = _fitting(bench, p)
+            if found is not None:
+                return {"name": p.name, "words": found, "sentence": f"Up to {found} fits."}
+    return None
+
+
+def _fitting(bench: Prepared, p: Parameter) -> str | None:
+    """The largest value of a parameter below its own at which nothing is found, in words with its unit."""
+    number, _, unit = str(p.values[0]).partition(" ")
+    try:
+        top = float(number)
+    except ValueError:
+        return None
+    places = max(1, len(number.partition(".")[2]))
+    low, high, best = 0.0, top, None
+    for _ in range(TRIES):
+        middle = 0.5 * (low + high)
+        words = f"{math.floor(middle * 10**places) / 10**places:g} {unit}".strip()
+        if words == best:
+            break
+        if _holds(bench, p.name, words):
+            low, best = middle, words
+        else:
+            high = middle
+    return best
+
+
+def _holds(bench: Prepared, name: str, words: str) -> bool:
+    try:
+        other = prepare(
+            with_values(bench.protocol, {name: words}),
+            muscle=bench.specimen or bench.unit,
+            unit=bench.unit,
+            rig=bench.rig,
+        )
+    except InputError:
+        return False
+    return not other.findings
+
+
+def laws(unit: MuscleUnit, low: float, high: float, top: float) -> list[dict[str, Any]]:
+    """Thin lines of the live plot: tension over length at whole bars [SI], with the pressure in words."""
+    bar = 1.0 / from_si(1.0, "Pa", shown_unit("Pa"))
+    lengths = np.linspace(low, high, 60)
+    tension, found = expected(unit), []
+    for n in range(1, 6):
+        if n * bar > top:
+            break
+        values = np.asarray(tension(lengths, np.full(len(lengths), n * bar)))
+        found.append({"words": with_unit(n * bar, "Pa"), "length": _plain(lengths), "tension": _plain(values)})
+    return found
+
+
+def _plain(values: np.ndarray) -> list[float | None]:
+    return [float(f"{v:.6g}") if math.isfinite(v) else None for v in values.tolist()]

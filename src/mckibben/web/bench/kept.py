@@ -1,0 +1,36 @@
+"""What becomes of a run when it has ended: its recording in the folder, and a sentence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...errors import MckibbenError
+from ..shelf import Shelf, plain
+from .going import Going
+from .log import Log
+
+
+def kept(going: Going, shelf: Shelf, log: Log) -> dict[str, Any]:
+    """Save what was recorded, and say so.
+
+    Returns:
+        ``file``, the name of the recording or None, and ``said``.
+    """
+    if going.record is None:
+        said = going.error or "nothing was recorded"
+        log.say(said, "stop", going.time)
+        return {"file": None, "said": said}
+    message = str(going.record.meta["message"])
+    if going.stopping:
+        message = f"Stopped by you at {going.time:.3f} s; the valve vented."
+    try:
+        shelf.ready()
+        name = shelf.numbered(plain(going.bench.protocol.name), ".nc")
+        going.record.save(shelf.path(name))
+    except (MckibbenError, OSError) as error:
+        log.say(str(error), "stop", going.time)
+        return {"file": None, "said": str(error)}
+    done = going.record.meta["result"] == "done" or bool(going.stopping)
+    told = message[:1].upper() + message[1:].rstrip(".")
+    log.say(f"{told}. Recorded as {name}.", "done" if done else "stop", going.time)
+    return {"file": name, "said": message}

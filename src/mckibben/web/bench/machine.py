@@ -1,0 +1,308 @@
+"""The test machine of the screen: states, runs, stops, and set-points by hand, for whoever is in control."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from ...errors import InputError
+from ..stream import Stream
+from .by_hand import ByHand
+from .chosen import Chosen
+from .console import PageConsole
+from .dry import Dry
+from .going import Going
+from .kept import kept
+from .log import Log
+from .pace import NAMES, Pace
+from .states import short, status_of, steps_of
+
+if TYPE_CHECKING:
+    from ..laboratory import Laboratory
+
+LAST = 10.0  # time for which the end of a server waits for a run to vent [s]
+
+
+class Bench:
+    """One simulated machine.
+
+    Args:
+        lab: its laboratory, for the shelves and for news.
+    """
+
+    def __init__(self, lab: Laboratory) -> None:
+        self.lab, self.stream, self.pace, self.messages = lab, Stream(), Pace(), Log()
+        self._lock = threading.RLock()
+        self.chosen = Chosen(lab.protocols, lab.changed)
+        self.chosen.told = self._dried
+        self.going: Going | None = None
+        self.hand: ByHand | None = None
+        self.why, self.small = "", ""  # of a stop that stays until it is reset
+        self.when: float | None = None  # of that stop
+        self.vented = False
+        self.ended: dict[str, Any] = {}  # of the last run
+        self._heard = 0
+        self._closing: list[threading.Thread] = []
+        self.console = PageConsole(self)
+        self.chosen.begin()
+        self._open()
+
+    # ---- what pages see
+
+    def status(self) -> dict[str, Any]:
+        """State, why and times."""
+        self._listen()
+        return status_of(self)
+
+    def describe(self) -> dict[str, Any]:
+        """What changes seldom."""
+        return self.chosen.parts
+
+    def log(self, after: int) -> list[dict[str, Any]]:
+        """Messages later than that of a number."""
+        return self.messages.after(after)
+
+    def actions(self) -> Mapping[str, Callable[..., Any]]:
+        """What can be done with it."""
+        chosen = self.chosen
+        return {
+            "muscle": lambda name: self._set_up(chosen.muscle, name),
+            "rig": lambda name: self._set_up(chosen.choose_rig, name),
+            "protocol": lambda name: self._change(chosen.load, name),
+            "value": lambda name, words: self._change(chosen.value, name, words),
+            "text": lambda text: self._change(chosen.text, text), "save": lambda name: chosen.save(str(name)),
+            "dry_run": lambda: self._change(chosen.again), "cure": lambda: self._change(chosen.cure),
+            "start": self.start, "pause": self.pause, "resume": self.resume, "step": self.step, "stop": self.stop,
+            "reset": self.reset, "pace": self.choose_pace, "set": self.set, "vent": self.vent, "note": self.note,
+            "say": self.console.answer, "complete": self.console.complete,
+        }  # fmt: skip
+
+    # ---- the choice
+
+    def _change(self, do: Callable[..., str], *given: Any) -> str:
+        self._still("the protocol")
+        return do(*given)
+
+    def _set_up(self, do: Callable[..., str], name: str) -> str:
+        self._still("muscle and rig")
+        if self.hand is not None and self.hand.moving:
+            raise InputError("set-up", "refused", "the machine moves by hand; vent first")
+        said = do(str(name))
+        self.messages.say(f"{self.chosen.words()}.")
+        self._open()
+        return said
+
+    def _still(self, what: str) -> None:
+        if self.going is not None:
+            raise InputError(what, "refused", f"{self.going.bench.protocol.name} is running; stop it first")
+
+    def _dried(self, dry: Dry) -> None:
+        plain = dry.plain
+        if dry.passed:
+            near = max(plain["limits"], key=lambda one: one["share"], default=None)
+            words = f", nearest limit {near['name']} at {100.0 * near['share']:.0f} %" if near else ""
+            self.messages.say(f"Dry run passed{words}.", "done")
+        else:
+            self.messages.say(f"Dry run fails: {plain['findings'][0]['sentence']}", "stop")
+
+    def _open(self) -> None:
+        """Make the machine ready to be operated by hand, beside what else is done."""
+        old, chosen = self.hand, self.chosen
+        self.hand = ByHand(chosen.rig, chosen.spec, self.pace, self.stream, self.lab.changed)
+        self._heard = 0
+        if old is not None:
+            closing = threading.Thread(target=old.close, name="close", daemon=True)
+            self._closing = [*(t for t in self._closing if t.is_alive()), closing]
+            closing.start()
+
+    # ---- runs
+
+    def start(self) -> str:
+        """Begin the protocol, on a machine that is set up anew where it begins."""
+        with self._lock:
+            self._still("start")
+            if self.why:
+                raise InputError("start", "refused", f"the machine is stopped ({self.why}); reset it first")
+            dry = self.chosen.dry
+            if dry is None:
+                raise InputError("start", "refused", "the dry run is not done yet")
+            if dry.bench is None or not dry.passed:
+                raise InputError("start", "refused", dry.plain["findings"][0]["sentence"])
+            if self.hand is not None:
+                if self.hand.moving and self.hand.session is not None:
+                    self.hand.session.vent()
+                self.hand.hold(True)
+            self.ended = {}
+            self.pace.halt(False)
+            self.going = Going(dry.bench, self.pace, self.stream, self.messages, self.lab.changed, self._over)
+            self.messages.say("Started. Protocol, muscle and rig are saved with the recording.", "done", 0.0)
+            for caution in dry.bench.cautions:
+                self.messages.say(caution, "caution", 0.0)
+            self.going.start()
+        return f"running {dry.bench.protocol.name}"
+
+    def _over(self, going: Going) -> None:
+        """After the last sample of a run, from its thread."""
+        said = kept(going, self.lab.recordings, self.messages)
+        with self._lock:
+            why = going.tripped
+            if why and not self.why:
+                self._trip(why, short(why), going.when)
+            self.ended = {
+                **said, "time": going.time, "title": going.bench.protocol.title, "stopped": bool(why),
+                "trip": going.when if why else None, "steps": steps_of(going), "duration": going.bench.plan.duration,
+                "measured": going.measured,
+            }  # fmt: skip
+            self.going = None
+            self.pace.halt(False)
+            if self.hand is not None:
+                self.hand.hold(False)
+        self.lab.changed()
+
+    def pause(self) -> str:
+        """Let the time of the simulated machine stand still."""
+        going = self._goes("pause")
+        self.pace.halt()
+        self.messages.say(
+            "Paused by you. Simulated time stands still; pressure and length are held.", "caution", going.time
+        )
+        return f"paused at {going.time:.3f} s, holding"
+
+    def resume(self) -> str:
+        """Go on; or say that what a person was asked to do is done."""
+        going = self._goes("resume")
+        going.answer()
+        self.pace.halt(False)
+        return "running"
+
+    def step(self, samples: int = 1) -> str:
+        """Some samples where it stands still."""
+        self._goes("step")
+        if not self.pace.halted:
+            raise InputError("step", "refused", "allowed is while the run is paused")
+        self.pace.step(max(1, min(1000, int(samples))))
+        return ""
+
+    def stop(self) -> str:
+        """End the run and vent; no trip, so that nothing has to be reset."""
+        going = self.going
+        if going is None:
+            return self.vent()
+        going.stop("stopped by hand", trip=False)
+        return "stopped"
+
+    def _goes(self, what: str) -> Going:
+        if self.going is None:
+            raise InputError(what, "refused", "nothing is running")
+        if self.going.button():
+            raise InputError(what, "refused", "the run is being stopped")
+        return self.going
+
+    def choose_pace(self, name: str) -> str:
+        """How the time of the machine goes."""
+        self.pace.choose(str(name))
+        return NAMES[self.pace.name]
+
+    # ---- by hand
+
+    def set(self, **wanted: Any) -> str:
+        """Set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; in words or SI."""
+        self._by_hand("set", wanted)
+        hand = self.hand
+        assert hand is not None
+        given = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
+        if not hand.moving:
+            self.ended = {}
+        hand.asked().set(**given)
+        return ""
+
+    def vent(self) -> str:
+        """Let the pressure down."""
+        self._by_hand("vent", {"pressure": 0.0})
+        assert self.hand is not None
+        self.hand.asked().vent()
+        return "venting"
+
+    def _by_hand(self, what: str, wanted: Mapping[str, Any]) -> None:
+        if self.going is not None:
+            names = " and ".join(wanted) or "set-points"
+            raise InputError(what, "refused", f"the protocol sets the {names}; stop the run first")
+        if self.why:
+            raise InputError(what, "refused", f"the machine is stopped ({self.why}); reset it first")
+
+    def note(self, text: str) -> str:
+        """A note of a person among the messages."""
+        going = self.going
+        self.messages.say(f"Note: {str(text)[:400]}", "note", None if going is None else going.time)
+        return "noted"
+
+    def _listen(self) -> None:
+        """Take over what the session said."""
+        hand = self.hand
+        session = None if hand is None else hand.session
+        if session is None or hand is None:
+            return
+        for message in session.messages(self._heard):
+            self._heard = message.number
+            kind = "stop" if message.kind == "stop" else "note"
+            if kind == "stop" and session.why and not self.why and self.going is None:
+                self._trip(message.text, short(message.text), message.time)
+            else:
+                self.messages.say(message.text, kind, message.time)
+
+    # ---- stops
+
+    def emergency_stop(self, reason: str) -> None:
+        """Vent at once, whatever goes on; until it is reset."""
+        with self._lock:
+            going, hand = self.going, self.hand
+            self.vented = True
+            time = going.time if going is not None else hand.time if hand is not None else 0.0
+            if not self.why:
+                done = "the valve vents, and the motor only brakes"
+                self._trip(f"emergency stop at {time:.3f} s: {reason}; {done}", "emergency stop", time)
+        if going is not None:
+            going.stop(reason, trip=True)
+        elif hand is not None and hand.session is not None:
+            hand.session.emergency_stop(reason)
+        self.lab.changed()
+
+    def _trip(self, why: str, small: str, time: float) -> None:
+        self.why, self.small, self.when = why, small, time
+        self.messages.say(why[:1].upper() + why[1:], "stop", time)
+
+    def reset(self) -> str:
+        """After a stop: idle again, vented."""
+        with self._lock:
+            if self.going is not None:
+                raise InputError("reset", "refused", "the run is being stopped; wait until it has vented")
+            if not self.why:
+                raise InputError("reset", "idle", "allowed is after a stop")
+            session = None if self.hand is None else self.hand.session
+            if session is not None and session.why:
+                session.reset()
+            self.why, self.small, self.when, self.vented = "", "", None, False
+            self.messages.say("Reset.", "note")
+        return "reset"
+
+    def control_lost(self) -> None:
+        """Nobody is in control: a run goes on, what is held by hand is held for 5 s."""
+        if self.hand is not None:
+            self.hand.alone(True)
+
+    def control_back(self) -> None:
+        """Somebody is again."""
+        if self.hand is not None:
+            self.hand.alone(False)
+
+    def close(self) -> None:
+        """Vent, and let go of all threads."""
+        if self.going is not None:
+            self.going.stop("the server was closed", trip=False)
+            self.going.join(LAST)
+        self.chosen.close()
+        if self.hand is not None:
+            self.hand.close()
+        for closing in self._closing:
+            closing.join(LAST)

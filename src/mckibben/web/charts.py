@@ -1,0 +1,153 @@
+"""Charts of columns: uPlot draws them in the browser, in the colours, dashes and markers of the quantities.
+
+A chart has a name, a summary and a table of its values. A line alone on its axes is solid; with other quantities it takes
+the dash of its own; with other recordings of the same quantity the dash tells the recording, and a letter names it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from nicegui.element import Element
+
+QUANTITIES = ("pressure", "tension", "length", "flow", "valve")
+LETTERS = {"A": [], "B": [6, 3], "C": [2, 3], "D": [10, 3, 2, 3]}  # dashes of recordings of the same quantity
+MOST = 4000  # points of a line that are sent
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis.
+
+    Attributes:
+        label: what it shows.
+        unit: in words; it stands once, in the title.
+        quantity: one of `QUANTITIES`, which colours the title; ink where left out.
+        low: where it begins; from the values where left out.
+        high: where it ends.
+        places: of the ticks' numbers; by their distance where left out.
+    """
+
+    label: str
+    unit: str = ""
+    quantity: str = ""
+    low: float | None = None
+    high: float | None = None
+    places: int | None = None
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line or cloud of points; the x need not rise, so that it can be a loop.
+
+    Attributes:
+        x: (n,) in the axis's unit.
+        y: (n,).
+        label: at its end; nothing where left out.
+        quantity: its colour; ink where left out.
+        dash: ``own`` of the quantity, a letter of `LETTERS`, or nothing: solid.
+        width: [px].
+        points: draw the quantity's markers.
+        line: draw the line.
+        fill: shade what it encloses.
+        opacity: of all of it.
+    """
+
+    x: Sequence[float] | np.ndarray
+    y: Sequence[float] | np.ndarray
+    label: str = ""
+    quantity: str = ""
+    dash: str = ""
+    width: float = 1.75
+    points: bool = False
+    line: bool = True
+    fill: bool = False
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A note at a place: ``x`` (a line across), ``y`` (a line along), or a word at a point."""
+
+    text: str
+    x: float | None = None
+    y: float | None = None
+    stop: bool = False
+
+
+@dataclass(frozen=True)
+class Chart:
+    """What is drawn.
+
+    Attributes:
+        name: of it, for everybody.
+        summary: in a sentence, for who cannot see it.
+        x: axis.
+        y: axis.
+        lines: in the order in which they are drawn.
+        marks: notes.
+        height: [px].
+    """
+
+    name: str
+    summary: str
+    x: Axis
+    y: Axis
+    lines: Sequence[Line]
+    marks: Sequence[Mark] = field(default_factory=tuple)
+    height: int = 280
+
+    def document(self) -> dict[str, Any]:
+        """As the browser takes it; long lines are thinned, their extremes kept."""
+        lines = []
+        for line in self.lines:
+            x, y = thinned(np.asarray(line.x, float), np.asarray(line.y, float))
+            lines.append({**dataclasses.asdict(dataclasses.replace(line, x=[], y=[])), "x": _plain(x), "y": _plain(y)})
+        return {
+            "name": self.name, "summary": self.summary, "x": dataclasses.asdict(self.x), "y": dataclasses.asdict(self.y),
+            "lines": lines, "marks": [dataclasses.asdict(m) for m in self.marks], "height": self.height,
+            "dashes": LETTERS,
+        }  # fmt: skip
+
+    def show(self) -> Element:
+        """Put it into the page; assign a new one with `update`."""
+        from .parts import raw
+
+        return raw(self.markup())
+
+    def markup(self) -> str:
+        """The element that the browser draws into."""
+        spec = html.escape(json.dumps(self.document(), separators=(",", ":"), allow_nan=False))
+        label = html.escape(f"{self.name}. {self.summary}")
+        return f'<figure class="chart" role="group" aria-label="{label}" data-chart="{spec}"></figure>'
+
+
+def update(element: Element, chart: Chart) -> None:
+    """Draw another chart where one is."""
+    element.set_content(chart.markup())  # type: ignore[attr-defined]
+
+
+def thinned(x: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[np.ndarray, np.ndarray]:
+    """A line with at most so many points: of every stretch the ends and the lowest and highest of x and y."""
+    n = len(x)
+    if n <= most:
+        return x, y
+    edges = np.linspace(0, n, most // 6 + 1).astype(int)
+    keep = []
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        part = [f(v[a:b]) for v in (x, y) if np.isfinite(v[a:b]).any() for f in (np.nanargmin, np.nanargmax)]
+        keep += sorted({a, b - 1, *(a + int(i) for i in part)})
+    return x[keep], y[keep]
+
+
+def _plain(values: np.ndarray) -> list[float | None]:
+    return [float(f"{v:.7g}") if math.isfinite(v) else None for v in values]

@@ -1,0 +1,139 @@
+"""Forms made from the declarations: label, unit, bounds and meaning stand in `quantities` and nowhere else.
+
+A value that is refused stays in its field with the sentence of the command line below; the old one stays in use.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..errors import InputError
+from ..quantities import Quantity, declared, from_si, parse, shown_unit, with_unit
+
+if TYPE_CHECKING:
+    from nicegui.element import Element
+
+# The class of lab.css that colours a label, by the SI unit of what it names.
+COLOURS = {"Pa": "P", "N": "F", "m": "L", "m^3/s": "q"}
+
+
+class Accepted(NamedTuple):
+    """What became of some words.
+
+    Attributes:
+        value: the one in use [SI].
+        said: why the words were refused; nothing where they were not.
+    """
+
+    value: float
+    said: str
+
+
+def accept(name: str, words: str, quantity: Quantity, old: float) -> Accepted:
+    """Words of a field as a value [SI]; a number without a unit is in the unit that the field shows.
+
+    Args:
+        name: of the field, for complaints.
+        words: that were typed.
+        quantity: the declaration.
+        old: value that stays in use where the words are refused [SI].
+    """
+    unit = shown_unit(quantity.unit)
+    given = words.strip().replace("\u2212", "-").replace("\u2009", " ").replace("\u2060", "")
+    bare = given.removeprefix("-").replace(".", "", 1).replace("e-", "", 1).replace("e", "", 1).isdigit()
+    try:
+        value = parse(f"{given} {unit}" if bare and unit != "1" else given, quantity.unit, field=name)
+        quantity.check(name, value)
+    except InputError as error:
+        return Accepted(old, f"{error}. The old value, {shown(old, quantity)}, stays in use.")
+    return Accepted(value, "")
+
+
+def shown(value: float, quantity: Quantity) -> str:
+    """A value as its field shows it: in the unit that stands beside it."""
+    return f"{from_si(value, quantity.unit, shown_unit(quantity.unit)) if quantity.unit != '1' else value:.6g}"
+
+
+def fields(owner: Any, names: Mapping[str, str] | None = None) -> dict[str, Quantity]:
+    """The declared parameters of a type or an instance, or those of some names."""
+    known = declared(owner)
+    return known if names is None else {n: known[n] for n in names}
+
+
+def field(
+    name: str, quantity: Quantity, value: float, change: Callable[[float], Any], *, label: str = "", about: bool = True
+) -> Element:
+    """One field as NiceGUI elements.
+
+    Args:
+        name: of the parameter.
+        quantity: its declaration.
+        value: to begin with [SI].
+        change: told every value that was accepted [SI]; may raise `InputError`, which is shown beside the field.
+        label: its words; the name where left out.
+        about: say what it means and what is allowed.
+    """
+    from .parts import box, raw, refused, text
+
+    words = label or name.replace("_", " ")
+    kept = value
+    with box("div", "f") as one:
+        text("label", words, COLOURS.get(quantity.unit, "")).props(f"for=c-{id(one)}")
+        with box("div", "field s") as edge:
+            typed = box("input").props(
+                f'id=c-{id(one)} value="{html.escape(shown(value, quantity))}" inputmode=decimal'
+            )
+            typed.props(f'aria-describedby=d-{id(one)} title="{html.escape(quantity.doc)}"')
+            if quantity.unit != "1":
+                text("span", shown_unit(quantity.unit), "u")
+        said = box("div", "err").props(f"id=d-{id(one)}").style("display:contents")
+        if about:
+            raw(html.escape(f"{quantity.doc}; {quantity.allowed()}"), "span", "about")
+
+    def came(event: Any) -> None:
+        nonlocal kept
+        found = accept(name, str(event.args), quantity, kept)
+        why = found.said
+        if not why:
+            try:
+                change(found.value)
+                kept = found.value
+            except InputError as error:
+                why = f"{error}. The old value, {shown(kept, quantity)}, stays in use."
+        said.clear()
+        edge.classes(add="bad" if why else "", remove="" if why else "bad")
+        # what was typed stays, to be put right
+        shows = html.escape(str(event.args) if why else shown(kept, quantity))
+        typed.props(f'aria-invalid={"true" if why else "false"} value="{shows}"')
+        if why:
+            with said:
+                refused(why)
+
+    typed.on("change", came, js_handler="(e) => emit(e.target.value)")
+    return one
+
+
+def form(
+    owner: Any, values: Mapping[str, float], change: Callable[[str, float], Any], names: Mapping[str, str] | None = None
+) -> Element:
+    """All declared parameters of a type or an instance as fields.
+
+    Args:
+        owner: that declares them.
+        values: to begin with, by name [SI].
+        change: told name and value [SI]; may raise `InputError`.
+        names: label by name of those that are shown; all where left out.
+    """
+    from .parts import box
+
+    with box("div", "form") as one:
+        for name, quantity in fields(owner, names).items():
+            field(name, quantity, values[name], lambda v, n=name: change(n, v), label=(names or {}).get(name, ""))  # type: ignore[misc]
+    return one
+
+
+def allowed(low: float, high: float, unit: str) -> str:
+    """Bounds [SI] in words, for a label."""
+    return f"{with_unit(low, unit)} to {with_unit(high, unit)}"

@@ -1,0 +1,184 @@
+"""The one state of a server: the machine, the folder of recordings, who is in control, and what can be undone.
+
+Nothing in it knows of pages or sockets. A page says `act` with the name of an action and its words, and hears a sentence;
+`status` is what every page shows in its top bar.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..errors import InputError, MckibbenError
+from .control import Control
+from .shelf import Shelf
+from .stream import Stream
+from .toasts import Toasts
+
+RECORDINGS = (".nc", ".csv", ".mcap", ".mat", ".tdms", ".parquet")
+UPLOADS = (".csv", ".txt", ".mat", ".tdms")
+FRESH = 0.04  # time for which a status is the same for all pages, where nothing is known to have changed [s]
+FREE = ("emergency_stop", "stop", "ask_control", "undo", "toast", "status")  # actions of any page, in control or not
+
+
+class Machine(Protocol):
+    """What a laboratory asks of its test machine; `bench.Bench` is it."""
+
+    stream: Stream
+
+    def status(self) -> dict[str, Any]:
+        """State, why, times: what the state block says."""
+
+    def describe(self) -> dict[str, Any]:
+        """What changes seldom: muscle, rig, protocol, limits, dry run."""
+
+    def log(self, after: int) -> list[dict[str, Any]]:
+        """Status messages later than that of a number."""
+
+    def actions(self) -> Mapping[str, Callable[..., Any]]:
+        """What can be done with it, by name."""
+
+    def emergency_stop(self, reason: str) -> None:
+        """Vent at once."""
+
+    def control_lost(self) -> None:
+        """Nobody is in control."""
+
+    def control_back(self) -> None:
+        """Somebody is again."""
+
+    def close(self) -> None:
+        """Vent, and let go of it."""
+
+
+class Laboratory:
+    """All that a server has.
+
+    Args:
+        folder: of the recordings.
+        machine: what is operated; told the laboratory, for its shelf and its toasts.
+        clock: seconds that only go forward.
+    """
+
+    def __init__(
+        self, folder: Path, machine: Callable[[Laboratory], Machine], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.recordings = Shelf(folder, RECORDINGS)
+        self.uploads = Shelf(folder / "uploads", UPLOADS)
+        self.protocols = Shelf(folder / "protocols", (".toml",))
+        self.specimens = Shelf(folder / "specimens", (".toml",))
+        self.toasts = Toasts(clock)
+        self._version, self._lock = 0, threading.Lock()
+        self._told: tuple[tuple[int, int], float, str] | None = None
+        self.machine = machine(self)
+        self.control = Control(clock, self.machine.control_lost, self.machine.control_back)
+        self._own: dict[str, Callable[..., Any]] = {
+            "emergency_stop": self._emergency_stop, "ask_control": self._ask, "give_control": self._give,
+            "keep_control": self._keep, "undo": self._undo, "toast": self._toast,
+        }  # fmt: skip
+
+    @property
+    def version(self) -> tuple[int, int]:
+        """Changes whenever `status` or a toast may have."""
+        return self._version, self.toasts.version
+
+    def changed(self) -> None:
+        """Say that something is not as it was."""
+        with self._lock:
+            self._version += 1
+
+    def status(self) -> dict[str, Any]:
+        """What every page shows: state, time, who is in control."""
+        control = self.control
+        return {
+            **self.machine.status(), "holder": control.holder, "present": control.present, "watching": control.watching,
+            "wanted": control.wanted,
+        }  # fmt: skip
+
+    def told(self) -> str:
+        """The same as JSON, made once for all pages that ask within `FRESH`."""
+        now, version = time.monotonic(), self.version
+        made = self._told
+        if made is None or made[0] != version or now - made[1] > FRESH:
+            made = (version, now, json.dumps(self.status(), separators=(",", ":"), default=float))
+            self._told = made
+        return made[2]
+
+    def act(self, page: str, action: str, words: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Do something for a page; never raises for what a person got wrong.
+
+        Returns:
+            ``ok``, and ``said``: what came of it, or why it was refused, with ``field`` where one is to blame.
+        """
+        known = {**self.machine.actions(), **self._own}
+        try:
+            if action not in known:
+                raise InputError("action", action[:80], f"known are {', '.join(known)}")
+            if action not in FREE and not self.control.holds(page):
+                who = "another page is in control" if self.control.present else "nobody is in control"
+                raise InputError(action.replace("_", " "), "refused", f"{who}; ask for the controls first")
+            given = {**(words or {}), "page": page} if action in self._own else dict(words or {})
+            said = known[action](**given)
+            return {"ok": True, "said": said}
+        except InputError as error:
+            return {"ok": False, "said": str(error), "field": error.field, "allowed": error.allowed}
+        except TypeError as error:
+            if "argument" not in str(error):
+                raise
+            return {"ok": False, "said": f"{action} is given other words than it takes", "field": action}
+        except MckibbenError as error:
+            return {"ok": False, "said": str(error), "field": None}
+        finally:
+            self.changed()
+
+    def delete(self, name: str) -> None:
+        """Delete a recording, with a way back for as long as its toast stands."""
+        word = self.recordings.delete(name)
+        self.toasts.tell(
+            f"Deleted {Path(name).stem}.", undo=lambda: self.recordings.restore(word, name),
+            commit=lambda: self.recordings.forget(word),
+        )  # fmt: skip
+        self.changed()
+
+    def tick(self) -> None:
+        """What time alone brings about; called a few times a second."""
+        self.toasts.tick()
+        holder = self.control.holder
+        self.control.tick()
+        if self.control.holder != holder:
+            self.changed()
+
+    def close(self) -> None:
+        """Vent, and make final what can no longer be undone."""
+        self.machine.close()
+        self.toasts.finish()
+
+    def _emergency_stop(self, page: str, reason: str = "") -> str:
+        self.machine.emergency_stop(str(reason)[:80] or "from the screen")
+        return "vented"
+
+    def _ask(self, page: str) -> str:
+        return "in control" if self.control.ask(page) else "asked; the page in control was told"
+
+    def _give(self, page: str) -> str:
+        if not self.control.give(page):
+            raise InputError("controls", "kept", "nobody has asked for them")
+        return "handed over"
+
+    def _keep(self, page: str) -> str:
+        self.control.keep(page)
+        return "kept"
+
+    def _undo(self, page: str, number: int | None = None) -> str:
+        return f"undone: {self.toasts.undo(number)}"
+
+    def _toast(self, page: str, number: int, waits: bool | None = None) -> str:
+        if waits is None:
+            self.toasts.close(int(number))
+        else:
+            self.toasts.wait(int(number), bool(waits))
+        return ""

@@ -1,0 +1,14 @@
+"""Bench: the test machine in front of whoever looks; what moves on it is drawn in the browser, from ``static/js/bench.js``.
+
+The link may name ``muscle``, ``rig``, ``protocol``, ``window`` [s], ``view`` (``edit``) and ``theme``. The page needs
+nothing of NiceGUI: it lives by its socket alone, and is never built anew while something moves.
+"""
+
+from __future__ import annotations
+
+from ..shell import PAGES, document, piece
+
+
+def build() -> str:
+    """The whole page."""
+    return document(PAGES[0], piece("bench.html"), sheets=("bench.css",), scripts=("js/bench.js",))

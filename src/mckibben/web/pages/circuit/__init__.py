@@ -1,0 +1,33 @@
+"""Circuit: valve, tube, volume and muscle from parts, with the diagram and the step response of every change at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...laboratory import Laboratory
+from ...shell import asked
+
+EARLY = "addEventListener('keydown',e=>{window.circuitKey?.(e)},true)"  # before the keys of the laboratory
+
+
+def build(lab: Laboratory, request: Any) -> None:
+    """The page."""
+    from nicegui import ui
+
+    from ....errors import InputError
+    from ...shelf import Shelf
+    from .document import read_text, starts, unpacked
+    from .page import Face
+
+    ui.add_head_html(f"<script>{EARLY}</script>")
+    shelf = Shelf(lab.recordings.folder / "circuits", (".toml",))
+    view = asked(request, "part", "sensors", "flows", "models", "file")
+    document, said, word = next(iter(starts().values())), "", request.query_params.get("c", "")
+    try:
+        if word:
+            document = unpacked(word)
+        elif "file" in view:
+            document = read_text(shelf.found(f"{view['file']}.toml").read_text(encoding="utf-8"))
+    except InputError as error:
+        said = str(error)
+    Face(lab, shelf, document, view).build(said)

@@ -1,0 +1,218 @@
+"""One visitor's circuit: its document, what is selected and shown, and the response that follows every change."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ....assembly.circuit_plan import CircuitPlan
+from ....errors import MckibbenError
+from ....recordings import Recording
+from . import response
+from .document import Document, packed, planned
+from .kernel import Method, Response, accounts, ready, respond
+
+QUIET = 0.6  # after the last change, before the accounts and the small chart follow [s]
+LONGEST = 60  # edits that can be undone
+SAMPLES = 20_000  # of a response, more than which this page does not draw
+
+
+class Answer(NamedTuple):
+    """A response: its recording, numbers, and the same node's pressure with other tube models [Pa]."""
+
+    record: Recording
+    numbers: response.Measured
+    models: dict[str, np.ndarray]
+    waits: bool  # whether further models have to be compiled
+    done: Response
+
+
+class Desk:
+    """The state of one page.
+
+    Args:
+        document: to begin with.
+        chosen: part that is selected, "" for none.
+
+    Attributes:
+        sensors: nodes whose pressure is drawn.
+        flows: elements whose flow is drawn.
+        models: kinds of tubes that are compared.
+        number: of the newest change; what was computed for an older one is thrown away.
+    """
+
+    def __init__(self, document: Document, chosen: str = "") -> None:
+        self.document, self.plan = document, planned(document)
+        self.chosen = chosen if chosen in self.parts() else ""
+        self.sensors = response.shown_nodes(self.plan, ())
+        self.flows = [response.first_tube(self.plan)]
+        self.models: list[str] = ["linear_tube"]
+        self.number = 0
+        self.method: Method | None = None
+        self.methods: dict[str, Method] = {}  # of the other tube models
+        self._undo: list[tuple[Document, str]] = []
+
+    def parts(self) -> list[str]:
+        """Names of all nodes and elements."""
+        return [*self.plan.nodes, *self.plan.circuit.elements]
+
+    def take(self, new: Document, chosen: str | None = None) -> bool:
+        """Another document; whether parts came or went.
+
+        Raises:
+            InputError: it is no circuit.
+        """
+        plan = planned(new)
+        check_size(plan)
+        self._undo = [*self._undo[-LONGEST:], (self.document, self.chosen)]
+        return self._now(new, plan, self.chosen if chosen is None else chosen)
+
+    def undo(self) -> bool:
+        """The document before the last change; False where there is none."""
+        if not self._undo:
+            return False
+        document, chosen = self._undo.pop()
+        self._now(document, planned(document), chosen)
+        return True
+
+    @property
+    def undoes(self) -> bool:
+        """Whether there is a change to undo."""
+        return bool(self._undo)
+
+    def _now(self, new: Document, plan: CircuitPlan, chosen: str) -> bool:
+        before = self.plan
+        self.document, self.plan = new, plan
+        other = _shape(before) != _shape(plan)
+        if other:
+            self.method, self.methods = None, {}
+            gone = set(before.nodes) | set(before.circuit.elements)
+            kept = [n for n in self.sensors if n in plan.nodes]
+            came = [n for n in response.shown_nodes(plan, ()) if n not in gone and plan.nodes[n].kind != "junction"]
+            self.sensors = response.shown_nodes(plan, [*kept, *came][:5])
+            self.flows = [n for n in self.flows if n in plan.circuit.elements] or [response.first_tube(plan)]
+        self.chosen = chosen if chosen in self.parts() else ""
+        self.number += 1
+        return other
+
+    def toggle(self, what: list[str], name: str) -> None:
+        """Take a name into a list, or out of it; the last one stays."""
+        if name not in what:
+            what.append(name)
+        elif len(what) > 1:
+            what.remove(name)
+        self.number += 1
+
+    @property
+    def read(self) -> str:
+        """The node whose rise is read: the one that is selected, or the last that is drawn."""
+        if self.chosen in self.sensors:
+            return self.chosen
+        last = response.last_chamber(self.plan)
+        return last if last in self.sensors else self.sensors[-1]
+
+    def link(self) -> dict[str, Any]:
+        """What the address says of the view."""
+        return {
+            "c": packed(self.document), "part": self.chosen, "sensors": ",".join(self.sensors),
+            "flows": ",".join(self.flows), "models": ",".join(self.models) or "none",
+        }  # fmt: skip
+
+    def leave(self) -> None:
+        """Nobody looks any more: what is still computed is thrown away."""
+        self.number += 1
+
+    # ---- in another thread
+
+    def quick(self, wait: bool = False) -> Answer:
+        """The response by kernels; other tube models where their kernels are compiled, or all of them with `wait`."""
+        document, plan, node = self.document, self.plan, self.read
+        done = respond(plan, self.method)
+        self.method = done.method
+        record = response.recording(plan, done.outputs)
+        found = response.measured(plan, record, node, self.flows[0])
+        others, waits = self._others(document, plan, node, wait)
+        return Answer(record, found, others, waits, done)
+
+    def compiled(self) -> bool:
+        """Whether the response takes no compilation."""
+        return ready(self.plan, self.method)
+
+    def _others(
+        self, document: Document, plan: CircuitPlan, node: str, wait: bool
+    ) -> tuple[dict[str, np.ndarray], bool]:
+        tube = response.first_tube(plan, self.chosen)
+        found, waits = {}, False
+        for kind in self.models:
+            own = document["elements"][tube]["kind"]
+            if own not in response.TUBES or own == kind:
+                continue
+            try:
+                other = planned(response.with_model(document, plan, tube, kind))
+                if not wait and not ready(other, self.methods.get(kind)):
+                    waits = True
+                    continue
+                done = respond(other, self.methods.get(kind))
+                self.methods[kind] = done.method
+            except MckibbenError:
+                continue
+            found[kind] = done.outputs[f"{node}.pressure_abs"] - float(plan.environment.pressure_abs)
+        return found, waits
+
+    def sweep(self) -> response.Sweep | None:
+        """The rise over a value of the selected part."""
+        name = self.chosen or response.first_tube(self.plan)
+        return response.sweep(self.document, self.plan, name, self.read, self.method)
+
+
+def check_size(plan: CircuitPlan) -> None:
+    """Refuse a run that a page could not draw at once."""
+    from ....errors import InputError
+    from ....experiments.waveforms import time_words
+
+    if plan.samples > SAMPLES or plan.duration / plan.inner_step > 4e6:
+        allowed = (
+            f"this page draws up to {SAMPLES} samples and 4000000 steps; run longer ones with mckibben circuit run"
+        )
+        raise InputError("run.duration", time_words(plan.duration), allowed)
+
+
+def _shape(plan: CircuitPlan) -> Any:
+    kinds = {n: words["kind"] for s in ("nodes", "elements") for n, words in plan.document[s].items()}
+    return kinds, plan.circuit.ends, plan.samples
+
+
+async def follow(desk: Desk, show: Callable[[Answer], None], after: Callable[[Answer], None],
+                 check: Callable[[Any, Any], None], failed: Callable[[str], None]) -> None:  # fmt: skip
+    """Answer a change at once, then, once the page is quiet, balance its accounts and vary the selected part."""
+    number = desk.number
+    try:
+        answer = await asyncio.to_thread(desk.quick)
+        if number != desk.number:
+            return
+        show(answer)
+        await asyncio.sleep(0.0)  # the response goes out first
+        after(answer)
+        if answer.waits:
+            answer = await asyncio.to_thread(desk.quick, True)
+            if number != desk.number:
+                return
+            show(answer)
+        await asyncio.sleep(QUIET)
+        if number != desk.number:
+            return
+        swept = await asyncio.to_thread(desk.sweep)
+        if number == desk.number:
+            check(None, swept)
+        closed = await asyncio.to_thread(accounts, desk.plan, answer.done)
+        if number == desk.number:
+            check(closed, swept)
+    except MckibbenError as error:
+        if number == desk.number:
+            failed(str(error))
+    except Exception as error:  # the page has to hear of it, and the next change gets another try
+        if number == desk.number:
+            failed(f"the response failed: {type(error).__name__}: {str(error)[:200]}")

@@ -1,0 +1,166 @@
+"""What opens over the circuit page: saved circuits, saving one, its waveform as text, and the way to the bench."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from ....errors import InputError
+from ...parts import box, button, download, link, refused, tell, text, upload
+from ...shelf import Shelf
+from .document import LARGEST, read_text, starts, text_of
+from .onto_bench import muscle_of, rig_text
+
+if TYPE_CHECKING:
+    from .page import Face
+
+NAME = "circuit"  # of a rig, where the circuit has no name of its own
+
+
+def _dialog(title: str) -> Any:
+    with box("dialog", "circuit-dialog") as one:
+        one.props(f'aria-label="{title}"')
+        with box("div", "hd"):
+            with box("h2"):
+                text("span", title)
+            box("span", "grow")
+            button("Close", lambda: one.delete(), small=True, quiet=True)
+    one.on("close", lambda: one.delete())
+    return one
+
+
+def _open(one: Any) -> None:
+    from nicegui import ui
+
+    ui.run_javascript(f"getElement({one.id}).showModal()")
+
+
+def load(face: Face) -> None:
+    """Saved circuits, those to begin with, and a place for a file."""
+    one = _dialog("Load a circuit")
+
+    def take(document: Any, name: str = "") -> None:
+        face.open(document)
+        link(file=name or None)
+        one.delete()
+
+    with one, box("div", "bd circuits"):
+        text("h3", "To begin with")
+        for title, document in starts().items():
+            button(title, lambda d=document: take(d), quiet=True)
+        saved = face.shelf.names()
+        text("h3", "Saved")
+        if not saved:
+            text("p", "No circuit was saved yet.", "small dim")
+        said = box("div")
+        for file in saved:
+            button(file.removesuffix(".toml"), lambda f=file: _read(face, f, take, said), quiet=True)
+
+        def came(name: str, data: bytes) -> None:
+            if len(data) > LARGEST:
+                raise InputError("file", f"{len(data) >> 10} kB", f"allowed are {LARGEST >> 10} kB; nothing was stored")
+            if not name.lower().endswith(".toml"):
+                raise InputError("file", name[:120], "it is not a .toml file; nothing was stored")
+            try:
+                words = data.decode("utf-8")
+            except UnicodeDecodeError:
+                raise InputError("file", name[:120], "it is not TOML in UTF-8; nothing was stored") from None
+            take(read_text(words))
+
+        upload("Drop a circuit's .toml file here", came, (".toml",))
+    _open(one)
+
+
+def _read(face: Face, file: str, take: Any, said: Any) -> None:
+    said.clear()
+    try:
+        take(read_text(face.shelf.found(file).read_text(encoding="utf-8")), file.removesuffix(".toml"))
+    except InputError as error:
+        with said:
+            refused(str(error))
+
+
+def save(face: Face) -> None:
+    """Keep the circuit under a name, or download it."""
+    one = _dialog("Save the circuit")
+    with one, box("div", "bd"):
+        with box("div", "f"):
+            text("label", "Name").props("for=circuit-name")
+            with box("div", "field"):
+                typed = box("input").props("id=circuit-name placeholder=name autocomplete=off")
+        said = box("div")
+        with box("div", "row"):
+            done = button("Save", primary=True)
+            button("Download", lambda: download("circuit.toml", face.toml().encode()))
+        text("p", "A saved circuit runs on the command line too: mckibben circuit run FILE.toml", "small dim")
+
+    def keep(name: str) -> None:
+        said.clear()
+        try:
+            _store(face.shelf, name, face.toml())
+        except InputError as error:
+            with said:
+                refused(str(error))
+            return
+        link(file=name)
+        tell(f"Saved as {name}.")
+        one.delete()
+
+    take = "() => emit(document.getElementById('circuit-name').value)"
+    done.on("click", lambda e: keep(str(e.args)[:200]), js_handler=take)
+    typed.on("keydown.enter", lambda e: keep(str(e.args)[:200]), js_handler="(e) => emit(e.target.value)")
+    _open(one)
+
+
+def _store(shelf: Shelf, name: str, words: str) -> None:
+    path = shelf.path(f"{name}.toml")
+    shelf.ready()
+    path.write_text(words, encoding="utf-8")
+
+
+def waveform(face: Face) -> None:
+    """The signals as text."""
+    signals = face.desk.document.get("signals")
+    if not signals:
+        text(
+            "p",
+            "Nothing in this circuit is driven: it only fills or empties from its start pressures.",
+            "small dim note-line",
+        )
+        return
+    with box("div", "waveform"):
+        text("label", "Signals, as the file states them").props("for=circuit-signals")
+        words = text_of({"signals": signals})
+        area = text("textarea", words, "text").props("id=circuit-signals spellcheck=false rows=6")
+        said = box("div", "err-place")
+
+    def came(typed: str) -> None:
+        from ....documents import parse_toml
+
+        said.clear()
+        try:
+            if len(typed) > LARGEST:
+                raise InputError("signals", f"{len(typed)} characters", f"allowed are {LARGEST}")
+            found = parse_toml(typed, where="signals").get("signals", {})
+            read_text(text_of({**face.desk.document, "signals": found}))
+            face.change(lambda d: {**d, "signals": found})
+        except InputError as error:
+            with said:
+                refused(str(error))
+
+    area.on("change", lambda e: came(str(e.args)), js_handler="(e) => emit(e.target.value)")
+
+
+def to_bench(face: Face) -> None:
+    """The circuit as a rig of the bench, with its muscle; then the bench's page.
+
+    Raises:
+        InputError: the bench has no place for a part, or somebody else is in control.
+    """
+    from nicegui import ui
+
+    plan = face.desk.plan
+    muscle, rigs = muscle_of(plan), Shelf(face.lab.recordings.folder / "rigs", (".toml",))
+    _store(rigs, NAME, rig_text(plan, NAME))
+    steps = json.dumps([["rig", NAME], ["muscle", muscle]])
+    ui.run_javascript(f"window.circuitToBench({steps})")

@@ -1,0 +1,115 @@
+"""The charts and numbers of a response."""
+
+from __future__ import annotations
+
+import html
+
+import numpy as np
+
+from ....quantities import from_si, shown_unit, with_unit
+from ....recordings import Recording
+from ...charts import Axis, Chart, Line, Mark
+from ...parts import box, raw, text
+from . import diagram, edit, response
+from .desk import Answer, Desk
+from .diagram import pressure_signs
+
+DASHES = {"linear_tube": "B", "quadratic_tube": "C", "inertial_tube": "D"}
+
+
+def span(seconds: float) -> str:
+    """A short time as a person reads it."""
+    return f"{from_si(seconds, 's', 'ms'):.3g} ms" if abs(seconds) < 1.0 else with_unit(seconds, "s", 3)
+
+
+def _ms(record: Recording) -> np.ndarray:
+    return np.asarray(from_si(1.0, "s", "ms") * record.time)
+
+
+def pressure_chart(desk: Desk, answer: Answer) -> Chart:
+    """Pressures at the sensors, the same with other tube models, and where 90 % is reached."""
+    record, found = answer.record, answer.numbers
+    time, signs = _ms(record), pressure_signs(desk.sensors)
+    lines = [
+        Line(time, from_si(1.0, "Pa", "bar") * values, response.MODELS[kind], dash=DASHES[kind], width=1.25)
+        for kind, values in answer.models.items()
+    ]
+    for node in sorted(desk.sensors, key=lambda n: n == desk.read):
+        heavy = 2.75 if node == desk.read else 1.25
+        values = from_si(1.0, "Pa", "bar") * record[f"{node}.pressure"]
+        lines.append(Line(time, values, f"{signs[node]} {node.replace('_', ' ')}", "pressure", width=heavy))
+    marks = []
+    if found.transition is not None and found.delay is not None:
+        reached = found.command_time + found.delay + found.transition
+        node = f"{desk.read}.pressure"
+        at = float(np.interp(reached, record.time, record[node]))
+        share = "90 %" if found.rising else "10 %"
+        words = f"{share} after {span(reached - found.command_time)}"
+        x, y = from_si(reached, "s", "ms"), from_si(at, "Pa", "bar")
+        marks += [
+            Mark("", x=x),
+            Mark(words, x=x, y=0.4 * y if found.rising else from_si(0.6 * found.before, "Pa", "bar")),
+        ]
+    over, ends = with_unit(record.time[-1], "s"), with_unit(found.after, "Pa")
+    summary = f"Pressure of {', '.join(desk.sensors)} over {over}; it ends at {ends}"
+    return Chart("Pressure", summary, Axis("Time", "ms"), Axis("Pressure", "bar", "pressure"), lines, marks, height=256)
+
+
+def flow_chart(desk: Desk, record: Recording) -> Chart:
+    """Flows of the elements that have a flow sensor."""
+    lines = []
+    for i, name in enumerate(desk.flows):
+        sign = "q" if len(desk.flows) == 1 else f"q{i + 1}"
+        values = response.litres(record[response.flow_channel(desk.plan, name)])
+        lines.append(Line(_ms(record), values, f"{sign} {name}", "flow", dash="ABCD"[i % 4] if i else "", width=2.0))
+    summary = f"Flow of {', '.join(desk.flows)} as a volume of reference air"
+    return Chart("Flow", summary, Axis("Time", "ms"), Axis("Flow", "L/min", "flow"), lines, height=150)
+
+
+def numbers(desk: Desk, found: response.Measured) -> None:
+    """The numbers of the response and of the selected part."""
+    rows: list[tuple[str, str]] = []
+    if found.transition is not None and found.delay is not None:
+        what = "Rise, 0 to 90 %" if found.rising else "Fall, 100 to 10 %"
+        rows += [(what, span(found.transition)), ("Delay before it", span(found.delay))]
+    rows.append((f"{found.channel.removesuffix('.pressure').capitalize()} ends at", with_unit(found.after, "Pa")))
+    if found.flow_of:
+        litres = from_si(found.flow, "m^3/s", "l/min")
+        rows.append((f"Largest flow, {found.flow_of}", f"{litres:.4g} L/min"))
+    rows += response.facts(desk.plan, desk.chosen or response.first_tube(desk.plan))
+    markup = "".join(f"<dt>{html.escape(a)}</dt><dd>{html.escape(b)}</dd>" for a, b in rows)
+    raw(markup, "dl", "meas")
+
+
+def sweep_chart(found: response.Sweep) -> None:
+    """The rise if a value of the part were another."""
+    unit = shown_unit(found.unit)
+    x = from_si(1.0, found.unit, unit) * found.values
+    y = from_si(1.0, "s", "ms") * found.rises
+    if not np.isfinite(y).any():
+        return
+    word = found.key.replace("_", " ")
+    with box("div", "sweep"):
+        text("h3", f"Time to 90 % if its {word} were another")
+        now = float(np.interp(found.now, found.values, found.rises))
+        lines = [Line(x, y, width=2.0)]
+        if np.isfinite(now):
+            here = [from_si(found.now, found.unit, unit)]
+            lines.append(Line(here, [from_si(now, "s", "ms")], points=True, line=False))
+        Chart(
+            f"Rise over {word}", f"Time to 90 % for {len(x)} values of {word}", Axis(word.capitalize(), unit, low=0.0),
+            Axis("Time to 90 %", "ms", low=0.0), lines, height=130,
+        ).show()  # fmt: skip
+
+
+def palette() -> None:
+    """The parts that can be put in."""
+    with box("div", "hd"), box("h2"):
+        text("span", "Parts")
+    with box("div", "palette"):
+        for name, part in edit.PARTS.items():
+            markup = f"{diagram.symbol(name)}<span>{part.name}</span><kbd>{part.key}</kbd>"
+            raw(markup, "button", "add").props(
+                f"type=button draggable=true data-add={name} data-key={part.key.lower()} "
+                f'title="Add {part.name.lower()}: drag it, or Insert and {part.key}"'
+            )

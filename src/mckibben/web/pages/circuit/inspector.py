@@ -1,0 +1,166 @@
+"""The fields of what is selected: every one from its declaration, a refused value beside it in the command line's words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ....assembly.circuit_file import TIME
+from ....assembly.circuit_nodes import HEATS
+from ....assembly.circuit_plan import CircuitPlan
+from ....components import paths
+from ....pneumatics.build import known_keys
+from ....pneumatics.heat import WallHeat
+from ....pneumatics.valves import PressureRegulator
+from ....pneumatics.volume import FixedVolume, MovingVolume
+from ....quantities import Quantity, declared, parse
+from ....specimens import specimens
+from ... import forms
+from ...parts import box, select, text
+from .document import Document, worded
+from .response import TUBES
+
+Put = Callable[[Callable[[Document], Document]], None]  # told how a document becomes another one
+KIND_WORDS = {
+    "linear_tube": "Linear", "quadratic_tube": "Quadratic", "inertial_tube": "Quadratic, with inertia",
+    "lumped_tube": "Lumped, by Reynolds number",
+}  # fmt: skip
+HEAT_CONDUCTANCE = "0.1 W/K"  # of a wall, before somebody says another
+
+
+def gauge(plan: CircuitPlan) -> Quantity:
+    """Gauge pressures of nodes: those of a regulator's set-point, down to vacuum."""
+    known = declared(PressureRegulator)["set_pressure"]
+    return known._replace(bounds=(-float(plan.environment.pressure_abs), known.bounds[1]), doc="gauge pressure")
+
+
+def show(document: Document, plan: CircuitPlan, name: str, put: Put, model: Callable[[str], None]) -> None:
+    """The fields of a node, of an element, or of the run where nothing is selected."""
+    if name in plan.nodes:
+        _node(document, plan, name, put)
+    elif name in plan.circuit.elements:
+        _element(document, plan, name, put, model)
+    else:
+        _run(document, plan, put)
+
+
+def _changed(document: Document, section: str, name: str, key: str, value: Any) -> Document:
+    part = {**document[section][name], key: value}
+    return {**document, section: {**document[section], name: {k: v for k, v in part.items() if v is not None}}}
+
+
+def _fields(
+    shown: Mapping[str, tuple[Quantity, float]],
+    put: Callable[[str, Any], None],
+    labels: Mapping[str, str] | None = None,
+) -> None:
+    with box("div", "form"):
+        for key, (quantity, value) in shown.items():
+            forms.field(
+                key, quantity, value, lambda v, k=key, q=quantity: put(k, worded(v, q)),  # type: ignore[misc]
+                label=(labels or {}).get(key, key.replace("_", " ").capitalize()),
+            )  # fmt: skip
+
+
+def _choice(words: str, options: Mapping[str, str], chosen: str, change: Callable[[str], None]) -> None:
+    with box("div", "f pick"):
+        text("span", words)
+        select(options, chosen, change, words)
+
+
+def _element(document: Document, plan: CircuitPlan, name: str, put: Put, model: Callable[[str], None]) -> None:
+    words, element = document["elements"][name], plan.circuit.elements[name]
+    kind = words["kind"]
+    if kind in TUBES:
+        _choice("Resistance", {k: KIND_WORDS[k] for k in TUBES}, kind, model)
+    if "specimen" in words:
+        valves = {s.id: s.title for s in specimens() if s.kind == "valve" and s.element == kind}
+        _choice(
+            "Specimen",
+            valves,
+            str(words["specimen"]),
+            lambda v: put(lambda d: _changed(d, "elements", name, "specimen", v)),
+        )
+    known = known_keys(kind)
+    own = {p: float(paths.get(element, p)) for p, _ in paths.parameters(element) if "." not in p and _plain(element, p)}
+    keys = [k for k in words if k in known] + [k for k in own if k not in words]
+    keys = [k for k in keys if k in known]
+    shown = {}
+    for key in keys:
+        value = own[key] if key not in words else _si(words[key], known[key].unit, key)
+        if not (key not in words and key in ("wall_temperature", "friction_scale", "supply_reference")):
+            shown[key] = known[key], value
+    _fields(shown, lambda k, v: put(lambda d: _changed(d, "elements", name, k, v)))
+
+
+def _plain(element: Any, path: str) -> bool:
+    return bool(np.ndim(paths.get(element, path)) == 0)
+
+
+def _si(words: Any, unit: str, key: str) -> float:
+    return parse(words if isinstance(words, str) else repr(words), unit, field=key)
+
+
+def _node(document: Document, plan: CircuitPlan, name: str, put: Put) -> None:
+    words, planned = document["nodes"][name], plan.nodes[name]
+    pressure = gauge(plan)
+    shown: dict[str, tuple[Quantity, float]] = {}
+    if planned.kind == "reservoir" and "pressure" in words:
+        shown["pressure"] = pressure, _si(words["pressure"], "Pa", "pressure")
+    if planned.law is not None:
+        muscles = {s.id: s.title for s in specimens() if s.kind == "mckibben"}
+        _choice("Specimen", muscles, str(words["specimen"]), lambda v: put(lambda d: _other_muscle(d, name, v)))
+        if planned.length is not None:
+            low, high = (float(v) for v in planned.law.length_range())
+            shown["length"] = (
+                Quantity("m", (low, high), "length at which the muscle is held", "L", (low, high)),
+                planned.length,
+            )
+        shown["dead_volume"] = declared(MovingVolume)["dead"], float(plan.circuit.nodes[name].dead)  # type: ignore[union-attr]
+    elif planned.kind in ("volume", "junction", "compliant") and "volume" in words:
+        shown["volume"] = declared(FixedVolume)["size"], _si(words["volume"], "m^3", "volume")
+    if planned.kind not in ("reservoir", "atmosphere"):
+        shown["start_pressure"] = pressure, planned.start
+    _fields(shown, lambda k, v: put(lambda d: _changed(d, "nodes", name, k, v)))
+    if planned.kind in ("reservoir", "atmosphere"):
+        if planned.kind == "atmosphere":
+            text("p", f"{planned.words}.", "small dim")
+        return
+    heat = words.get("heat", "isothermal")
+    kind = heat["kind"] if isinstance(heat, Mapping) else heat
+    kinds = {k: k.capitalize() for k in HEATS if k != "polytropic" or k == kind}
+
+    def other(value: str) -> None:
+        new: Any = {"kind": "wall", "conductance": HEAT_CONDUCTANCE} if value == "wall" else value
+        put(lambda d: _changed(d, "nodes", name, "heat", new))
+
+    _choice("Heat of the gas", kinds, str(kind), other)
+    if isinstance(heat, Mapping) and "conductance" in heat:
+        known = declared(WallHeat)["conductance"]
+        value = _si(heat["conductance"], known.unit, "conductance")
+        _fields({"conductance": (known, value)},
+                lambda k, v: put(lambda d: _changed(d, "nodes", name, "heat", {**heat, k: v})))  # fmt: skip
+
+
+def _other_muscle(document: Document, name: str, specimen: str) -> Document:
+    """Another muscle, held at its own rest length."""
+    from ....specimens import specimen as found
+
+    rest = found(specimen).property_si("rest_length", "m")
+    words = {k: v for k, v in document["nodes"][name].items() if k not in ("law", "parameters")}
+    quantity = Quantity("m", (1e-3, 100.0), "rest length", "L0", (0.05, 1.0))
+    new = {**words, "specimen": specimen} | ({"length": worded(rest, quantity)} if "length" in words else {})
+    return {**document, "nodes": {**document["nodes"], name: new}}
+
+
+def _run(document: Document, plan: CircuitPlan, put: Put) -> None:
+    names = {"duration": plan.duration, "period": plan.period, "step": plan.step}
+    doc = {"duration": "how long the response is", "period": "of the samples", "step": "largest step of the physics"}
+    shown = {k: (TIME._replace(doc=doc[k]), v) for k, v in names.items()}
+
+    def change(key: str, value: Any) -> None:
+        put(lambda d: {**d, "run": {**d.get("run", {}), key: value}})
+
+    _fields(shown, change)

@@ -1,0 +1,315 @@
+"""The circuit page's elements: palette, diagram, response, inspector."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ....errors import InputError
+from ... import charts
+from ...laboratory import Laboratory
+from ...parts import box, button, link, page, panel, raw, refused, text
+from ...shelf import Shelf
+from . import diagram, dialogs, edit, inspector, response
+from .desk import Answer, Desk, follow
+from .document import Document, text_of
+from .faces import flow_chart, numbers, palette, pressure_chart, sweep_chart
+
+TICK = (
+    '<svg width="11" height="10" aria-hidden="true"><path d="M1 5l3 3 6-7" fill="none" stroke="currentColor" '
+    'stroke-width="1.8"/></svg>'
+)
+
+
+class Face:
+    """The page of one visitor.
+
+    Args:
+        lab: the laboratory.
+        shelf: of the circuits that were saved.
+        document: to begin with.
+        view: what the address says.
+    """
+
+    def __init__(self, lab: Laboratory, shelf: Shelf, document: Document, view: dict[str, str]) -> None:
+        self.lab, self.shelf = lab, shelf
+        self.desk = Desk(document, view.get("part", ""))
+        named = {k: [w for w in view[k].split(",") if w] for k in ("sensors", "flows", "models") if k in view}
+        self.desk.sensors = response.shown_nodes(self.desk.plan, named.get("sensors", ()))
+        self.desk.flows = [n for n in named.get("flows", ()) if n in self.desk.plan.circuit.elements] or self.desk.flows
+        self.watched = False
+        if "models" in named:
+            self.desk.models = [k for k in named["models"] if k in response.MODELS]
+
+    def build(self, said: str) -> None:
+        """All of it."""
+        with page(
+            "circuit", sub="Valve to muscle; every change shows in the step response at once", sheets=("circuit.css",),
+            scripts=("js/circuit.js",),
+        ) as bar:  # fmt: skip
+            with bar:
+                self.undo_button = button("Undo", self.undo, key="Ctrl Z").props("id=circuit-undo")
+                button("Load", lambda: dialogs.load(self))
+                button("Save as", lambda: dialogs.save(self))
+                button("Use on the bench", self.to_bench, primary=True)
+            self.refusal = box("div", "circuit-said")
+            with box("div", "circuit-grid") as host:
+                host.props("id=circuit-host")
+                with box("section", "panel pal").props('aria-label="Parts"'):
+                    palette()
+                with box("div", "circuit-middle"):
+                    self._diagram()
+                    self._response()
+                self.inspector = box("section", "panel ins").props('aria-label="What is selected"')
+            self._listen(host)
+        if said:
+            self._say(said)
+        self.select(self.desk.chosen, moved=False)
+        self.renew()
+
+    def _diagram(self) -> None:
+        with panel("Diagram") as head:
+            with head:
+                text(
+                    "span",
+                    "drag a part onto the diagram, or select and press Insert and its letter",
+                    "small faint hint",
+                )
+                self.chip = raw("", "span", "chip").props("role=status")
+            self.drawing = raw("", "div", "drawing").props("data-drawing=1")
+
+    def _response(self) -> None:
+        with panel("Step response") as head:
+            with head:
+                self.inputs = box("div", "row")
+                text("span", "compare with", "small faint")
+                self.compare = box("div", "seg s").props('role=group aria-label="Compare with"')
+            self.waveform = box("div")
+            with box("div", "answer"):
+                self.said = box("div", "said").props("role=status")
+                self.pressure = raw("", "div", "curve")
+                self.flow = raw("", "div", "curve")
+
+    def _listen(self, host: Any) -> None:
+        for name, do in (("pick", self._picked), ("put", self._put), ("take", self._taken)):
+            host.on(f"circuit-{name}", lambda e, do=do: do(e.args), js_handler="(e) => emit(e.detail)")
+
+    # ---- what a person does
+
+    def _guarded(self, do: Callable[[], Any]) -> bool:
+        try:
+            do()
+        except InputError as error:
+            self._say(str(error))
+            return False
+        self.refusal.clear()
+        return True
+
+    def _say(self, words: str) -> None:
+        self.refusal.clear()
+        with self.refusal:
+            refused(words)
+
+    def _picked(self, given: Any) -> None:
+        self.select(str(given.get("part", ""))[:80])
+
+    def _put(self, given: Any) -> None:
+        part, at = str(given.get("part", ""))[:40], str(given.get("at", ""))[:80] or self.desk.chosen
+        desk = self.desk
+        if part == "pressure":
+            node = at if at in desk.plan.nodes else edit.line(desk.plan, at)[0]
+            if desk.plan.nodes[node].kind in edit.GIVEN:
+                self._say(
+                    f"a pressure sensor at {node} would show what is given; allowed is a node whose pressure changes"
+                )
+                return
+            desk.toggle(desk.sensors, node)
+        elif part == "flow":
+            near = [e for e, (ends, _) in desk.plan.circuit.ends.items() if at in ends]
+            desk.toggle(desk.flows, at if at in desk.plan.circuit.elements else (near or desk.flows)[0])
+        else:
+            self._guarded(lambda: desk.take(*edit.insert(desk.document, desk.plan, part, at)))
+        self.select(desk.chosen, moved=False)
+        self.renew()
+
+    def _taken(self, given: Any) -> None:
+        self.remove(str(given.get("part", ""))[:80] or self.desk.chosen)
+
+    def remove(self, name: str) -> None:
+        """Take a part out."""
+        if name and self._guarded(lambda: self.desk.take(edit.remove(self.desk.document, self.desk.plan, name), "")):
+            self.select(self.desk.chosen, moved=False)
+            self.renew()
+
+    def undo(self) -> None:
+        """One change back."""
+        if self.desk.undo():
+            self.refusal.clear()
+            self.select(self.desk.chosen, moved=False)
+            self.renew()
+
+    def open(self, document: Document) -> None:
+        """Another circuit; the one before can be brought back."""
+        self.desk.take(document, "")
+        self.desk.sensors = response.shown_nodes(self.desk.plan, ())
+        self.refusal.clear()
+        self.select("", moved=False)
+        self.renew()
+
+    def change(self, make: Callable[[Document], Document]) -> None:
+        """A value of a field; raises what speaks against it."""
+        if self.desk.take(make(self.desk.document)):
+            self.select(self.desk.chosen, moved=False)
+        self.refusal.clear()
+        self.renew()
+
+    def change_whole(self, make: Callable[[Document], Document]) -> None:
+        """A choice; what speaks against it is said above the diagram."""
+        if self._guarded(lambda: self.desk.take(make(self.desk.document))):
+            self.select(self.desk.chosen, moved=False)
+            self.renew()
+
+    def to_bench(self) -> None:
+        """The circuit becomes the plumbing of the bench's rig, and its muscle the bench's muscle."""
+        self._guarded(lambda: dialogs.to_bench(self))
+
+    # ---- what is shown
+
+    def select(self, name: str, moved: bool = True) -> None:
+        """Show a part's fields."""
+        desk = self.desk
+        desk.chosen = name if name in desk.parts() else ""
+        self.inspector.clear()
+        with self.inspector:
+            with box("div", "hd"):
+                with box("h2"):
+                    text("span", desk.chosen.replace("_", " ").capitalize() or "Run")
+                    kind = desk.plan.nodes[name].kind if desk.chosen in desk.plan.nodes else ""
+                    kind = kind or str(desk.document["elements"].get(desk.chosen, {}).get("kind", ""))
+                    text("small", "" if kind == desk.chosen else kind.replace("_", " "))
+                box("span", "grow")
+                if desk.chosen:
+                    button("Remove", lambda: self.remove(desk.chosen), small=True, quiet=True, key="Del")
+            with box("div", "bd fields"):
+                tube = desk.chosen
+                inspector.show(
+                    desk.document, desk.plan, desk.chosen, self.change,
+                    lambda kind: self.change_whole(lambda d: response.with_model(d, desk.plan, tube, kind)),
+                )  # fmt: skip
+            with box("div", "hd line"), box("h2"):
+                text("span", "What it does here")
+            self.numbers = box("div", "bd")
+            self.swept = box("div", "bd line")
+        if moved:
+            self.renew(quiet=True)
+
+    def renew(self, quiet: bool = False) -> None:
+        """Draw what changed, and answer it."""
+        from nicegui import background_tasks, context
+
+        desk = self.desk
+        if quiet:
+            desk.number += 1
+        if not desk.compiled():
+            self._around()
+            self.said.clear()
+            with self.said, box("div", "loading small-wait"), box("div"):
+                text("span", "Compiling the response of this circuit, some seconds")
+                raw("<i></i>", "div", "line")
+        self._chip("", "")
+        client = context.client
+        if not self.watched:
+            self.watched = True
+            client.on_delete(desk.leave)
+
+        async def work() -> None:
+            with client:
+                await follow(desk, self._show, self._after, self._checked, self._failed)
+
+        background_tasks.create(work())
+
+    def _around(self) -> None:
+        """All but the response."""
+        desk = self.desk
+        self.drawing.set_content(  # type: ignore[attr-defined]
+            diagram.svg(desk.plan, chosen=desk.chosen, sensors=desk.sensors, flows=desk.flows)
+        )
+        self.undo_button.props(remove="disabled") if desk.undoes else self.undo_button.props("disabled")
+        self._heads()
+        link(**desk.link())
+
+    def _heads(self) -> None:
+        desk = self.desk
+        self.inputs.clear()
+        full = edit.top(desk.document, desk.plan)
+        now = edit.input_of(desk.document, desk.plan)
+        names = {"up": f"0 to {full}", "down": f"{full} to 0", "waveform": "Waveform"}
+        with self.inputs, box("div", "seg s").props('role=group aria-label="Input"'):
+            for value, words in names.items():
+                text("button", words).props(f"type=button aria-pressed={'true' if value == now else 'false'}").on(
+                    "click", lambda v=value: self._input(v)
+                )
+        self.waveform.clear()
+        if now == "waveform":
+            with self.waveform:
+                dialogs.waveform(self)
+        self.compare.clear()
+        with self.compare:
+            for kind, words in response.MODELS.items():
+                on = "true" if kind in desk.models else "false"
+                text("button", words.capitalize()).props(f"type=button aria-pressed={on}").on(
+                    "click", lambda k=kind: self._model(k)
+                )
+
+    def _input(self, value: str) -> None:
+        if value == "waveform":
+            self.waveform.clear()
+            with self.waveform:
+                dialogs.waveform(self)
+            return
+        self.change_whole(lambda d: edit.stepped(d, self.desk.plan, value == "up"))
+
+    def _model(self, kind: str) -> None:
+        models = self.desk.models
+        models.remove(kind) if kind in models else models.append(kind)
+        self.renew(quiet=True)
+
+    def _chip(self, sign: str, words: str) -> None:
+        self.chip.set_content(sign + words)  # type: ignore[attr-defined]
+        self.chip.style("display:none" if not words else "", remove="display:none" if words else "")
+
+    def _show(self, answer: Answer) -> None:
+        self.said.clear()
+        charts.update(self.pressure, pressure_chart(self.desk, answer))
+        charts.update(self.flow, flow_chart(self.desk, answer.record))
+
+    def _after(self, answer: Answer) -> None:
+        self._numbers(answer.numbers)
+        self._around()
+
+    def _numbers(self, found: response.Measured) -> None:
+        self.numbers.clear()
+        with self.numbers:
+            numbers(self.desk, found)
+
+    def _checked(self, closed: Any, swept: response.Sweep | None) -> None:
+        if closed is None:
+            self.swept.clear()
+            if swept is not None:
+                with self.swept:
+                    sweep_chart(swept)
+            return
+        method, step = self.desk.method, self.desk.plan.inner_step * 1e6
+        words = "rk4" if method is None or not method.stiff else "ros2"
+        split = 1 if method is None else method.split
+        self._chip(TICK, f" closed, mass balance {float(closed.mass):.0e}, {words} at {step / split:.3g} \u00b5s")
+
+    def _failed(self, words: str) -> None:
+        self._around()
+        self.said.clear()
+        with self.said:
+            refused(words)
+
+    def toml(self) -> str:
+        """The circuit as a file."""
+        return text_of(self.desk.document)

@@ -1,0 +1,232 @@
+"""What a circuit did: the recording of a quick response or of the command line's run, and the numbers read from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ....analysis.steps import step_responses
+from ....assembly.circuit_plan import CircuitPlan
+from ....components import paths
+from ....components.flow import GasState
+from ....errors import InputError, MckibbenError
+from ....pneumatics import AIR
+from ....pneumatics.gas import REFERENCE_TEMPERATURE
+from ....pneumatics.leak import REFERENCE_PRESSURE
+from ....pneumatics.tubes import LinearTube
+from ....quantities import declared, from_si, with_unit
+from ....recordings import Channel, Recording
+from .document import Document, planned, worded
+from .edit import AIR as OUTSIDE
+from .kernel import Method, respond
+
+TUBES = ("linear_tube", "quadratic_tube", "inertial_tube", "lumped_tube")
+MODELS = {"linear_tube": "linear", "quadratic_tube": "quadratic", "inertial_tube": "inertial"}
+GROWS = {"length": "m", "volume": "m^3", "hole_diameter": "m", "flow": "m^3/s"}  # what a small chart varies
+SHARES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
+
+
+class Measured(NamedTuple):
+    """Numbers of a response; None where the command does not step or nothing follows it [SI]."""
+
+    channel: str
+    delay: float | None
+    transition: float | None
+    rising: bool
+    command_time: float
+    before: float
+    after: float
+    flow: float  # largest of an element, as a volume of reference air [m^3/s]
+    flow_of: str
+
+
+def recording(plan: CircuitPlan, outputs: dict[str, np.ndarray]) -> Recording:
+    """The channels of a quick response: gauge pressures, mass flows and signals, as `bench.circuit_run` names them."""
+    room = float(plan.environment.pressure_abs)
+    channels = {
+        f"{n}.pressure": Channel(outputs[f"{n}.pressure_abs"] - room, "Pa", "true", f"gauge pressure of {n}")
+        for n in plan.nodes
+    }
+    channels |= {
+        n: Channel(v, "kg/s", "true", f"mass flow, {n}") for n, v in outputs.items() if n.endswith(".mass_flow")
+    }
+    channels |= {n: Channel(v, plan.signals[n].unit, "command", n) for n, v in plan.values().items()}
+    return Recording(plan.times, channels, {"title": plan.title})
+
+
+def flow_channel(plan: CircuitPlan, element: str) -> str:
+    """The channel of an element's first path."""
+    from ....pneumatics.exergy import path_name
+
+    one = plan.circuit.elements[element]
+    return f"{path_name(one, element, one.paths[0])}.mass_flow"
+
+
+def litres(mass_flow: Any) -> Any:
+    """A mass flow [kg/s] as that of reference air [L/min]."""
+    density = float(AIR.density(REFERENCE_PRESSURE, REFERENCE_TEMPERATURE))
+    return from_si(1.0, "m^3/s", "l/min") * np.asarray(mass_flow) / density
+
+
+def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> Measured:
+    """Delay and rise of a node's pressure by `analysis.steps`, and the largest flow of an element."""
+    channel = f"{node}.pressure"
+    stepping = [n for n, s in plan.signals.items() if s.unit != "m" and s.waveform.kind == "steps"]
+    flow = record[flow_channel(plan, element)] if element else np.zeros(1)
+    largest = float(np.abs(flow).max()) / float(AIR.density(REFERENCE_PRESSURE, REFERENCE_TEMPERATURE))
+    before, after = float(record[channel][0]), float(record[channel][-1])
+    try:
+        one = step_responses(record, command=stepping[0], channel=channel, median=1)[0] if stepping else None
+    except InputError:
+        one = None
+    if one is None:
+        return Measured(channel, None, None, True, 0.0, before, after, largest, element)
+    return Measured(
+        channel, one.delay, one.transition, one.rising, one.command_time, one.before, one.after, largest, element
+    )
+
+
+def last_chamber(plan: CircuitPlan) -> str:
+    """The node whose pressure is read: the last muscle, or the last volume."""
+    inner = [n for n, p in plan.nodes.items() if p.kind not in ("reservoir", *OUTSIDE)]
+    muscles = [n for n in inner if plan.nodes[n].law is not None]
+    return (muscles or [n for n in inner if plan.nodes[n].kind != "junction"] or inner)[-1]
+
+
+def first_tube(plan: CircuitPlan, chosen: str = "") -> str:
+    """The chosen tube, or the first; else the first element."""
+    elements = plan.document["elements"]
+    tubes = [n for n, words in elements.items() if words["kind"] in TUBES]
+    return chosen if chosen in tubes else (tubes or list(elements))[0]
+
+
+def with_model(document: Document, plan: CircuitPlan, name: str, kind: str) -> Document:
+    """The same circuit with another model of a tube: what both are stated by stays.
+
+    A linear tube gets the resistance that the tube has between full pressure and the room, which no size tells it.
+
+    Raises:
+        InputError: the tube states no size that the other model could be made of.
+    """
+    from ....pneumatics.build import known_keys
+
+    words = document["elements"][name]
+    if words["kind"] == kind:
+        return document
+    new = {k: v for k, v in words.items() if k in ("kind", "from", "to")}
+    new["kind"] = kind
+    known = known_keys(kind)
+    if kind == "linear_tube":
+        quantity = declared(LinearTube)["resistance"]
+        new["resistance"] = worded(_resistance(plan, name), quantity)
+    else:
+        new |= {k: words[k] for k in ("length", "diameter", "ends") if k in words and k in known}
+        if "diameter" not in new:
+            raise InputError(f"elements.{name}.kind", kind, f"{words['kind']} states no diameter to make it of")
+    return {**document, "elements": {**document["elements"], name: new}}
+
+
+def _resistance(plan: CircuitPlan, name: str) -> float:
+    room = float(plan.environment.pressure_abs)
+    warm = float(plan.environment.temperature)
+    full = room + max([abs(p) for p in plan.starts.values()] + [float(np.abs(v).max()) for n, v in plan.values().items()
+                      if plan.signals[n].unit == "Pa"] + [1e5])  # fmt: skip
+    element: Any = plan.circuit.elements[name]
+    low, high = GasState(room, warm), GasState(full, warm)
+    if isinstance(element.initial(), tuple):
+        return (full - room) / float(element.mass_flow(high, low))
+    # one with inertia is asked where it no longer accelerates
+    flows = np.geomspace(1e-9, 1.0, 2001)
+    rates = np.broadcast_to(np.asarray(element.rate(high, low, flows, 0.0)), flows.shape)
+    return (full - room) / float(np.interp(0.0, -rates, flows))
+
+
+class Sweep(NamedTuple):
+    """The rise over a value of a part: its path, the values [SI], the rises [s], NaN where nothing rises."""
+
+    key: str
+    unit: str
+    values: np.ndarray
+    rises: np.ndarray
+    now: float
+
+
+def grows(plan: CircuitPlan, name: str) -> str:
+    """The value of a part that the small chart varies; nothing where it has none."""
+    section = "nodes" if name in plan.nodes else "elements"
+    words = plan.document[section].get(name, {})
+    if section == "nodes" and words.get("kind") not in ("volume",):
+        return ""
+    return next((k for k in GROWS if k in words), "")
+
+
+def sweep(document: Document, plan: CircuitPlan, name: str, node: str, method: Method | None) -> Sweep | None:
+    """The rise of a node's pressure if a part were smaller or larger."""
+    key = grows(plan, name)
+    if not key:
+        return None
+    from ....quantities import parse
+
+    section = "nodes" if name in plan.nodes else "elements"
+    unit = GROWS[key]
+    now = parse(str(document[section][name][key]), unit, field=key)
+    values, rises = [], []
+    for share in SHARES:
+        part = {**document[section][name], key: f"{share * now!r} {unit}"}
+        try:
+            other = planned({**document, section: {**document[section], name: part}})
+            found = measured(other, recording(other, respond(other, method).outputs), node, "")
+        except MckibbenError:
+            continue
+        values.append(share * now)
+        rises.append(float("nan") if found.transition is None else found.delay + found.transition)  # type: ignore[operator]
+    return Sweep(key, unit, np.array(values), np.array(rises), now)
+
+
+def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:
+    """What follows from a part's values, by the part itself: title and words."""
+    found: list[tuple[str, str]] = []
+    if name in plan.circuit.elements:
+        element: Any = plan.circuit.elements[name]
+        own = [float(v) for v in element.inner_volumes()]
+        if any(own):
+            found.append(("Its own volume", with_unit(sum(own), "m^3", 3).replace("^3", "\u00b3")))
+        known = dict(paths.parameters(element))
+        if {"length"} <= set(known):
+            speed = float(AIR.sound_speed(float(plan.environment.temperature)))
+            found.append(("Sound passes in", f"{from_si(float(element.length) / speed, 's', 'ms'):.3g} ms"))
+            area = float(element.area)
+            from ....pneumatics.tubes.inertial import inertance
+
+            found.append(
+                (
+                    "Inertance l/A",
+                    f"{from_si(float(inertance(length=element.length, area=area)), '1/m', '1/cm'):.4g} cm\u207b\u00b9",
+                )
+            )
+    elif name in plan.nodes and plan.nodes[name].law is not None:
+        law: Any = plan.nodes[name].law
+        length = plan.nodes[name].length
+        if length is not None:
+            from .edit import top
+
+            full = _pressure(top(plan.document, plan))
+            found.append(
+                (f"Static tension at {with_unit(full, 'Pa')}", with_unit(float(law.tension(length, full)), "N"))
+            )
+            found.append(("Volume there", with_unit(float(law.volume(length, full)), "m^3").replace("^3", "\u00b3")))
+    return found
+
+
+def _pressure(words: str) -> float:
+    from ....quantities import parse
+
+    return parse(words, "Pa", field="pressure")
+
+
+def shown_nodes(plan: CircuitPlan, wanted: Sequence[str]) -> list[str]:
+    """Of the wanted nodes those that the circuit has; its chambers where none was wanted."""
+    inner = [n for n, p in plan.nodes.items() if p.kind not in ("reservoir", *OUTSIDE)]
+    return [n for n in wanted if n in inner] or inner[:4]

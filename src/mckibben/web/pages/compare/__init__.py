@@ -1,0 +1,15 @@
+"""Compare: muscles side by side by Table 1 of the paper, braided and biological, from their laws or from recordings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...laboratory import Laboratory
+from ...shell import asked
+
+
+async def build(lab: Laboratory, request: Any) -> None:
+    """The page."""
+    from .page import Face
+
+    Face(lab, asked(request, "muscles", "values", "recordings", "pressure")).build()

@@ -1,0 +1,140 @@
+"""What is asked of a visitor of the comparison: another column, and the runs of the machine."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Any
+
+from ....errors import MckibbenError
+from ....specimens import specimens
+from ...parts import box, button, empty, raw, refused, text
+from . import faces, work
+
+if TYPE_CHECKING:
+    from .page import Face
+
+
+def add(face: Face) -> None:
+    """A list of what is not shown yet; a click on one adds it."""
+    from nicegui import ui
+
+    with box("dialog", "compare-dialog") as one:
+        one.props('aria-label="Add a column"')
+        with box("div", "hd"):
+            with box("h2"):
+                text("span", "Add a column")
+            box("span", "grow")
+            button("Close", lambda: one.delete(), small=True, quiet=True)
+    one.on("close", lambda: one.delete())
+
+    def take(name: str) -> None:
+        one.delete()
+        face.take(name)
+
+    with one, box("div", "bd list"):
+        if face.values == "recordings":
+            text("h3", "Recordings")
+            left = [n for n in face.lab.recordings.names() if n.endswith(".nc") and n not in face.recordings][:60]
+            for name in left:
+                button(name.removesuffix(".nc"), lambda n=name: take(n), quiet=True)
+            if not left:
+                text("p", "There is no other recording.", "small dim")
+        kinds = {"mckibben": "McKibben muscles", "biological": "Biological muscles"}
+        for kind, title in kinds.items():
+            if face.values == "recordings" and kind == "mckibben":
+                continue
+            text("h3", title)
+            others = [s for s in specimens() if s.kind == kind and s.id not in face.muscles]
+            for spec in others:
+                button(spec.title, lambda n=spec.id: take(n), quiet=True)
+            if not others:
+                text("p", "All of them are shown.", "small dim")
+        own = [n for n in face.lab.specimens.names() if n not in face.muscles]
+        if own and face.values == "laws":
+            text("h3", "Your own")
+            for name in own:
+                button(name.removesuffix(".toml"), lambda n=name: take(n), quiet=True)
+    ui.run_javascript(f"getElement({one.id}).showModal()")
+
+
+def runs(face: Face) -> None:
+    """The isometric step of the muscles that ran it, or the button that runs it."""
+    face.step.clear()
+    face.running.clear()
+    if not face.shown:
+        with face.step:
+            text("p", "Protocols run on muscles, not on recordings: choose From the laws.", "small dim")
+        return
+    missing = [(s, n) for _, s in face.shown for n in work.PROTOCOLS if work.run_known(s, n) is None]
+    chart = faces.step_chart(face.shown)
+    with face.step:
+        if chart is not None:
+            chart.show()
+        elif missing:
+            words = "isometric step and isokinetic shortening"
+            empty(
+                f"No muscle has run it yet: {words}, on the simulated machine.",
+                "Run the protocols",
+                lambda: begin(face),
+            )
+    if chart is not None and missing:
+        with face.running:
+            button("Run the rest", lambda: begin(face), small=True)
+
+
+def begin(face: Face) -> None:
+    """Run what is missing, one protocol after the other; it ends after the one that runs when it is cancelled."""
+    from nicegui import background_tasks, context
+
+    client = context.client
+    face.cancelled = False
+
+    async def work_() -> None:
+        with client:
+            await _run(face)
+
+    background_tasks.create(work_())
+
+
+async def _run(face: Face) -> None:
+    todo = [(s, n) for n in work.PROTOCOLS for _, s in face.shown if work.run_known(s, n) is None]
+    number = face.number
+    for i, (one, name) in enumerate(todo):
+        if face.cancelled or face.number != number:
+            break
+        _progress(face, f"{one.id}: {name}", i, len(todo))
+        try:
+            await asyncio.to_thread(work.run_of, one, name)
+        except MckibbenError as error:
+            face.step.clear()
+            with face.step:
+                refused(str(error))
+            return
+        except Exception as error:  # the page has to hear of it
+            face.step.clear()
+            with face.step:
+                refused(f"the run failed: {type(error).__name__}: {str(error)[:200]}")
+            return
+    if not face.gone and face.number == number:
+        face.renew()
+
+
+def _progress(face: Face, words: str, done: int, total: int) -> None:
+    def cancel() -> None:
+        face.cancelled = True
+        _progress(face, f"{words}; ends after it", done, total)
+
+    face.running.clear()
+    chart: Any = faces.step_chart(face.shown)
+    face.step.clear()
+    with face.step:
+        if chart is not None:
+            chart.show()
+        with box("div", "running").props("role=status"):
+            text("span", f"{words}, {done + 1} of {total}", "small")
+            raw(f'<i style="width:{100.0 * (done + 0.5) / total:.0f}%" class="share"></i>', "div", "line")
+            if not face.cancelled:
+                button("Cancel", cancel, small=True)
+
+
+__all__ = ["add", "begin", "runs"]

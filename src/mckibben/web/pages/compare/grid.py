@@ -1,0 +1,131 @@
+"""The table of the comparison: a column per muscle with its drawing, its surface and Table 1."""
+
+from __future__ import annotations
+
+import html
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ....quantities import from_si
+from ....studies.comparison import Column, Subject
+from ...bench import drawing
+from ...parts import box, button, raw, refused, text
+from . import faces, work
+
+if TYPE_CHECKING:
+    from .page import Face
+
+
+class Grid:
+    """The table of one page.
+
+    Args:
+        face: the page, which moves and drops columns.
+        columns: word of the link, column, muscle where it is one by its law, and why there is no column.
+    """
+
+    def __init__(self, face: Face, columns: list[tuple[str, Column | None, Subject | None, str]]) -> None:
+        self.face, self.columns = face, columns
+
+    def show(self, surfaces: dict[str, Any]) -> None:
+        """All of it, in the place that is open."""
+        columns, count = self.columns, len(self.columns)
+        with box("div", "cmp").style(f"--columns:{count}"):
+            box("div", "k head")
+            for i, (name, column, one, _) in enumerate(columns):
+                self._head(faces.LETTERS[i], name, column, one)
+            bad = {i: said for i, (_, column, _, said) in enumerate(columns) if column is None}
+            if bad:
+                box("div", "k")
+                for i in range(count):
+                    with box("div", "cell"):
+                        if i in bad:
+                            refused(bad[i])
+            if any(one is not None for _, _, one, _ in columns):
+                self._drawings(columns)
+                self._surfaces(columns, surfaces)
+            self._rows(columns)
+
+    def _head(self, letter: str, name: str, column: Column | None, one: Subject | None) -> None:
+        with box("div", "ch"):
+            text("span", letter, "ab")
+            title = one.spec.title if one is not None else Path(name).stem
+            text("span", _short(title), "title").props(f'title="{html.escape(title)}"')
+            with box("details", "more"):
+                raw("\u22ef", "summary", "btn s q").props(f'aria-label="More about {html.escape(_short(title))}"')
+                with box("div", "menu-list"):
+                    button("Move left", lambda: self.face.move(name, -1), small=True, quiet=True)
+                    button("Move right", lambda: self.face.move(name, 1), small=True, quiet=True)
+                    if one is not None and one.unit is not None and not name.endswith(".toml"):
+                        text("a", "Use on the bench", "btn s q").props(f'href="/?muscle={html.escape(one.id)}"')
+                    for note in column.notes if column is not None else ():
+                        text("p", f"{note}.", "small dim")
+                    button("Remove", lambda: self.face.drop(name), small=True, quiet=True)
+
+    def _drawings(self, columns: Any) -> None:
+        raw("At rest and fully shortened,<br>one scale<br><span class='faint scale'></span>", "div", "k tall")
+        for _, _, one, _ in columns:
+            if one is None:
+                box("div", "cell")
+                continue
+            shortest = float(work.column(one).values["shortest"])
+            spec = (
+                drawing.plain(one.spec) if one.unit is not None else {"rest_length": one.rest_length, "fibre": True}
+            ) | {
+                "shortest": shortest * one.rest_length,
+                "full": from_si(one.full, "Pa", "bar"),
+                "area": one.section_area,
+            }
+            with box("div", "cell"):
+                words, packed = html.escape(faces.sizes(one)), html.escape(json.dumps(spec))
+                raw(f'<canvas class="drawn" role="img" aria-label="{words}" data-muscle="{packed}"></canvas>')
+
+    def _surfaces(self, columns: Any, surfaces: dict[str, Any]) -> None:
+        found = [s for s in surfaces.values() if s is not None]
+        scale = {
+            "low": min((float(s.lengths[0]) for s in found), default=0.6) - 0.04,
+            "high": max((float(s.lengths[-1]) for s in found), default=1.2) + 0.05,
+            "top": max((float(s.tension.max()) * from_si(1.0, "N/m^2", "N/cm^2") for s in found), default=1.0),
+        }
+        raw(
+            '<b class="F">Tension</b> per section, N/cm\u00b2, over <b class="L">length</b> and '
+            '<b class="P">pressure</b> or <b>activation</b><br><span class="faint">the same axes in all; point at one, or '
+            "use the arrows</span>",
+            "div", "k tall",
+        )  # fmt: skip
+        for i, (name, _, one, _) in enumerate(columns):
+            with box("div", "cell"):
+                if one is not None:
+                    raw(faces.surface_markup(one, faces.LETTERS[i], surfaces[name], scale))
+
+    def _rows(self, columns: Any) -> None:
+        place = {id(c): i for i, c in enumerate(c for _, c, _, _ in columns if c is not None)}
+        papers = [work.paper_values(c.name) if c is not None else {} for _, c, _, _ in columns]
+        ends = [
+            v for _, c, _, _ in columns if c is not None for n in ("shortest", "longest") if (v := work.value_of(c, n))
+        ]
+        low, high = min(ends, default=0.6) - 0.03, max(ends, default=1.2) + 0.03
+        for row in work.shown_rows(self.face.table):
+            known = [p.get(row.property.name) for p in papers]
+            unit = row.property.unit.replace("L0", "L\u2080").replace("^2", "\u00b2").replace("^3", "\u00b3")
+            unit = html.escape("" if unit == "1" else unit)
+            shown = html.escape("" if unit == "1" else unit)
+            raw(f"<span>{html.escape(row.property.title)}</span><span class='u'>{shown}</span>", "div", "k r")
+            largest = faces.largest_of(row, known)
+            for i, (_, column, _, _) in enumerate(columns):
+                if column is None:
+                    box("div", "r")
+                elif row.property.name == "dynamic_range":
+                    raw(faces.range_bar(column, low, high, known[i]), "div", "r")
+                else:
+                    one = columns[i][2]
+                    living = one is not None and one.fibre is not None
+                    raw(faces.bar(row, place[id(column)], largest, known[i], living), "div", "r")
+
+
+def _short(title: str) -> str:
+    """The beginning of a title, up to its first comma or of-phrase."""
+    for stop in (",", " of ", " with "):
+        title = title.split(stop)[0]
+    return title.removesuffix(" muscle") if len(title) > 18 else title

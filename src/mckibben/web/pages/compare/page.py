@@ -1,0 +1,289 @@
+"""The comparison page's elements: a column per muscle, charts at the side."""
+
+from __future__ import annotations
+
+import asyncio
+import html
+from pathlib import Path
+from typing import Any
+
+from ....errors import InputError, MckibbenError
+from ....quantities import Quantity, parse, with_unit
+from ....specimens import specimen
+from ....studies.comparison import FULL_PRESSURE, Column, Subject
+from ... import forms
+from ...laboratory import Laboratory
+from ...parts import box, button, download, empty, link, page, panel, raw, refused, segments, tell, text
+from . import faces, work
+from .dialogs import add, runs
+from .grid import Grid
+
+PRESSURE = Quantity(
+    "Pa", (0.0, 1e8), "gauge pressure that counts as the full drive of McKibben muscles", "P", (1e5, 8e5)
+)
+
+
+class Face:
+    """The page of one visitor.
+
+    Args:
+        lab: the laboratory.
+        view: what the address says.
+    """
+
+    def __init__(self, lab: Laboratory, view: dict[str, str]) -> None:
+        self.lab = lab
+        self.muscles = _words(view.get("muscles", ",".join(work.FIRST)))[: work.MOST]
+        self.values = view.get("values", "laws") if view.get("values") in ("laws", "recordings") else "laws"
+        self.recordings = _words(view["recordings"])[: work.MOST] if "recordings" in view else self._newest()
+        self.pressure, self.said = FULL_PRESSURE, ""
+        self.cancelled, self.number, self.gone = False, 0, False
+        self.subjects: dict[str, Subject] = {}
+        if "pressure" in view:
+            try:
+                self.pressure = parse(view["pressure"], "Pa", field="pressure")
+                PRESSURE.check("pressure", self.pressure)
+            except InputError as error:
+                self.said, self.pressure = str(error), FULL_PRESSURE
+
+    def _newest(self) -> list[str]:
+        return [n for n in self.lab.recordings.names() if n.endswith(".nc")][:3]
+
+    def build(self) -> None:
+        """All of it; the numbers follow."""
+        from nicegui import context
+
+        sub = "Muscles side by side, at full drive, per resting length L\u2080 and section"
+        with page("compare", sub=sub, sheets=("compare.css",), scripts=("js/compare.js",)) as bar:
+            with bar:
+                self._full_drive()
+                names = {"laws": "From the laws", "recordings": "From recordings"}
+                segments(names, self.values, self._source, "Values")
+                button("Add muscle", lambda: add(self))
+                button("Export table", self._export)
+            self.refusal = box("div", "compare-said")
+            with box("div", "compare-grid"):
+                self.main = box("section", "panel compare-table").props('aria-label="Table 1, drawn" tabindex=0')
+                with box("div", "compare-side"):
+                    with panel("Tension against velocity"):
+                        self.velocity = box("div", "place")
+                    with panel("Same protocol", sub="isometric step") as head:
+                        with head:
+                            self.running = box("div")
+                        self.step = box("div", "place")
+                    with panel("Energy efficiency"):
+                        self.energy = box("div", "place small-place")
+        context.client.on_delete(self._leave)
+        if self.said:
+            self._say(self.said)
+        self.table: Any = None
+        self.renew()
+
+    def _leave(self) -> None:
+        self.gone = self.cancelled = True
+        self.number += 1
+
+    def _full_drive(self) -> None:
+        with box("label", "row full-drive"):
+            text("span", "Full drive", "small P")
+            with box("div", "field") as self.edge:
+                shown = forms.shown(self.pressure, PRESSURE)
+                self.typed = box("input").props(
+                    f'value="{shown}" inputmode=decimal aria-label="Full drive, bar" size=5'
+                )
+                self.typed.props(f'title="{html.escape(PRESSURE.doc)}"')
+                text("span", "bar", "u")
+        self.typed.on("change", lambda e: self._drive(str(e.args)[:80]), js_handler="(e) => emit(e.target.value)")
+
+    # ---- what a person does
+
+    async def _drive(self, words: str) -> None:
+        found = forms.accept("pressure", words, PRESSURE, self.pressure)
+        why = found.said
+        if not why:
+            try:
+                await asyncio.to_thread(self._subjects, found.value)
+            except MckibbenError as error:
+                why = f"{error}. The old value, {forms.shown(self.pressure, PRESSURE)}, stays in use."
+        self.edge.classes(add="bad" if why else "", remove="" if why else "bad")
+        self.typed.props(f"aria-invalid={'true' if why else 'false'}")
+        self.refusal.clear()
+        if why:
+            self._say(why)
+            return
+        self.pressure = found.value
+        self.renew()
+
+    def _source(self, value: str) -> None:
+        self.values = value
+        self.renew()
+
+    def take(self, name: str) -> None:
+        """One more column, or another of a list."""
+        chosen = self.recordings if self.values == "recordings" and name.endswith(".nc") else self.muscles
+        if name not in chosen:
+            if len(chosen) >= work.MOST:
+                self._say(f"{len(chosen) + 1} columns; allowed are up to {work.MOST}")
+                return
+            chosen.append(name)
+        self.renew()
+
+    def drop(self, name: str) -> None:
+        """One column less."""
+        for chosen in (self.muscles, self.recordings):
+            if name in chosen:
+                chosen.remove(name)
+        self.renew()
+
+    def move(self, name: str, by: int) -> None:
+        """A column further left or right."""
+        chosen = self.recordings if name in self.recordings else self.muscles
+        i = chosen.index(name)
+        j = min(max(i + by, 0), len(chosen) - 1)
+        chosen[i], chosen[j] = chosen[j], chosen[i]
+        self.renew()
+
+    def _export(self) -> None:
+        if self.table is None:
+            tell("The table is not there yet.")
+            return
+        download("comparison.csv", work.exported(self.table))
+
+    def _say(self, words: str) -> None:
+        self.refusal.clear()
+        with self.refusal:
+            refused(words)
+
+    # ---- what is computed
+
+    def path(self, name: str) -> str | Path:
+        """What a word of the link stands for: a specimen that ships, or a file of the visitor's own."""
+        return self.lab.specimens.found(name) if name.endswith(".toml") else name.replace("/", "").replace("\\", "")
+
+    def _subjects(self, pressure: float) -> dict[str, Subject]:
+        return {n: work.subject_of(self.path(n), pressure) for n in self.muscles}
+
+    def renew(self) -> None:
+        """Compute what is shown, and show it."""
+        from nicegui import background_tasks, context
+
+        self.number += 1
+        client, number = context.client, self.number
+        link(
+            muscles=",".join(self.muscles) or "none", values=None if self.values == "laws" else self.values,
+            recordings=",".join(self.recordings) if self.values == "recordings" else None,
+            pressure=None if self.pressure == FULL_PRESSURE else with_unit(self.pressure, "Pa", 12),
+        )  # fmt: skip
+        if self.table is None:
+            self._wait("", 0)
+
+        async def follow() -> None:
+            with client:
+                await self._follow(number)
+
+        background_tasks.create(follow())
+
+    def _wait(self, name: str, done: int) -> None:
+        self.main.clear()
+        with self.main, box("div", "loading").props("role=status"), box("div"):
+            text("span", f"Computing Table 1{': ' if name else ''}{name}")
+            share = 100.0 * done / max(len(self.muscles), 1)
+            raw(f'<i class="share" style="width:{share:.0f}%"></i>', "div", "line")
+
+    async def _follow(self, number: int) -> None:
+        try:
+            if self.table is None and self.values == "laws":
+                for i, name in enumerate(self.muscles):
+                    self._wait(name, i)
+                    await asyncio.to_thread(self._warm, name)
+                    if number != self.number:
+                        return
+            found = await asyncio.to_thread(self._computed)
+        except Exception as error:  # the page has to hear of it, whatever it is
+            known = isinstance(error, MckibbenError)
+            said = str(error) if known else f"the comparison failed: {type(error).__name__}: {str(error)[:200]}"
+            if number == self.number:
+                self.main.clear()
+                with self.main:
+                    refused(said)
+            return
+        if number == self.number:
+            self._show(*found)
+
+    def _warm(self, name: str) -> None:
+        try:
+            one = work.subject_of(self.path(name), self.pressure)
+            work.column(one)
+            work.over_velocity(one)
+        except MckibbenError:
+            pass  # said in its column
+
+    def _computed(self) -> tuple[list[tuple[str, Column | None, Subject | None, str]], dict[str, Any]]:
+        """Every column with its muscle, or why there is none; and the curves."""
+        columns: list[tuple[str, Column | None, Subject | None, str]] = []
+        biological = self.values == "recordings"
+        for name in self.recordings if biological else []:
+            try:
+                columns.append((name, work.recorded(self.lab.recordings.found(name)), None, ""))
+            except MckibbenError as error:
+                columns.append((name, None, None, str(error)))
+        for name in self.muscles:
+            try:
+                if biological and (name.endswith(".toml") or specimen(name).kind != "biological"):
+                    continue
+                one = work.subject_of(self.path(name), self.pressure)
+                columns.append((name, work.with_runs(one, work.column(one)), one, ""))
+            except MckibbenError as error:
+                columns.append((name, None, None, str(error)))
+        more: dict[str, Any] = {"surfaces": {n: work.surface(s) for n, _, s, _ in columns if s is not None}}
+        for _, _, muscle, _ in columns:
+            if muscle is not None:
+                work.over_velocity(muscle)
+        more["loops"] = []
+        for name, column, muscle, _ in columns:
+            if column is not None and muscle is None:
+                more["loops"].append((name, work.loop_of(self.lab.recordings.found(name))))
+        return columns, more
+
+    # ---- what is shown
+
+    def _show(self, columns: list[tuple[str, Column | None, Subject | None, str]], more: dict[str, Any]) -> None:
+        self.main.clear()
+        known = [c for _, c, _, _ in columns if c is not None]
+        self.table = work.table(known)
+        with self.main:
+            if not columns:
+                if self.values == "recordings":
+                    empty(
+                        "No recordings yet. Start a run on the bench, or drop a file on Recordings.",
+                        "Go to the bench",
+                        "/",
+                    )
+                else:
+                    empty("No muscles to compare.", "Add muscle", lambda: add(self))
+            else:
+                Grid(self, columns).show(more["surfaces"])
+        self.shown = [(faces.LETTERS[i], one) for i, (_, _, one, _) in enumerate(columns) if one is not None]
+        self.side(more["loops"], columns)
+
+    def side(self, loops: Any = (), columns: Any = None) -> None:
+        """The charts."""
+        self.velocity.clear()
+        with self.velocity:
+            if loops:
+                letters = {n: faces.LETTERS[i] for i, (n, _, _, _) in enumerate(columns)}
+                faces.loops_chart([(f"{letters[n]} {Path(n).stem}", xy) for n, xy in loops]).show()
+            if self.shown:
+                faces.velocity_chart(self.shown).show()
+        runs(self)
+        if columns is not None:
+            self.letters = [faces.LETTERS[i] for i, c in enumerate(columns) if c[1] is not None]
+        names = [c.name for c in self.table.columns]
+        full = self.pressure == FULL_PRESSURE and "nylon" in names and self.values == "laws"
+        self.energy.clear()
+        with self.energy:
+            raw(faces.efficiencies(self.table, self.letters, full))
+
+
+def _words(text_: str) -> list[str]:
+    return list(dict.fromkeys(w for w in text_.split(",") if w and w != "none"))

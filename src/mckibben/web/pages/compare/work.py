@@ -1,0 +1,198 @@
+"""What the comparison shows, from the functions of the command line: columns, surfaces, curves, the exported table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ....errors import InputError
+from ....studies.comparison import PROPERTIES, Column, Subject, Table, subject
+from ....studies.comparison.protocols import Trials, trials
+from ....studies.comparison.recorded import LENGTHS, TENSIONS, column_of
+from ....studies.comparison.table import Row, law_column
+
+FIRST = ("nylon", "fiberglass", "bridgestone", "fast-fibre")
+PROTOCOLS = ("isometric-step", "isokinetic")  # what the charts at the side need
+DRIVES, LENGTHS_SHOWN = 11, 41  # of a surface
+FASTEST = 10.0  # of the tension against velocity [L0/s]
+MOST = 8  # columns
+PAPER = {  # row of the reproduction -> property
+    "section_area": "section_area", "dynamic_range": "dynamic_range", "max_tension": "maximum_tension",
+    "stiffness": "stiffness", "work": "work", "tension_intensity": "tension_intensity",
+    "stiffness_intensity": "stiffness_intensity", "work_density": "work_density",
+}  # fmt: skip
+MISPRINT = "energy.maximal.efficiency_accumulator"
+_kept: dict[Any, Any] = {}
+_guards: dict[Any, threading.Lock] = {}
+_guard = threading.Lock()
+
+
+def _once(key: Any, make: Callable[[], Any]) -> Any:
+    """A result that every visitor shares; made once, complaints made anew."""
+    with _guard:
+        lock = _guards.setdefault(key, threading.Lock())
+    with lock:
+        if key not in _kept:
+            _kept[key] = make()
+        return _kept[key]
+
+
+def subject_of(what: str | Path, pressure: float) -> Subject:
+    """A muscle at a full pressure [Pa]; what was asked for once is kept while its file stays as it is."""
+    stamp = what.stat().st_mtime_ns if isinstance(what, Path) else 0
+    found: Subject = _once(("subject", str(what), stamp, pressure), lambda: subject(what, pressure=pressure))
+    return found
+
+
+def column(one: Subject) -> Column:
+    """Table 1 of a muscle by its law."""
+    found: Column = _once(("column", one.spec.where, one.id, one.full), lambda: law_column(one))
+    return found
+
+
+def recorded(path: Path) -> Column:
+    """Table 1 of a recording."""
+    found: Column = _once(("recording", str(path), path.stat().st_mtime_ns), lambda: column_of(path))
+    return found
+
+
+def run_of(one: Subject, name: str) -> Trials:
+    """One protocol on one muscle, on the machine that takes it."""
+    found: Trials = _once(("run", one.spec.where, one.id, one.full, name), lambda: trials(one, names=(name,)))
+    return found
+
+
+def run_known(one: Subject, name: str) -> Trials | None:
+    """The same where it was run before."""
+    return _kept.get(("run", one.spec.where, one.id, one.full, name))
+
+
+def table(columns: Sequence[Column]) -> Table:
+    """Columns beside what is published of biological muscle."""
+    from ....specimens.published import published_ranges
+
+    return Table(tuple(columns), published_ranges())
+
+
+def with_runs(one: Subject, of_law: Column) -> Column:
+    """The column of a law with what its protocols told."""
+    values, notes, kind = dict(of_law.values), of_law.notes, of_law.kind
+    for name in PROTOCOLS:
+        found = run_known(one, name)
+        if found is not None:
+            values |= found.values
+            notes, kind = notes + tuple(n for n in found.notes if n not in notes), "law and protocols"
+    return Column(of_law.name, of_law.title, kind, values, notes)
+
+
+class Surface(NamedTuple):
+    """Tension per section [N/m^2] over length over L0 [1] and drive [1], (drives, lengths)."""
+
+    lengths: np.ndarray
+    drives: np.ndarray
+    tension: np.ndarray
+
+
+def surface(one: Subject) -> Surface | None:
+    """Of a muscle from where it is free, fully driven, to its longest working length; None without a section."""
+    if one.section_area is None:
+        return None
+    low = float(column(one).values["shortest"])
+    lengths = np.linspace(low, one.upper_length / one.rest_length, LENGTHS_SHOWN)
+    drives = np.linspace(0.0, 1.0, DRIVES)
+    pull = one.tension(lengths[None, :], drives[:, None]) * one.full_tension / one.section_area
+    return Surface(lengths, drives, pull)
+
+
+def over_velocity(one: Subject) -> tuple[np.ndarray, np.ndarray]:
+    """Tension over F0 at the rest length while shortening steadily [L0/s], by the law with friction and viscosity."""
+    speeds = np.linspace(0.0, FASTEST, 101)
+    if one.fibre is not None:
+        found = np.asarray(one.fibre.tension(one.rest_length, 1.0, -speeds * one.rest_length))
+        return speeds, found / one.full_tension
+    from ....studies.comparison.assisted import steady
+
+    assert one.unit is not None
+    way = np.where(speeds > 0.0, -1.0, 0.0)
+    pull, _ = steady(one.unit, one.rest_length, one.full, -speeds * one.rest_length, way)
+    return speeds, np.asarray(pull) / one.full_tension
+
+
+def paper_values(identifier: str) -> dict[str, float]:
+    """What the paper prints of a muscle, by property, in the units of the table."""
+    from ....reproduction.rows import all_rows
+
+    found = {}
+    for row in all_rows():
+        start, _, last = row.id.rpartition(".")
+        if start == f"table1.{identifier}" and last in PAPER and isinstance(row.paper, float):
+            found[PAPER[last]] = row.paper
+        elif identifier == "nylon" and row.id == "energy.maximal.efficiency":
+            found["efficiency"] = float(row.paper)  # type: ignore[arg-type]
+    return found
+
+
+def misprint() -> Any:
+    """The row of the efficiency with an accumulator, whose printed value is wrong."""
+    from ....reproduction.rows import all_rows
+
+    return next(r for r in all_rows() if r.id == MISPRINT)
+
+
+def loop_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Length [m] and tension [N] of a recording, from the channels that its column is read from."""
+    from ....recordings import read_recording
+
+    def read() -> tuple[np.ndarray, np.ndarray]:
+        record = read_recording(path)
+        names = [next((n for n in known if n in record), None) for known in (LENGTHS, TENSIONS)]
+        if names[0] is None or names[1] is None:
+            raise InputError("channel", "missing", "needed are a length and a tension", where=path.name)
+        return record[names[0]], record[names[1]]
+
+    found: tuple[np.ndarray, np.ndarray] = _once(("loop", str(path), path.stat().st_mtime_ns), read)
+    return found
+
+
+def exported(found: Table) -> bytes:
+    """The table as CSV, every digit; the published range of biological muscle at the end."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    names = [c.name for c in found.columns]
+    writer.writerow(["property", "name", "unit", *names, "biological low", "biological high", "biological sources"])
+    for row in found.rows():
+        ends = row.shown_range()
+        published = (
+            ["", "", ""]
+            if ends is None or row.published is None
+            else [*map(repr, ends), " ".join(row.published.sources)]
+        )
+        values = ["" if v is None else repr(float(v)) for v in row.shown()]
+        writer.writerow([row.property.title, row.property.name, row.property.unit, *values, *published])
+    for one in found.columns:
+        for note in one.notes:
+            writer.writerow([f"# {one.name}: {note}"])
+    return out.getvalue().encode()
+
+
+def shown_rows(found: Table) -> list[Row]:
+    """The rows that are drawn as lines; the ends of the dynamic range stand in one of them, efficiencies at the side."""
+    apart = ("shortest", "longest", "efficiency", "efficiency_accumulator")
+    return [r for r in found.rows() if r.property.name not in apart]
+
+
+def value_of(one: Column, name: str) -> float | None:
+    """A value of a column in the unit of its property."""
+    value = one.values.get(name)
+    return None if value is None or value != value else PROPERTIES[name].shown(value)
+
+
+def plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Arrays as lists with as many digits as a drawing needs."""
+    return {k: np.round(v, 5).tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}

@@ -1,0 +1,33 @@
+"""The page Energy: the cycles of Part IV over the supply's pressure, and where the energy of a recording went."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...laboratory import Laboratory
+from ...parts import box, page
+from ...shell import asked
+
+LINKED = (
+    "muscle", "law", "cycle", "pressure", "exchange", "accumulator_pressure", "friction", "stretched_length", "volume",
+    "reading", "recording", "part", "account",
+)  # fmt: skip
+
+
+def build(lab: Laboratory, request: Any) -> None:
+    """Fill it; what is heavy comes once the page stands."""
+    from nicegui import ui
+
+    words = asked(request, *LINKED)
+    with page(
+        "energy", sub="What goes in as compressed air, what comes out as work", sheets=("energy.css",),
+        scripts=("js/energy.js",),
+    ) as bar:  # fmt: skip
+        place = box("div", "energy")
+
+        async def begin() -> None:
+            from .view import begin as go
+
+            await go(lab, words, bar, place)
+
+        ui.timer(0.01, begin, once=True)

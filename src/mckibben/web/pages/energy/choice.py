@@ -1,0 +1,157 @@
+"""What a visitor of the page chose, as a link says it, and the muscle and the conditions that follow from it."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from ....analysis.energy import CYCLES, READINGS, Conditions, CycleMuscle
+from ....analysis.energy.settings import (
+    SETTINGS,
+    at_threshold,
+    check_threads,
+    coulomb_friction,
+    cycle_muscles,
+    stretched_length,
+    surroundings,
+)
+from ....errors import InputError, MckibbenError
+from ....quantities import from_si, parse, shown_unit
+from ....specimens import Specimen, specimen, specimen_ids
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a visitor chose; what is None is as the muscle has it.
+
+    Attributes:
+        muscle: id of a specimen.
+        law: where it states several.
+        cycle: of `CYCLES`.
+        pressure: gauge pressure of the supply [Pa].
+        exchange: ``atmosphere`` or ``accumulator``.
+        accumulator_pressure: gauge pressure of that [Pa]; the threshold where None.
+        friction: while shortening [N].
+        stretched_length: where cycles begin [m].
+        volume: of `VOLUMES`; the paper's where the law has it, if empty.
+        reading: of `READINGS`.
+    """
+
+    muscle: str = "nylon"
+    law: str = ""
+    cycle: str = "maximal"
+    pressure: float = 5e5
+    exchange: str = "atmosphere"
+    accumulator_pressure: float | None = None
+    friction: float | None = None
+    stretched_length: float | None = None
+    volume: str = ""
+    reading: str = "printed"
+
+
+WORDS = {"cycle": CYCLES, "exchange": ("atmosphere", "accumulator"), "reading": READINGS}
+LINKED = ("muscle", "law", "cycle", "exchange", "volume", "reading", *SETTINGS)
+
+
+def from_link(words: Mapping[str, str]) -> tuple[Choice, list[str]]:
+    """The choice of a link's words, and a sentence for each that is refused; what is refused is as without it."""
+    found, said = Choice(), []
+    for name, text in words.items():
+        try:
+            value: Any = text
+            if name in SETTINGS:
+                value = parse(text, SETTINGS[name].unit, field=name, bare=True)
+                SETTINGS[name].check(name, value)
+            elif name == "muscle" and text not in specimen_ids():
+                raise InputError("specimen", text, f"known are {', '.join(specimen_ids())}")  # a path is no name
+            elif name in WORDS and text not in WORDS[name]:
+                raise InputError(name, text, f"known are {', '.join(WORDS[name])}")
+            tried = replace(found, **{name: value})
+            resolved(tried) if name in ("muscle", "law", "volume") else None
+            found = tried
+        except MckibbenError as error:
+            said.append(str(error))
+    return found, said
+
+
+def to_link(choice: Choice) -> dict[str, str | None]:
+    """The words of a link; None where the choice is what it is without one."""
+    usual = Choice()
+    found: dict[str, str | None] = {}
+    for name in LINKED:
+        value = getattr(choice, name)
+        unit = SETTINGS[name].unit if name in SETTINGS else ""
+        same = value == getattr(usual, name)
+        if same:
+            found[name] = None
+        elif unit:
+            found[name] = f"{from_si(value, unit, shown_unit(unit)):.10g} {shown_unit(unit)}"
+        else:
+            found[name] = str(value)
+    return found
+
+
+def muscles() -> dict[str, str]:
+    """Specimens with a volume: id and title."""
+    found = {}
+    for one in specimen_ids("mckibben"):
+        try:
+            resolved(Choice(one))
+        except MckibbenError:
+            continue  # of another kind, or without a volume
+        found[one] = specimen(one).title
+    return found
+
+
+class Resolved(NamedTuple):
+    """A choice with its specimen, its law's name, and the muscle under each volume."""
+
+    spec: Specimen
+    law: str
+    muscles: dict[str, CycleMuscle]
+
+    @property
+    def volume(self) -> str:
+        """The one that was asked for."""
+        return next(iter(self.muscles))
+
+
+def resolved(choice: Choice) -> Resolved:
+    """The muscle of a choice.
+
+    Raises:
+        InputError: there is none, or it is of another kind.
+        NoVolumeError: the law does not say how large the volume is.
+    """
+    return _resolved(choice.muscle, choice.law, choice.volume)
+
+
+@functools.lru_cache(maxsize=32)
+def _resolved(name: str, law: str, volume: str) -> Resolved:
+    spec = specimen(name)
+    return Resolved(spec, *cycle_muscles(spec, law, volume))
+
+
+def conditions(choice: Choice, exchange: str | None = None) -> Conditions:
+    """Between what the cycle runs; with the other exchange, where it is named."""
+    spec, law, all_ = resolved(choice)
+    muscle = next(iter(all_.values()))
+    own = choice.stretched_length
+    if own is not None:
+        check_threads(spec, own)
+    low = 0.0
+    if (exchange or choice.exchange) == "accumulator":
+        own_low = choice.accumulator_pressure
+        low = at_threshold(muscle, law, cure="a pressure under Conditions") if own_low is None else own_low
+    between = Conditions(
+        pressure=choice.pressure,
+        stretched_length=stretched_length(spec, muscle) if own is None else own,
+        ambient=surroundings(spec),
+        exchange_pressure=low,
+        friction=coulomb_friction(spec) if choice.friction is None else choice.friction,
+        reading=choice.reading,
+    )
+    between.check(muscle)
+    return between

@@ -1,0 +1,21 @@
+"""The page Fit: tension laws to a table of length, pressure and tension."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...laboratory import Laboratory
+from ...parts import page
+from ...shell import asked
+
+
+def build(lab: Laboratory, request: Any) -> None:
+    """Fill it."""
+    from .source import LINK
+    from .view import View
+
+    words = asked(request, *LINK)
+    sub = "Tension laws to a table of length, pressure and tension"
+    with page("fit", sub=sub, sheets=("fit.css",), scripts=("js/fit.js",)) as bar:
+        view = View(lab, words)
+        view.build(bar)

@@ -1,0 +1,268 @@
+"""Panel 1: the file, what its columns hold and in which units with a preview, and what is known beside them."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ....errors import InputError
+from ...parts import box, button, check, raw, refused, select, text
+from .source import Asked, dimensions, specimen_of
+
+if TYPE_CHECKING:
+    from ....recordings.table_preview import Preview
+
+NAMES = {
+    "length": "Length", "contraction": "Contraction", "pressure": "Pressure", "tension": "Tension",
+    "rest_length": "Rest length", "branch": "Branch", "diameter": "Diameter",
+}  # fmt: skip
+COLOURS = {"length": "L", "contraction": "L", "pressure": "P", "tension": "F", "rest_length": "L", "diameter": "L"}
+LENGTHS = ("m", "cm", "mm", "inch")
+PRESSURES = ("Pa", "kPa", "MPa", "bar", "mbar", "psi")
+UNITS = {
+    "length": LENGTHS, "rest_length": LENGTHS, "diameter": LENGTHS, "contraction": ("percent", "1"),
+    "pressure": tuple(f"{u}{r}" for u in PRESSURES for r in ("", " abs")), "tension": ("N", "kN", "mN", "lbf", "kgf"),
+}  # fmt: skip
+SHOWN = 4  # rows of the preview
+MOST = 4  # columns that are shown side by side; of more, those that are used
+Change = Callable[[Asked], Any]
+
+
+def mapping(asked: Asked, look: Preview, change: Change, wrong: InputError | None) -> None:
+    """The table of columns with a preview; a column that is to blame is marked.
+
+    Args:
+        asked: how the file is read now.
+        look: into the file.
+        change: told how it shall be read.
+        wrong: why it could not be read.
+    """
+    meant = {k: v for k, v in {**look.meant, **dict(asked.columns)}.items() if v in look.header}
+    blamed = "" if wrong is None else wrong.field
+    few = len(look.header) <= MOST
+    if few:
+        shown = [(column, next((w for w, c in meant.items() if c == column), "")) for column in look.header]
+    else:
+        needed = [w for w in ("length", "pressure", "tension") if w not in meant and "contraction" not in meant]
+        shown = [(column, what) for what, column in meant.items()] + [("", what) for what in needed]
+    with box("div", "scroll-x"), box("table", "map"):
+        raw("Preview and mapping of columns", "caption", "vh")
+        with box("thead"):
+            with box("tr"):
+                for column, what in shown:
+                    told = column if few else NAMES[what]
+                    text("th", told, "mono" if few else COLOURS.get(what, "")).props("scope=col")
+            with box("tr"):
+                for column, what in shown:
+                    with box("th"):
+                        one = (
+                            _what(asked, column, what, meant, change)
+                            if few
+                            else _which(asked, what, column, look, change)
+                        )
+                        if blamed and blamed in (column, what):
+                            one.classes("bad")
+            with box("tr"):
+                for column, what in shown:
+                    with box("th"):
+                        if what in UNITS:
+                            _unit(asked, column, what, change)
+        with box("tbody", "mono"):
+            at = [look.header.index(column) if column else -1 for column, _ in shown]
+            pull = look.header.index(meant["tension"]) if "tension" in meant else -1
+            for row in _telling(look.rows, pull):
+                with box("tr", "z" if pull >= 0 and _slack(row[pull]) else ""):
+                    for i in at:
+                        text("td", row[i][:12] if i >= 0 else "")
+
+
+def _telling(rows: list[list[str]], pull: int) -> list[list[str]]:
+    """A few of the first rows, with one that is slack among them where there are any."""
+    slack = [row for row in rows if pull >= 0 and _slack(row[pull])]
+    kept = [row for row in rows if not any(row is s for s in slack[1:])]
+    return kept[:SHOWN] or rows[:SHOWN]
+
+
+def _slack(cell: str) -> bool:
+    try:
+        return float(cell) <= 0.0
+    except ValueError:
+        return False
+
+
+def _what(asked: Asked, column: str, what: str, meant: dict[str, str], change: Change) -> Any:
+    """What one column holds."""
+
+    def chosen(now: str) -> None:
+        found = asked
+        if what:  # it held something else, which no column holds now
+            found = found.with_pair("columns", what, "-").with_pair("units", what, None)
+        if now:
+            found = found.with_pair("columns", now, column).with_pair("units", now, None)
+        change(found)
+
+    words = {"": "not used", **NAMES}
+    return select(words, what, chosen, f"What {column} holds", COLOURS.get(what, ""))
+
+
+def _which(asked: Asked, what: str, column: str, look: Preview, change: Change) -> Any:
+    """Which column holds something."""
+
+    def chosen(now: str) -> None:
+        change(asked.with_pair("columns", what, now or "-").with_pair("units", what, None))
+
+    return select({"": "no column", **{c: c for c in look.header}}, column, chosen, f"Column of {NAMES[what]}")
+
+
+def _unit(asked: Asked, column: str, what: str, change: Change) -> None:
+    from ....recordings.table_preview import told_unit
+
+    told = told_unit(column, what) if column else ""
+    now = dict(asked.units).get(what, told).removesuffix(" gauge")
+    words = {u: _unit_words(u, what) for u in UNITS[what]}
+    if now not in words:
+        words = {now: _unit_words(now, what) if now else "unit?", **words}
+
+    def chosen(unit: str) -> None:
+        reference = " gauge" if what == "pressure" and not unit.endswith(" abs") else ""
+        change(asked.with_pair("units", what, None if unit == told else unit + reference))
+
+    select(words, now, chosen, f"Unit of {NAMES[what]}")
+
+
+def _unit_words(unit: str, what: str) -> str:
+    if what == "pressure":
+        bare = unit.removesuffix(" abs")
+        return f"{bare}, {'absolute' if unit != bare else 'gauge'}"
+    return {"percent": "%", "1": "share"}.get(unit, unit)
+
+
+def words_field(
+    name: str, label: str, unit: str, words: str, change: Callable[[str], Any], about: str = "", mark: str = ""
+) -> None:
+    """A field that may stay empty; what is typed is checked by `change`, whose `InputError` stands below it.
+
+    Args:
+        name: of the field, for everybody.
+        label: before it.
+        unit: SI unit; a number without one is in the unit that the field shows.
+        words: to begin with.
+        change: given the words, or nothing where the field was emptied.
+        about: what it means.
+        mark: class of the label.
+    """
+    from ....quantities import shown_unit
+
+    shown = shown_unit(unit)
+    text("label", label, mark).props(f"for=c-{name}")
+    with box("div", "field s") as edge:
+        typed = box("input").props(
+            f'id=c-{name} inputmode=decimal defaultValue="{html.escape(words.removesuffix(shown).strip())}"'
+        )
+        text("span", shown, "u")
+    if about:
+        text("span", about, "about")
+    said = box("div").style("display:contents")
+
+    kept = words
+
+    def came(event: Any) -> None:
+        nonlocal kept
+        given = str(event.args).strip().replace("\u2212", "-")
+        try:
+            float(given)
+            given = f"{given} {shown}"
+        except ValueError:
+            pass  # it has a unit, or is no number: `change` says which
+        said.clear()
+        try:
+            change(given)
+            kept = given
+        except InputError as error:
+            with said:
+                refused(f"{error}. {f'The old value, {kept}, stays in use.' if kept else 'It is not used.'}")
+        wrong = bool(said.default_slot.children)
+        edge.classes(add="bad" if wrong else "", remove="" if wrong else "bad")
+        typed.props(f"aria-invalid={'true' if wrong else 'false'}")  # what was typed stays, to be put right
+
+    typed.on("change", came, js_handler="(e) => emit(e.target.value)")
+
+
+def given(asked: Callable[[], Asked], change: Change, branches: list[str]) -> None:
+    """What is known beside the columns; `asked` gives what stands now."""
+    from ....muscles.laws import law_type
+    from ....quantities import declared, parse, with_unit
+
+    def si(field: str, unit: str, key: str) -> Callable[[str], None]:
+        def take(words: str) -> None:
+            if words:
+                value = parse(words, unit, field=field)
+                if key == "rest":
+                    declared(law_type("sarosi"))["rest_length"].check(field, value)
+            new: dict[str, Any] = {key: words}
+            change(dataclasses.replace(asked(), **new))
+
+        return take
+
+    def told(name: str, quantity: Any) -> Callable[[str], None]:
+        def take(words: str) -> None:
+            if words:
+                quantity.check(name, parse(words, quantity.unit, field=name))
+            change(asked().with_pair("known", name, words or None))
+
+        return take
+
+    now = asked()
+    spec = specimen_of(now) if now.kind == "map" else None
+    rest = now.rest or ("" if spec is None else with_unit(spec.property_si("rest_length", "m"), "m"))
+    with box("div", "given"):
+        words_field("rest", "Rest length L\u2080", "m", rest, si("rest length", "m", "rest"), mark="L")
+    with box("details"):
+        text("summary", "More that is known")
+        _more(asked, change, branches, si, told)
+
+
+def _more(asked: Callable[[], Asked], change: Change, branches: list[str], si: Any, told: Any) -> None:
+    now = asked()
+    with box("div", "given"):
+        _like(asked, change)
+        for name, quantity in dimensions().items():
+            already = dict(now.known).get(name, "")
+            words_field(
+                name, name.replace("_", " ").capitalize(), quantity.unit, already, told(name, quantity), quantity.doc
+            )
+        if branches:
+            text("span", "Branch")
+            words = {"": "all rows", **{b: b for b in branches}}
+            select(words, now.branch, lambda v: change(dataclasses.replace(asked(), branch=v)), "Branch")
+        about = "what the pressure channel reads at zero"
+        words_field("zero", "Pressure zero", "Pa", now.zero, si("pressure zero", "Pa", "zero"), about, "P")
+        about = "a separate fit sees only pressures up to this one and predicts those above"
+        words_field("below", "Train up to", "Pa", now.below, si("train below", "Pa", "below"), about, "P")
+    check(
+        "Slack points say where a law may not pull", now.slack, lambda v: change(dataclasses.replace(asked(), slack=v))
+    ).classes("small")
+
+
+def maps(take: Change) -> None:
+    """Tables that are there already: those of specimens that ship with one."""
+    from ....specimens import specimens
+
+    text("p", "Or take a map that was measured by others:", "small dim")
+    with box("div", "row wrap"):
+        for spec in specimens():
+            if spec.map:
+                button(spec.id, lambda s=spec: take(Asked("map", s.id)), small=True)
+
+
+def _like(asked: Callable[[], Asked], change: Change) -> None:
+    """Whose dimensions are known."""
+    if asked().kind == "map":
+        return
+    from ....specimens import specimen_ids
+
+    text("span", "Dimensions of")
+    names = {"": "nobody", **{name: name for name in specimen_ids("mckibben")}}
+    select(names, asked().like, lambda v: change(dataclasses.replace(asked(), like=v)), "Dimensions of")

@@ -1,0 +1,80 @@
+"""Reading a table for the page: a look into the file first, so that what is refused can be put right beside the columns."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ....errors import InputError
+from ...laboratory import Laboratory
+from . import source
+from .source import Asked
+
+if TYPE_CHECKING:
+    from ....recordings import ForceMap
+    from ....recordings.table_preview import Preview
+
+
+class Reading(NamedTuple):
+    """What came of reading a table.
+
+    Attributes:
+        look: into the file.
+        size: of the file [B].
+        points: the table; nothing where it was refused.
+        wrong: why it was refused.
+        asked: how it was read in the end.
+    """
+
+    look: Preview
+    size: int
+    points: ForceMap | None
+    wrong: InputError | None
+    asked: Asked
+
+
+def read(lab: Laboratory, asked: Asked) -> Reading:
+    """Look into a file and read it.
+
+    Raises:
+        InputError: it is no table at all.
+    """
+    from ....recordings.table_preview import preview
+
+    path = source.file_of(lab, asked)
+    try:
+        look = preview(path)
+    except InputError as error:
+        raise InputError(error.field, error.value, error.allowed, where=path.name) from None
+    if asked.kind == "recording":
+        asked = _of_recording(lab, asked, look)
+    try:
+        return Reading(look, path.stat().st_size, source.read(lab, asked), None, asked)
+    except InputError as error:
+        return Reading(look, path.stat().st_size, None, error, asked)
+
+
+def _of_recording(lab: Laboratory, asked: Asked, look: Any) -> Asked:
+    """A recording says its rest length, and a real machine's span stands for the length, where nothing else is said."""
+    from ....recordings.convert import read_any
+
+    spans = [c for c in look.header if c.split(" [")[0] in ("span", "muscle.span")]
+    if not {"length", "contraction"} & {*look.meant, *dict(asked.columns)} and spans:
+        asked = asked.with_pair("columns", "length", spans[0])
+    rest = read_any(source.file_of(lab, asked)).recording.meta.get("rest_length")
+    if not asked.rest and isinstance(rest, float):
+        asked = dataclasses.replace(asked, rest=f"{100.0 * rest:.10g} cm")
+    return asked
+
+
+def used(points: ForceMap, asked: Asked) -> str:
+    """Which rows count, in words."""
+    taut = int(points.taut.sum())
+    slack, told = len(points) - taut, int(points.told_slack.sum())
+    if not slack:
+        return f"{taut} rows used."
+    what = "row reads" if slack == 1 else "rows read"
+    use = f"; {told} of them ask the laws for zero tension" if asked.slack and told else ""
+    return (
+        f"{taut} rows used. {slack} {what} zero tension: the muscle is slack there, so errors do not count them{use}."
+    )

@@ -1,0 +1,173 @@
+"""What a fit found: the ranking, the parameters with their intervals, the cautions."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ...parts import box, note, raw, text
+
+if TYPE_CHECKING:
+    from ....identification import Fit
+    from ....report.study import Study
+
+THIN = "\u2009\u2060"
+HALF = 0.5  # of the value, that the scale of the intervals shows to either side
+
+
+def number(value: float | None, places: int = 2) -> str:
+    """A number with a fixed count of places, in groups of three, with a true minus."""
+    if value is None or not math.isfinite(value):
+        return "\u2013"
+    text_ = f"{abs(value):,.{places}f}".replace(",", "\u2009")
+    return ("\u2212" if value < 0.0 and float(f"{value:.{places}f}") != 0.0 else "") + text_
+
+
+def ranking(study: Study, chosen: str, pick: Callable[[str], Any]) -> None:
+    """The table of laws, best first, and the published ones below; a row that is clicked or entered is picked."""
+    rows = _rows(study)
+    widest = max((r["rmse"] for r in rows if math.isfinite(r["rmse"])), default=1.0)
+    held = next((f.holdout.what for f in study.fits if f.holdout), "")
+    columns = [
+        "",
+        "Law",
+        "Parameters",
+        "RMS error",
+        "Largest error",
+        "RMS, left out",
+        *([held] if held else []),
+        "\u0394 AICc",
+    ]
+    with box("div", "scroll-x"), box("table", "rank").props('aria-label="Ranking"'):
+        with box("thead"), box("tr"):
+            for i, column in enumerate(columns):
+                text("th", column, "num" if i not in (1, 3) else "").props("scope=col")
+        with box("tbody"):
+            for row in rows:
+                _row(row, study.points.largest, widest, bool(held), chosen, pick)
+
+
+def _rows(study: Study) -> list[dict[str, Any]]:
+    from ....report.figures.fit_figures import law_title
+
+    lowest = min((f.aicc for f in study.fits if f.converged), default=math.nan)
+    rows = []
+    for place, f in enumerate(study.fits, 1):
+        rows.append({
+            "law": f.law, "title": law_title(f), "place": str(place) if f.converged else "\u2013",
+            "free": str(len(f.parameters)),
+            "rmse": f.rmse, "most": f.max_error, "left": f.cv_rmse, "held": f.holdout.max_error if f.holdout else None,
+            "aicc": f.aicc, "beyond": f.aicc - lowest, "converged": f.converged,
+        })  # fmt: skip
+    for title, error in study.published:
+        rmse, most = float((error**2).mean() ** 0.5), float(abs(error).max())
+        more = dict.fromkeys(("left", "held", "aicc", "beyond"))
+        rows.append({"law": "", "title": title, "place": "", "free": "published", "rmse": rmse, "most": most, **more,
+                     "converged": True})  # fmt: skip
+    return rows
+
+
+def _row(
+    row: dict[str, Any], largest: float, widest: float, held: bool, chosen: str, pick: Callable[[str], Any]
+) -> None:
+    picked = bool(row["law"]) and row["law"] == chosen
+    with box("tr", "sel" if picked else "") as line:
+        line.props(f'data-law="{row["law"]}" data-rmse="{row["rmse"]!r}" data-most="{row["most"]!r}"')
+        line.props(f'data-left="{row["left"]!r}" data-aicc="{row["aicc"]!r}"')
+        if row["law"]:
+            line.classes("pick").props(f"tabindex=0 aria-current={'true' if picked else 'false'}")
+            line.on("click", lambda: pick(row["law"])).on("keydown.enter", lambda: pick(row["law"]))
+        text("td", row["place"])
+        title = html.escape(row["title"])
+        why = "" if row["converged"] else ' <span class="faint">did not converge</span>'
+        raw((f"<b>{title}</b>" if picked else title) + why, "td", "law-name")
+        text("td", row["free"], "num" if row["law"] else "num faint")
+        share = min(1.0, row["rmse"] / widest) if math.isfinite(row["rmse"]) else 1.0
+        bar = f'<span class="track"><i style="width:{100.0 * share:.1f}%"></i></span>'
+        raw(f'<div>{bar}<span class="num">{number(row["rmse"])}</span></div>', "td", "bar")
+        most = f'{number(row["most"], 1)} <span class="faint">{number(100.0 * row["most"] / largest, 1)}{THIN}%</span>'
+        raw(most, "td", "num")
+        text("td", number(row["left"]) if row["left"] is None or math.isfinite(row["left"]) else "fails", "num")
+        if held:
+            text("td", "\u2013" if row["held"] is None else number(row["held"], 1), "num")
+        beyond = row["beyond"]
+        text("td", "0" if beyond == 0.0 else "\u2013" if beyond is None else f"+{number(beyond, 1)}", "num")
+
+
+def formula(law: str) -> str:
+    """The equations of a law as its module states them: the indented lines of its description."""
+    import inspect
+
+    from ....muscles.laws import law_type
+
+    module = inspect.getmodule(law_type(law))
+    lines = (module.__doc__ or "").splitlines() if module else []
+    return "\n".join(line[4:].rstrip() for line in lines if line.startswith("    ") and "=" in line)
+
+
+def parameters(fit: Fit) -> None:
+    """Each parameter with its half-width and unit, and a whisker over a scale of half its value to either side."""
+    from ....muscles.laws import law_type
+    from ....quantities import declared, from_si, shown_unit
+    from ....report.figures.style import symbol_text
+    from ....report.fit_report import value_and_half
+    from ....report.words import unit_text
+
+    fields, equations = declared(law_type(fit.law)), formula(fit.law)
+    if equations:
+        text("pre", equations, "formula")
+    with box("table", "par").props('aria-label="Parameters with 95 % intervals"'), box("tbody"):
+        for name, e in fit.parameters.items():
+            unit = shown_unit(e.unit)
+            value, low, high = (from_si(v, e.unit, unit) if math.isfinite(v) else v for v in e[:3])
+            half = 0.5 * (high - low) if math.isfinite(high - low) else math.inf
+            said, spread = value_and_half(value, half)
+            with box("tr").props(
+                f'data-parameter={name} data-value="{e.value!r}" data-low="{e.low!r}" data-high="{e.high!r}"'
+            ):
+                sign = html.escape(symbol_text(fields[name].symbol, name).replace("_", " "))
+                raw(sign, "td", "sym").props(f'title="{html.escape(fields[name].doc)}"')
+                text("td", said, "num").style("font-weight:600")
+                text("td", spread, "num faint")
+                text("td", unit_text(unit), "faint")
+                raw(_whisker(value, half), "td").style("width:124px")
+            with box("tr"):
+                raw(f"<small>{html.escape(fields[name].doc)}</small>", "td").props("colspan=5").style(
+                    "padding-top:0;border-top:0"
+                )
+    raw(f"\u221250{THIN}% &#160;&#160;&#160; of the value &#160;&#160;&#160; +50{THIN}%", "p", "faint small num").style(
+        "padding:4px 6px"
+    )
+
+
+def _whisker(value: float, half: float) -> str:
+    if not (value and math.isfinite(half)):
+        return '<span class="faint">not determined</span>'
+    share = half / abs(value)
+    reach = 56.0 * min(share, HALF) / HALF
+    ends = "".join(
+        f'<path d="M{60 + s * reach:.1f} 2v8" stroke="var(--ink)" stroke-width="1.5"/>' if share <= HALF
+        else f'<path d="M{60 + s * 52} 2l{s * 6} 4l{-s * 6} 4" fill="none" stroke="var(--ink)" stroke-width="1.5"/>'
+        for s in (-1, 1)
+    )  # fmt: skip
+    return (
+        f'<svg height="12" viewBox="0 0 120 12" role="img" aria-label="plus minus {100.0 * share:.3g} percent of the value">'
+        f'<path d="M60 0v12" stroke="var(--edge)"/><path d="M{60 - reach:.1f} 6H{60 + reach:.1f}" stroke="var(--ink)" '
+        f'stroke-width="2"/>{ends}<circle cx="60" cy="6" r="3" fill="var(--ink)"/></svg>'
+    )
+
+
+def cautions(fit: Fit, study: Study) -> None:
+    """What to mind of one law, and why others could not be fitted."""
+    from ....report.fit_report import cautions_of
+
+    told = cautions_of(fit, study.points.largest)
+    if told:
+        note(" ".join(told))
+    if study.skipped:
+        with box("details"):
+            text("summary", "Laws that were left out")
+            for law, why in study.skipped.items():
+                text("p", f"{law}: {why}", "small dim")

@@ -1,0 +1,161 @@
+"""What a fit starts from: a table, how its columns are read, and what else is known; as the link and the command say it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ....errors import InputError
+from ...laboratory import Laboratory
+
+if TYPE_CHECKING:
+    from ....recordings import ForceMap
+    from ....specimens import Specimen
+
+KINDS = ("table", "recording", "map")  # an uploaded file, one of the recordings, a specimen that ships with a map
+WORDS = ("rest", "like", "branch", "zero", "below")
+LINK = (*KINDS, "columns", "units", "known", *WORDS, "slack", "laws", "law", "view")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A table and how to read it, in words; equal ones give equal fits.
+
+    Attributes:
+        kind: one of `KINDS`.
+        name: of the file or the specimen.
+        columns: what a column holds, and its cell of the header; over what the header says.
+        units: what a column holds, and its unit in words; over what the header says.
+        known: parameters that are not fitted, with their values in words.
+        rest: rest length in words.
+        like: a specimen whose dimensions are known.
+        branch: of the rows that are kept.
+        zero: what the pressure reads at zero, in words.
+        below: gauge pressure up to which a separate fit is trained, in words.
+        slack: use slack points to say where a law may not pull.
+    """
+
+    kind: str
+    name: str
+    columns: tuple[tuple[str, str], ...] = ()
+    units: tuple[tuple[str, str], ...] = ()
+    known: tuple[tuple[str, str], ...] = ()
+    rest: str = ""
+    like: str = ""
+    branch: str = ""
+    zero: str = ""
+    below: str = ""
+    slack: bool = True
+
+    def link(self) -> dict[str, str | None]:
+        """As parts of an address."""
+        found: dict[str, str | None] = {kind: self.name if kind == self.kind else None for kind in KINDS}
+        for key in ("columns", "units", "known"):
+            pairs = dict(getattr(self, key))
+            found[key] = json.dumps(pairs, separators=(",", ":"), ensure_ascii=False) if pairs else None
+        return {**found, **{w: getattr(self, w) or None for w in WORDS}, "slack": None if self.slack else "no"}
+
+    def with_pair(self, key: str, name: str, words: str | None) -> Asked:
+        """The same with one column, unit or known parameter said, or no longer."""
+        pairs = {k: v for k, v in getattr(self, key) if k != name}
+        new: dict[str, Any] = {key: tuple(sorted({**pairs, **({name: words} if words else {})}.items()))}
+        return dataclasses.replace(self, **new)
+
+
+def from_link(words: Mapping[str, str]) -> Asked | None:
+    """What an address asks for; nothing where it names no table."""
+    kind = next((k for k in KINDS if words.get(k)), None)
+    if kind is None:
+        return None
+    pairs: dict[str, Any] = {key: _pairs(words.get(key, "")) for key in ("columns", "units", "known")}
+    more: dict[str, Any] = {w: words.get(w, "") for w in WORDS}
+    return Asked(kind, words[kind], **pairs, **more, slack=words.get("slack") != "no")
+
+
+def _pairs(text: str) -> tuple[tuple[str, str], ...]:
+    try:
+        found = json.loads(text) if text else {}
+    except ValueError:
+        return ()
+    return tuple(sorted((str(k), str(v)) for k, v in found.items())) if isinstance(found, dict) else ()
+
+
+def stored(lab: Laboratory, name: str, data: bytes) -> Path:
+    """Keep an uploaded file; one that is there already, byte for byte, is taken as it is."""
+    path = lab.uploads.path(name)
+    return path if path.is_file() and path.read_bytes() == data else lab.uploads.store(name, data)
+
+
+def specimen_of(asked: Asked) -> Specimen | None:
+    """The specimen whose map it is, or whose dimensions are known."""
+    from ....specimens import specimen
+
+    name = asked.name if asked.kind == "map" else asked.like
+    return specimen(name) if name else None
+
+
+def file_of(lab: Laboratory, asked: Asked) -> Path:
+    """Where the table is."""
+    from ....specimens import map_file, specimen
+
+    if asked.kind == "map":
+        return map_file(specimen(asked.name))
+    return (lab.uploads if asked.kind == "table" else lab.recordings).found(asked.name)
+
+
+def read(lab: Laboratory, asked: Asked) -> ForceMap:
+    """The table as a force map, as the command ``fit`` reads it.
+
+    Raises:
+        InputError: names file, column, value and what is allowed.
+    """
+    from ....quantities import parse
+    from ....recordings import read_force_map
+
+    path, rest = file_of(lab, asked), parse(asked.rest, "m", field="rest length") if asked.rest else None
+    spec = specimen_of(asked)
+    if asked.kind == "map" and spec is not None:
+        rest = rest or spec.property_si("rest_length", "m")
+    zero = parse(asked.zero, "Pa", field="pressure zero") if asked.zero else 0.0
+    try:
+        return read_force_map(
+            path, rest_length=rest, columns=dict(asked.columns), units=dict(asked.units), branch=asked.branch or None,
+            pressure_zero=zero,
+        )  # fmt: skip
+    except InputError as error:  # the file by its name, not by where the laboratory keeps it
+        raise InputError(error.field, error.value, error.allowed, where=path.name) from None
+
+
+def known(asked: Asked) -> dict[str, float]:
+    """Parameters that are not fitted [SI]: of the specimen, then those that were said."""
+    from ....quantities import parse
+    from ....report.study import known_of
+
+    found, fields = known_of(specimen_of(asked)), dimensions()
+    for name, words in asked.known:
+        if name not in fields:
+            raise InputError(name, words, f"known are {', '.join(fields)}")
+        found[name] = parse(words, fields[name].unit, field=name)
+        fields[name].check(name, found[name])
+    return found
+
+
+def dimensions() -> dict[str, Any]:
+    """Dimensions of a muscle that a fit may be told: declared by laws, and stated by specimens."""
+    from ....muscles.laws import LAWS, law_type
+    from ....quantities import declared
+
+    names = ("rest_diameter", "wall_thickness")
+    every = {k: q for law in LAWS for k, q in declared(law_type(law)).items()}
+    return {name: every[name] for name in names if name in every}
+
+
+def below(asked: Asked) -> float | None:
+    """Gauge pressure up to which a separate fit is trained [Pa]."""
+    from ....quantities import parse
+
+    return parse(asked.below, "Pa", field="train below") if asked.below else None

@@ -1,0 +1,30 @@
+"""The page The paper: every printed number and figure, theirs and ours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...laboratory import Laboratory
+from ...parts import box, page
+from ...shell import asked
+
+LINKED = ("row", "figure", "form")  # what the server has to know; the browser keeps filter, search and folds
+
+
+def build(lab: Laboratory, request: Any) -> None:
+    """Fill it; what is heavy comes once the page stands."""
+    from nicegui import ui
+
+    words = asked(request, *LINKED)
+    with page(
+        "paper", sub="C.-P. Chou, B. Hannaford: every printed number, table and figure, theirs and ours",
+        sheets=("paper.css",), scripts=("js/paper.js",),
+    ) as bar:  # fmt: skip
+        place = box("div", "paper")
+
+        async def begin() -> None:
+            from .view import begin as go
+
+            await go(lab, words, bar, place)
+
+        ui.timer(0.01, begin, once=True)

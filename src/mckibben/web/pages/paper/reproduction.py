@@ -1,0 +1,212 @@
+"""What a laboratory has reproduced of the papers: one state for all who look, run in processes of its own."""
+
+from __future__ import annotations
+
+import base64
+import shutil
+import tempfile
+import threading
+import time
+import weakref
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from ....errors import InputError
+from ....report.paper_figures import FIGURES, PaperFigure, figure
+from ....reproduction import Outcome, load
+from ....reproduction.rows import all_rows, needs_recording
+from .hand import STOPPED, Hand
+
+HEAVY = 25.0  # a row of recordings takes about so many times as long as another
+TOLD_FROM = 0.08  # share of the work from which on the time left is told
+LEFT_OUT = "What is computed of recordings of the simulated test machine was left out."
+
+
+class Picture(NamedTuple):
+    """A figure as the page shows it: SVG in the page's colours, and a small PNG as a data address."""
+
+    svg: str
+    small: str
+
+
+class Reproduction:
+    """Rows, figures and reports; safe for use by several threads."""
+
+    def __init__(self) -> None:
+        place = tempfile.mkdtemp(prefix="mckibben-paper-")
+        weakref.finalize(self, shutil.rmtree, place, ignore_errors=True)
+        load()
+        self.rows = {row.id: row for row in all_rows()}
+        self.outcomes: dict[str, Outcome] = {}
+        self.failed: dict[str, str] = {}
+        self.pictures: dict[str, Picture] = {}
+        self.refused: dict[str, str] = {}  # figure: why it was not drawn
+        self.asked: dict[str, str] = {}  # figure that is drawn: how far
+        self.wanted: list[str] = []  # rows that the run has still to do, the one at work first
+        self.now, self.words = "", ""
+        self.version = 0
+        self._began, self._weight, self._done = 0.0, 0.0, 0.0
+        self._lock = threading.RLock()
+        self._job: tuple[Any, ...] = ()
+        self._rows, self._draws = Hand(place), Hand(place)
+
+    @property
+    def running(self) -> bool:
+        """Whether rows are computed."""
+        return bool(self.wanted)
+
+    def run(self, names: Sequence[str] | None = None, *, recordings: bool = True) -> None:
+        """Compute rows that are still to come: the quick ones first.
+
+        Args:
+            names: of rows; all where left out.
+            recordings: off leaves out the rows that take recordings of the simulated test machine.
+
+        Raises:
+            InputError: it runs already, or there is no such row.
+        """
+        with self._lock:
+            if self.running:
+                raise InputError("run", "refused", "rows are computed already; stop that first")
+            for name in names or ():
+                if name not in self.rows:
+                    raise InputError(
+                        "row", name[:80], "no row begins with that; `mckibben reproduce --json` lists them"
+                    )
+            chosen = [r for r in self.rows.values() if (names is None or r.id in names) and r.id not in self.outcomes]
+            quick = [r.id for r in chosen if not needs_recording(r)]
+            slow = [r.id for r in chosen if needs_recording(r)] if recordings else []
+            self.wanted = quick + slow
+            if not self.wanted:
+                return
+            for name in self.wanted:
+                self.failed.pop(name, None)
+            self._began, self._done, self._weight = time.monotonic(), 0.0, sum(map(self._cost, self.wanted))
+            self.now, self.words = "", "starting"
+            self._changed()
+            self._job = ("rows", list(self.wanted))
+            self._rows.ask(self._job, self._hear_rows)
+
+    def stop(self) -> None:
+        """Stop the run; what was computed stays."""
+        self._rows.stop(self._job)
+
+    def left(self) -> float | None:
+        """About the time that the run still takes [s]; None while that is not known."""
+        if not self.running or self._done < TOLD_FROM * self._weight:
+            return None
+        return (time.monotonic() - self._began) * (self._weight - self._done) / self._done
+
+    def _cost(self, name: str) -> float:
+        return HEAVY if needs_recording(self.rows[name]) else 1.0
+
+    def _hear_rows(self, kind: str, *more: Any) -> None:
+        with self._lock:
+            if kind == "row":
+                self.now, self.words = more[0], self.rows[more[0]].what
+            elif kind == "tell":
+                self.words = more[0]
+            elif kind == "outcome":
+                self.outcomes[more[0].row.id] = more[0]
+                self._ended(more[0].row.id)
+            elif kind == "failed":
+                self.failed[more[0]] = more[1]
+                self._ended(more[0])
+            else:  # done or refused
+                if kind == "refused" and more[0] != STOPPED and self.now:
+                    self.failed[self.now] = more[0]
+                self.wanted, self.now, self.words = [], "", ""
+            self._changed()
+
+    def _ended(self, name: str) -> None:
+        self._done += self._cost(name)
+        if name in self.wanted:
+            self.wanted.remove(name)
+
+    # ---- figures
+
+    def draw(self, name: str, *, pressing: bool = True) -> None:
+        """Draw a figure, if nobody has yet.
+
+        Raises:
+            InputError: there is no such figure.
+        """
+        of = figure(name)
+        with self._lock:
+            if name in self.pictures or (name in self.asked and not pressing):
+                return
+            again = name in self.asked
+            self.refused.pop(name, None)
+            self.asked[name] = self.asked.get(name) or "waiting"
+            self._changed()
+            if again:
+                self._draws.hurry(("figure", name))
+            else:
+                self._draws.ask(("figure", name), lambda kind, *m: self._hear_figure(of, kind, *m), pressing=pressing)
+
+    def stop_drawing(self, name: str) -> None:
+        """Stop drawing a figure."""
+        self._draws.stop(("figure", name))
+
+    def ready(self, of: PaperFigure) -> bool:
+        """Whether a figure can be drawn without making recordings that take minutes."""
+        return not of.recordings or bool(of.rows) and all(r in self.outcomes for r in of.rows)
+
+    def _hear_figure(self, of: PaperFigure, kind: str, *more: Any) -> None:
+        with self._lock:
+            if kind == "figure":
+                small = "data:image/png;base64," + base64.b64encode(more[2]).decode("ascii")
+                self.pictures[of.id] = Picture(more[1], small)
+            elif kind == "tell":
+                self.asked[of.id] = more[0]
+            elif kind in ("done", "refused"):
+                self.asked.pop(of.id, None)
+                if kind == "refused":
+                    self.refused[of.id] = more[0]
+            self._changed()
+
+    # ---- report
+
+    def report(self, ending: str, tell: Callable[[str], None]) -> bytes:
+        """The report of the command line, of what is there now; waits until it is written.
+
+        Raises:
+            InputError: it cannot be written; says why.
+        """
+        with self._lock:
+            outcomes = [self.outcomes.get(r.id) or Outcome(r, None, None, r.note) for r in self.rows.values()]
+            figures = [f.id for f in FIGURES.values() if self.ready(f)]
+        found: list[bytes] = []
+        why: list[str] = []
+        ended = threading.Event()
+
+        def hear(kind: str, *more: Any) -> None:
+            if kind == "report":
+                found.append(more[0])
+            elif kind == "tell":
+                tell(more[0])
+            elif kind in ("done", "refused"):
+                why.extend(more)
+                ended.set()
+
+        full = len(figures) == len(FIGURES)
+        self._draws.ask(("report", ending, outcomes, figures, "" if full else LEFT_OUT), hear)
+        ended.wait()
+        if not found:
+            raise InputError("report", ending, why[0] if why else STOPPED)
+        return found[0]
+
+    def _changed(self) -> None:
+        self.version += 1
+
+
+_of: weakref.WeakKeyDictionary[Any, Reproduction] = weakref.WeakKeyDictionary()
+_one = threading.Lock()
+
+
+def reproduction(lab: Any) -> Reproduction:
+    """That of a laboratory; made when it is first asked for."""
+    with _one:
+        if lab not in _of:
+            _of[lab] = Reproduction()
+        return _of[lab]

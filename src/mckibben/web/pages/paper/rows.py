@@ -1,0 +1,78 @@
+"""Rows and figures of the papers as the browser shows them; numbers, units and verdicts are worded as in the report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ....report.paper_figures import CONFERENCE, FIGURES, PaperFigure
+from ....report.reproduction_report import PARTS, difference, printed, tolerance
+from ....report.words import minus, significant, unit_text
+from ....reproduction import Outcome, Row
+from ....reproduction.rows import needs_recording
+from .reproduction import Reproduction
+
+# Verdict of an outcome -> kind of sign. What a row is by its print alone shows before it is computed.
+KINDS = {
+    "holds": "holds", "holds, calibrated": "calibrated", "misprint": "misprint", "open": "open", "synthetic": "synthetic",
+    "falls short": "short", "to come": "to come",
+}  # fmt: skip
+EXPECTED = {"erratum": "misprint", "open": "open", "synthetic": "synthetic"}
+
+
+def fixed_document() -> dict[str, Any]:
+    """What never changes: parts, rows with theirs, figures."""
+    from ....reproduction.rows import all_rows
+
+    return {
+        "parts": [{"id": k, "title": v} for k, v in PARTS.items()],
+        "rows": [_row(r) for r in all_rows()],
+        "figures": [
+            {"id": f.id, "name": named(f), "title": f.title, "rows": f.rows, "recordings": f.recordings, "part": f.part}
+            for f in FIGURES.values()
+        ],
+    }
+
+
+def _row(row: Row) -> dict[str, Any]:
+    first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
+    what = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
+    figures = [f.id for f in FIGURES.values() if row.id in f.rows]
+    return {
+        "id": row.id, "part": row.part, "what": minus(what), "paper": printed(row.paper), "unit": unit_text(row.unit),
+        "kind": EXPECTED.get(row.expect, ""), "recordings": needs_recording(row), "figures": figures,
+        "note": said(row.note),
+    }  # fmt: skip
+
+
+def outcome_document(outcome: Outcome) -> dict[str, Any]:
+    """What was computed of a row; ``place`` is ours on its tolerance, from -1 to 1 between the ends."""
+    row, ours = outcome.row, outcome.ours
+    found: dict[str, Any] = {"kind": KINDS[outcome.verdict], "note": said(outcome.note)}
+    if ours is not None:
+        found |= {"ours": significant(ours), "value": ours, "difference": difference(row, ours)}
+        allowed = tolerance(row)
+        if allowed is not None and allowed[1] > 0.0:
+            found |= {"place": (ours - allowed[0]) / allowed[1], "half": significant(allowed[1], 2)}
+    return found
+
+
+def said(note: str) -> str:
+    """A note in type."""
+    return minus(note.replace("+-", "\u00b1").replace("`", ""))
+
+
+def state_document(all_: Reproduction) -> dict[str, Any]:
+    """What changes: outcomes, failures, what is at work."""
+    left = all_.left()
+    return {
+        "outcomes": {k: outcome_document(v) for k, v in list(all_.outcomes.items())},
+        "failed": dict(all_.failed), "wanted": list(all_.wanted), "now": all_.now, "words": all_.words,
+        "left": None if left is None else round(left), "asked": dict(all_.asked),
+    }  # fmt: skip
+
+
+def named(figure: PaperFigure) -> str:
+    """Its number as the papers have it."""
+    year, _, number = figure.id.rpartition("-")
+    name = f"Table {number.removeprefix('table')}" if number.startswith("table") else f"Fig. {number}"
+    return f"{name} of {year}" if figure.paper == CONFERENCE else name

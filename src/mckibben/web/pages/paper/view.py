@@ -1,0 +1,265 @@
+"""What one visitor of the page The paper sees: the rows, the figure that is chosen, and how far the run is."""
+
+from __future__ import annotations
+
+import html
+import json
+import time
+from typing import TYPE_CHECKING, Any
+
+from ....errors import InputError, MckibbenError
+from ...parts import box, button, doing, download, link, note, raw, refused, segments, tell, text
+
+if TYPE_CHECKING:
+    from nicegui.element import Element
+
+    from ...laboratory import Laboratory
+    from .reproduction import Reproduction
+
+LOOK = 0.4  # time between two looks at the run [s]
+FIRST = "12c"  # figure that is shown where the link names none
+CALM = 2.5  # time for which a page must have stood before small pictures are drawn for it [s]
+FORMS = {"form": "In the paper\u2019s form", "numbers": "Its numbers"}
+
+
+async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
+    """Load what computes, then fill the page."""
+    found = await doing(place, "Loading the rows", _loaded, lab)
+    if found is not None:
+        View(lab, words, bar, place, found).show()
+
+
+def _loaded(lab: Laboratory) -> Reproduction:
+    from . import rows  # noqa: F401  (loads the figures' register in this thread)
+    from .reproduction import reproduction
+
+    return reproduction(lab)
+
+
+class View:
+    """One visitor's page."""
+
+    def __init__(
+        self, lab: Laboratory, words: dict[str, str], bar: Element, place: Element, all_: Reproduction
+    ) -> None:  # fmt: skip
+        from ....report.paper_figures import FIGURES
+
+        self.lab, self.bar, self.place, self.all, self.figures = lab, bar, place, all_, FIGURES
+        self.said: list[str] = []
+        self.writing: list[tuple[Any, list[str]]] = []  # reports that are written: a line, and how far
+        self.sent: set[str] = set()  # figures whose small picture the browser has
+        self.row, self.figure = words.get("row", ""), words.get("figure", "")
+        self.form = words.get("form", "") if words.get("form") in FORMS else "form"
+        if self.row and self.row not in all_.rows:
+            self.said.append(str(InputError("row", self.row, "no row begins with that")))
+            self.row = ""
+        if self.figure and self.figure not in FIGURES:
+            self.said.append(str(InputError("figure", self.figure, f"known are {', '.join(FIGURES)}")))
+            self.figure = ""
+        if not self.figure:
+            self.figure = FIRST if not self.row else self._shows(self.row)
+        self.asks = bool(words.get("row") or words.get("figure"))
+        self.version, self.began, self.calm = -1, time.monotonic(), False
+        self.shown: Any = None  # what the body of the figure was made of
+
+    def _shows(self, row: str) -> str:
+        """The figure that shows a row; nothing where none does."""
+        return next((f.id for f in self.figures.values() if row in f.rows), "")
+
+    def show(self) -> None:
+        """Build the page."""
+        from nicegui import ui
+
+        from .rows import fixed_document
+
+        with self.bar:
+            for words, ending in (("Report as PDF", ".pdf"), ("Report as HTML", ".html")):
+                button(words, lambda e=ending: self.report(e))
+            self.quick = button("Run without recordings", lambda: self.run(recordings=False))
+            self.go = button("Run all", self.run, primary=True)
+            self.halt = button("Stop", self.all.stop, primary=True)
+        with self.place:
+            self.under = box("div", "p-under")
+            with self.under:
+                for sentence in self.said:
+                    refused(sentence)
+            box("section", "panel p-sum").props('aria-label="Progress and verdicts"')
+            self.root = box("section", "panel p-root").props("aria-label=Rows")
+            self.root.props["data-fixed"] = json.dumps(fixed_document(), separators=(",", ":"))
+            self.root.on("pick", self.picked, js_handler="(e) => emit(e.detail)")
+            with box("div", "p-right"):
+                with box("section", "panel p-figure"):
+                    self.head = box("div", "hd")
+                    self.body = box("div", "p-body")
+                box("section", "panel p-figures").props('aria-label="Figures"')
+            self.small = box("div").props("hidden")  # each picture goes to the browser once
+        self.look()
+        self.chosen()
+        self.clock = ui.timer(LOOK, self.look)
+
+    # ---- what a visitor does
+
+    def run(self, *, recordings: bool = True, names: list[str] | None = None) -> None:
+        """Compute what is to come."""
+        try:
+            self.all.run(names, recordings=recordings)
+        except MckibbenError as error:
+            tell(str(error))
+        if not self.all.running:
+            tell("Every row is computed already.")
+        self.look()
+
+    def picked(self, event: Any) -> None:
+        """A row or a figure was chosen in the browser."""
+        found = event.args if isinstance(event.args, dict) else {}
+        row, figure = str(found.get("row") or ""), str(found.get("figure") or "")
+        if row and row in self.all.rows:
+            of = self.figures.get(self.figure)
+            self.row, self.figure = row, self.figure if of is not None and row in of.rows else self._shows(row)
+        elif figure in self.figures:
+            of = self.figures[figure]
+            self.row, self.figure = self.row if self.row in of.rows else "", figure
+        self.asks = True
+        link(row=self.row or None, figure=self.figure or None)
+        self.root.props["data-chosen"] = json.dumps({"row": self.row, "figure": self.figure})
+        self.root.update()
+        self.chosen()
+
+    def again(self, name: str) -> None:
+        """Draw a figure that was stopped or refused."""
+        self.all.draw(name)
+        self.chosen()
+
+    def formed(self, form: str) -> None:
+        """In the paper's form, or its numbers."""
+        self.form = form
+        link(form=None if form == "form" else form)
+        self.chosen()
+
+    async def report(self, ending: str) -> None:
+        """Download the report of what is there."""
+        with self.under:
+            place, line = box("div"), text("p", "", "p-caption")
+        self.writing.append((line, told := ["starting"]))
+
+        def tell_on(words: str) -> None:
+            told[0] = words
+
+        data = await doing(place, "Writing the report: its figures are drawn anew", self.all.report, ending, tell_on)
+        self.writing.remove((line, told))
+        line.delete()
+        if data is not None:
+            place.delete()
+            download(f"reproduction{ending}", data)
+
+    # ---- what is shown
+
+    def look(self) -> None:
+        """Show what has changed since the last look."""
+        for line, told in self.writing:
+            line.set_content(html.escape(told[0]))
+        if not self.calm and time.monotonic() - self.began > CALM:
+            self.calm = True
+            if not self.asks:
+                self.asks = True
+                self.chosen()
+            for f in self.figures.values():
+                if not f.recordings:
+                    self.all.draw(f.id, pressing=False)
+        if self.version == self.all.version:
+            return
+        from .rows import state_document
+
+        self.version = self.all.version
+        self.root.props["data-state"] = json.dumps(state_document(self.all), separators=(",", ":"), allow_nan=False)
+        self.root.props["data-chosen"] = json.dumps({"row": self.row, "figure": self.figure})
+        self.root.update()
+        with self.small:
+            for name in [n for n in list(self.all.pictures) if n not in self.sent]:
+                self.sent.add(name)
+                one = box("i", "p-pic")
+                one.props["data-figure"], one.props["data-small"] = name, self.all.pictures[name].small
+        for control, on in (
+            (self.go, not self.all.running),
+            (self.quick, not self.all.running),
+            (self.halt, self.all.running),
+        ):
+            control.props(remove="hidden") if on else control.props("hidden")
+        self.drawn()
+
+    def chosen(self) -> None:
+        """Show the figure that is chosen, and draw it if nobody has."""
+        self.shown = None
+        of = self.figures.get(self.figure)
+        if of is not None and self.asks and self.form == "form" and self.figure not in self.all.refused:
+            self.all.draw(self.figure)
+        self.head.clear()
+        with self.head:
+            from .rows import named
+
+            with box("h2"):
+                text(
+                    "span",
+                    f"{named(of)}: {of.title[:1].lower()}{of.title[1:]}" if of else "No figure shows this number",
+                )
+            box("span", "grow")
+            if of is not None:
+                segments(FORMS, self.form, self.formed, "Show")
+        self.drawn()
+
+    def drawn(self) -> None:
+        """The body of the chosen figure, as far as it is."""
+        all_, name = self.all, self.figure
+        outcome = all_.outcomes.get(self.row)
+        key = (
+            name, self.row, self.form, name in all_.pictures, all_.asked.get(name), all_.refused.get(name), outcome,
+            all_.failed.get(self.row), all_.running, len(all_.outcomes) if self.form == "numbers" else 0,
+        )  # fmt: skip
+        if key == self.shown:
+            return
+        self.shown = key
+        self.body.clear()
+        with self.body:
+            if name and self.form == "numbers":
+                numbers = box("div", "p-numbers")
+                numbers.props["data-numbers"] = json.dumps({"figure": name, "row": self.row})
+            elif name:
+                self._picture(name)
+            if name and (caption := self.figures[name].caption):
+                text("p", caption, "p-caption")
+            if self.row:
+                self._row()
+
+    def _picture(self, name: str) -> None:
+        all_ = self.all
+        if name in all_.pictures:
+            raw(all_.pictures[name].svg, "div", "p-svg")
+        elif name in all_.refused:
+            refused(f"{self.figures[name].title}: {all_.refused[name]}")
+            button("Draw it", lambda: self.again(name))
+        else:
+            with box("div", "loading p-wait").props("role=status"), box("div"):
+                text("span", all_.asked.get(name) or "drawing")
+                raw("<i></i>", "div", "line")
+                if self.figures[name].recordings and name in all_.asked:
+                    text("span", "It is drawn from recordings of the simulated machine, which take minutes.", "small")
+                    button("Stop drawing", lambda: all_.stop_drawing(name), small=True)
+
+    def _row(self) -> None:
+        """What is said of the chosen row, and the button that computes it."""
+        from .rows import said
+
+        row, outcome = self.all.rows[self.row], self.all.outcomes.get(self.row)
+        if self.row in self.all.failed:
+            note(f"{row.what}: {self.all.failed[self.row]}", "stop")
+        words = said(outcome.note if outcome else row.note)
+        verdict = outcome.verdict if outcome else ""
+        if verdict == "misprint" or row.expect == "erratum":
+            note(f"Misprint. {words[:1].upper()}{words[1:]}. Ours is the corrected value and the row counts as held.")
+        elif verdict == "falls short":
+            note(f"Falls short. {words}", "stop")
+        elif words:
+            text("p", f"{row.what[:1].upper()}{row.what[1:]}: {words}.", "p-caption")
+        if outcome is None and not self.all.running:
+            with box("div", "p-caption"):
+                button("Compute this row", lambda: self.run(names=[self.row]), small=True)

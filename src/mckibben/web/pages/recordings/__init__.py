@@ -1,0 +1,19 @@
+"""The page Recordings: list, search, overlay of two, notes, export, delete with a way back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...laboratory import Laboratory
+from ...parts import page
+from ...shell import asked
+
+
+def build(lab: Laboratory, request: Any) -> None:
+    """Fill it."""
+    from .view import LINK, View
+
+    words = asked(request, *LINK)
+    with page("recordings", sheets=("recordings.css",), scripts=("js/recordings.js",)) as bar:
+        view = View(lab, words)
+        view.build(bar)

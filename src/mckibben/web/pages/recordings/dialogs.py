@@ -1,0 +1,152 @@
+"""What is asked for before something is done: another name, the words of a note, the columns of a file of others."""
+
+from __future__ import annotations
+
+import asyncio
+import html
+import json
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from ....errors import MckibbenError
+from ...parts import box, button, refused, text, upload
+from . import files
+
+if TYPE_CHECKING:
+    from nicegui.element import Element
+
+HELP = "Of a file of others, where its header does not say it: as the command line takes it."
+
+
+class Dialog:
+    """A native dialog; Esc closes it while nothing moves.
+
+    Args:
+        title: its heading.
+    """
+
+    def __init__(self, title: str) -> None:
+        with box("dialog", "ask").props(f'aria-label="{html.escape(title)}"') as self._one:
+            with box("div", "hd"):
+                with box("h2"):
+                    text("span", title)
+                box("span", "grow")
+                button("Close", self.close, small=True, quiet=True)
+            self.body = box("div", "bd stack")
+        self.said: Element | None = None
+
+    def open(self) -> None:
+        """Show it."""
+        from nicegui import ui
+
+        self.answer("")
+        ui.run_javascript(f"const d = getHtmlElement({self._one.id}); d.open || d.showModal()")
+
+    def close(self) -> None:
+        """Take it away."""
+        from nicegui import ui
+
+        ui.run_javascript(f"getHtmlElement({self._one.id}).close()")
+
+    def answer(self, words: str) -> None:
+        """A sentence below its fields; nothing takes it away."""
+        if self.said is None:
+            with self.body:
+                self.said = box("div")
+        self.said.clear()
+        if words:
+            with self.said:
+                refused(words)
+
+    def place_for_answers(self) -> None:
+        """Here, and not at the end."""
+        self.said = box("div")
+
+
+class Typed:
+    """A field of words in a dialog: ``value`` is what stands in it."""
+
+    def __init__(
+        self, label: str, value: str = "", unit: str = "", about: str = "", done: Callable[[], Any] | None = None
+    ) -> None:
+        self.value = value
+        with box("label", "typed"):
+            text("span", label)
+            with box("span", "field s"):
+                self._box = box("input").props(f'defaultValue="{html.escape(value)}" autocomplete=off')
+                if unit:
+                    text("span", unit, "u")
+            if about:
+                text("span", about, "about")
+        self._box.on("input", self._came, js_handler="(e) => emit(e.target.value)")
+        if done is not None:
+            self._box.on("keydown.enter", lambda: done())
+
+    def _came(self, event: Any) -> None:
+        self.value = str(event.args)
+
+    def set(self, value: str) -> None:
+        """Put other words into it."""
+        from nicegui import ui
+
+        self.value = value
+        # as ``defaultValue`` above: a ``value`` that Vue knows would take back what is typed whenever it draws anything
+        ui.run_javascript(f"getHtmlElement({self._box.id}).value = {json.dumps(value)}")
+
+
+class Importing:
+    """Import a file: dropped or chosen; where a header does not say enough, its columns and units are asked for.
+
+    Args:
+        take: given name, bytes, columns, units and period; gives name and remarks, or raises why it is refused.
+        done: told the name of what is there now, and remarks.
+    """
+
+    def __init__(
+        self, take: Callable[[str, bytes, Mapping[str, str], Mapping[str, str], str], Any],
+        done: Callable[[str, list[str]], Any],
+    ) -> None:  # fmt: skip
+        self._take, self._done = take, done
+        self._name, self._data = "", b""
+        self.dialog = Dialog("Import a file")
+        with self.dialog.body:
+            endings = ", ".join(e.removeprefix(".").upper() for e in files.IMPORTED)
+            drop = upload(f"Drop a recording or a file of others here: {endings}", self._came, files.IMPORTED)
+            self._taker = next(one.id for one in drop.descendants() if type(one).__name__ == "Upload")
+            self.dialog.place_for_answers()
+            self._more = box("div", "stack")
+            with self._more:
+                text("p", HELP, "small dim")
+                self._columns = Typed("Columns", about="such as tension=Load cell; pressure=2; time=1")
+                self._units = Typed("Units", about="such as pressure=bar; tension=N")
+                self._period = Typed("Interval of the samples", about="where the file has no time, such as 1 ms")
+                with box("div", "row"):
+                    button("Import", self._again, primary=True)
+
+    def takes(self, place: Element) -> None:
+        """Let files be dropped on another place too."""
+        add = f"(e) => {{ e.preventDefault(); getElement({self._taker}).addFiles(e.dataTransfer.files) }}"
+        place.on("drop", js_handler=add).on("dragover", js_handler="(e) => e.preventDefault()")
+
+    async def _came(self, name: str, data: bytes) -> None:
+        self._name, self._data = name, data
+        await self._again()
+
+    async def _again(self) -> None:
+        if not self._name:
+            self.dialog.answer("There is no file yet: drop one first, or choose it.")
+            return
+        self.dialog.answer("")
+        try:
+            columns = files.pairs(self._columns.value, "columns", "tank.pressure=2")
+            units = files.pairs(self._units.value, "units", "tank.pressure=bar")
+            found = await asyncio.to_thread(
+                self._take, self._name, self._data, columns, units, self._period.value.strip()
+            )
+        except MckibbenError as error:
+            self.dialog.open()  # it is closed where the file was dropped on the list
+            self.dialog.answer(str(error))
+            return
+        self._name, self._data = "", b""
+        self.dialog.close()
+        await self._done(*found)

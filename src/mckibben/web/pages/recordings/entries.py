@@ -1,0 +1,242 @@
+"""What the list shows of every recording: read once for each state of its file, by one thread after the other."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....errors import MckibbenError
+
+if TYPE_CHECKING:
+    from ....recordings import Recording
+
+KEPT, WHOLE = 2000, 6  # entries, and whole recordings, that are kept
+STILL = 0.002  # share of its largest value by which a length must vary to be driven
+WIDE, HIGH = 122, 34  # of a thumbnail [px]
+COLOURS = {"pressure": "pressure", "length": "length", "tension": "tension"}
+_entries: OrderedDict[Any, Entry] = OrderedDict()
+_whole: OrderedDict[Any, Recording] = OrderedDict()
+_lock = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the list; all of it is text of a user's file, but for the thumbnail.
+
+    Attributes:
+        name: of the file.
+        about: what was done.
+        muscle: which one.
+        origin: ``simulated``, ``measured``, or ``file``.
+        protocol: its name.
+        created: when [s since the epoch].
+        duration: [s].
+        size: of the file [B].
+        sign: ``check``, ``caution`` or ``stop``.
+        said: what is to be known.
+        notes: a person's.
+        thumb: an SVG.
+    """
+
+    name: str
+    about: str = ""
+    muscle: str = ""
+    origin: str = "file"
+    protocol: str = ""
+    created: float = 0.0
+    duration: float = 0.0
+    size: int = 0
+    sign: str = "check"
+    said: str = ""
+    notes: tuple[str, ...] = ()
+    thumb: str = ""
+
+    def holds(self, words: str) -> bool:
+        """Whether all words are somewhere in it."""
+        text = " ".join(
+            (self.name, self.about, self.muscle, self.protocol, self.origin, self.said, *self.notes)
+        ).lower()
+        return all(word in text for word in words.lower().split())
+
+
+def key_of(path: Path) -> Any:
+    """Of a file's present state."""
+    about = path.stat()
+    return str(path), about.st_mtime_ns, about.st_size
+
+
+def whole(path: Path) -> Recording:
+    """A recording, or a file of somebody else as one.
+
+    Raises:
+        InputError: it cannot be read; says why.
+    """
+    from ....recordings.convert import read_any
+
+    key = key_of(path)
+    with _lock:
+        if key in _whole:
+            _whole.move_to_end(key)
+            return _whole[key]
+    found = read_any(path).recording
+    with _lock:
+        _whole[key] = found
+        while len(_whole) > WHOLE:
+            _whole.popitem(last=False)
+    return found
+
+
+def known(path: Path) -> Entry | None:
+    """What was read of a file before, if it is still so."""
+    try:
+        key = key_of(path)
+    except OSError:
+        return None
+    with _lock:
+        return _entries.get(key)
+
+
+def entry(path: Path) -> Entry:
+    """The line of a file; where it cannot be read, why."""
+    found = known(path)
+    if found is not None:
+        return found
+    try:
+        key = key_of(path)
+    except OSError:  # it was deleted meanwhile
+        return Entry(path.name, sign="stop", said="no such file")
+    try:
+        found = _described(path, whole(path))
+    except MckibbenError as error:
+        when, size = path.stat().st_mtime, path.stat().st_size
+        found = Entry(path.name, created=when, size=size, sign="stop", said=str(error).replace(str(path), path.name))
+    with _lock:
+        _entries[key] = found
+        while len(_entries) > KEPT:
+            _entries.popitem(last=False)
+    return found
+
+
+def _described(path: Path, record: Recording) -> Entry:
+    from ....recordings.notes import notes_of
+    from ....report.origins import known_specimen
+    from ....report.words import mapping
+
+    meta = record.meta
+    spec, document = known_specimen(meta), mapping(meta.get("protocol"))
+    title = str(meta.get("title") or path.stem)
+    sentence = str(meta.get("sentence") or meta.get("run") or meta.get("circuit") or "").removeprefix(f"{title}. ")
+    said = meta.get("specimen")
+    named = spec.title if spec else str(mapping(said).get("title") or mapping(said).get("id") or (said or ""))
+    simulated = any(c.kind == "true" for c in record.channels.values())
+    sign, words = _sign(meta)
+    notes = notes_of(meta)
+    return Entry(
+        name=path.name, about=f"{title}. {sentence}"[:300] if sentence else title, muscle=named,
+        origin="simulated" if simulated else "file" if meta.get("source") else "measured",
+        protocol=str(document.get("name") or (meta.get("protocol") if isinstance(meta.get("protocol"), str) else "")),
+        created=_when(meta.get("created"), path), duration=record.duration, size=path.stat().st_size, sign=sign,
+        said=words, notes=tuple(n.text for n in notes), thumb=thumbnail(record),
+    )  # fmt: skip
+
+
+def _when(words: Any, path: Path) -> float:
+    try:
+        found = datetime.fromisoformat(str(words))
+    except ValueError:
+        return path.stat().st_mtime
+    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+
+
+def _sign(meta: Mapping[str, Any]) -> tuple[str, str]:
+    """What is to be known first: why it ended, what was at its limit, whether the energy closes."""
+    from ....report.recording_tables import saturation
+    from ....report.words import is_number, mapping, significant
+
+    if str(meta.get("result", "done")) != "done":
+        return "stop", str(meta.get("message") or meta.get("result"))
+    warnings = meta.get("warnings")
+    told = [str(mapping(w).get("text", w)) for w in warnings] if isinstance(warnings, list) else []
+    told += saturation(meta)
+    if told:
+        return "caution", told[0]
+    energy = mapping(meta.get("balance")).get("energy")
+    if energy is not None and is_number(energy):
+        return "check", f"energy closes, {significant(float(energy), 1)}"
+    source = mapping(mapping(meta.get("source")).get("columns"))
+    if source:
+        return "check", f"{len(source)} channel{'s' if len(source) != 1 else ''} mapped"
+    return "check", str(meta.get("message") or "complete")
+
+
+# ---- thumbnails
+
+
+def channel(record: Recording, names: Sequence[str]) -> str:
+    """The first of some channels that a recording has; nothing where it has none."""
+    return next((n for n in names if n in record and np.isfinite(record[n]).any()), "")
+
+
+def places(record: Recording) -> dict[str, str]:
+    """The channels of length, pressure and tension that it has, those that were measured first."""
+    from ....report.recording_loops import LENGTHS, PRESSURES, TENSIONS
+
+    named = {"length": LENGTHS, "pressure": PRESSURES, "tension": TENSIONS}
+    found = {what: channel(record, names) for what, names in named.items()}
+    return {what: name for what, name in found.items() if name}
+
+
+def thumbnail(record: Recording) -> str:
+    """Pressure, length and tension over the time, each in its own range, and the tension over the length."""
+    there, lines = places(record), []
+    moves = "length" in there and float(np.nanstd(record[there["length"]])) > STILL * float(
+        np.nanmax(record[there["length"]])
+    )
+    looped = moves and "tension" in there
+    some = np.unique(np.linspace(0, len(record) - 1, 90).astype(int))
+    time = record.time[some] - record.time[0]
+    across = 2.0 + (76.0 if looped else 116.0) * time / (time[-1] or 1.0)
+    others = [n for n, c in record.channels.items() if c.kind != "command"][:1] if not there else []
+    for what in ("tension", "length", "pressure"):
+        if what in there:
+            lines.append(_path(across, _within(record[there[what]][some]), f"var(--q-{COLOURS[what]})"))
+    lines += [_path(across, _within(record[name][some]), "var(--ink-2)") for name in others]
+    if looped:
+        part = _last_cycle(record, there["length"])
+        at = np.unique(np.linspace(part.start, part.stop - 1, 80).astype(int))
+        x, y = _within(record[there["length"]][at]), _within(record[there["tension"]][at])
+        lines.append(_path(86.0 + 34.0 * (1.0 - (y_to_share(x))), y, "var(--q-tension)", "var(--q-tension-fill)"))
+    return f'<svg width="{WIDE}" height="{HIGH}" viewBox="0 0 {WIDE} {HIGH}" aria-hidden="true">{"".join(lines)}</svg>'
+
+
+def _last_cycle(record: Recording, name: str) -> slice:
+    from ....analysis.cycles import find_cycles
+
+    try:
+        last = find_cycles(record[name])[-1]
+        return slice(last.start, last.end + 1)
+    except MckibbenError:
+        return slice(0, len(record))
+
+
+def _within(values: np.ndarray) -> np.ndarray:
+    """Values as heights of a thumbnail [px], the largest on top."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    return HIGH - 4.0 - 26.0 * (values - low) / ((high - low) or 1.0)
+
+
+def y_to_share(heights: np.ndarray) -> np.ndarray:
+    """What `_within` made, as a share of the range from its top."""
+    return (heights - (HIGH - 30.0)) / 26.0
+
+
+def _path(x: np.ndarray, y: np.ndarray, colour: str, fill: str = "none") -> str:
+    points = "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True) if np.isfinite(a) and np.isfinite(b))
+    return f'<path d="M{points}" fill="{fill}" stroke="{colour}" stroke-width="1.3"/>' if points else ""

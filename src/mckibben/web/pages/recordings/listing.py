@@ -1,0 +1,147 @@
+"""The list of recordings: search, three filters, and lines of which two are chosen."""
+
+from __future__ import annotations
+
+import html
+import math
+import time
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from ...parts import SIGNS, box, raw, select
+from .entries import Entry
+
+if TYPE_CHECKING:
+    from nicegui.element import Element
+
+LETTERS = "AB"
+ORIGINS = {"": "Simulated and measured", "simulated": "Simulated", "measured": "Measured", "file": "Imported"}
+CHECK = (
+    '<svg width="13" height="11" viewBox="0 0 13 11" aria-hidden="true"><path d="M1 6l3.500 3.500L12 1" fill="none" '
+    'stroke="var(--ink-2)" stroke-width="1.7"/></svg>'
+)
+GLASS = (
+    '<svg width="14" height="14" aria-hidden="true"><circle cx="6" cy="6" r="4.5" fill="none" stroke="var(--ink-2)" '
+    'stroke-width="1.5"/><path d="M9.500 9.500L13 13" stroke="var(--ink-2)" stroke-width="1.5"/></svg>'
+)
+THIN = "\u2009\u2060"
+
+
+def tools(words: dict[str, str], change: Callable[[str, str], Any]) -> Element:
+    """Search and filters; the place of the filters is given back, to be filled when the entries are known."""
+    with box("div", "hd finds"):
+        with box("div", "field grow"):
+            raw(GLASS, "span")
+            typed = box("input").props(
+                'id=search type=search aria-label="Search" placeholder="Search name, muscle, protocol, note"'
+            )
+            typed.props(f'defaultValue="{html.escape(words.get("q", ""))}"')
+        typed.on("input", lambda e: change("q", str(e.args)), js_handler="(e) => emit(e.target.value)", throttle=0.2)
+        return box("div", "row wrap")
+
+
+def filters(words: dict[str, str], entries: Sequence[Entry], change: Callable[[str, str], Any]) -> None:
+    """One list for the muscle, one for the protocol, one for where a recording comes from."""
+    for key, label, values in (
+        ("muscle", "Muscle", sorted({e.muscle for e in entries if e.muscle})),
+        ("protocol", "Protocol", sorted({e.protocol for e in entries if e.protocol})),
+    ):
+        now = words.get(key, "")
+        names = {"": f"{label}: any", **{v: v for v in values}, **({now: now} if now else {})}
+        select(names, now, lambda v, k=key: change(k, v), label)  # type: ignore[misc]
+    now = words.get("origin", "")
+    select(ORIGINS, now if now in ORIGINS else "", lambda v: change("origin", v), "Origin")
+
+
+def wanted(entries: Sequence[Entry], words: dict[str, str]) -> list[Entry]:
+    """Those that search and filters leave."""
+    kept = []
+    for one in entries:
+        same = all(not words.get(k) or getattr(one, k) == words[k] for k in ("muscle", "protocol", "origin"))
+        if same and one.holds(words.get("q", "")):
+            kept.append(one)
+    return kept
+
+
+class Lines:
+    """The lines; a click, Enter or Space chooses one or lets it go. Those that stay as they are are not made anew.
+
+    Args:
+        place: that they stand in.
+        pick: told the name of the one that is chosen or let go.
+    """
+
+    def __init__(self, place: Element, pick: Callable[[str], Any]) -> None:
+        self._place, self._pick = place, pick
+        self._shown: dict[str, tuple[Entry, str]] = {}
+        self._made: dict[str, Any] = {}
+
+    def clear(self) -> None:
+        """Something else stands in the place."""
+        self._place.clear()
+        self._shown, self._made = {}, {}
+
+    def show(self, entries: Sequence[Entry], chosen: Sequence[str]) -> None:
+        """These, with letters for the chosen ones."""
+        now = {e.name: (e, LETTERS[chosen.index(e.name)] if e.name in chosen else "") for e in entries}
+        if [*now] != [*self._made]:
+            self.clear()
+            with self._place, box("table", "rows") as table, box("tbody").props("role=presentation"):
+                table.props('role=listbox aria-multiselectable=true aria-label="Recordings"')
+                for name in now:
+                    self._made[name] = self._new(name)
+        for name, (one, letter) in now.items():
+            if self._shown.get(name) != (one, letter):
+                line = self._made[name]
+                line.set_content(_line(one, letter))
+                line.classes(add="sel" if letter else "", remove="" if letter else "sel")
+                line.props(f"aria-selected={'true' if letter else 'false'}")
+        self._shown = now
+
+    def _new(self, name: str) -> Element:
+        line = raw("", "tr", "pick").props(f'tabindex=0 role=option data-name="{html.escape(name)}"')
+        line.on("click", lambda: self._pick(name)).on("keydown.enter", lambda: self._pick(name))
+        return line.on("keydown.space.prevent", lambda: self._pick(name))
+
+
+def _line(one: Entry, letter: str) -> str:
+    name, about = html.escape(one.name.rpartition(".")[0]), html.escape(one.about)
+    sign = CHECK if one.sign == "check" else SIGNS.get(one.sign, "")
+    said = html.escape(one.said)
+    if one.notes:
+        said += f", {len(one.notes)} note{'s' if len(one.notes) > 1 else ''}"
+    where = ", ".join(w for w in (one.muscle, one.origin) if w)
+    return (
+        f'<td><span class="ab" aria-hidden="true">{letter or "+"}</span><span class="vh">'
+        f"{'chosen as ' + letter if letter else 'overlay'}</span></td>"
+        f'<td class="th">{one.thumb}</td><td title="{about}"><b>{name}</b><small>{about}</small></td>'
+        f'<td title="{said}"><small class="who">{html.escape(where)}</small>'
+        f'<small class="sign">{sign}<span>{said}</span></small></td>'
+        f'<td class="num"><small>{when(one.created)}</small><small>{duration(one.duration)}</small></td>'
+    )
+
+
+def when(seconds: float) -> str:
+    """A date as a person says it: the time today, the day before that."""
+    if not seconds:
+        return "\u2013"
+    then, now = datetime.fromtimestamp(seconds), datetime.fromtimestamp(time.time())
+    days = (now.date() - then.date()).days
+    if days == 0:
+        return f"today {then:%H:%M}"
+    if days == 1:
+        return f"yesterday {then:%H:%M}"
+    return f"{then.day}{THIN}{then:%b}" if 0 < days < 300 else f"{then:%Y-%m-%d}"
+
+
+def duration(seconds: float) -> str:
+    """A duration with about three digits [s]."""
+    if not seconds or not math.isfinite(seconds):
+        return "\u2013"
+    return f"{seconds:.{1 if seconds >= 2.0 else 2}f}{THIN}s" if seconds < 1000.0 else f"{seconds / 60.0:.0f}{THIN}min"
+
+
+def amount(size: int) -> str:
+    """A size of files in words."""
+    return f"{size / 2**20:.3g}{THIN}MB" if size >= 2**20 else f"{size / 2**10:.3g}{THIN}kB"

@@ -1,0 +1,243 @@
+"""Two recordings over each other: the tension over the length, less the law, and channels over the time."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....errors import InputError, MckibbenError
+from ....quantities import from_si
+from ...charts import Axis, Chart, Line, Mark
+from .entries import channel, places
+from .listing import LETTERS
+
+if TYPE_CHECKING:
+    from ....recordings import Recording
+
+HIGH, LOW = 270, 150  # of charts [px]
+VIEWS = {"tension": "Tension", "law": "Less the law", "channels": "All channels"}
+NAMES = {"pressure": ("Pressure", "bar", "Pa"), "length": ("Length", "cm", "m"), "tension": ("Tension", "N", "N")}
+# Of the muscle itself: a law speaks of its braid and of the air in it, not of what stands between it and the sensors.
+OWN = {
+    "length": ("muscle.length", "length", "muscle.span", "span"), "pressure": ("muscle.pressure", "pressure"),
+    "tension": ("tension", "muscle.tension"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is shown of one recording.
+
+    Attributes:
+        letter: A or B.
+        name: of its file.
+        record: the step that is shown, or all of it.
+        begins: time of its samples that stands at zero of the axis [s].
+        words: which step it is; nothing where it is all.
+    """
+
+    letter: str
+    name: str
+    record: Recording
+    begins: float
+    words: str = ""
+
+    def values(self, what: str) -> np.ndarray | None:
+        """A quantity in the unit that is shown (n,), and nothing where it was not recorded."""
+        name = places(self.record).get(what)
+        if name is None:
+            return None
+        unit, si = NAMES[what][1:]
+        return from_si(1.0, si, unit) * self.record[name] if self.record.unit(name) == si else None
+
+
+def steps(record: Recording) -> list[tuple[str, Recording]]:
+    """The recorded steps with a name for each; all of it where it has none."""
+    from ....analysis.segments import segments, varied
+
+    if not record.meta.get("steps"):
+        return [("", record)]
+    try:
+        found, apart = segments(record), varied(record)
+    except InputError:
+        return [("", record)]
+    named = []
+    for i, part in enumerate(found, 1):
+        step = part.meta["step"]
+        case = ", ".join(f"{n.replace('_', ' ')} {step['case'][n]}" for n in apart if n in step["case"])
+        named.append((f"{i} {step['label'] or step['path']}{f', {case}' if case else ''}", part))
+    return named if len(named) > 1 else [("", found[0])]
+
+
+def begins(record: Recording) -> float:
+    """The time of the first reversal of the length [s], from where two can be compared; the first sample otherwise."""
+    name = places(record).get("length")
+    cycle = last_cycle(record)
+    if name is None or cycle is None:
+        return float(record.time[0])
+    from ....analysis.cycles import find_cycles
+
+    return float(record.time[find_cycles(record[name])[0].start])
+
+
+def last_cycle(record: Recording) -> slice | None:
+    """The samples of the last full cycle of the length; nothing where it has none."""
+    from ....analysis.cycles import find_cycles
+
+    name = places(record).get("length")
+    if name is None:
+        return None
+    try:
+        last = find_cycles(record[name])[-1]
+    except MckibbenError:
+        return None
+    return slice(last.start, last.end + 1)
+
+
+def charts(parts: Sequence[Part], view: str) -> list[Chart | str]:
+    """The charts of a view; a sentence where there is nothing to draw."""
+    if view == "channels":
+        found: list[Chart | str] = [c for what in NAMES if (c := over_time(parts, what, LOW)) is not None]
+        return found or [_others(parts)]
+    first: Chart | str | None = less_the_law(parts) if view == "law" else over_length(parts)
+    second = over_time(parts, "tension", LOW) or over_time(parts, "pressure", LOW)
+    both = [c for c in (first, second) if c is not None]
+    return both or [_others(parts)]
+
+
+def over_length(parts: Sequence[Part]) -> Chart | None:
+    """Tension over length, of the last full cycle where there are cycles."""
+    lines = []
+    for part in parts:
+        x, y = part.values("length"), part.values("tension")
+        if x is not None and y is not None:
+            some = last_cycle(part.record) or slice(None)
+            lines.append(_loop(part, x[some], y[some], len(parts) > 1))
+    if not lines:
+        return None
+    sentence = f"Tension against length of {_named(parts)}; {_cycles(parts)}."
+    return Chart(_title("Tension", parts), sentence, _axis("length"), _axis("tension"), lines, height=HIGH)
+
+
+def less_the_law(parts: Sequence[Part]) -> Chart | str:
+    """Tension less what the muscle's law says at the recorded length and pressure: friction, or the law's fault."""
+    lines, why = [], ""
+    for part in parts:
+        try:
+            length, rest = _residual(part)
+        except MckibbenError as error:
+            why = f"{part.letter}: {error}"
+            continue
+        some = last_cycle(part.record) or slice(None)
+        lines.append(_loop(part, length[some], rest[some], len(parts) > 1))
+    if not lines:
+        return why or "Neither recording names a muscle with a law."
+    axis = Axis("Tension less the law", "N", "tension")
+    sentence = f"Tension less the law of {_named(parts)} against length; {_cycles(parts)}."
+    marks = [Mark("", y=0.0)]
+    return Chart(_title("Less the law", parts), sentence, _axis("length"), axis, lines, marks, height=HIGH)
+
+
+def _residual(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Length [cm], and tension less the law at the recorded length and pressure [N]."""
+    from ....muscles.build import law_from_specimen
+    from ....report.origins import known_specimen
+
+    spec = known_specimen(part.record.meta)
+    if spec is None:
+        raise InputError(
+            "muscle",
+            str(part.record.meta.get("specimen") or "none"),
+            "allowed is one with a law, named by the recording",
+        )
+    names = {what: channel(part.record, of) for what, of in OWN.items()}
+    for what, name in names.items():
+        if not name:
+            raise InputError(what, "not recorded", "a law needs length, pressure and tension")
+    law = law_from_specimen(spec)
+    length, pressure, tension = (part.record[names[w]] for w in ("length", "pressure", "tension"))
+    return from_si(1.0, "m", "cm") * length, tension - np.asarray(_tension()(law, length, pressure))
+
+
+@functools.cache
+def _tension() -> Any:
+    import equinox as eqx
+
+    def force(law: Any, length: Any, pressure: Any) -> Any:
+        return law.tension(length, pressure)
+
+    return eqx.filter_jit(force)
+
+
+def over_time(parts: Sequence[Part], what: str, height: int) -> Chart | None:
+    """A quantity over the time, both from their first reversal, with the notes."""
+    from ....recordings.notes import notes_of
+
+    lines, marks = [], []
+    for part in parts:
+        y = part.values(what)
+        if y is None:
+            continue
+        time = part.record.time - part.begins
+        lines.append(_line(part, *_with_gaps(time, y), what, len(parts) > 1, width=1.75))
+        low, high = float(time[0]), float(time[-1])
+        for note in notes_of(part.record.meta):
+            at = note.time - part.begins
+            if low <= at <= high:
+                marks.append(Mark(f"{part.letter}: {note.text}", x=at))
+    if not lines:
+        return None
+    low = min(float(p.record.time[0]) - p.begins for p in parts)
+    high = max(float(p.record.time[-1]) - p.begins for p in parts)
+    from_ = "from their first reversal" if len(parts) > 1 else "from the first reversal"
+    axis = Axis(f"time, {from_}" if any(last_cycle(p.record) for p in parts) else "time", "s", "", low, high)
+    sentence = f"{NAMES[what][0]} of {_named(parts)} against time."
+    return Chart(_title(NAMES[what][0], parts), sentence, axis, Axis(*NAMES[what][:2], what), lines, marks, height)
+
+
+def _others(parts: Sequence[Part]) -> Chart | str:
+    """Of recordings without a muscle: the first channel that was measured, over the time."""
+    part = parts[0]
+    name = next((n for n in part.record.names() if part.record.channels[n].kind != "command"), "")
+    if not name:
+        return "Nothing was recorded beside the time."
+    values, axis = part.record[name], Axis(name, part.record.unit(name))
+    line = Line(*_with_gaps(part.record.time - part.begins, values), label=part.letter)
+    return Chart(name, f"{name} of {part.name} against time.", Axis("time", "s"), axis, [line], height=HIGH)
+
+
+def _line(part: Part, x: Any, y: Any, what: str, lettered: bool, **more: Any) -> Line:
+    return Line(
+        x, y, label=part.letter if lettered else "", quantity=what, dash=part.letter if lettered else "", **more
+    )
+
+
+def _loop(part: Part, x: np.ndarray, y: np.ndarray, lettered: bool) -> Line:
+    return _line(part, x, y, "tension", lettered, width=2.25 if part.letter == LETTERS[0] else 2.0)
+
+
+def _with_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """With a hole wherever samples are missing, so that no line is drawn there."""
+    step = np.diff(time)
+    holes = np.flatnonzero(step > 3.0 * np.median(step)) + 1 if len(step) else np.array([], int)
+    return np.insert(time, holes, np.nan), np.insert(np.asarray(values, float), holes, np.nan)
+
+
+def _axis(what: str) -> Axis:
+    return Axis(NAMES[what][0] if what != "length" else "length", NAMES[what][1], what)
+
+
+def _named(parts: Sequence[Part]) -> str:
+    return " and ".join(f"{p.letter}, {p.name}" for p in parts)
+
+
+def _title(what: str, parts: Sequence[Part]) -> str:
+    return f"{what}: solid A, dashed B" if len(parts) > 1 else what
+
+
+def _cycles(parts: Sequence[Part]) -> str:
+    return "the last full cycle" if any(last_cycle(p.record) for p in parts) else "all samples"

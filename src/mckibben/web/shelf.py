@@ -1,0 +1,144 @@
+"""A folder of files that a page may name: plain names only, so that nothing outside it is read, written or shown."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..errors import InputError
+
+LARGEST = 200 * 2**20  # of an upload [B]
+WELL_NAMED = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._()+-]{0,119}")
+ALLOWED = "allowed is a plain name of letters, digits, dots, dashes and spaces, without a folder"
+_NUMBERED = re.compile(r"-(\d{4})$")
+_TRASH = ".deleted"
+
+
+class Shelf:
+    """One folder; it is made when the first file comes.
+
+    Args:
+        folder: where it is.
+        endings: of the files that it takes, in small letters, such as ``.nc``.
+    """
+
+    def __init__(self, folder: Path, endings: Iterable[str]) -> None:
+        self.folder, self.endings = Path(folder).absolute(), tuple(endings)
+
+    def names(self) -> list[str]:
+        """Of all files, the newest first."""
+        if not self.folder.is_dir():
+            return []
+        found = [p for p in self.folder.iterdir() if p.suffix.lower() in self.endings and p.is_file()]
+        found = [p for p in found if WELL_NAMED.fullmatch(p.name) and not p.is_symlink()]
+        return [p.name for p in sorted(found, key=lambda p: (-p.stat().st_mtime, p.name))]
+
+    def path(self, name: str) -> Path:
+        """Where a file of a name is, or would be.
+
+        Raises:
+            InputError: if the name has a path in it, or another ending.
+        """
+        if not isinstance(name, str) or not WELL_NAMED.fullmatch(name) or ".." in name or name.endswith((" ", ".")):
+            raise InputError("file", str(name)[:200], ALLOWED)
+        if Path(name).suffix.lower() not in self.endings:
+            kinds = ", ".join(self.endings)
+            raise InputError("file", name, f"allowed is a name that ends in {kinds}; nothing was stored")
+        return self.folder / name
+
+    def found(self, name: str) -> Path:
+        """The file of a name; refused where there is none."""
+        path = self.path(name)
+        if not path.is_file() or path.is_symlink():
+            raise InputError("file", name, "no such file")
+        return path
+
+    def ready(self) -> Path:
+        """The folder, which is there now."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        return self.folder
+
+    def numbered(self, stem: str, ending: str) -> str:
+        """A name that nobody has, such as ``work-loop-0012.nc``: one more than the largest number of all."""
+        taken = [_NUMBERED.search(Path(n).stem) for n in self.names()]
+        largest = max((int(m[1]) for m in taken if m), default=0)
+        name = f"{stem}-{largest + 1:04d}{ending}"
+        self.path(name)
+        return name
+
+    def free(self, name: str) -> str:
+        """The name, or one like it that nobody has."""
+        path = self.path(name)
+        stem, ending = path.stem, path.suffix
+        for number in range(2, 10_000):
+            if not path.exists():
+                break
+            path = path.with_name(f"{stem}-{number}{ending}")
+        return path.name
+
+    def store(self, name: str, data: bytes, largest: int = LARGEST) -> Path:
+        """Keep what was uploaded under a name like its own; nothing is written over.
+
+        Raises:
+            InputError: if the name is not allowed, or the file is empty or too large.
+        """
+        self.path(name)
+        check_size(name, len(data), largest)
+        self.ready()
+        path = self.path(self.free(name))
+        part = path.with_name(f".{secrets.token_hex(6)}.part")
+        try:
+            part.write_bytes(data)
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+        return path
+
+    def rename(self, name: str, to: str) -> Path:
+        """Give a file another name; the ending stays."""
+        path, other = self.found(name), self.path(to)
+        if other.exists():
+            raise InputError("file", to, "it is there already")
+        if path.suffix.lower() != other.suffix.lower():
+            raise InputError("file", to, f"allowed is a name that ends in {path.suffix}")
+        path.rename(other)
+        return other
+
+    def delete(self, name: str) -> str:
+        """Put a file away, so that `restore` can bring it back; the word for that."""
+        path = self.found(name)
+        trash = self.folder / _TRASH
+        trash.mkdir(exist_ok=True)
+        word = secrets.token_hex(8)
+        path.rename(trash / f"{word}{path.suffix}")
+        return f"{word}{path.suffix}"
+
+    def restore(self, word: str, name: str) -> Path:
+        """Bring a deleted file back, under its name or one like it."""
+        path = self.path(self.free(name))
+        (self.folder / _TRASH / Path(word).name).rename(path)
+        return path
+
+    def forget(self, word: str) -> None:
+        """Delete for good."""
+        (self.folder / _TRASH / Path(word).name).unlink(missing_ok=True)
+        try:
+            (self.folder / _TRASH).rmdir()
+        except OSError:
+            pass  # others are in it, or it is gone
+
+
+def plain(words: str, otherwise: str = "run") -> str:
+    """A stem for a file's name from any words."""
+    found = re.sub(r"[^A-Za-z0-9_-]+", "-", words).strip("-_")[:80]
+    return found or otherwise
+
+
+def check_size(name: str, size: int, largest: int = LARGEST) -> None:
+    """Refuse a file that is empty or too large [B]."""
+    if not 0 < size <= largest:
+        shown = f"{name[:120]} of {size / 2**20:.3g} MB"
+        raise InputError("file", shown, f"allowed are 1 B to {largest / 2**20:.0f} MB; nothing was stored")

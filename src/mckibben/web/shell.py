@@ -1,0 +1,99 @@
+"""What every page stands in: top bar with the seven pages, state block and emergency stop; footer; keys; theme."""
+
+from __future__ import annotations
+
+import functools
+import html
+from collections.abc import Mapping
+from importlib import resources
+from typing import Any, NamedTuple
+
+TITLE = "McKibben muscle laboratory"
+
+
+class Page(NamedTuple):
+    """One of the seven.
+
+    Attributes:
+        path: of its address.
+        name: in the top bar.
+        module: of `pages` that builds it.
+        key: that leads there after G.
+    """
+
+    path: str
+    name: str
+    module: str
+    key: str
+
+
+PAGES = (
+    Page("/", "Bench", "bench", "B"), Page("/fit", "Fit", "fit", "F"), Page("/compare", "Compare", "compare", "C"),
+    Page("/energy", "Energy", "energy", "E"), Page("/circuit", "Circuit", "circuit", "I"),
+    Page("/paper", "The paper", "paper", "P"), Page("/recordings", "Recordings", "recordings", "R"),
+)  # fmt: skip
+SHEETS = ("tokens.css", "uplot/uPlot.min.css", "lab.css")
+SCRIPTS = ("js/lab.js", "js/charts.js")
+HOME = "/static/lab"  # of the sheets and scripts; their modules name each other by relative paths
+
+
+@functools.cache
+def piece(name: str) -> str:
+    """A file of `static` as text."""
+    return (resources.files(__package__) / "static" / name).read_text(encoding="utf-8")
+
+
+def frame(page: Page, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = ()) -> None:
+    """Put what a page stands in around the NiceGUI page that is being built.
+
+    Args:
+        page: itself.
+        sheets: further style sheets of `static`.
+        scripts: further modules of `static`.
+    """
+    from nicegui import ui
+
+    ui.add_head_html(_head(sheets, scripts))
+    ui.add_body_html(f"{_mark(page)}{_around(page)}")
+
+
+def document(page: Page, content: str, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = ()) -> str:
+    """A whole page without NiceGUI, for one whose content is drawn by scripts of its own.
+
+    Args:
+        page: itself.
+        content: HTML between top bar and footer.
+        sheets: further style sheets of `static`.
+        scripts: further modules of `static`.
+    """
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{page.name} \u00b7 {TITLE}</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<link rel="icon" href="{HOME}/favicon.svg">{_head(sheets, scripts)}</head>'
+        f'<body class="raw">{_mark(page)}{_around(page)}{content}</body></html>'
+    )
+
+
+def _head(sheets: tuple[str, ...], scripts: tuple[str, ...]) -> str:
+    found = [f'<link rel="stylesheet" href="{HOME}/{s}">' for s in (*SHEETS, *sheets)]
+    found += [f'<script type="module" src="{HOME}/{s}"></script>' for s in (*SCRIPTS, *scripts)]
+    early = (  # before anything is drawn, so that a dark page never begins light
+        'const t=new URLSearchParams(location.search).get("theme")??sessionStorage.getItem("mckibben-theme");'
+        'if(t==="dark"||t==="light")document.documentElement.dataset.theme=t'
+    )
+    return f"<script>{early}</script>{''.join(found)}"
+
+
+def _mark(page: Page) -> str:
+    return f'<script>document.body.dataset.page="{page.module}"</script>'
+
+
+def _around(page: Page) -> str:
+    tabs = [f'<a href="{p.path}"{" aria-current=page" if p == page else ""}>{html.escape(p.name)}</a>' for p in PAGES]
+    return piece("head.html").replace("{tabs}", "".join(tabs))
+
+
+def asked(request: Any, *names: str) -> dict[str, str]:
+    """What the address of a page says of the view: those of the names that stand in it, as words."""
+    query: Mapping[str, str] = request.query_params
+    return {n: query[n][:400] for n in names if n in query}

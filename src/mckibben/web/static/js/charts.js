@@ -1,0 +1,184 @@
+// Charts that stand still: a figure with data-chart becomes one. uPlot gives axes, grid and sizes; the lines are drawn here,
+// since a loop is no function of x.
+import uPlot from '../uplot/uPlot.esm.js'
+import { events } from './lab.js'
+import { Q, TS, clamp, escape, fmt, mark, token } from './words.js'
+
+const charts = new Map() // figure -> {plot, spec}
+
+const colour = q => token(Q[q] ? `--q-${q}` : '--ink')
+const places = step => Math.max(0, Math.min(6, -Math.floor(Math.log10(step) + 1e-9)))
+/** Axis settings in the style of the house. */
+export function axis (given = {}) {
+  return {
+    stroke: () => token('--ink-3'), font: `11px ${token('--font')}`, gap: 4, size: 46, ...given,
+    grid: { stroke: () => token('--grid'), width: 1, ...given.grid }, ticks: { show: false, ...given.ticks },
+    values: given.values ?? ((u, ticks) => { const d = ticks.length > 1 ? places(Math.abs(ticks[1] - ticks[0])) : 2; return ticks.map(v => fmt(v, d)) })
+  }
+}
+function range (lines, of, given) {
+  let low = Infinity; let high = -Infinity
+  for (const l of lines) for (const v of l[of]) if (v !== null) { if (v < low) low = v; if (v > high) high = v }
+  if (low > high) { low = 0; high = 1 }
+  const room = (high - low) * 0.05 || Math.abs(high) * 0.05 || 1
+  return [given.low ?? low - (of === 'y' ? room : 0), given.high ?? high + (of === 'y' ? room : 0)]
+}
+/** Draw a line through points of a plot, in pixels of its canvas. */
+export function stroke (ctx, xs, ys, { colour, width = 1.75, dash = [], fill = null, opacity = 1, close = false }, px = devicePixelRatio) {
+  ctx.save()
+  ctx.globalAlpha = opacity
+  ctx.lineWidth = width * px; ctx.lineJoin = 'bevel'; ctx.setLineDash(dash.map(d => d * px)); ctx.strokeStyle = colour
+  ctx.beginPath()
+  let pen = false
+  for (let i = 0; i < xs.length; i++) {
+    if (Number.isNaN(xs[i]) || Number.isNaN(ys[i])) { pen = false; continue }
+    if (pen) ctx.lineTo(xs[i], ys[i]); else { ctx.moveTo(xs[i], ys[i]); pen = true }
+  }
+  if (fill) { ctx.fillStyle = fill; ctx.fill() }
+  if (close) ctx.closePath()
+  ctx.stroke()
+  ctx.restore()
+}
+export function dot (ctx, q, x, y, r, { hollow = false } = {}, px = devicePixelRatio) {
+  const path = new Path2D(mark(q, x, y, r * px))
+  ctx.save()
+  ctx.lineWidth = 1.2 * px
+  if (hollow) { ctx.strokeStyle = colour(q); ctx.fillStyle = token('--panel'); ctx.fill(path); ctx.stroke(path) } else {
+    ctx.fillStyle = colour(q); ctx.strokeStyle = token('--panel'); ctx.fill(path); ctx.stroke(path)
+  }
+  ctx.restore()
+}
+
+function title (a) { return `<b style="color:${Q[a.quantity] ? `var(--q-${a.quantity})` : 'inherit'}">${escape(a.label)}</b>${a.unit ? `, ${escape(a.unit)}` : ''}` }
+
+function draw (u, spec) {
+  const { ctx, bbox } = u
+  ctx.save()
+  ctx.beginPath(); ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height); ctx.clip()
+  for (const l of spec.lines) {
+    const xs = l.x.map(v => v === null ? NaN : u.valToPos(v, 'x', true)); const ys = l.y.map(v => v === null ? NaN : u.valToPos(v, 'y', true))
+    const dash = l.dash === 'own' ? Q[l.quantity]?.dash ?? [] : spec.dashes[l.dash] ?? []
+    const fill = l.fill ? token(Q[l.quantity] ? `--q-${l.quantity}-fill` : '--tint') : null
+    if (l.line) stroke(ctx, xs, ys, { colour: colour(l.quantity), width: l.width, dash, fill, opacity: l.opacity, close: l.fill })
+    if (l.points) { ctx.globalAlpha = l.opacity; xs.forEach((x, i) => dot(ctx, l.quantity, x, ys[i], 4, { hollow: true })); ctx.globalAlpha = 1 }
+  }
+  for (const m of spec.marks) {
+    const c = token(m.stop ? '--stop' : '--ink-2')
+    if (m.x !== null && m.y === null) { const x = u.valToPos(m.x, 'x', true); stroke(ctx, [x, x], [bbox.top, bbox.top + bbox.height], { colour: c, width: 1, dash: m.stop ? [] : [1, 3] }) }
+    if (m.y !== null && m.x === null) { const y = u.valToPos(m.y, 'y', true); stroke(ctx, [bbox.left, bbox.left + bbox.width], [y, y], { colour: c, width: 1, dash: m.stop ? [] : [1, 3] }) }
+  }
+  ctx.restore()
+  labels(u, spec)
+}
+// Words at the ends of the lines, pushed apart where they would cover each other.
+function labels (u, spec) {
+  const { ctx, bbox } = u; const px = devicePixelRatio; const put = []
+  for (const l of spec.lines) {
+    if (!l.label) continue
+    let i = l.x.length - 1
+    while (i >= 0 && (l.x[i] === null || l.y[i] === null || l.y[i] > u.scales.y.max || l.y[i] < u.scales.y.min)) i--
+    if (i >= 0) put.push({ text: l.label, x: u.valToPos(l.x[i], 'x', true) + 6 * px, y: u.valToPos(l.y[i], 'y', true), colour: colour(l.quantity) })
+  }
+  ctx.save()
+  ctx.font = `${11 * px}px ${token('--font')}`; ctx.textBaseline = 'middle'; ctx.textAlign = 'left'
+  put.sort((a, b) => a.y - b.y)
+  for (let i = 1; i < put.length; i++) if (put[i].y - put[i - 1].y < 12 * px && Math.abs(put[i].x - put[i - 1].x) < 60 * px) put[i].y = put[i - 1].y + 12 * px
+  for (const p of put) {
+    ctx.fillStyle = p.colour
+    const over = p.x + ctx.measureText(p.text).width - u.ctx.canvas.width
+    ctx.fillText(p.text, over > 0 ? p.x - over - 2 * px : p.x, p.y)
+  }
+  for (const m of spec.marks) {
+    if (!m.text) continue
+    ctx.fillStyle = token(m.stop ? '--stop-ink' : '--ink-2')
+    const x = m.x === null ? bbox.left + 6 * px : u.valToPos(m.x, 'x', true) + 4 * px
+    const y = m.y === null ? bbox.top + 8 * px : u.valToPos(m.y, 'y', true) - 8 * px
+    ctx.fillText(m.text, x, y)
+  }
+  ctx.restore()
+}
+
+function options (figure, spec, width) {
+  const right = spec.lines.some(l => l.label) ? 8 + 6.5 * Math.max(...spec.lines.map(l => l.label.length)) : 10
+  return {
+    width, height: spec.height, padding: [8, right, 0, 0], legend: { show: false }, cursor: { points: { show: false }, drag: { x: true, y: true, uni: 20 } },
+    scales: { x: { time: false, range: (u, a, b) => u.zoomed ?? range(spec.lines, 'x', spec.x) }, y: { range: (u, a, b) => u.zoomedY ?? range(spec.lines, 'y', spec.y) } },
+    series: [{}, { show: true, paths: () => null, points: { show: false } }],
+    axes: [axis({ size: 24 }), axis({})],
+    hooks: { draw: [u => draw(u, spec)], setCursor: [u => near(figure, u, spec)] }
+  }
+}
+function near (figure, u, spec) {
+  const tip = figure.querySelector('.tip')
+  const { left, top } = u.cursor
+  let best = null
+  if (left >= 0) {
+    for (const l of spec.lines) {
+      for (let i = 0; i < l.x.length; i++) {
+        if (l.x[i] === null || l.y[i] === null) continue
+        const d = (u.valToPos(l.x[i], 'x') - left) ** 2 + (u.valToPos(l.y[i], 'y') - top) ** 2
+        if (d < 900 && (!best || d < best.d)) best = { d, l, i }
+      }
+    }
+  }
+  tip.hidden = !best
+  if (!best) return
+  const { l, i } = best
+  tip.textContent = `${fmt(l.x[i], figure.px)}${TS}${spec.x.unit}, ${fmt(l.y[i], figure.py)}${TS}${spec.y.unit}${l.label ? ` \u00b7 ${l.label}` : ''}`
+  const x = u.valToPos(l.x[i], 'x') + u.bbox.left / devicePixelRatio
+  tip.style.left = `${clamp(x + 8, 0, figure.clientWidth - tip.offsetWidth)}px`
+  tip.style.top = `${figure.querySelector('.plot').offsetTop + u.valToPos(l.y[i], 'y') + u.bbox.top / devicePixelRatio - 32}px`
+}
+
+function build (figure) {
+  const spec = JSON.parse(figure.dataset.chart)
+  const was = charts.get(figure)
+  was?.plot.destroy()
+  figure.innerHTML = `<figcaption><span>${title(spec.y)}, against ${title(spec.x)}</span><span class="faint">${escape(spec.name)}</span></figcaption><div class="plot" tabindex="0" role="img" aria-label="${escape(spec.name)}. ${escape(spec.summary)}"></div><div class="tip" hidden></div><details class="values"><summary>Table of values</summary><div class="scroll"></div></details>`
+  const [x0, x1] = range(spec.lines, 'x', spec.x); const [y0, y1] = range(spec.lines, 'y', spec.y)
+  figure.px = places((x1 - x0) / 1000); figure.py = places((y1 - y0) / 1000)
+  const place = figure.querySelector('.plot')
+  const plot = new uPlot(options(figure, spec, Math.max(160, figure.clientWidth)), [[x0, x1], [y0, y1]], place)
+  place.querySelector('.u-over').addEventListener('dblclick', () => plot.redraw())
+  charts.set(figure, { plot, spec })
+  figure.querySelector('details').ontoggle = e => { if (e.target.open) fillTable(figure, spec) }
+  place.onkeydown = e => walk(e, figure, plot, spec)
+}
+// With the arrows from point to point, so that a value costs no aiming.
+function walk (e, figure, u, spec) {
+  const step = { ArrowLeft: -1, ArrowRight: 1 }[e.key]
+  const other = { ArrowUp: -1, ArrowDown: 1 }[e.key]
+  if (!step && !other) return
+  e.preventDefault(); e.stopPropagation()
+  const at = figure.at ??= { line: 0, i: -1 }
+  if (other) at.line = clamp(at.line + other, 0, spec.lines.length - 1)
+  const l = spec.lines[at.line]
+  at.i = clamp(at.i + (step ?? 0) * (e.shiftKey ? 10 : 1), 0, l.x.length - 1)
+  u.setCursor({ left: u.valToPos(l.x[at.i], 'x'), top: u.valToPos(l.y[at.i], 'y') })
+}
+function fillTable (figure, spec) {
+  const rows = []
+  for (const l of spec.lines) {
+    const step = Math.max(1, Math.ceil(l.x.length / 200))
+    for (let i = 0; i < l.x.length; i += step) if (l.x[i] !== null) rows.push(`<tr><td>${escape(l.label || l.quantity)}</td><td class="num">${fmt(l.x[i], figure.px)}</td><td class="num">${l.y[i] === null ? '\u2013' : fmt(l.y[i], figure.py)}</td></tr>`)
+  }
+  figure.querySelector('.scroll').innerHTML = `<table><thead><tr><th>Line</th><th class="num">${escape(spec.x.label)}, ${escape(spec.x.unit)}</th><th class="num">${escape(spec.y.label)}, ${escape(spec.y.unit)}</th></tr></thead><tbody>${rows.join('')}</tbody></table>`
+}
+
+const sizes = new ResizeObserver(list => {
+  for (const { target } of list) { const one = charts.get(target); if (one && target.clientWidth > 0 && Math.abs(one.plot.width - target.clientWidth) > 1) one.plot.setSize({ width: Math.max(160, target.clientWidth), height: one.spec.height }) }
+})
+function look () {
+  for (const figure of document.querySelectorAll('figure.chart[data-chart]')) {
+    if (figure.drawn === figure.dataset.chart) continue
+    figure.drawn = figure.dataset.chart
+    build(figure)
+    sizes.observe(figure)
+  }
+  for (const [figure, { plot }] of charts) if (!figure.isConnected) { plot.destroy(); sizes.unobserve(figure); charts.delete(figure) }
+}
+let due = false
+new MutationObserver(() => { if (!due) { due = true; requestAnimationFrame(() => { due = false; look() }) } })
+  .observe(document.documentElement, { childList: true, subtree: true, attributes: true, attributeFilter: ['data-chart'] })
+events.addEventListener('theme', () => { for (const { plot } of charts.values()) plot.redraw(false, true) })
+look()

@@ -1,0 +1,103 @@
+// Tension against length, live: the loop of the last cycle filled, the present one growing, the law behind it.
+import uPlot from '../uplot/uPlot.esm.js'
+import { axis, dot, stroke } from './charts.js'
+import { TS, fmt, token } from './words.js'
+
+export class LoopPlot {
+  constructor (place, buffer) {
+    this.place = place; this.buffer = buffer; this.laws = null; this.dry = null; this.plot = null; this.width = 0
+    this.reach = [NaN, NaN]; this.x = [12, 16]; this.y = [0, 100]; this.period = 0; this.work = null; this.cursor = null; this.old = false; this.words = ''
+    new ResizeObserver(() => { this.dirty = true }).observe(place)
+  }
+
+  build () {
+    const w = Math.floor(this.place.clientWidth)
+    if (!w || (this.plot && w === this.width)) return
+    this.width = w
+    this.plot?.destroy()
+    this.plot = new uPlot({
+      width: w, height: innerWidth <= 760 ? 320 : innerHeight < 860 ? 258 : 288, padding: [6, 46, 0, 0], legend: { show: false }, cursor: { show: false }, select: { show: false },
+      scales: { x: { time: false, range: () => this.x }, y: { range: () => this.y } }, series: [{}, { paths: () => null, points: { show: false } }],
+      axes: [axis({ size: 34, space: 50 }), axis({ size: 44, space: 34 })], hooks: { draw: [u => this.over(u)] }
+    }, [[0, 1], [0, 1]], this.place)
+  }
+
+  /** From the law and what is expected: where the axes end. */
+  fit (highest, limit) {
+    const laws = this.laws
+    if (!laws) return
+    this.x = [laws.low * 100, laws.high * 100]
+    if (this.dry) {
+      const [low, high] = this.reach
+      if (Number.isFinite(low)) this.x = [Math.min(this.x[0], low - 0.3), Math.max(this.x[1], high + 0.3)]
+    }
+    const top = Math.max(20, Math.min(highest * 1.2, limit * 1.25))
+    if (Math.abs(top - this.y[1]) > 0.2 * this.y[1] || top > this.y[1]) this.y = [0, top]
+  }
+
+  draw () {
+    this.build()
+    this.dirty = false
+    const u = this.plot
+    if (!u) return
+    const key = [...this.x, ...this.y].join()
+    if (key === this.key && u === this.of) { u.redraw(false, false); return }
+    this.key = key; this.of = u
+    u.batch(() => { u.setScale('x', { min: this.x[0], max: this.x[1] }); u.setScale('y', { min: this.y[0], max: this.y[1] }) })
+  }
+
+  over (u) {
+    const { ctx, bbox } = u; const px = devicePixelRatio; const X = v => u.valToPos(v, 'x', true); const Y = v => u.valToPos(v, 'y', true)
+    ctx.save()
+    ctx.strokeStyle = token('--rule'); ctx.lineWidth = px; ctx.strokeRect(bbox.left, bbox.top, bbox.width, bbox.height)
+    ctx.beginPath(); ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height); ctx.clip()
+    const ends = []
+    for (const law of this.laws?.lines ?? []) {
+      const xs = []; const ys = []
+      law.length.forEach((l, i) => { if (law.tension[i] > 0.3 && law.tension[i] < this.y[1]) { xs.push(X(l * 100)); ys.push(Y(law.tension[i])) } })
+      stroke(ctx, xs, ys, { colour: token(this.old ? '--ink-3' : '--q-pressure'), width: 1, opacity: 0.75 })
+      if (xs.length) ends.push([xs.at(-1), ys.at(-1), law.words])
+    }
+    if (this.dry && !this.live) {
+      const xs = this.dry.length.map(v => v === null ? NaN : X(v)); const ys = this.dry.tension.map(v => v === null ? NaN : Y(v))
+      stroke(ctx, xs, ys, { colour: token('--q-tension'), width: 1.5, dash: [4, 3] })
+    }
+    if (this.live) this.live_(ctx, X, Y)
+    ctx.restore()
+    ctx.save()
+    ctx.font = `${11 * px}px ${token('--font')}`; ctx.textBaseline = 'middle'; ctx.textAlign = 'left'; ctx.fillStyle = token(this.old ? '--ink-3' : '--q-pressure')
+    ends.forEach(([x, y, text], i) => ctx.fillText(i === ends.length - 1 ? text.replace(' ', TS) : text.split(' ')[0], x + 4 * px, y))
+    const rest = this.rest
+    if (rest) { ctx.fillStyle = token('--ink-3'); ctx.textAlign = 'center'; ctx.fillText('L\u2080', X(rest), bbox.top + bbox.height + 27 * px) }
+    ctx.restore()
+  }
+
+  live_ (ctx, X, Y) {
+    const b = this.buffer
+    if (!b.n) return
+    const end = this.end ?? b.end; const span = this.period || 6
+    const part = (t0, t1) => {
+      const [i, j] = b.between(Math.max(t0, b.t[0]), t1); const n = j - i; const step = Math.max(1, Math.floor(n / 900)); const xs = []; const ys = []
+      for (let k = i; k < j; k += step) { xs.push(X(b.c.length[k])); ys.push(Y(b.c.tension[k])) }
+      return [xs, ys]
+    }
+    const colour = token(this.old ? '--ink-2' : '--q-tension')
+    if (this.period && end - this.from > this.period) {
+      const whole = this.from + Math.floor((end - this.from) / this.period) * this.period
+      const [xs, ys] = part(whole - this.period, whole)
+      stroke(ctx, xs, ys, { colour, width: 1, opacity: 0.6, fill: token(this.old ? '--tint' : '--q-tension-fill'), close: true })
+      if (this.work) this.say(ctx, xs, ys, colour)
+    }
+    const [xs, ys] = part(end - span, end)
+    stroke(ctx, xs, ys, { colour, width: 2.5 })
+    const at = this.cursor === null ? b.at(end) : b.at(this.cursor)
+    dot(ctx, 'tension', X(b.c.length[at]), Y(b.c.tension[at]), 6)
+  }
+
+  say (ctx, xs, ys, colour) {
+    const px = devicePixelRatio; const mid = a => (Math.min(...a) + Math.max(...a)) / 2
+    ctx.textAlign = 'center'; ctx.textBaseline = 'alphabetic'; ctx.fillStyle = colour; ctx.font = `600 ${17 * px}px ${token('--font')}`
+    ctx.fillText(`${fmt(this.work, 2)}${TS}J`, mid(xs), mid(ys)); ctx.fillStyle = token('--ink-2'); ctx.font = `${11 * px}px ${token('--font')}`
+    ctx.fillText(this.words, mid(xs), mid(ys) + 15 * px)
+  }
+}

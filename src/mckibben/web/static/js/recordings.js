@@ -1,0 +1,15 @@
+// The page Recordings: its keys, and the time under the pointer, where a note is to go.
+import { key } from './lab.js'
+
+const click = id => document.getElementById(id)?.click()
+key('n', 'note at the cursor', () => click('note'))
+key('/', 'search', () => document.getElementById('search')?.focus())
+key('Delete', 'delete the chosen recordings', () => click('delete'))
+
+// A chart over time says from where to where it goes; the pointer's place in its field is a time.
+document.addEventListener('pointermove', e => {
+  const field = e.target.closest?.('.timed .u-over')
+  if (!field) return
+  const { low, high } = field.closest('.timed').dataset; const box = field.getBoundingClientRect()
+  window.atCursor = +low + (e.clientX - box.left) / box.width * (+high - +low)
+})

@@ -1,0 +1,213 @@
+// The left column: muscle, circuit and rig, the protocol's three faces, the dry run, and set-points by hand.
+import { act, events, lab, link, shape, tell } from './lab.js'
+import { small } from './muscle.js'
+import { Q, TS, clamp, escape, fmt, keySign, say } from './words.js'
+
+const $ = s => document.querySelector(s)
+const LOCK = '<svg class="lock" width="12" height="13" viewBox="0 0 12 13" aria-hidden="true"><path d="M3 6V4a3 3 0 016 0v2" fill="none" stroke="currentColor" stroke-width="1.500"/><rect x="1" y="6" width="10" height="7" rx="1" fill="currentColor"/></svg>'
+const SIGN = '<svg width="13" height="13" aria-hidden="true"><circle cx="6.500" cy="6.500" r="6" fill="none" stroke="currentColor" stroke-width="1.300"/><path d="M6.500 3v4.500M6.500 9v1.500" stroke="currentColor" stroke-width="1.500"/></svg>'
+export const idle = () => shape() === 'idle' || lab.status?.name === 'By hand'
+const setup = () => lab.parts.setup
+const factor = q => setup()?.units[q]?.factor ?? 1
+export const mine = () => lab.status?.holder === lab.page
+export async function asks (action, given) {
+  const a = await act(action, given)
+  if (!a.ok) tell(say(a.said))
+  return a
+}
+
+// ---------------------------------------------------------------- muscle, circuit and rig
+let drawn = ''
+export function machine () {
+  const s = setup()
+  if (!s) return
+  const free = shape() === 'idle'
+  const key = JSON.stringify([s.muscle, s.rig, free, lab.parts.dry?.plumbing, lab.parts.laws?.title])
+  if (key === drawn) return
+  drawn = key
+  const box = $('#muscle')
+  if (free) {
+    box.innerHTML = `<h2>Muscle <span class="faint plain">all drawn to one scale, at rest</span></h2><div role="radiogroup" aria-label="Muscle" class="muscles">${s.muscles.map(m => `<label class="sp"><input type="radio" name="muscle" value="${escape(m.id)}" ${m.id === s.muscle ? 'checked' : ''}><span><b>${escape(brief(m))}</b><span class="faint">${fmt(m.rest_length * 100, 1)}${TS}cm</span></span><canvas aria-hidden="true"></canvas></label>`).join('')}</div>`
+    const longest = Math.max(...s.muscles.map(m => m.rest_length * 100))
+    box.querySelectorAll('canvas').forEach((c, i) => small(c, s.muscles[i], 207 / longest, 234))
+    box.querySelectorAll('input').forEach(i => { i.onchange = async () => { const a = await asks('muscle', { name: i.value }); if (!a.ok) { drawn = ''; machine() } } })
+  } else {
+    const m = s.muscles.find(m => m.id === s.muscle); const b = m.braid
+    box.innerHTML = `<h2>${LOCK} Muscle</h2><div class="pick"><b>${escape(brief(m))}</b><canvas aria-hidden="true"></canvas><span class="small dim">Rest length ${fmt(m.rest_length * 100, 1)}${TS}cm${b ? `, thread ${fmt(b.thread_length * 100, 2)}${TS}cm${b.inferred ? ' <span class="faint">(inferred)</span>' : ''}, ${fmt(b.turns, 2)} turns` : ''}. ${escape(lab.parts.laws?.title ?? '')}</span></div>`
+    small(box.querySelector('canvas'), m, Math.min(15.5, 220 / (m.rest_length * 100)), 258)
+  }
+  const c = $('#circuit')
+  c.innerHTML = `<h2>${free ? '' : LOCK} Circuit and rig</h2>${picture(s)}${free ? `<div class="field s"><select aria-label="Rig">${s.rigs.map(r => `<option value="${escape(r.name)}" ${r.name === s.rig ? 'selected' : ''}>${escape(r.title)}</option>`).join('')}</select></div>` : `<p class="small dim">${escape(s.rig_title)}.</p>`}`
+  const select = c.querySelector('select')
+  if (select) select.onchange = async () => { const a = await asks('rig', { name: select.value }); if (!a.ok) { drawn = ''; machine() } }
+}
+const brief = m => m.title.replace(/ of Chou and Hannaford$/, '').replace(/ muscle$/, '').replace(/^Festo (DMSP\S+) fluidic$/, '$1').replace(/ fluidic muscle, any rest length$/, ' fluidic')
+const picture = s => {
+  const plumbing = lab.parts.dry?.plumbing ?? s.plumbing[0]
+  return `<svg width="258" height="34" viewBox="0 0 258 34" role="img" aria-label="Supply, proportional valve, tube, muscle; plumbing ${escape(plumbing)}"><g fill="none" stroke="var(--ink)" stroke-width="1.200"><circle cx="12" cy="17" r="8"/><path d="M12 12l4 7H8z" fill="var(--ink)"/><path d="M20 17H54M102 17h24M218 17h14"/><rect x="54" y="8" width="24" height="18"/><rect x="78" y="8" width="24" height="18"/><path d="M58 22L74 12m0 0l-5 .500m5-.500l-2 4.500M90 26v-8m-4 0h8"/><path d="M126 17c6-10 10 10 16 0s10 10 16 0 10 10 16 0 10 10 16 0 10 10 16 0 6-5 12 0" stroke="var(--q-pressure)" stroke-width="2"/>${plumbing === 'accumulators' ? '<path d="M112 17v9"/><ellipse cx="112" cy="29" rx="8" ry="4"/>' : ''}<rect x="232" y="13" width="22" height="8" rx="3" fill="var(--sunken)"/></g></svg>`
+}
+
+// ---------------------------------------------------------------- protocol
+let said = ''
+export function protocol () {
+  const p = lab.parts.protocol
+  if (!p) return
+  const free = idle(); const dry = lab.parts.dry ?? {}; const wrong = dry.cure?.name; const paths = new Set((dry.findings ?? []).map(f => f.path))
+  const key = JSON.stringify([p.name, p.text, free, wrong, [...paths], p.known.length])
+  if (key !== said) {
+    said = key
+    const at = p.known.findIndex(k => k.name === p.name)
+    $('#which').innerHTML = free ? `<div class="field s"><select aria-label="Protocol">${at < 0 ? `<option selected>${escape(p.title)}</option>` : ''}${p.known.map((k, i) => `<option value="${escape(k.name)}" ${i === at ? 'selected' : ''}>${escape(k.title)}</option>`).join('')}</select><span class="faint" style="white-space:nowrap">${at < 0 ? 'own' : `${at + 1} of ${p.known.length}`}</span></div>` : ''
+    const select = $('#which select')
+    if (select) select.onchange = () => asks('protocol', { name: select.value }).then(a => { if (!a.ok) { said = ''; protocol() } })
+    sentence($('#sent'), free, wrong, paths)
+  }
+  const path = lab.status?.path ?? ''
+  for (const li of document.querySelectorAll('#sent li')) {
+    const on = path.startsWith(li.dataset.path) && Boolean(path)
+    li.classList.toggle('on', on)
+    if (on) li.setAttribute('aria-current', 'step'); else li.removeAttribute('aria-current')
+  }
+}
+export function sentence (list, free, wrong, paths) {
+  list.replaceChildren(...lab.parts.protocol.sentence.map(c => {
+    const li = document.createElement('li'); li.dataset.path = c.path
+    li.classList.toggle('wrong', paths.has(c.path))
+    for (const piece of c.pieces) {
+      if (!piece.name) { li.append(say(piece.text)); continue }
+      const b = document.createElement('button')
+      b.type = 'button'; b.textContent = say(piece.text); b.className = piece.colour
+      if (!free) b.setAttribute('aria-disabled', 'true')
+      b.classList.toggle('wrong', piece.name === wrong)
+      b.title = field(piece.name)?.about || piece.name
+      b.setAttribute('aria-label', `${field(piece.name)?.label ?? piece.name}: ${piece.text}`)
+      b.onclick = () => { if (free) edit(b, piece) }
+      li.append(b)
+    }
+    li.append('.')
+    return li
+  }))
+}
+const field = name => lab.parts.protocol.form.find(f => f.name === name)
+function edit (button, piece) {
+  const f = field(piece.name)
+  const input = document.createElement('input')
+  input.value = f ? `${f.value}${f.unit && !f.value.includes(',') ? ` ${f.unit}` : ''}` : piece.text
+  input.setAttribute('aria-label', f?.label ?? piece.name)
+  input.style.width = `${Math.max(6, input.value.length + 2)}ch`
+  button.replaceWith(input); input.focus(); input.select()
+  let over = false
+  const end = async keep => {
+    if (over) return
+    over = true
+    if (keep && input.value !== button.textContent) {
+      const a = await act('value', { name: piece.name, words: input.value })
+      $('#refused').innerHTML = a.ok ? '' : `<div class="err">${SIGN}<span>${escape(say(a.said))}. The old value, ${escape(say(f ? `${f.value} ${f.unit}` : piece.text))}, stays in use.</span></div>`
+    }
+    if (input.isConnected) input.replaceWith(button)
+    button.focus()
+  }
+  input.onkeydown = e => { if (e.key === 'Enter') end(true); if (e.key === 'Escape') end(false) }
+  input.onblur = () => end(true)
+}
+
+// ---------------------------------------------------------------- dry run
+let checked = null; let of = null
+export function dryRun () {
+  const d = lab.parts.dry
+  if (!d || !setup() || (d === checked && of === setup())) return
+  checked = d; of = setup()
+  const box = $('#dry')
+  if (d.pending) { box.innerHTML = '<h2>Dry run <span class="faint plain">is being made</span></h2><div class="loading"><div class="line"><i></i></div></div>'; return }
+  const rows = d.limits.map(l => {
+    const k = factor(l.name); const places = l.name === 'pressure' ? 2 : 1; const over = l.peak > l.limit
+    return `<span class="${Q[l.name].sign}">${Q[l.name].name}</span><span class="share ${Q[l.name].sign}"><i style="width:${Math.min(100, l.share * 100)}%"></i></span><span class="num ${over ? 'over' : ''}">${fmt(l.peak * k, places)} / ${fmt(l.limit * k, l.name === 'pressure' ? 2 : l.name === 'tension' ? 0 : 1)}${TS}${Q[l.name].unit}</span>`
+  }).join('')
+  const first = d.findings[0]
+  box.innerHTML = `<h2 class="${d.passed ? '' : 'fails'}">Dry run ${d.passed ? 'passed' : 'fails'} <span class="faint plain">peaks against limits</span>${d.cure && idle() ? `<button class="btn s" id="cure">Use ${escape(say(d.cure.words))}</button>` : ''}</h2><div class="lim">${rows}</div>${first ? `<div class="err" style="margin-top:4px">${SIGN}<span>${escape(say(first.sentence))}${d.cure ? `. ${escape(say(d.cure.sentence))}` : ''}</span></div>` : ''}`
+  const b = $('#cure')
+  if (b) b.onclick = () => asks('cure')
+}
+
+// ---------------------------------------------------------------- by hand
+const sliders = new Map()
+const SET = { pressure: 'pressure', length: 'length' }
+export function hand (now) {
+  const s = setup()
+  if (!s) return
+  const box = $('#sliders'); const status = lab.status ?? {}
+  const of = `${s.rig}/${s.muscle}/${lab.parts.laws?.free}`
+  if (box.dataset.of !== of) {
+    box.dataset.of = of; box.replaceChildren(); sliders.clear()
+    for (const q of ['pressure', ...(s.has_motor ? ['length'] : [])]) slider(box, q, ends(s, q))
+  }
+  const state = shape()
+  const off = !['idle', 'running'].includes(state) || (state === 'running' && !status.set_points)
+  const words = off ? { running: 'the protocol holds these', paused: 'the protocol holds these', tripped: 'locked until reset', lost: 'no connection' }[state] : !mine() ? 'you watch' : status.by_hand !== 'ready' ? say(status.by_hand ?? '') : 'ready'
+  if ($('#manual-state').textContent !== words) $('#manual-state').textContent = words
+  $('#vent').disabled = off || !status.set_points
+  for (const [q, one] of sliders) one.show(now[q], asked(q, now), off || !mine() || status.by_hand !== 'ready')
+}
+function asked (q, now) {
+  const points = lab.status?.set_points
+  if (points) { const v = points[q === 'length' ? 'span' : q]; if (Number.isFinite(v)) return v * factor(q) }
+  const set = now[`set_${q}`]
+  return Number.isFinite(set) && shape() !== 'idle' ? set : now[q]
+}
+function ends (s, q) {
+  const k = factor(q); const [a, b] = s.limits[q].map(v => v * k)
+  if (q !== 'length') return [a, b]
+  const laws = lab.parts.laws; const rest = s.rest_length * k
+  // what the muscle can reach, within what the frame allows
+  return [Math.max(a, laws ? Math.floor(laws.free * k * 2) / 2 : rest * 0.6), Math.min(b, laws ? Math.round(laws.longest * k * 1.013 * 10) / 10 : rest * 1.12)]
+}
+function slider (box, q, [low, high]) {
+  const step = q === 'pressure' ? 0.05 : 0.05; const unit = Q[q].unit
+  const one = document.createElement('div'); one.className = `slider ${Q[q].sign}`
+  one.innerHTML = `<div class="lab"><span>${keySign(q)}${Q[q].name} set-point</span><span class="faint">${fmt(low, 1)} to ${fmt(high, 1)}${TS}${unit}</span></div><div class="tr"><i></i><input type="range" min="${low}" max="${high}" step="${step}" aria-label="${Q[q].name} set-point, ${unit}"></div><div class="field s"><input inputmode="decimal" aria-label="${Q[q].name} set-point"><span class="u">${unit}</span></div><div class="err" hidden></div>`
+  box.append(one)
+  const bar = one.querySelector('i'); const range = one.querySelector('[type=range]'); const number = one.querySelector('.field input'); const edge = one.querySelector('.field'); const err = one.querySelector('.err')
+  let held = false; let due = null
+  const refuse = text => { err.hidden = !text; edge.classList.toggle('bad', Boolean(text)); number.setAttribute('aria-invalid', String(Boolean(text))); err.innerHTML = text ? `${SIGN}<span>${escape(say(text))}</span>` : '' }
+  const ask = async words => { const a = await act('set', { [SET[q]]: words }); refuse(a.ok ? '' : a.said) }
+  range.oninput = () => {
+    number.value = (+range.value).toFixed(2)
+    due ??= setTimeout(() => { due = null; ask(`${range.value} ${unit}`) }, 60)
+  }
+  range.onpointerdown = () => { held = true }
+  range.onchange = () => { held = false }
+  range.onkeydown = e => {
+    const by = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[e.key]
+    if (by && e.shiftKey) { e.preventDefault(); range.value = String(clamp(+range.value + by * 10 * step, low, high)); range.oninput() }
+  }
+  number.onchange = () => { const text = number.value.trim().replace('\u2212', '-'); ask(/^[-+.\d]+$/.test(text) ? `${text} ${unit}` : text) }
+  const show = (value, point, off) => {
+    bar.style.width = `${clamp((value - low) / (high - low), 0, 1) * 100}%`
+    one.classList.toggle('off', off)
+    if (range.disabled !== off) { range.disabled = off; number.disabled = off }
+    if (held || due || document.activeElement === number || !err.hidden) return
+    const v = Number.isFinite(point) ? point : low
+    if (Math.abs(+range.value - v) > step / 2) range.value = String(clamp(v, low, high))
+    const text = v.toFixed(2)
+    if (number.value !== text) number.value = text
+  }
+  sliders.set(q, { show })
+}
+$('#vent').onclick = () => asks('vent')
+
+// ---------------------------------------------------------------- the link
+let linked = ''
+export function fromLink () {
+  const asked = new URLSearchParams(location.search)
+  const want = { muscle: asked.get('muscle'), rig: asked.get('rig'), protocol: asked.get('protocol') }
+  const have = { muscle: setup()?.muscle, rig: setup()?.rig, protocol: lab.parts.protocol?.name }
+  if (linked || !setup() || !lab.parts.protocol || !lab.status) return
+  linked = 'read'
+  if (!mine() || shape() !== 'idle') return
+  for (const [k, v] of Object.entries(want)) if (v && v !== have[k]) asks(k, { name: v })
+}
+events.addEventListener('part', () => {
+  fromLink()
+  if (linked) link({ muscle: setup()?.muscle, rig: setup()?.rig, protocol: lab.parts.protocol?.name })
+})
+events.addEventListener('status', fromLink)

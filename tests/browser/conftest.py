@@ -1,0 +1,153 @@
+"""A laboratory's screen in a real Chromium: a server in a process of its own; its pages load nothing from elsewhere."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+ARGUMENTS = [
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+BEGINS = 120.0  # a slow machine compiles meanwhile [s]
+
+
+class Served:
+    """A server that runs: its address, its folder, and what it said."""
+
+    def __init__(self, folder: Path, *words: str) -> None:
+        self.folder, self.said, self._line = folder, "", threading.Event()
+        # pytest's own variables would make NiceGUI take this for one of its tests
+        kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "NICEGUI"))}
+        command = [
+            sys.executable,
+            "-m",
+            "mckibben",
+            "serve",
+            "--no-open",
+            "--port",
+            "0",
+            "--folder",
+            str(folder),
+            *words,
+        ]
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=kept, cwd=folder.parent
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        if not self._line.wait(BEGINS) or "http://" not in self.said:
+            self.end()
+            raise AssertionError(f"the server did not begin: {self.said}")
+        self.address = next(w for w in self.said.split() if w.startswith("http://"))
+        parts = urlsplit(self.address)
+        self.url = f"{parts.scheme}://{parts.netloc}"
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.said += line
+            if "http://" in line:
+                self._line.set()
+        self._line.set()
+
+    def end(self) -> int:
+        """As Ctrl-C does; the exit code."""
+        self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(90.0)
+        finally:
+            self.process.kill()
+            self._reader.join(10.0)
+            assert self.process.stdout is not None
+            self.process.stdout.close()
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """One browser for all tests of a worker."""
+    pytest.importorskip("nicegui", reason="nicegui is not installed: pip install 'mckibben[web]'")
+    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("no chromium on this machine")
+    with sync.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def served(chromium, tmp_path_factory) -> Iterator[Served]:
+    """One server for the tests of a file."""
+    found = Served(tmp_path_factory.mktemp("served") / "recordings")
+    yield found
+    assert found.end() in (0, 130, -signal.SIGINT), found.said
+    assert "Traceback" not in found.said, found.said
+
+
+@pytest.fixture
+def visit(chromium, served):
+    """Opens pages: ``visit("/fit")``, each in a browser of its own; nothing may come from elsewhere or break in it.
+
+    With ``control=True`` the page is in control, which the one of an earlier test may not have let go of.
+    """
+    contexts, wrong = [], []
+
+    def go(path: str = "/", *, width: int = 1440, height: int = 900, control: bool = False, **options):
+        context = chromium.new_context(viewport={"width": width, "height": height}, **options)
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(20_000)
+        page.on("pageerror", lambda error: wrong.append(f"{path}: {error}"))
+        page.on("console", lambda m: wrong.append(f"{path}: {m.text}") if m.type == "error" and not _quiet(m) else None)
+        page.on("request", lambda r: wrong.append(f"{path} loads {r.url}") if not _own(r.url, served.url) else None)
+        page.goto(served.url + path)
+        page.wait_for_function("window.lab && window.lab.lab.open")
+        if control:  # that of an earlier test has gone
+            page.evaluate("window.lab.act('ask_control')")
+            mine = "window.lab.lab.status.holder === window.lab.lab.page"
+            page.wait_for_function(f"(window.lab.act('ask_control'), {mine})", polling=100)
+        return page
+
+    yield go
+    for context in contexts:
+        context.close()
+    assert not wrong, wrong
+
+
+def _own(url: str, home: str) -> bool:
+    return url.startswith((home, "data:", "blob:"))
+
+
+def _quiet(message) -> bool:
+    """A refused download or a line that a test cut is an answer, no fault of the page."""
+    return "status of 4" in message.text or "WebSocket connection" in message.text or "ERR_" in message.text
+
+
+@pytest.fixture
+def status():
+    """What a page knows of the laboratory."""
+    return lambda page: page.evaluate("window.lab.lab.status")
+
+
+@pytest.fixture
+def until():
+    """Waits for something to come true; tells what it was when it did not."""
+
+    def wait(true, longest: float = 20.0, what: str = ""):
+        end = time.monotonic() + longest
+        while not (found := true()):
+            assert time.monotonic() < end, what or "it did not come true"
+            time.sleep(0.02)
+        return found
+
+    return wait

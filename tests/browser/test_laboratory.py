@@ -1,0 +1,377 @@
+"""The state behind the screen, without a browser: controls, undo, names of files, the stream, who is let in."""
+
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from mckibben.bench.rig_file import rig
+from mckibben.errors import InputError
+from mckibben.experiments.library import protocol_names, shipped
+from mckibben.quantities import Quantity
+from mckibben.web.bench.dry import dry_run
+from mckibben.web.bench.faces import changed, faces
+from mckibben.web.bench.pace import Pace
+from mckibben.web.charts import Axis, Chart, Line, thinned
+from mckibben.web.control import AFTER, HOLD, Control
+from mckibben.web.forms import accept
+from mckibben.web.guard import Guard, is_loopback
+from mckibben.web.laboratory import Laboratory
+from mckibben.web.shelf import Shelf, plain
+from mckibben.web.stream import CHANNELS, Stream, unpacked
+from mckibben.web.toasts import LASTS, Toasts
+
+
+class Clock:
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+class Bench:
+    """What a laboratory asks of its machine."""
+
+    def __init__(self, lab):
+        self.stream, self.done = Stream(), []
+
+    def status(self):
+        return {"shape": "idle"}
+
+    def describe(self):
+        return {}
+
+    def log(self, after):
+        return []
+
+    def actions(self):
+        def fails(number):
+            raise InputError("number", number, "allowed is 1")
+
+        return {"start": lambda: "started", "fails": fails}
+
+    def emergency_stop(self, reason):
+        self.done.append(reason)
+
+    def control_lost(self):
+        self.done.append("lost")
+
+    def control_back(self):
+        self.done.append("back")
+
+    def close(self):
+        self.done.append("closed")
+
+
+@pytest.fixture
+def lab(tmp_path):
+    clock = Clock()
+    found = Laboratory(tmp_path / "recordings", Bench, clock)
+    found.clock = clock
+    return found
+
+
+def test_the_first_page_is_in_control_and_a_reload_keeps_it(lab):
+    lab.control.join("a")
+    lab.control.join("b")
+    assert lab.control.holds("a") and lab.control.watching == 1
+    lab.control.leave("a")
+    assert lab.machine.done[-1] == "lost" and not lab.control.present
+    lab.clock.now += HOLD - 0.1
+    lab.control.join("a")
+    assert lab.control.holds("a") and lab.machine.done[-1] == "back"
+
+
+def test_after_the_time_of_holding_the_only_page_left_is_in_control_and_of_several_the_one_that_asks(lab):
+    for name in "abc":
+        lab.control.join(name)
+    lab.control.leave("a")
+    lab.clock.now += HOLD + 0.1
+    lab.tick()
+    assert not lab.control.holds("b") and not lab.control.holds("c")
+    assert lab.control.ask("c") and lab.control.holds("c")
+    lab.control.leave("c")
+    lab.clock.now += HOLD + 0.1
+    lab.tick()
+    assert not lab.control.holds("b")  # what was held by hand is vented first
+    lab.clock.now += AFTER
+    lab.tick()
+    assert lab.control.holds("b")
+
+
+def test_controls_are_handed_over_only_by_who_has_them(lab):
+    lab.control.join("a")
+    lab.control.join("b")
+    assert not lab.control.ask("b") and lab.control.wanted == "b"
+    assert not lab.control.give("b")
+    lab.control.keep("a")
+    assert lab.control.wanted is None
+    lab.control.ask("b")
+    assert lab.control.give("a") and lab.control.holds("b")
+
+
+def test_whoever_watches_may_stop_and_nothing_else(lab):
+    lab.control.join("a")
+    assert lab.act("b", "emergency_stop", {"reason": "x" * 500})["ok"] and len(lab.machine.done[-1]) == 80
+    refused = lab.act("b", "start")
+    assert not refused["ok"] and "another page is in control" in refused["said"]
+    assert lab.act("a", "start") == {"ok": True, "said": "started"}
+    wrong = lab.act("a", "fails", {"number": 2})
+    assert wrong["said"] == "number is 2; allowed is 1" and wrong["field"] == "number"
+    assert not lab.act("a", "fails", {"other": 2})["ok"] and not lab.act("a", "close")["ok"]
+
+
+def test_what_is_deleted_comes_back_within_20_s_and_is_gone_afterwards(lab):
+    lab.recordings.store("one.nc", b"1")
+    lab.recordings.store("two.nc", b"2")
+    lab.delete("one.nc")
+    assert lab.recordings.names() == ["two.nc"]
+    lab.clock.now += LASTS - 0.1
+    lab.tick()
+    assert lab.act("x", "undo")["ok"] and set(lab.recordings.names()) == {"one.nc", "two.nc"}
+    assert lab.recordings.found("one.nc").read_bytes() == b"1"
+    lab.delete("two.nc")
+    lab.clock.now += LASTS
+    lab.tick()
+    assert not lab.act("x", "undo")["ok"]
+    assert [p.name for p in lab.recordings.folder.rglob("*") if p.is_file()] == ["one.nc"]
+
+
+def test_a_toast_waits_while_somebody_points_at_it():
+    clock, undone = Clock(), []
+    toasts = Toasts(clock)
+    number = toasts.tell("Deleted x.", undo=lambda: undone.append(1))
+    clock.now += 15.0
+    toasts.wait(number, True)
+    clock.now += 100.0
+    toasts.tick()
+    assert toasts.plain()[0]["left"] == pytest.approx(LASTS - 15.0)
+    toasts.wait(number, False)
+    assert toasts.undo() == "Deleted x." and undone == [1]
+
+
+BAD = ["../x.nc", "a/b.nc", "/etc/passwd", "..", ".nc", ".hidden.nc", "x.exe", "x.nc\n", "a\0.nc", "x..nc", "",
+       "x" * 200 + ".nc", "con\\x.nc", "x.nc.", "C:x.nc", "~x.nc"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_name_that_could_lead_elsewhere_is_refused(tmp_path, name):
+    shelf = Shelf(tmp_path / "shelf", (".nc",))
+    for act in (shelf.path, shelf.found, lambda n: shelf.store(n, b"1"), shelf.delete):
+        with pytest.raises(InputError, match="allowed is|no such"):
+            act(name)
+    assert not (tmp_path / "shelf").exists()
+
+
+def test_nothing_is_written_over_and_links_are_no_files(tmp_path):
+    shelf = Shelf(tmp_path / "shelf", (".nc",))
+    assert [shelf.store("a.nc", b"1").name, shelf.store("a.nc", b"2").name] == ["a.nc", "a-2.nc"]
+    assert shelf.numbered("work-loop", ".nc") == "work-loop-0001.nc"
+    shelf.store("work-loop-0041.nc", b"3")
+    assert shelf.numbered("other", ".nc") == "other-0042.nc"
+    (tmp_path / "secret.nc").write_bytes(b"secret")
+    (shelf.folder / "link.nc").symlink_to(tmp_path / "secret.nc")
+    assert "link.nc" not in shelf.names()
+    with pytest.raises(InputError, match="no such file"):
+        shelf.found("link.nc")
+    for size in (0, 11):
+        with pytest.raises(InputError, match="nothing was stored"):
+            shelf.store("big.nc", b"x" * size, largest=10)
+
+
+def test_any_name_of_a_protocol_becomes_a_name_of_a_file(tmp_path):
+    shelf = Shelf(tmp_path / "shelf", (".nc",))
+    for words in ("../../etc/passwd", "<script>", "", "...", "\u00e4\u00f6", "x" * 500, "con/aux:1"):
+        assert shelf.numbered(plain(words), ".nc").endswith("-0001.nc"), words
+
+
+def test_a_page_gets_every_sample_once_and_after_a_loss_what_it_missed():
+    stream, got, at = Stream(1000), [], (0, 0)
+    stream.begin("run", "x", 1e-3)
+    chance = np.random.default_rng(1)
+    for k in range(40):
+        n = int(chance.integers(1, 60))
+        stream.add({"pressure": np.arange(stream.count, stream.count + n, dtype=float)})
+        if k % 3 == 0 or k == 39:
+            data, *at = stream.frame(*at)
+            epoch, first, columns = unpacked(data)
+            assert epoch == 1 and first == len(got) and np.isnan(columns["tension"]).all()
+            got += columns["pressure"].tolist()
+    assert got == list(range(stream.count))
+    assert stream.frame(*at)[0] == b""
+    stream.begin("hand", "y", 1e-3, 500)
+    stream.add({name: np.arange(2500.0) for name in CHANNELS})
+    epoch, first, columns = unpacked(stream.frame(1, 40)[0])  # of another epoch: all that is kept
+    assert (epoch, first, len(columns["flow"])) == (2, 2000, 1000)
+    assert stream.latest()["flow"] == 2499.0 and stream.newest(3)["flow"].tolist() == [2497.0, 2498.0, 2499.0]
+
+
+def asked(guard, path="/", kind="http", query=b"", **heads):
+    """Status and headers of an answer, or None where the request went through."""
+    said, through = [], []
+
+    async def app(scope, receive, send):
+        through.append(scope)
+
+    async def receive():
+        return {"type": "http.request", "body": b""}
+
+    async def send(message):
+        said.append(message)
+
+    guard.app = app
+    pairs = [(k.replace("_", "-").encode(), v.encode()) for k, v in {"host": "127.0.0.1:8080", **heads}.items()]
+    scope = {"type": kind, "path": path, "query_string": query, "headers": pairs}
+    # nothing in it waits, and a loop of the browser's may run in this thread already
+    with pytest.raises(StopIteration):
+        guard(scope, receive, send).send(None)
+    return None if through else said[0]
+
+
+def test_foreign_names_and_foreign_pages_are_refused():
+    guard = Guard(None, "127.0.0.1", 8080)
+    assert guard.token == "" and asked(guard) is None and asked(guard, host="localhost:8080") is None
+    assert asked(guard, origin="http://127.0.0.1:8080") is None
+    for heads in ({"host": "evil.example"}, {"origin": "http://evil.example"}, {"origin": "null"}, {"host": ""}):
+        assert asked(guard, **heads)["status"] == 403, heads
+        assert asked(guard, kind="websocket", **heads)["type"] == "websocket.close", heads
+    assert asked(guard, content_length=str(10**12))["status"] == 413
+    assert asked(guard, content_length="-1")["status"] == 413
+
+
+def test_others_need_the_token_once_and_then_the_cookie():
+    guard = Guard(None, "0.0.0.0", 8080)
+    assert len(guard.token) > 20 and not is_loopback("0.0.0.0") and is_loopback("::1")
+    assert asked(guard, host="lab:8080")["status"] == 401
+    assert asked(guard, host="lab:8080", query=b"token=x")["status"] == 401
+    assert (
+        asked(guard, kind="websocket", host="lab:8080", query=f"token={guard.token}".encode())["type"]
+        == "websocket.close"
+    )
+    came = asked(guard, "//evil.example", host="lab:8080", query=f"token={guard.token}&a=1".encode())
+    heads = dict(came["headers"])
+    assert came["status"] == 303 and heads[b"location"] == b"/evil.example?a=1"  # never to another site
+    assert b"HttpOnly" in heads[b"set-cookie"] and b"SameSite=Strict" in heads[b"set-cookie"]
+    assert asked(guard, host="lab:8080", cookie=f"mckibben-8080={guard.token}") is None
+    assert asked(guard, host="lab:8080", cookie="mckibben-8080=x")["status"] == 401
+
+
+def test_a_field_speaks_as_the_command_line_does_and_keeps_the_old_value():
+    roughness = Quantity("m", (0.0, 1e-3), "roughness of the wall", "", (0.0, 1e-3))
+    assert accept("roughness", "0.02", roughness, 1e-5).value == pytest.approx(2e-4)  # in cm, as beside the field
+    assert accept("roughness", "20 um", roughness, 1e-5).value == pytest.approx(2e-5)
+    for words in ("\u22120.01", "abc", "", "1 N", "nan", "1e9"):
+        value, said = accept("roughness", words, roughness, 1e-5)
+        assert value == 1e-5 and said.startswith("roughness is") and "The old value, 0.001, stays in use." in said
+
+
+@pytest.mark.parametrize("name", protocol_names())
+def test_every_protocol_has_three_faces_and_its_numbers_are_fields(name):
+    found = faces(shipped(name))
+    said = " ".join(p["text"] for c in found["sentence"] for p in c["pieces"])
+    owned = {p["name"] for c in found["sentence"] for p in c["pieces"] if "name" in p}
+    shown = {f["name"] for f in found["form"]}
+    assert said and owned <= shown | {p.name for p in shipped(name).parameters}
+    numbers = [p.name for p in shipped(name).parameters if p.unit not in ("word",) and p.values]
+    assert len(owned) >= len(numbers) - 2, (owned, numbers)  # a count of repeats stands in brackets
+
+
+def test_a_bare_number_has_the_unit_beside_it_and_a_wrong_one_is_refused():
+    loop = shipped("work-loop")
+    assert changed(loop, "shortening", "3").variables()["shortening"] == ("3 bar",)
+    assert changed(loop, "longest", "12 cm").variables()["longest"] == ("12 cm",)
+    assert changed(shipped("quasi-static"), "pressure", "1, 2").variables()["pressure"] == ("1 bar", "2 bar")
+    for name, words in (("shortening", "300"), ("shortening", "x"), ("nothing", "1"), ("cycles", "")):
+        with pytest.raises(InputError):
+            changed(loop, name, words)
+
+
+def test_the_dry_run_shows_what_is_expected_and_finds_the_value_that_fits():
+    from mckibben.assembly.build import unit_from_specimen
+    from mckibben.specimens import specimen
+
+    spec = specimen("nylon")
+    unit, on = unit_from_specimen(spec), rig("paper")
+    passed = dry_run(shipped("work-loop"), spec, unit, on)
+    assert passed.passed and passed.plain["cure"] is None
+    peak = {one["name"]: one["peak"] for one in passed.plain["limits"]}
+    assert peak["pressure"] == pytest.approx(4.5e5) and peak["length"] == pytest.approx(0.14)
+    curves = passed.plain["curves"]
+    assert {len(v) for v in curves.values()} == {len(curves["time"])} and len(curves["time"]) < 6000
+    fails = dry_run(changed(shipped("work-loop"), "shortening", "8"), spec, unit, on)
+    assert not fails.passed and fails.plain["cure"]["words"] == "6.9 bar"  # the regulator's end
+    assert dry_run(changed(shipped("work-loop"), "shortening", "6.9"), spec, unit, on).passed
+
+
+def test_a_pace_halts_steps_and_goes_on():
+    pace, count = Pace("simulated"), []
+    done = threading.Event()
+
+    def loop():
+        while not done.is_set():
+            pace.turn(1e-3)
+            count.append(1)
+            if len(count) > 10**6:
+                return
+
+    pace.halt()
+    thread = threading.Thread(target=loop, daemon=True)
+    thread.start()
+    time.sleep(0.05)
+    assert not count
+    pace.step(3)
+    time.sleep(0.1)
+    assert len(count) == 3
+    pace.halt(False)
+    time.sleep(0.05)
+    done.set()
+    thread.join(5.0)
+    assert len(count) > 100
+    with pytest.raises(InputError, match="known are"):
+        pace.choose("warp")
+
+
+def test_a_long_line_is_thinned_without_its_extremes():
+    x = np.linspace(0.0, 10.0, 100_001)
+    y = np.sin(3.0 * x)
+    y[54_321] = 9.0
+    short = thinned(x, y)
+    assert len(short[0]) <= 4000 and short[1].max() == 9.0 and short[0][0] == 0.0 and short[0][-1] == 10.0
+    document = Chart("n", "s", Axis("x"), Axis("y"), [Line([0.0, 1.0], [np.nan, 1.0], "<b>")]).document()
+    assert document["lines"][0]["y"] == [None, 1.0]
+
+
+def test_the_clock_of_control_is_that_of_the_laboratory():
+    clock, said = Clock(), []
+    control = Control(clock, lambda: said.append("lost"), lambda: said.append("back"))
+    control.join("a")
+    control.join("a")  # two lines of one page, as while it reloads
+    control.leave("a")
+    assert control.present and said == ["back", "back"]
+
+
+def test_serve_says_in_one_line_what_is_missing(monkeypatch, capsys):
+    from mckibben.cli import main, serve
+
+    monkeypatch.setattr(serve.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(SystemExit) as stop:
+        main(["serve", "--no-open"])
+    err = capsys.readouterr().err
+    assert stop.value.code == 2 and err.count("\n") == 1 and "pip install 'mckibben[web]'" in err
+
+
+@pytest.mark.parametrize("words", [("--port", "{taken}"), ("--host", "192.0.2.1"), ("--host", "no such host")])
+def test_an_address_where_nobody_can_listen_is_refused_before_anything_is_made_ready(words, capsys):
+    from mckibben.cli import main
+
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        given = [w.format(taken=taken.getsockname()[1]) for w in words]
+        with pytest.raises(SystemExit) as stop:
+            main(["serve", "--no-open", *given])
+    err = capsys.readouterr().err
+    assert stop.value.code == 2 and err.count("\n") == 1 and "nobody can listen there" in err

@@ -1,0 +1,88 @@
+"""The comparison: the table of the command line, recordings, links, bad input, a point's value."""
+
+import csv
+
+import numpy as np
+
+from mckibben.recordings import Channel, Recording
+from mckibben.studies.comparison import compare, subject
+from mckibben.studies.comparison.recorded import column_of
+from mckibben.studies.comparison.table import PROPERTIES
+
+LONG = 180_000  # a law is compiled once [ms]
+
+
+def opened(visit, query, **options):
+    page = visit(f"/compare?{query}", **options)
+    page.wait_for_selector(".cmp .r", timeout=LONG)
+    return page
+
+
+def test_the_exported_table_is_that_of_the_command_line_to_the_last_digit(visit):
+    page = opened(visit, "muscles=nylon,fast-fibre")
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Export table").click()
+    with open(waiting.value.path(), newline="") as file:
+        rows = [r for r in csv.reader(file) if not r[0].startswith("#")]
+    assert rows[0][3:5] == ["nylon", "fast-fibre"]
+    expected = compare(["nylon", "fast-fibre"]).rows()
+    assert [r[1] for r in rows[1:]] == [row.property.name for row in expected]
+    for line, row in zip(rows[1:], expected, strict=True):
+        assert [float(w) if w else None for w in line[3:5]] == row.shown(), line[1]
+    shown = page.locator(".cmp .r b").all_inner_texts()
+    tension = next(r for r in expected if r.property.name == "maximum_tension").shown()
+    assert {f"{v:.3g}" for v in tension} <= set(shown)
+
+
+def test_a_pressure_at_which_nothing_pulls_is_refused_in_the_commands_words(visit, until):
+    page = opened(visit, "muscles=nylon")
+    field = page.locator(".full-drive input")
+    field.fill("0.5")
+    field.press("Enter")
+    said = page.locator(".compare-said").inner_text
+    until(lambda: "nylon pulls nothing at its rest length of 14 cm; allowed is a higher one" in said(), 60.0)
+    assert "The old value, 5, stays in use." in said() and "pressure=" not in page.url
+
+
+def test_a_link_restores_muscles_and_pressure_and_what_it_cannot_show_says_why(visit):
+    page = opened(visit, "muscles=nylon,no-such,../../etc/passwd.toml&pressure=4 bar")
+    assert page.locator(".full-drive input").input_value() == "4"
+    heads = page.locator(".ch")
+    assert heads.count() == 3
+    refused = page.locator(".cmp .err")
+    assert refused.count() == 2 and "allowed is a plain name" in refused.nth(1).inner_text()
+    f0 = subject("nylon", pressure=4e5).full_tension
+    assert f0 > 50.0 and page.locator(".surface").count() == 1
+
+
+def test_recordings_are_compared_by_what_they_say(visit, served):
+    angle = 2.0 * np.pi * np.arange(0.0, 3.0, 0.01)
+    length = 0.13 - 0.01 * np.cos(angle)
+    tension = 30.0 + 2e3 * (length - 0.12) + 2.5 * np.sign(np.sin(angle))
+    served.folder.mkdir(parents=True, exist_ok=True)
+    path = served.folder / "loop.nc"
+    channels = {
+        "length": Channel(length, "m", "measured", "length"),
+        "tension": Channel(tension, "N", "measured", "pull"),
+    }
+    Recording(angle / 2.0 / np.pi, channels, {"title": "a loop", "rest_length": 0.14}).save(path)
+    page = opened(visit, "muscles=fast-fibre")
+    page.get_by_role("button", name="From recordings").click()
+    page.locator(".ch", has_text="loop").wait_for(timeout=LONG)
+    expected = column_of(path)
+    for name in ("maximum_tension", "maximum_velocity", "coulomb_friction"):
+        shown = f"{PROPERTIES[name].shown(expected.values[name]):.3g}"
+        row = page.locator(".k.r", has_text=PROPERTIES[name].title)
+        assert row.locator("xpath=following-sibling::div[1]").locator("b").inner_text() == shown
+    assert "values=recordings" in page.url and "recordings=loop.nc" in page.url
+
+
+def test_the_arrows_tell_a_points_tension_per_section(visit):
+    page = opened(visit, "muscles=nylon")
+    page.locator(".surface").focus()
+    page.keyboard.press("ArrowRight")
+    one = subject("nylon")
+    most = float(one.tension(one.upper_length / one.rest_length)) * one.full_tension / one.section_area / 1e4
+    assert page.locator(".surface .tip").inner_text().startswith(f"{most:.1f}")
+    page.keyboard.press("ArrowDown")
+    assert "4.5" in page.locator(".surface .tip").inner_text()

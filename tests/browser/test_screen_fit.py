@@ -1,0 +1,133 @@
+"""The page Fit: a file that is dropped gives what the command gives, to the last bit, and what is wrong stands beside it."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from importlib import resources
+
+import pytest
+
+MAP = resources.files("mckibben.specimens") / "maps" / "DMSP-20-300_force_map.csv"
+FEW = "ideal,linear_threshold"  # two laws that are soon fitted
+DONE = "document.querySelectorAll('.rank tr.pick').length === {n} && !document.querySelector('.going')"
+LONG = 180_000  # a slow machine compiles every law [ms]
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    path = tmp_path_factory.mktemp("table") / "map.csv"
+    shutil.copy(MAP, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def commanded(table):
+    """What the command says of the same file."""
+    words = [sys.executable, "-m", "mckibben", "fit", table.name, "--law", "ideal", "--law", "linear_threshold"]
+    words += ["--rest-length", "30 cm", "--save", "map-fit.toml", "--json"]
+    done = subprocess.run(words, cwd=table.parent, capture_output=True, text=True, timeout=300, env={**os.environ})
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), (table.parent / "map-fit.toml").read_text()
+
+
+def rows(page):
+    found = page.eval_on_selector_all(".rank tbody tr", "all => all.map(r => ({...r.dataset}))")
+    return [r for r in found if r["law"]]
+
+
+def fitted(page, count):
+    page.wait_for_function(DONE.format(n=count), timeout=LONG)
+
+
+def test_a_dropped_file_gives_the_same_ranking_parameters_and_specimen_file_as_the_command(visit, table, commanded):
+    said, saved = commanded
+    page = visit(f"/fit?laws={FEW}")
+    page.wait_for_selector("text=Or take a map")
+    page.set_input_files("input[type=file]", table)
+    page.fill("#c-rest", "30")  # in the unit that stands beside the field
+    page.press("#c-rest", "Enter")
+    page.wait_for_url("**rest=30*")
+    fitted(page, 2)
+    shown = rows(page)
+    assert [r["law"] for r in shown] == [f["law"] for f in said["fits"]]
+    for row, fit in zip(shown, said["fits"], strict=True):  # exact: the same function on the same file
+        assert float(row["rmse"]) == fit["rmse"] and float(row["most"]) == fit["max_error"]
+        assert float(row["left"]) == fit["cv_rmse"] and float(row["aicc"]) == fit["aicc"]
+    for fit in said["fits"]:
+        page.click(f".rank tr[data-law={fit['law']}]")
+        for name, estimate in fit["parameters"].items():
+            cell = page.locator(f".par tr[data-parameter={name}][data-value='{estimate['value']!r}']")
+            cell.wait_for()
+            assert float(cell.get_attribute("data-low")) == estimate["low"]
+            assert float(cell.get_attribute("data-high")) == estimate["high"]
+    with page.expect_download() as coming:
+        page.get_by_role("button", name="Save as specimen file").click()
+    assert coming.value.path().read_text(encoding="utf-8") == saved
+
+
+def test_a_link_restores_table_laws_and_view_and_a_report_opens(visit, table, commanded, served):
+    shutil.copytree(table.parent, served.folder / "uploads", dirs_exist_ok=True)
+    page = visit(f"/fit?table=map.csv&rest=30+cm&laws={FEW}&law=ideal&view=surface")
+    fitted(page, 2)
+    page.wait_for_selector("figure[data-kind=surface] svg")
+    assert page.locator(".rank tr.sel").get_attribute("data-law") == "ideal"
+    assert page.locator("#c-rest").input_value() == "30"
+    assert page.locator(".law input:checked").count() == 2
+    page.get_by_role("button", name="Residuals").click()
+    page.wait_for_selector("figure[data-kind=errors] svg")
+    assert "view=errors" in page.url
+    with page.context.expect_page() as coming:
+        page.get_by_role("button", name="Open report").click()
+    coming.value.wait_for_function("document.title.startsWith('Tension laws fitted')", timeout=60_000)
+
+
+def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_beside_them(visit, tmp_path):
+    path = tmp_path / "unnamed.csv"
+    lines = MAP.read_text().splitlines()
+    path.write_text("\n".join(["way,air [kPa],load", *lines[1:]]))
+    page = visit("/fit?laws=ideal")
+    page.set_input_files("input[type=file]", path)
+    wrong = page.locator(".fit .stack .err")
+    wrong.wait_for()
+    assert "pressure is 'no column'; the file has way, air [kPa], load" in wrong.inner_text()
+    assert "unnamed.csv" in wrong.inner_text() and "/" not in wrong.inner_text()  # nothing of the machine's folders
+    for i, what in enumerate(("length", "pressure", "tension")):
+        page.locator(".map select[aria-label^='What']").nth(i).select_option(what)
+        page.wait_for_url(f"**{what}**")
+    page.wait_for_selector("text=way is 'no unit'")
+    page.locator("select[aria-label='Unit of Length']").select_option("m")
+    page.wait_for_selector("text=load is 'no unit'")
+    page.locator("select[aria-label='Unit of Tension']").select_option("N")
+    # 65000 kPa is no muscle: the header is wrong, and the sentence says so
+    page.wait_for_selector("text=wrong unit, or columns swapped?")
+    page.locator("select[aria-label='Unit of Pressure']").select_option("Pa")
+    page.wait_for_selector("text=60 rows used")
+    fitted(page, 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "said"),
+    [
+        ("pump.exe", b"MZ", "another ending"),
+        ("broken.mat", b"MATLAB 5.0 MAT-file" + b"\x07" * 300, "allowed is a MATLAB file"),
+        ("<img src=x onerror=alert(1)>.csv", b"length_m,pressure_bar,force_N\n0.2,1,1\n", "allowed is a plain name"),
+    ],
+)  # fmt: skip
+def test_a_broken_or_foreign_file_is_refused_with_a_sentence(visit, tmp_path, name, data, said):
+    page = visit("/fit?laws=ideal")
+    page.wait_for_selector("text=Or take a map")
+    page.set_input_files("input[type=file]", {"name": name, "mimeType": "text/plain", "buffer": data})
+    page.wait_for_selector(f".fit .err:has-text({json.dumps(said)})", timeout=60_000)
+    assert page.locator("img").count() == 0
+
+
+def test_work_can_be_stopped_and_what_is_done_stays(visit, table, served):
+    shutil.copytree(table.parent, served.folder / "uploads", dirs_exist_ok=True)
+    page = visit("/fit?table=map.csv&rest=29.9+cm")
+    page.get_by_role("button", name="Stop fitting").click()
+    page.wait_for_function("!document.querySelector('.going')")
+    page.wait_for_timeout(500)
+    assert page.locator(".going").count() == 0  # nothing began it again
+    assert page.evaluate("window.lab.lab.open")

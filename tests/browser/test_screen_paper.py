@@ -1,0 +1,130 @@
+"""The page The paper in a real Chromium: the rows of the command line, filters, figures, a run that can be stopped."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from mckibben.cli.app import app
+from mckibben.reproduction.rows import all_rows
+
+LONG = 180_000  # a process starts and compiles meanwhile [ms]
+QUICK = ("static.zero_force_angle", "static.stiffness_5bar", "energy.maximal.efficiency_accumulator")
+
+
+def open_page(visit, query="", **options):
+    page = visit(f"/paper{query}", **options)
+    page.wait_for_selector(".p-root tr.g", timeout=LONG)
+    return page
+
+
+def row(name):
+    return f'.p-root tr[data-row="{name}"]'
+
+
+def test_a_row_is_computed_as_the_command_does_and_shows_its_figure(visit):
+    """Exact: another process computes the same function of the same numbers."""
+    name = QUICK[2]
+    found = CliRunner().invoke(app, ["reproduce", "--row", name, "--json"])
+    (theirs,) = json.loads(found.stdout)["rows"]
+    page = open_page(visit)
+    page.click(row(name))
+    page.click("text=Compute this row")
+    page.wait_for_selector(f"{row(name)}[data-value]", timeout=LONG)
+    assert float(page.get_attribute(row(name), "data-value")) == theirs["ours"]
+    assert page.get_attribute(row(name), "data-verdict") == theirs["verdict"] == "misprint"
+    assert page.inner_text(f"{row(name)} s") == "0.49"  # theirs is struck out
+    page.wait_for_selector(".p-svg svg", timeout=LONG)
+    page.wait_for_selector(".p-body .note", timeout=LONG)
+    assert "Misprint. 0.470 from unrounded joules" in page.inner_text(".p-body .note")
+    page.click("text=Its numbers")
+    assert page.locator(".p-numbers .sel s").inner_text() == "0.49"
+
+
+def test_filters_and_a_chosen_row_stand_in_the_link(visit):
+    page = open_page(visit)
+    assert page.locator(".p-root tr[data-row]").count() == len(all_rows())
+    page.click(".p-count[data-only=misprint]")
+    wrong = [r.id for r in all_rows() if r.expect == "erratum"]
+    assert page.locator(".p-root tr[data-row]").evaluate_all("all => all.map(a => a.dataset.row)") == wrong
+    page.keyboard.press("/")
+    page.keyboard.type("accumulator")
+    page.click(row(QUICK[2]))
+    page.wait_for_function("location.search.includes('row=') && location.search.includes('search=accumulator')")
+    url = page.evaluate("location.href")
+    other = open_page(visit, url[url.index("?") :])
+    assert other.get_attribute(row(QUICK[2]), "aria-selected") == "true"
+    assert other.locator(".p-root tr[data-row]").count() == 1
+    assert other.input_value(".p-search input") == "accumulator"
+    assert "Fig. 12" in other.inner_text(".p-figure h2")
+    other.fill(".p-search input", "<b>nothing</b>")
+    other.click("text=Show all rows")
+    assert other.locator(".p-root tr[data-row]").count() == len(all_rows())
+
+
+def test_a_run_is_seen_by_all_and_what_was_computed_stays_when_it_is_stopped(visit):
+    page, other = open_page(visit), open_page(visit, width=390, height=844)
+    page.click("text=Run all")
+    page.wait_for_selector(f"{row(QUICK[0])}[data-value]", timeout=LONG)
+    other.wait_for_selector(f"{row(QUICK[0])}[data-value]", timeout=LONG)
+    assert other.evaluate("document.documentElement.scrollWidth") <= 390
+    page.locator("button.btn:visible", has_text="Stop").click()
+    page.locator("button.btn:visible", has_text="Run all").wait_for(timeout=LONG)
+    assert page.locator(f"{row(QUICK[0])}[data-value]").count() == 1
+    assert "stopped" in page.inner_text(".p-progress")
+
+
+def test_a_row_and_a_figure_that_there_are_not_are_refused(visit):
+    page = open_page(visit, "?row=nothing&figure=%3Cscript%3E")
+    said = page.inner_text(".p-under")
+    assert "row is 'nothing'" in said and "figure is '<script>'; known are 1, 2, 3a" in said
+
+
+@pytest.mark.slow
+def test_all_quick_rows_and_the_report_are_those_of_the_command(visit, tmp_path):
+    words = [sys.executable, "-m", "mckibben", "reproduce", "--no-recordings", "--json"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=1200, env=dict(os.environ), cwd=tmp_path)
+    theirs = {r["id"]: r for r in json.loads(done.stdout)["rows"]}
+    page = open_page(visit)
+    page.click("text=Run without recordings")
+    page.wait_for_function(
+        f"document.querySelectorAll('.p-root tr[data-value]').length >= {len(theirs)}", timeout=600_000
+    )
+    for name, one in theirs.items():
+        assert float(page.get_attribute(row(name), "data-value")) == one["ours"], name
+        assert page.get_attribute(f"{row(name)}", "data-verdict") is not None
+    with page.expect_download(timeout=600_000) as coming:
+        page.click("text=Report as HTML")
+    text = (tmp_path / "report.html").resolve()
+    coming.value.save_as(text)
+    report = text.read_text(encoding="utf-8")
+    assert "The papers, reproduced" in report and report.count("<svg") > 20
+
+
+def test_a_recording_whose_maker_was_stopped_is_made_again(tmp_path):
+    """A claim that a process left behind keeps nobody waiting, and one that was made is read and not made again."""
+    import numpy as np
+
+    from mckibben.recordings import Channel, Recording
+    from mckibben.web.pages.paper.kept import Kept
+
+    made = []
+
+    def make():
+        made.append(1)
+        return Recording(np.arange(3.0), {"pressure": Channel(np.arange(3.0), "Pa", "measured")}, {})
+
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    kept = Kept(tmp_path, lambda words: None)
+    kept.one("a", make)
+    (file,) = tmp_path.glob("*.nc")
+    assert not list(tmp_path.glob("*.claim"))
+    file.with_suffix(".claim").write_text(str(gone.pid))
+    file.unlink()
+    found = [kept.one("a", make) for _ in range(2)]
+    assert len(made) == 2
+    assert all(np.array_equal(r["pressure"], np.arange(3.0)) for r in found)

@@ -1,0 +1,152 @@
+"""The page Recordings: what it shows is what the recordings hold, and what it does can be undone."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mckibben.analysis.cycles import find_cycles
+from mckibben.analysis.loops import loops
+from mckibben.recordings import Channel, Recording, read_recording
+from mckibben.recordings.convert import read_any
+
+
+def made(folder, name, amplitude, meta=None):
+    """A loop with friction: three cycles of a sine of the length."""
+    t = np.arange(0.0, 3.0, 2e-3)
+    length = 0.13 + amplitude * np.cos(2 * np.pi * t)
+    tension = 900.0 * (length - 0.1) - 2.5 * np.sign(np.sin(2 * np.pi * t))
+    channels = {"length": Channel(length, "m", "measured"), "tension": Channel(tension, "N", "measured"),
+                "pressure": Channel(np.full(len(t), 5e5), "Pa", "measured")}  # fmt: skip
+    about = {"title": f"Sine of {name}", "created": "2026-03-01T10:00:00", "protocol": {"name": "work-loop"}}
+    Recording(t, channels, {**about, **(meta or {})}).save(folder / f"{name}.nc")
+
+
+@pytest.fixture(scope="module")
+def folder(served):
+    served.folder.mkdir(parents=True, exist_ok=True)
+    made(served.folder, "wide", 0.01)
+    made(served.folder, "narrow", 0.004, {"specimen": "nylon"})
+    made(
+        served.folder,
+        "odd",
+        0.006,
+        {"title": "<img src=x onerror=alert(1)>", "result": "tripped", "message": "pressure 6.01 bar"},
+    )
+    return served.folder
+
+
+def line(page, name):
+    return page.locator(f"tr[data-name='{name}.nc']")
+
+
+def ready(page, count=3):
+    page.wait_for_function(f"document.querySelectorAll('.rows tr .th svg').length >= {count}", timeout=60_000)
+
+
+def test_two_clicks_overlay_two_recordings_with_the_numbers_of_the_analysis(visit, folder):
+    page = visit("/recordings")
+    ready(page)
+    line(page, "wide").click()
+    page.wait_for_selector("text=Loop area")
+    line(page, "narrow").click()
+    page.wait_for_function("document.querySelectorAll('[aria-label=\"Measured properties\"] th').length === 5")
+    assert page.url.endswith("a=wide.nc&b=narrow.nc")
+    shown = page.eval_on_selector_all(
+        "tbody tr:has-text('Loop area') td[data-value]", "all => all.map(c => +c.dataset.value)"
+    )
+    for value, name in zip(shown, ("wide", "narrow"), strict=True):  # exact: the same function on the same file
+        assert value == 1e3 * loops(read_recording(folder / f"{name}.nc"), length="length", tension="tension")[-1].area
+    page.wait_for_selector("figure.chart canvas")
+    spec = json.loads(page.locator("figure.chart").first.get_attribute("data-chart"))
+    assert [one["label"] for one in spec["lines"]] == ["A", "B"] and [one["dash"] for one in spec["lines"]] == [
+        "A",
+        "B",
+    ]
+    other = visit("/recordings?a=wide.nc&b=narrow.nc&view=channels")  # the link restores it
+    other.wait_for_function("document.querySelectorAll('figure.chart canvas').length === 3")
+    assert line(other, "narrow").get_attribute("aria-selected") == "true"
+
+
+def test_search_and_filters_leave_what_holds_the_words_and_text_of_a_file_is_never_markup(visit, folder):
+    page = visit("/recordings")
+    ready(page)
+    page.fill("#search", "tripped 6.01")
+    page.wait_for_selector("text=No recording has all of this")
+    page.fill("#search", "6.01")
+    page.wait_for_function("document.querySelectorAll('.rows tr').length === 1")
+    assert "<img src=x" in line(page, "odd").inner_text() and page.locator("img").count() == 0
+    other = visit(page.url.removeprefix(page.url.split("/recordings")[0]))
+    ready(other, 1)
+    assert other.locator(".rows tr").count() == 1 and other.locator("#search").input_value() == "6.01"
+
+
+def test_a_note_is_kept_in_the_file_and_can_be_undone(visit, folder, until):
+    page = visit("/recordings?a=wide.nc")
+    page.wait_for_selector("figure.chart canvas")
+    page.keyboard.press("n")
+    dialog = page.locator("dialog[open]")
+    wide = read_recording(folder / "wide.nc")
+    first = float(wide.time[find_cycles(wide["length"])[0].start])  # the axis begins at the first reversal
+    dialog.get_by_label("Time").fill("99")
+    dialog.get_by_label("Note", exact=True).fill("valve sounds rough here")
+    dialog.get_by_role("button", name="Add note").click()
+    dialog.locator(".err").wait_for()
+    assert "time of a note is '99 s'; allowed are" in dialog.locator(".err").inner_text()
+    assert dialog.get_by_label("Time").input_value() == "99"  # what was typed stays, to be put right
+    dialog.get_by_label("Time").fill("1.25")
+    dialog.get_by_role("button", name="Add note").click()
+    page.wait_for_selector(".note-line:has-text('valve sounds rough here')")
+    (note,) = read_recording(folder / "wide.nc").meta["notes"]
+    assert note["text"] == "valve sounds rough here" and note["time"] == first + 1.25
+    page.keyboard.press("Control+z")
+    until(lambda: not read_recording(folder / "wide.nc").meta.get("notes"))
+
+
+def test_a_deleted_recording_comes_back_and_a_renamed_one_keeps_its_kind(visit, folder, until):
+    made(folder, "spare", 0.005)
+    page = visit("/recordings?a=spare.nc")
+    ready(page, 4)
+    page.wait_for_selector("text=Loop area")
+    page.keyboard.press("Delete")
+    until(lambda: not (folder / "spare.nc").exists())
+    page.wait_for_function("!document.querySelector(\"tr[data-name='spare.nc']\")")
+    page.get_by_role("button", name="Undo").click()
+    until(lambda: (folder / "spare.nc").exists())
+    line(page, "spare").click()
+    page.get_by_role("button", name="Rename").first.click()
+    name = page.locator("dialog[open]").get_by_label("Name")
+    name.fill("../away")
+    name.press("Enter")
+    page.wait_for_selector("dialog[open] .err:has-text('allowed is a plain name')")
+    name.fill("kept")
+    name.press("Enter")
+    until(lambda: (folder / "kept.nc").exists() and not (folder / "spare.nc").exists())
+
+
+@pytest.mark.parametrize("kind", ["CSV", "MAT"])
+def test_an_exported_recording_reads_back_as_it_was(visit, folder, tmp_path, kind):
+    page = visit("/recordings?a=narrow.nc")
+    page.wait_for_selector("text=Loop area")
+    page.get_by_role("group", name="Format").get_by_role("button", name=kind, exact=True).click()
+    with page.expect_download(timeout=60_000) as coming:
+        page.get_by_role("button", name="Export", exact=True).click()
+    path = tmp_path / coming.value.suggested_filename
+    coming.value.save_as(path)
+    assert read_any(path).recording == read_recording(folder / "narrow.nc")
+
+
+def test_a_file_of_others_is_taken_over_once_its_columns_are_named(visit, folder, until):
+    page = visit("/recordings")
+    ready(page)
+    page.get_by_role("button", name="Import file").first.click()
+    data = "t,load\n" + "\n".join(f"{i * 0.01:.2f},{10 + (i % 7)}" for i in range(50))
+    page.set_input_files(
+        "dialog[open] input[type=file]", {"name": "cell.csv", "mimeType": "text/csv", "buffer": data.encode()}
+    )
+    page.wait_for_selector("dialog[open] .err:has-text('no unit')")
+    page.locator("dialog[open]").get_by_label("Units").fill("load=N")
+    page.locator("dialog[open]").get_by_role("button", name="Import", exact=True).click()
+    until(lambda: (folder / "cell.nc").exists())
+    assert read_recording(folder / "cell.nc")["load"][3] == 13.0
+    page.wait_for_selector("tr[data-name='cell.nc'].sel")

@@ -1,0 +1,129 @@
+"""What stands on all seven pages: state, emergency stop, keys, theme, links; who is let in, and what is refused."""
+
+import json
+import urllib.error
+import urllib.request
+
+import pytest
+
+PAGES = {"/": "Bench", "/fit": "Fit", "/compare": "Compare", "/energy": "Energy", "/circuit": "Circuit",
+         "/paper": "The paper", "/recordings": "Recordings"}  # fmt: skip
+
+
+def ask(served, path, headers=None, data=None):
+    request = urllib.request.Request(served.url + path, headers=headers or {}, data=data)
+    try:
+        with urllib.request.urlopen(request, timeout=20) as answer:
+            return answer.status, answer.read().decode("utf-8", "replace"), dict(answer.headers)
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode("utf-8", "replace"), dict(error.headers)
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_state_and_emergency_stop_stand_on_every_page_and_nothing_comes_from_elsewhere(visit, path):
+    page = visit(path)
+    assert page.locator(".tabs [aria-current=page]").inner_text() == PAGES[path]
+    assert page.locator("#state .state").is_visible()
+    stops = page.locator(".estop:visible")
+    assert stops.count() == 1 and "Emergency stop" in stops.inner_text()
+    page.wait_for_timeout(300)  # whatever loads late is seen by the fixture
+
+
+def test_keys_lead_to_the_pages_and_can_be_switched_off(visit):
+    page = visit("/fit")
+    page.keyboard.press("g")
+    page.keyboard.press("r")
+    page.wait_for_url("**/recordings")
+    page.wait_for_function("window.lab && window.lab.lab.open")
+    page.keyboard.press("?")
+    box = page.locator("dialog#keys")
+    assert box.is_visible()
+    box.locator("input").uncheck()
+    page.keyboard.press("Escape")  # nothing moves, so it closes what is open
+    assert not box.is_visible()
+    page.keyboard.press("g")
+    page.keyboard.press("f")
+    page.wait_for_timeout(300)
+    assert page.url.endswith("/recordings")
+
+
+def test_the_theme_stands_in_the_link_and_follows_the_system(visit):
+    page = visit("/paper", color_scheme="dark")
+    paper = "getComputedStyle(document.body).backgroundColor"
+    dark = page.evaluate(paper)
+    page.click("#theme")
+    assert "theme=light" in page.url and page.evaluate(paper) != dark
+    other = visit("/paper?theme=dark", color_scheme="light")
+    assert other.evaluate(paper) == dark
+
+
+@pytest.mark.parametrize("width", [390, 760, 1024])
+def test_a_narrow_screen_shows_the_stop_and_does_not_scroll_sideways(visit, width):
+    page = visit("/recordings", width=width, height=844)
+    box = page.locator(".estop:visible").first.bounding_box()
+    assert box["x"] >= 0 and box["x"] + box["width"] <= width and box["y"] + box["height"] <= 844
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_escape_is_the_emergency_stop_even_in_idle_by_its_button_and_stays_until_reset(visit, status, until):
+    page = visit("/energy", control=True)
+    page.click(".estop")
+    until(lambda: status(page)["shape"] == "tripped")
+    until(lambda: "Vented" in page.locator(".estop").inner_text())
+    assert page.locator("#state .state").get_attribute("role") == "alert"
+    refused = page.evaluate("window.lab.act('start')")
+    assert not refused["ok"] and "reset it first" in refused["said"]
+    assert page.evaluate("window.lab.act('reset')")["ok"]
+    until(lambda: status(page)["shape"] == "idle")
+
+
+def test_the_second_page_watches_may_stop_and_may_ask_for_the_controls(visit, status, until):
+    first, second = visit("/fit", control=True), visit("/fit")
+    until(lambda: "1 watching" in first.locator("#who").inner_text())
+    refused = second.evaluate("window.lab.act('start')")
+    assert not refused["ok"] and "another page is in control" in refused["said"]
+    second.click(".estop")  # but it may stop
+    until(lambda: status(first)["shape"] == "tripped")
+    assert first.evaluate("window.lab.act('reset')")["ok"]
+    second.click("#ask-control")
+    first.get_by_role("button", name="Hand over").click()
+    until(lambda: "You control" in second.locator("#who").inner_text())
+    assert "You watch" in first.locator("#who").inner_text()
+
+
+def test_a_lost_line_shows_and_comes_back_by_itself(visit, until):
+    page = visit("/compare")
+    page.context.set_offline(True)
+    page.evaluate("window.lab.drop()")
+    until(lambda: "No connection" in page.locator("#state").inner_text())
+    assert "cannot reach the machine" in page.locator(".estop").inner_text()
+    page.context.set_offline(False)
+    until(lambda: "No connection" not in page.locator("#state").inner_text(), 15.0)
+
+
+def test_only_pages_of_this_server_may_speak_to_it(served):
+    assert ask(served, "/fit")[0] == 200
+    assert ask(served, "/fit", {"Host": "evil.example"})[0] == 403
+    code, said, _ = ask(served, "/emergency-stop", {"Origin": "http://evil.example"}, b"x")
+    assert code == 403 and "origin is" in said
+    assert "default-src 'self'" in ask(served, "/fit")[2]["content-security-policy"]
+
+
+@pytest.mark.parametrize(
+    "name", ["../../etc/passwd", "%2e%2e/%2e%2e/etc/passwd", "..%2f..%2fetc%2fpasswd", "a/b.nc", ".hidden.nc", "x.exe"]
+)
+def test_a_path_in_a_name_leads_nowhere(served, name):
+    code, said, _ = ask(served, f"/files/{name}")
+    assert code == 404 and "root:" not in said and "Traceback" not in said
+
+
+def test_an_upload_that_is_too_large_is_refused_before_it_is_read(served):
+    code, said, _ = ask(served, "/fit", {"Content-Length": str(10**12), "Connection": "close"})
+    assert code == 413 and "allowed are" in said
+
+
+def test_words_that_are_no_action_are_refused_in_a_sentence(visit):
+    page = visit("/fit", control=True)
+    for action, given in (("__class__", {}), ("start", {"x": 1}), ("muscle", {"name": "../nylon"}), ("", {})):
+        answer = page.evaluate(f"window.lab.act({json.dumps(action)}, {json.dumps(given)})")
+        assert not answer["ok"] and answer["said"], action
