@@ -16,6 +16,7 @@ from ...bench.session import Session
 from ...errors import MckibbenError
 from ..control import HOLD
 from ..stream import Stream
+from .again import again
 from .columns import Columns
 from .pace import Pace
 
@@ -93,9 +94,13 @@ class ByHand:
 
     def _go(self) -> None:
         try:
-            session = Session(self.rig, self.muscle, speed=None, keep=2.0)
+            session = again(lambda: Session(self.rig, self.muscle, speed=None, keep=2.0))
         except MckibbenError as error:
             self.failed = f"by hand: {error}"
+            self._news()
+            return
+        except Exception as error:  # the page has to hear of it; runs do not need it
+            self.failed = f"by hand: it could not be made ready ({type(error).__name__}: {str(error)[:200]})"
             self._news()
             return
         with session:

@@ -19,6 +19,7 @@ from ...bench.software.emergency_stop import EmergencyStop
 from ...errors import InputError, MckibbenError
 from ...recordings.recording import Recording
 from ..stream import Stream
+from .again import again
 from .columns import Columns
 from .log import Log
 from .measure import of_cycle
@@ -64,10 +65,26 @@ class Going:
         self._columns = Columns(bench.rig)
         self._count, self._every = 0, max(1, round(bench.plan.sample_rate / SHOWN))
         stream.begin("run", bench.protocol.name, self._every / bench.plan.sample_rate)
-        self._run = Run(bench, display=self._show, stop=self.button, ask=self._ask)
-        self._run.real_time = True
-        self._run.simulated_by = functools.partial(Paced, pace=pace)
+        self._run = self._new()
         self._thread = threading.Thread(target=self._go, name="run", daemon=True)
+
+    def _new(self) -> Run:
+        run = Run(self.bench, display=self._show, stop=self.button, ask=self._ask)
+        run.real_time = True
+        run.simulated_by = functools.partial(Paced, pace=self.pace)
+        return run
+
+    def _begun(self) -> Recording:
+        """All of it; begun anew where it failed before its first sample."""
+        try:
+            return self._run.go()
+        except MckibbenError:
+            raise
+        except Exception as error:
+            if self._count:
+                raise MckibbenError(f"the run failed: {type(error).__name__}: {str(error)[:200]}") from error
+            self._run = self._new()
+            raise
 
     def start(self) -> None:
         """Begin."""
@@ -108,7 +125,7 @@ class Going:
 
     def _go(self) -> None:
         try:
-            self.record = self._run.go()
+            self.record = again(self._begun)
         except MckibbenError as error:
             self.error = str(error)
         except Exception as error:  # of a run that fails, no other thing of the laboratory may

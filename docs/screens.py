@@ -1,0 +1,86 @@
+"""Take the pictures of the laboratory's screen that the documentation shows, into docs/assets/screen/.
+
+    python docs/screens.py [PAGE ..]
+
+Starts a laboratory of its own, does a run on the bench, opens every page light and dark in Chromium, and ends it. Needs
+playwright and a chromium on the path.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+TO = Path(__file__).resolve().parent / "assets" / "screen"
+# Page, its address, its height, and what must be there before the picture is taken.
+PAGES = {
+    "bench": ("/?muscle=nylon&protocol=work-loop", 900, ""),
+    "fit": ("/fit?map=DMSP-20-300", 900, "table"),
+    "compare": ("/compare", 1100, "svg, canvas"),
+    "energy": ("/energy", 900, "svg"),
+    "circuit": ("/circuit", 1120, "svg"),
+    "paper": ("/paper", 900, "table, .row"),
+    "recordings": ("/recordings", 900, ""),
+}
+SETTLES = 8_000  # until charts are drawn on a slow machine [ms]
+
+
+def main(names: list[str]) -> None:
+    """All pages, or some."""
+    from playwright.sync_api import sync_playwright
+
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        raise SystemExit("docs: no chromium on this machine")
+    TO.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "mckibben", "serve", "--no-open", "--port", "0", "--folder", folder]
+        server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ))
+        assert server.stdout is not None
+        try:
+            line = next(x for x in server.stdout if "http://" in x)
+            address = next(w for w in line.split() if w.startswith("http://")).rstrip("/")
+            with sync_playwright() as play:
+                browser = play.chromium.launch(executable_path=chromium, args=["--headless", "--no-sandbox", "--disable-gpu"])
+                for name in names or PAGES:
+                    for scheme in ("light", "dark"):
+                        picture(browser, address, name, scheme)
+                browser.close()
+        finally:
+            server.send_signal(signal.SIGINT)
+            server.wait(60)
+
+
+def picture(browser: Any, address: str, name: str, scheme: str) -> None:
+    """One page in one theme; the bench while it runs."""
+    path, height, awaited = PAGES[name]
+    page = browser.new_context(viewport={"width": 1440, "height": height}, color_scheme=scheme).new_page()
+    page.set_default_timeout(180_000)
+    page.goto(address + path)
+    page.wait_for_function("window.lab && window.lab.lab.open")
+    if awaited:
+        page.wait_for_selector(awaited)
+    if name == "bench":
+        page.evaluate("window.lab.act('ask_control')")
+        page.wait_for_function("window.lab.lab.status.shape === 'idle' && window.lab.lab.parts.dry?.passed")
+        page.wait_for_timeout(SETTLES)
+        page.evaluate("window.lab.act('pace', {name: 'real'})")
+        page.keyboard.press("Enter")
+        page.wait_for_function("window.lab.lab.status.running && window.lab.lab.status.time > 0")
+    page.wait_for_timeout(SETTLES)
+    page.screenshot(path=TO / f"{name}-{scheme}.png")
+    print(f"  {name}, {scheme}", flush=True)
+    if name == "bench":
+        page.keyboard.press("Escape")
+        page.wait_for_timeout(1_000)
+    page.context.close()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
