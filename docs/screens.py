@@ -71,14 +71,14 @@ def picture(browser: Any, address: str, name: str, scheme: str) -> None:
         page.wait_for_function("window.lab.lab.status.shape === 'idle' && window.lab.lab.parts.dry?.passed")
         page.wait_for_timeout(SETTLES)
         page.evaluate("window.lab.act('pace', {name: 'real'})")
-        page.keyboard.press("Enter")
+        page.click("#start")
         page.wait_for_function("window.lab.lab.status.running && window.lab.lab.status.time > 0")
     page.wait_for_timeout(SETTLES)
     page.screenshot(path=TO / f"{name}-{scheme}.png")
     print(f"  {name}, {scheme}", flush=True)
     if name == "bench":
-        page.keyboard.press("Escape")
-        page.wait_for_timeout(1_000)
+        page.evaluate("window.lab.act('stop')")
+        page.wait_for_function("window.lab.lab.status.shape === 'idle'")
     page.context.close()
 
 
