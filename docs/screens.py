@@ -18,15 +18,15 @@ from pathlib import Path
 from typing import Any
 
 TO = Path(__file__).resolve().parent / "assets" / "screen"
-# Page, its address, its height, and what must be there before the picture is taken.
+# Page, its address, its height, and how long it may compute before its first picture [s].
 PAGES = {
-    "bench": ("/?muscle=nylon&protocol=work-loop", 900, ""),
-    "fit": ("/fit?map=DMSP-20-300", 900, "table"),
-    "compare": ("/compare", 1100, "svg, canvas"),
-    "energy": ("/energy", 900, "svg"),
-    "circuit": ("/circuit", 1120, "svg"),
-    "paper": ("/paper", 900, "table, .row"),
-    "recordings": ("/recordings", 900, ""),
+    "bench": ("/?muscle=nylon&protocol=work-loop", 900, 0),
+    "fit": ("/fit?map=DMSP-20-300", 900, 25),
+    "compare": ("/compare", 1100, 30),
+    "energy": ("/energy", 900, 15),
+    "circuit": ("/circuit", 1120, 30),
+    "paper": ("/paper", 900, 5),
+    "recordings": ("/recordings", 900, 5),
 }
 SETTLES = 8_000  # until charts are drawn on a slow machine [ms]
 
@@ -59,13 +59,13 @@ def main(names: list[str]) -> None:
 
 def picture(browser: Any, address: str, name: str, scheme: str) -> None:
     """One page in one theme; the bench while it runs."""
-    path, height, awaited = PAGES[name]
+    path, height, computes = PAGES[name]
     page = browser.new_context(viewport={"width": 1440, "height": height}, color_scheme=scheme).new_page()
     page.set_default_timeout(180_000)
     page.goto(address + path)
     page.wait_for_function("window.lab && window.lab.lab.open")
-    if awaited:
-        page.wait_for_selector(awaited)
+    if scheme == "light":
+        page.wait_for_timeout(1_000 * computes)
     if name == "bench":
         page.evaluate("window.lab.act('ask_control')")
         page.wait_for_function("window.lab.lab.status.shape === 'idle' && window.lab.lab.parts.dry?.passed")
