@@ -23,9 +23,9 @@ PAGES = {
     "bench": ("/?muscle=nylon&protocol=work-loop", 900, 0),
     "fit": ("/fit?map=DMSP-20-300", 900, 25),
     "compare": ("/compare", 1100, 30),
-    "energy": ("/energy", 900, 15),
+    "energy": ("/energy", 1240, 15),
     "circuit": ("/circuit", 1120, 30),
-    "paper": ("/paper", 900, 5),
+    "paper": ("/paper", 900, 120),
     "recordings": ("/recordings", 900, 5),
 }
 SETTLES = 8_000  # until charts are drawn on a slow machine [ms]
@@ -48,6 +48,7 @@ def main(names: list[str]) -> None:
             address = next(w for w in line.split() if w.startswith("http://")).rstrip("/")
             with sync_playwright() as play:
                 browser = play.chromium.launch(executable_path=chromium, args=["--headless", "--no-sandbox", "--disable-gpu"])
+                recorded(browser, address)
                 for name in names or PAGES:
                     for scheme in ("light", "dark"):
                         picture(browser, address, name, scheme)
@@ -55,6 +56,23 @@ def main(names: list[str]) -> None:
         finally:
             server.send_signal(signal.SIGINT)
             server.wait(60)
+
+
+def recorded(browser: Any, address: str) -> None:
+    """Do a work loop with two muscles, so that there are recordings to show."""
+    for muscle in ("nylon", "fiberglass"):
+        page = browser.new_context().new_page()
+        page.set_default_timeout(180_000)
+        page.goto(f"{address}/?muscle={muscle}&protocol=work-loop")
+        page.wait_for_function("window.lab && window.lab.lab.open")
+        page.evaluate("window.lab.act('ask_control')")
+        page.evaluate("window.lab.act('pace', {name: 'simulated'})")
+        page.wait_for_timeout(SETTLES)
+        page.wait_for_function("window.lab.lab.parts.dry?.passed && window.lab.lab.status.shape === 'idle'")
+        page.click("#start")
+        page.wait_for_function("window.lab.lab.status.ended?.file")
+        page.evaluate("window.lab.act('pace', {name: 'real'})")
+        page.context.close()
 
 
 def picture(browser: Any, address: str, name: str, scheme: str) -> None:
@@ -65,6 +83,8 @@ def picture(browser: Any, address: str, name: str, scheme: str) -> None:
     page.goto(address + path)
     page.wait_for_function("window.lab && window.lab.lab.open")
     if scheme == "light":
+        if name == "paper":
+            page.get_by_text("Run without recordings").click()
         page.wait_for_timeout(1_000 * computes)
     if name == "bench":
         page.evaluate("window.lab.act('ask_control')")

@@ -180,7 +180,7 @@ BAD = {
     "a range upside down": ('"2 m", count', '"0.1 m", count', "range that rises"),
     "a logarithmic range over zero": ('"0.3 m", to', '"-1 m", to', "tube.length"),
     "no memory for one variant": ("block = 4", 'memory = "1 kB"', "run.memory"),
-    "an unknown engine": ("block = 4", 'engine = "gpu"', "run.engine"),
+    "an unknown engine": ("block = 4", 'engine = "abacus"', "run.engine"),
     "another schema": ("schema = 1", "schema = 2", "this version reads schema 1"),
     "no file": ("step.toml", "no.toml", "no.toml"),
     "a path set and varied": ("[grid]", '[set]\nhigh = "1 bar"\n[grid]', "set and varied"),

@@ -310,7 +310,7 @@ def test_on_a_phone_everything_is_there_and_the_stop_is_under_the_thumb(bench, u
 
 
 def test_another_address_demands_the_token_that_it_prints(chromium, tmp_path):
-    from conftest import Served
+    from screen_server import Served
 
     served = Served(tmp_path / "recordings", "--host", "0.0.0.0")
     try:

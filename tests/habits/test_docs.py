@@ -26,8 +26,8 @@ PLAIN = {page: re.sub(r"^```.*?^```", "", text, flags=re.M | re.S) for page, tex
 
 
 NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
-# Rooms without a page in the reference of Python: the command line has a page of its own.
-NO_ROOM = ("mckibben.cli", "mckibben.__main__", "mckibben.batch", "mckibben.engine.lowering")
+# Rooms without a page in the reference of Python: command line and screen have pages of their own.
+NO_ROOM = ("mckibben.cli", "mckibben.__main__", "mckibben.batch", "mckibben.engine.lowering", "mckibben.web")
 
 
 def generated() -> ModuleType:

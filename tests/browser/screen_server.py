@@ -1,0 +1,62 @@
+"""The laboratory's screen, served by a process of its own, as a test needs it."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from urllib.parse import urlsplit
+
+BEGINS = 120.0  # a slow machine compiles meanwhile [s]
+
+
+class Served:
+    """A server that runs: its address, its folder, and what it said."""
+
+    def __init__(self, folder: Path, *words: str) -> None:
+        self.folder, self.said, self._line = folder, "", threading.Event()
+        # pytest's own variables would make NiceGUI take this for one of its tests
+        kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "NICEGUI"))}
+        command = [
+            sys.executable,
+            "-m",
+            "mckibben",
+            "serve",
+            "--no-open",
+            "--port",
+            "0",
+            "--folder",
+            str(folder),
+            *words,
+        ]
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=kept, cwd=folder.parent
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        if not self._line.wait(BEGINS) or "http://" not in self.said:
+            self.end()
+            raise AssertionError(f"the server did not begin: {self.said}")
+        self.address = next(w for w in self.said.split() if w.startswith("http://"))
+        parts = urlsplit(self.address)
+        self.url = f"{parts.scheme}://{parts.netloc}"
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.said += line
+            if "http://" in line:
+                self._line.set()
+        self._line.set()
+
+    def end(self) -> int:
+        """As Ctrl-C does; the exit code."""
+        self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(90.0)
+        finally:
+            self.process.kill()
+            self._reader.join(10.0)
+            assert self.process.stdout is not None
+            self.process.stdout.close()
