@@ -11,7 +11,6 @@ from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError
 from mckibben.experiments.library import protocol_names, shipped
 from mckibben.quantities import Quantity
-from mckibben.web.bench.again import again
 from mckibben.web.bench.dry import dry_run
 from mckibben.web.bench.faces import changed, faces
 from mckibben.web.bench.pace import Pace
@@ -333,27 +332,6 @@ def test_a_pace_halts_steps_and_goes_on():
     assert len(count) > 100
     with pytest.raises(InputError, match="known are"):
         pace.choose("warp")
-
-
-def test_what_failed_by_chance_is_tried_again_and_what_was_refused_is_not():
-    tries = []
-
-    def chance():
-        tries.append(1)
-        if len(tries) < 3:
-            raise SystemError("bad argument to internal function")
-        return "made"
-
-    def refused():
-        tries.append(1)
-        raise InputError("muscle", "x", "known are a, b")
-
-    assert again(chance) == "made" and len(tries) == 3
-    with pytest.raises(InputError):
-        again(refused)
-    assert len(tries) == 4
-    with pytest.raises(ZeroDivisionError):
-        again(lambda: 1 // 0)
 
 
 def test_a_long_line_is_thinned_without_its_extremes():

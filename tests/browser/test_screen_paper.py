@@ -74,7 +74,7 @@ def test_a_run_is_seen_by_all_and_what_was_computed_stays_when_it_is_stopped(vis
     page.locator("button.btn:visible", has_text="Stop").click()
     page.locator("button.btn:visible", has_text="Run all").wait_for(timeout=LONG)
     assert page.locator(f"{row(QUICK[0])}[data-value]").count() == 1
-    assert "stopped" in page.inner_text(".p-progress")
+    assert "rows are to come" in page.inner_text(".p-progress")
 
 
 def test_a_row_and_a_figure_that_there_are_not_are_refused(visit):

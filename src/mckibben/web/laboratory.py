@@ -30,6 +30,9 @@ class Machine(Protocol):
 
     stream: Stream
 
+    def begin(self) -> None:
+        """Get ready, in threads of its own."""
+
     def status(self) -> dict[str, Any]:
         """State, why, times: what the state block says."""
 
@@ -80,6 +83,10 @@ class Laboratory:
             "emergency_stop": self._emergency_stop, "ask_control": self._ask, "give_control": self._give,
             "keep_control": self._keep, "undo": self._undo, "toast": self._toast,
         }  # fmt: skip
+
+    def begin(self) -> None:
+        """Let the machine get ready."""
+        self.machine.begin()
 
     @property
     def version(self) -> tuple[int, int]:

@@ -44,6 +44,9 @@ def build(lab: Laboratory, host: str, port: int, token: str | None = None) -> Gu
 
     @contextlib.asynccontextmanager
     async def life(_: FastAPI) -> AsyncIterator[None]:
+        # Not before: NiceGUI looks through all objects of the interpreter when it begins, and a thread that makes a tuple of
+        # a generator meanwhile, as JAX's tracing does all the time, then fails with a SystemError.
+        lab.begin()
         ticking = asyncio.create_task(_tick(lab))
         try:
             yield

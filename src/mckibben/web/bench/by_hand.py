@@ -16,7 +16,6 @@ from ...bench.session import Session
 from ...errors import MckibbenError
 from ..control import HOLD
 from ..stream import Stream
-from .again import again
 from .columns import Columns
 from .pace import Pace
 
@@ -94,7 +93,7 @@ class ByHand:
 
     def _go(self) -> None:
         try:
-            session = again(lambda: Session(self.rig, self.muscle, speed=None, keep=2.0))
+            session = Session(self.rig, self.muscle, speed=None, keep=2.0)
         except MckibbenError as error:
             self.failed = f"by hand: {error}"
             self._news()

@@ -18,7 +18,6 @@ from ...quantities import with_unit
 from ...specimens import Specimen
 from ..shelf import Shelf
 from . import drawing
-from .again import again
 from .columns import factors
 from .dry import Dry, dry_run, laws
 from .faces import changed, faces
@@ -143,10 +142,10 @@ class Chosen:
         if number != self._number and not setup:
             return
         try:
-            unit = again(lambda: unit_from_specimen(self.spec))
+            unit = unit_from_specimen(self.spec)
             if setup:
                 self.parts = {**self.parts, "laws": self._laws(unit)}
-            dry = again(lambda: dry_run(self.protocol, self.spec, unit, self.rig))
+            dry = dry_run(self.protocol, self.spec, unit, self.rig)
         except MckibbenError as error:
             one = {"sentence": str(error), "path": "", "field": ""}
             dry = Dry(

@@ -19,7 +19,6 @@ from ...bench.software.emergency_stop import EmergencyStop
 from ...errors import InputError, MckibbenError
 from ...recordings.recording import Recording
 from ..stream import Stream
-from .again import again
 from .columns import Columns
 from .log import Log
 from .measure import of_cycle
@@ -125,7 +124,7 @@ class Going:
 
     def _go(self) -> None:
         try:
-            self.record = again(self._begun)
+            self.record = self._begun()
         except MckibbenError as error:
             self.error = str(error)
         except Exception as error:  # of a run that fails, no other thing of the laboratory may

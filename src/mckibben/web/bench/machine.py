@@ -45,6 +45,9 @@ class Bench:
         self._heard = 0
         self._closing: list[threading.Thread] = []
         self.console = PageConsole(self)
+
+    def begin(self) -> None:
+        """Make the first dry run and the machine by hand ready, in threads of their own."""
         self.chosen.begin()
         self._open()
 

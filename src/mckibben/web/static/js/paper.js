@@ -73,7 +73,7 @@ function summary () {
   const place = $('.p-sum'); if (!place || !fixed) return
   const n = fixed.rows.length; const done = Object.keys(state.outcomes).length; const running = state.wanted.length > 0
   const left = state.left === null || state.left === undefined ? '' : ` \u00b7 about ${state.left < 90 ? `${Math.max(5, Math.round(state.left / 5) * 5)}${TS}s` : `${Math.round(state.left / 60)}${TS}min`} left`
-  const words = running ? `running: ${escape(say(state.words))}${left}` : done === n ? 'every row is computed' : done ? 'stopped; what was computed stays' : 'nothing is computed yet; Run all takes minutes, for some rows need recordings of the simulated machine'
+  const words = running ? `running: ${escape(say(state.words))}${left}` : done === n ? 'every row is computed' : done ? `computed so far; ${n - done} rows are to come` : 'nothing is computed yet; Run all takes minutes, for some rows need recordings of the simulated machine'
   const count = k => fixed.rows.filter(r => kind(r) === k).length
   if (!place.querySelector('.p-progress')) {
     place.innerHTML = `<div class="p-progress"></div><div class="p-counts" role="group" aria-label="Show only">${Object.entries(NAMES).map(([k, w]) => `<button type="button" class="p-count" data-only="${k}"><span class="row">${sign(k)}<span class="n"></span></span><span>${w}</span></button>`).join('')}</div><div class="field s p-search"><input placeholder="Search rows" aria-label="Search rows" maxlength="80" value="${escape(view.search)}"><kbd>/</kbd></div>`
