@@ -16,12 +16,12 @@ from typing import Any
 from ...errors import LoweringError
 from .adjoint_memory import KEPT, Sums, Twin, side_by_side
 from .eliminate import Edges
-from .graph import Buffer, Graph, Loop, Node, Store
-from .partials import Active, is_zero, partials, product, total
+from .graph import Buffer, Loop, Node, Store
+from .partials import is_zero, partials, product, total
 from .program import Leaf, Program
-from .replay import Replay, Scope
+from .replay import Derived, Scope
 from .rewrite import rewritten
-from .schedule import Entry, schedule
+from .schedule import Entry
 from .tangents import check
 from .way_back import Shape
 
@@ -49,16 +49,9 @@ def adjoint(program: Program, places: Sequence[int], *, most: int = MOST) -> Pro
     return _Reverse(program, places, most).program()
 
 
-class _Reverse(Sums):
+class _Reverse(Derived, Sums):
     def __init__(self, program: Program, places: Sequence[int], most: int) -> None:
-        self.given, self.places = program, list(places)
-        self.old = rewritten(program.graph, lambda g, node, args: None, exact=False)
-        self.plan = schedule(self.old)
-        self.new = Graph(exact=False)
-        self.arguments = [b for b in self.old.buffers if b.role == "argument"]
-        self.active = Active(self.old, self.plan, {self.arguments[p] for p in places})
-        self.outer = Scope()
-        self.replay = Replay(self.old, self.plan, self.new, self.outer)
+        super().__init__(program, places)
         self.shape = Shape(self.plan, self.active)
         self.again = self.shape.again(most)
         self.tapes: dict[Any, tuple[Buffer, list[Loop], Loop]] = {}

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from .graph import Buffer, Graph, Loop, Node, Store
-from .schedule import Schedule
+from .partials import Active
+from .program import Program
+from .rewrite import rewritten
+from .schedule import Schedule, schedule
 
 Key = Node | tuple[Loop, int]  # what a loop leaves behind is known by loop and place
 
@@ -121,3 +125,22 @@ class Replay:
         """Write to the place of a store, in some buffer."""
         index = 0 if store.index is None else self.node(scope, store.index)
         self.new.store(buffer, index, value, scale=store.scale, offset=store.offset + offset, adds=adds)
+
+
+class Derived:
+    """A program's graph, looked over, and the new graph in which its derivatives are put.
+
+    Args:
+        program: what is differentiated.
+        places: of the arguments by which.
+    """
+
+    def __init__(self, program: Program, places: Sequence[int]) -> None:
+        self.given, self.places = program, list(places)
+        self.old = rewritten(program.graph, lambda g, node, args: None, exact=False)
+        self.plan = schedule(self.old)
+        self.new = Graph(exact=False)
+        self.arguments = [b for b in self.old.buffers if b.role == "argument"]
+        self.active = Active(self.old, self.plan, {self.arguments[p] for p in places})
+        self.outer = Scope()
+        self.replay = Replay(self.old, self.plan, self.new, self.outer)

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 
 from ...errors import InputError
 from .eliminate import Edges
-from .graph import Buffer, Graph, Loop, Node, Store
-from .partials import Active, is_zero, partials, product, total
+from .graph import Buffer, Loop, Node, Store
+from .partials import is_zero, partials, product, total
 from .program import Leaf, Program
-from .replay import Replay, Scope
+from .replay import Derived, Scope
 from .rewrite import rewritten
-from .schedule import Entry, schedule
+from .schedule import Entry
 
 
 def tangents(program: Program, places: Sequence[int], count: int) -> Program:
@@ -52,16 +52,10 @@ def check(program: Program, places: Sequence[int]) -> None:
             raise InputError(leaf.name, leaf.kind or "nothing", "only real numbers have derivatives")
 
 
-class _Forward:
+class _Forward(Derived):
     def __init__(self, program: Program, places: Sequence[int], count: int) -> None:
-        self.given, self.places, self.count = program, list(places), count
-        self.old = rewritten(program.graph, lambda g, node, args: None, exact=False)
-        self.plan = schedule(self.old)
-        self.new = Graph(exact=False)
-        self.arguments = [b for b in self.old.buffers if b.role == "argument"]
-        self.active = Active(self.old, self.plan, {self.arguments[p] for p in places})
-        self.outer = Scope()
-        self.replay = Replay(self.old, self.plan, self.new, self.outer)
+        super().__init__(program, places)
+        self.count = count
         self.twins: dict[tuple[Buffer, int], tuple[Buffer, int]] = {}
         self.changes: dict[tuple[Node, int], Node] = {}  # by old node and direction; ends by (loop, place)
         self.ends: dict[tuple[Loop, int], list[Node]] = {}
