@@ -1,9 +1,11 @@
-"""Files of TOML: read whole, or one clear line."""
+"""Files: read whole, or one clear line; written whole, or as they were."""
 
 from __future__ import annotations
 
 import os
+import secrets
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -52,3 +54,40 @@ def read_toml(path: str | os.PathLike[str], *, field: str = "file") -> dict[str,
         InputError: as `read_text` and `parse_toml`.
     """
     return parse_toml(read_text(path, field=field), where=os.fspath(path), field=field)
+
+
+def write_whole(path: str | os.PathLike[str], write: Callable[[Path], object], *, field: str = "file") -> Path:
+    """Let `write` make a file beside its place, and move it there when it is complete and on the disk.
+
+    A reader never meets half a file, and what stood there stays until then.
+
+    Args:
+        path: of the file.
+        write: makes a file at the path that it is given, which has the same ending.
+        field: what a complaint calls it.
+
+    Returns:
+        The path written.
+
+    Raises:
+        InputError: there is no such folder, or the file cannot be written.
+    """
+    path = Path(path)
+    if not path.absolute().parent.is_dir():
+        raise InputError(field, str(path), f"there is no folder {path.parent}")
+    part = path.with_name(f".{secrets.token_hex(4)}.part{path.suffix}")
+    try:
+        write(part)
+        with open(part, "rb+") as stream:
+            os.fsync(stream.fileno())
+        os.replace(part, path)
+    except OSError as error:
+        raise InputError(field, str(path), f"it cannot be written ({error.strerror or error})") from None
+    finally:
+        part.unlink(missing_ok=True)
+    return path
+
+
+def write_text(path: str | os.PathLike[str], text: str, *, field: str = "file") -> Path:
+    """Write a text in UTF-8, its lines ended as they are, as `write_whole` writes."""
+    return write_whole(path, lambda part: part.write_bytes(text.encode()), field=field)

@@ -5,6 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from mckibben.identification import fit
+from mckibben.muscles.braid import braid_of
 from mckibben.muscles.build import build_law, law_from_specimen
 from mckibben.recordings import ForceMap
 from mckibben.report.figures import fit_figures, hysteresis_figures, muscle_figures, style
@@ -29,7 +30,7 @@ def study() -> Study:
 
 def every_figure(study: Study) -> dict[str, Figure]:
     best, law = study.fits[0], law_from_specimen(specimen("nylon"), "ideal")
-    shape = muscle_figures.braid_of(law)
+    shape = braid_of(law)
     assert shape is not None
     x = np.concatenate([np.linspace(0, 0.01, 20), np.linspace(0.01, 0, 20)])
     loop = hysteresis_figures.Loop(x, 1e3 * x + np.sign(np.gradient(x)), "whole")

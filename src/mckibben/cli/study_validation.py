@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 def write_page(found: Validation, path: Path) -> list[Path]:
     """Write the page, and its figure beside it where there is a static data set; returns what was written."""
     from .. import __version__
+    from ..documents import write_text
     from ..studies.validation_page import page
 
     figure = path.with_name(f"{path.stem}-errors.svg")
@@ -26,7 +27,7 @@ def write_page(found: Validation, path: Path) -> list[Path]:
 
         style.save(errors_figure(found), figure)
     text = page(found, figure=figure.name if found.static else "", version=__version__)
-    path.write_text(text, encoding="utf-8", newline="\n")
+    write_text(path, text)
     return [path, figure] if found.static else [path]
 
 

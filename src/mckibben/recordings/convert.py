@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ..documents import write_whole
 from ..errors import InputError
 from .imports import Given, Imported, assembled
 from .matlab import matlab_names, read_matlab, write_matlab
@@ -24,7 +25,7 @@ from .mcap_foreign import columns_of
 from .parquet import read_parquet, write_parquet
 from .read_record import read_record
 from .recording import Recording
-from .store import CSV_HEAD, read_recording, save, write_whole
+from .store import CSV_HEAD, read_recording, save
 from .tdms import read_tdms, write_tdms
 
 _TEXTS = (".csv", ".txt", ".gz")
@@ -115,7 +116,7 @@ def write(recording: Recording, path: str | Path) -> list[str]:
     if suffix not in _WRITERS:
         save(recording, path)
         return []
-    write_whole(recording, path, _WRITERS[suffix])
+    write_whole(path, lambda part: _WRITERS[suffix](recording, part))
     if suffix == ".mat":
         names = zip(recording.channels, matlab_names(recording.channels), strict=True)
         changed = [(name, plain) for name, plain in names if name != plain]

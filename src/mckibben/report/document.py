@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Union
 
+from ..documents import write_whole
 from ..errors import InputError
 
 if TYPE_CHECKING:
@@ -255,8 +256,8 @@ class Document:
             InputError: the ending is another, the folder is not there, or what sets a PDF file is not installed.
         """
         place = checked_place(path)
-        place.write_bytes(self.pdf() if place.suffix == ".pdf" else self.html().encode("utf-8"))
-        return place
+        data = self.pdf() if place.suffix == ".pdf" else self.html().encode("utf-8")
+        return write_whole(place, lambda part: part.write_bytes(data), field="report")
 
 
 def checked_place(path: str | Path, *, field: str = "report") -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 import tomlkit
 
 from .. import __version__
+from ..documents import write_text
 from ..errors import ConvergenceError
 from ..identification import Fit
 from ..muscles.laws import law_type
@@ -47,9 +47,7 @@ def write_specimen(fits: list[Fit], like: Specimen | None, path: Path) -> None:
     if like is not None and like.properties:
         out["properties"] = {k: _plain(p.stated()) for k, p in like.properties.items()}
     out["laws"] = laws
-    whole = path.with_suffix(".toml.part")
-    whole.write_text(tomlkit.dumps(out), encoding="utf-8")
-    os.replace(whole, path)
+    write_text(path, tomlkit.dumps(out))
 
 
 def _law_table(f: Fit) -> Any:

@@ -56,9 +56,7 @@ class Folder:
             return make()
         found = make()
         if self.alive is None:
-            part = self.place / f"{name}.part.nc"
-            found.save(part)
-            os.replace(part, file)
+            found.save(file)
         return found
 
     def _claimed(self, name: str) -> bool:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 import secrets
 from collections.abc import Iterable
 from pathlib import Path
 
+from ..documents import write_whole
 from ..errors import InputError
 
 LARGEST = 200 * 2**20  # of an upload [B]
@@ -88,14 +88,7 @@ class Shelf:
         self.path(name)
         check_size(name, len(data), largest)
         self.ready()
-        path = self.path(self.free(name))
-        part = path.with_name(f".{secrets.token_hex(6)}.part")
-        try:
-            part.write_bytes(data)
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
-        return path
+        return write_whole(self.path(self.free(name)), lambda part: part.write_bytes(data))
 
     def rename(self, name: str, to: str) -> Path:
         """Give a file another name; the ending stays."""

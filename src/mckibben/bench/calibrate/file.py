@@ -31,7 +31,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...documents import read_toml
+from ...documents import read_toml, write_text
 from ...errors import InputError
 from ...experiments.words import Entry
 from ...recordings.calibration import DAY, SCHEMA, TERMS, Calibration, Correction
@@ -71,16 +71,7 @@ def write_calibration(calibration: Calibration, path: str | os.PathLike[str]) ->
     """
     import tomlkit
 
-    target = Path(path)
-    part = target.with_name(f".{target.name}.part")
-    try:
-        part.write_text(tomlkit.dumps(document(calibration)), encoding="utf-8")
-        os.replace(part, target)
-    except OSError as error:
-        raise InputError("calibration", str(path), f"it cannot be written ({error.strerror or error})") from None
-    finally:
-        part.unlink(missing_ok=True)
-    return target
+    return write_text(path, tomlkit.dumps(document(calibration)), field="calibration")
 
 
 def merged(path: Path, rig: str, found: Mapping[str, Correction], date: str) -> Calibration:

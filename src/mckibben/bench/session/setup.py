@@ -10,7 +10,6 @@ import jax.numpy as jnp
 from ...assembly.accounts import Accounts
 from ...assembly.build import unit_from_specimen
 from ...assembly.muscle_unit import MuscleUnit
-from ...engine import sampled
 from ...errors import InputError
 from ...experiments.amounts import CHANNELS, read_amount
 from ...experiments.dry_run import check
@@ -85,9 +84,8 @@ class Setup:
     def _simulated(self, speed: float | None) -> AtSpeed:
         own, timing = self._own, self.timing
         assert own is not None
-        carry = sampled.rest(own.plant, own.start, own.commands, timing.depth)
         machine = Ongoing(
-            own.plant, carry, own.rows, period=timing.period, inner=timing.inner, latency=timing.latency
+            own.plant, own.rested, own.rows, period=timing.period, inner=timing.inner, latency=timing.latency
         )  # fmt: skip
         return AtSpeed(machine, speed)
 

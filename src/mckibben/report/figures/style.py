@@ -28,6 +28,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from ...documents import write_text, write_whole
+
 INK, INK_2, INK_3 = "#14181b", "#454d51", "#5c6468"
 PANEL, GRID, RULE, SUNKEN = "#fcfcfa", "#e6e8e4", "#d9dcd7", "#e9ebe7"
 CAUTION = "#8a5a00"
@@ -345,7 +347,7 @@ def save(fig: Figure, path: str | Path, *, dpi: float = 100.0) -> None:
         dpi: pixels per inch of a PNG file.
     """
     if Path(path).suffix == ".svg":
-        Path(path).write_text(to_svg(fig), encoding="utf-8", newline="\n")
+        write_text(path, to_svg(fig))
         return
     with styled():
-        fig.savefig(path, dpi=dpi, metadata={"Software": None})
+        write_whole(path, lambda part: fig.savefig(part, dpi=dpi, metadata={"Software": None}))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+from ....documents import write_text
 from ....errors import InputError
 from ...parts import box, button, download, link, refused, tell, text, upload
 from ...shelf import Shelf
@@ -115,7 +116,7 @@ def save(face: Face) -> None:
 def _store(shelf: Shelf, name: str, words: str) -> None:
     path = shelf.path(f"{name}.toml")
     shelf.ready()
-    path.write_text(words, encoding="utf-8")
+    write_text(path, words)
 
 
 def waveform(face: Face) -> None:

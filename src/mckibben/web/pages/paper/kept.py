@@ -37,9 +37,7 @@ class Kept(Folder):
                 continue
             try:
                 found = make()
-                part = self.place / f"{name}.{os.getpid()}.part.nc"
-                found.save(part)
-                os.replace(part, file)
+                found.save(file)
                 return found
             finally:
                 claim.unlink(missing_ok=True)

@@ -233,7 +233,8 @@ class View:
     def _picture(self, name: str) -> None:
         all_ = self.all
         if name in all_.pictures:
-            raw(all_.pictures[name].svg, "div", "p-svg")
+            # wider than a phone: who has no mouse scrolls it by the arrows
+            raw(all_.pictures[name].svg, "div", "p-svg").props('tabindex=0 role=group aria-label="The figure"')
         elif name in all_.refused:
             refused(f"{self.figures[name].title}: {all_.refused[name]}")
             button("Draw it", lambda: self.again(name))

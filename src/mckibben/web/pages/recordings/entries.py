@@ -39,7 +39,7 @@ class Entry:
         created: when [s since the epoch].
         duration: [s].
         size: of the file [B].
-        sign: ``check``, ``caution`` or ``stop``.
+        sign: ``check``, ``caution`` or ``stop``; none where somebody ended it.
         said: what is to be known.
         notes: a person's.
         thumb: an SVG.
@@ -161,7 +161,9 @@ def _sign(meta: Mapping[str, Any]) -> tuple[str, str]:
     from ....report.words import is_number, mapping, significant
 
     if str(meta.get("result", "done")) != "done":
-        return "stop", str(meta.get("message") or meta.get("result"))
+        events = meta.get("events")
+        ended = mapping(events[-1]).get("code") if isinstance(events, list) and events else None
+        return "" if ended == "stop" else "stop", str(meta.get("message") or meta.get("result"))
     warnings = meta.get("warnings")
     told = [str(mapping(w).get("text", w)) for w in warnings] if isinstance(warnings, list) else []
     told += saturation(meta)
