@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import csv
 import io
-import os
-import secrets
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..documents import write_whole
 from ..errors import InputError
 from .meta import to_json
 from .outside import read_outside, seal, sealed
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
 
 BROKEN_SEAL = "The file is not as it was written: it is damaged, or another program changed it."
 CSV_HEAD = "# mckibben recording"
-# What h5py and xarray raise on files that are no netCDF, or broken.
+# What h5py and h5netcdf raise on files that are no netCDF, or broken.
 _BROKEN = (OSError, ValueError, KeyError, RuntimeError, TypeError, AttributeError)
 
 
@@ -43,24 +42,8 @@ def save(recording: Recording, path: str | Path) -> Path:
         InputError: the suffix is unknown, or the file cannot be written.
     """
     path = Path(path)
-    return write_whole(recording, path, _known(path, _WRITERS))
-
-
-def write_whole(recording: Recording, path: Path, write: Callable[[Recording, Path], object]) -> Path:
-    """Let `write` make a file beside its place, and move it there when it is complete and on the disk."""
-    if not path.absolute().parent.is_dir():
-        raise InputError("file", str(path), f"there is no folder {path.parent}")
-    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
-    try:
-        write(recording, part)
-        with open(part, "rb+") as stream:
-            os.fsync(stream.fileno())
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError("file", str(path), f"it cannot be written ({error.strerror or error})") from None
-    finally:
-        part.unlink(missing_ok=True)
-    return path
+    write = _known(path, _WRITERS)
+    return write_whole(path, lambda part: write(recording, part))
 
 
 def read_recording(path: str | Path) -> Recording:
@@ -85,53 +68,82 @@ def as_dataset(recording: Recording) -> xarray.Dataset:
     """The recording as an xarray dataset: coordinate ``time`` [s], a variable per channel, the meta as attributes."""
     import xarray as xr
 
-    variables = {
-        name: ("time", c.values, {"units": c.unit, "long_name": c.meaning or name, "kind": c.kind})
-        for name, c in recording.channels.items()
-    }
-    time = ("time", recording.time, {"units": "s", "long_name": "time"})
+    file = _netcdf(recording)
+    variables = {name: (v.dims, v.values, v.attrs) for name, v in file.variables.items()}
+    return xr.Dataset(variables, coords={"time": variables.pop("time")}, attrs=file.attrs)
+
+
+class Variable(NamedTuple):
+    """A variable of a netCDF file: names of its dimensions, its numbers, and its attributes."""
+
+    dims: tuple[str, ...]
+    values: np.ndarray
+    attrs: dict[str, Any]
+
+
+class NetCDF(NamedTuple):
+    """What a netCDF file has."""
+
+    variables: dict[str, Variable]
+    attrs: dict[str, Any]
+
+
+def _netcdf(recording: Recording) -> NetCDF:
+    """What a recording is as one."""
+    variables = {"time": Variable(("time",), recording.time, {"units": "s", "long_name": "time"})}
+    for name, c in recording.channels.items():
+        variables[name] = Variable(
+            ("time",), c.values, {"units": c.unit, "long_name": c.meaning or name, "kind": c.kind}
+        )
     # Title and date once more in plain words, for whoever looks into the file with another program.
     plain = {key: recording.meta[key] for key in ("title", "created") if _is_line(recording.meta.get(key))}
-    attributes = {**plain, "schema": SCHEMA, "meta": to_json(recording.meta)}
-    return xr.Dataset(variables, coords={"time": time}, attrs=attributes)
+    return NetCDF(variables, {**plain, "schema": SCHEMA, "meta": to_json(recording.meta)})
 
 
 def _write_netcdf(recording: Recording, path: Path) -> None:
-    dataset = as_dataset(recording)
-    # Nothing is missing: without this, xarray marks every NaN as a hole.
-    dataset.to_netcdf(path, engine="h5netcdf", encoding={name: {"_FillValue": None} for name in dataset.variables})
+    # Not by xarray, which takes two seconds to be there: a command that saves a recording would take twice as long.
+    import h5netcdf
+
+    whole = _netcdf(recording)
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"time": recording.time.size}
+        file.attrs.update(whole.attrs)
+        for name, variable in whole.variables.items():
+            made = file.create_variable(name, variable.dims, data=variable.values)
+            made.attrs.update(variable.attrs)
     seal(path)
 
 
-def loaded(path: str | Path) -> xarray.Dataset:
+def loaded(path: str | Path) -> NetCDF:
     """A netCDF file as it is."""
-    import xarray as xr
+    import h5netcdf
 
-    with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as opened:
-        return opened.load()
+    with h5netcdf.File(path, "r", decode_vlen_strings=True) as file:
+        variables = {n: Variable(tuple(v.dimensions), v[...], dict(v.attrs)) for n, v in file.variables.items()}
+        return NetCDF(variables, dict(file.attrs))
 
 
 def _read_netcdf(path: Path) -> Recording:
     whole = sealed(path)
     try:
-        dataset = loaded(path) if whole else read_outside(loaded, path)
+        file = loaded(path) if whole else read_outside(loaded, path)
     except _BROKEN as error:
         raise InputError("file", "unreadable", f"allowed is a netCDF file ({one_line(error)})") from None
-    check_schema(dataset.attrs.get("schema"))
-    meta = parsed(dataset.attrs.get("meta"), "meta")
+    check_schema(file.attrs.get("schema"))
+    meta = parsed(file.attrs.get("meta"), "meta")
     channels: dict[str, Channel] = {}
-    for name, variable in dataset.variables.items():
+    for name, variable in file.variables.items():
         if variable.dims != ("time",):
             raise InputError(f"variable {name}", f"over {variable.dims}", "allowed is the dimension time")
         if name != "time":
             of = {key: str(variable.attrs.get(key, "")) for key in ("units", "kind", "long_name")}
             meaning = "" if of["long_name"] == name else of["long_name"]
             channels[str(name)] = Channel(variable.values, of["units"], of["kind"], meaning)
-    if "time" not in dataset.variables:
+    if "time" not in file.variables:
         raise InputError("time", "no variable", "a recording has the coordinate time")
     if whole is False:
         meta = {**meta, "warnings": [*meta.get("warnings", ()), BROKEN_SEAL]}
-    return Recording(dataset["time"].values, channels, meta)
+    return Recording(file.variables["time"].values, channels, meta)
 
 
 def _write_csv(recording: Recording, path: Path) -> None:
