@@ -18,8 +18,9 @@ from mckibben.assembly.build import unit_from_specimen
 from mckibben.components import Module, Scalar, field
 from mckibben.components.system import System
 from mckibben.engine import held, program_key, programs, step
+from mckibben.engine.integration import _outputs, compiled_march
 from mckibben.engine.lowering import disk, from_jax
-from mckibben.engine.native import _outputs, compiled, compiled_march
+from mckibben.engine.native import compiled
 from mckibben.muscles.elements import Tendon
 from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
 from mckibben.pneumatics.volume import MovingVolume

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
+
 from ..engine import Run
+from ..engine.native import called
 from ..muscles.stored import stored_change
 from ..pneumatics.exergy import stored_exergy
 from .machine import Machine
@@ -55,60 +58,87 @@ def accounts(
     """
     (begin, memory), end = start, run.state
     flow = {k: float(v) for k, v in run.integrals.items()}
-    seen = [machine.with_lengths(s, i) for s, i in ((begin, first), (end, last))]
-    (mass, before), (mass_after, after) = (
-        machine.joined.stored(s["circuit"], i) for s, i in zip((begin, end), seen, strict=True)
+    before, after = (
+        _Held(*map(float, called(_held, machine, state, z, dict(inputs))))
+        for state, z, inputs in ((begin, memory, first), (end, run.memory, last))
     )
-    room = [
-        sum(float(v.value) for v in machine.joined.volumes(s["circuit"], i).values())
-        for s, i in zip((begin, end), seen, strict=True)
-    ]
-    worth = [
-        stored_exergy(machine.joined, s["circuit"], i, machine.environment)
-        for s, i in zip((begin, end), seen, strict=True)
-    ]
-    taken, dissipated = (_ledger(run.memory, what) - _ledger(memory, what) for what in ("work", "dissipated"))
+    more = _Held(*(b - a for a, b in zip(before, after, strict=True)))
+    ambient = float(machine.environment.pressure_abs)
     got = Gained(
-        gas=after - before,
-        gas_exergy=worth[1] - worth[0],
+        gas=more.gas,
+        gas_exergy=more.exergy,
         muscle=sum(_muscle_energy(machine, name, begin, end) for name in machine.units),
-        tendon=_of_units(machine, end, last) - _of_units(machine, begin, first),
-        load=float(machine.load.stored_energy(end["load"]) - machine.load.stored_energy(begin["load"])),
-        friction=taken,
-        dissipated=dissipated,
+        tendon=more.tendon,
+        load=more.load,
+        friction=more.friction,
+        dissipated=more.dissipated,
         # The atmosphere takes P0 dV of what the gas does in the muscles; other walls are moved from outside.
-        lifted=sum(_atmosphere(machine, name, begin, end) for name in machine.units),
-        swollen=float(machine.environment.pressure_abs) * (room[1] - room[0]),
+        lifted=ambient * more.muscles,
+        swollen=ambient * more.room,
     )
     moving = got.tendon + got.load
     entered = flow["enthalpy"] + flow["heat"] + flow["shaft"] - (flow["work"] - flow["muscle_work"])
     # With closed valves no enthalpy crosses the border, and the work in the muscles is what there is.
     crossed = max(flow["enthalpy_turnover"], flow["exchanged"], LEAST)
-    whole = got.gas + got.muscle + got.lifted + moving + taken - entered - flow["outside"] + flow["lost"]
+    whole = got.gas + got.muscle + got.lifted + moving + got.friction - entered - flow["outside"] + flow["lost"]
     parts = where_it_went(machine, flow, got)
     return Accounts(
-        mass=abs(mass_after - mass - flow["mass"]) / max(flow["mass_turnover"], mass),
+        mass=abs(more.mass - flow["mass"]) / max(flow["mass_turnover"], before.mass),
         gas=abs(got.gas - entered + flow["muscle_work"]) / crossed,
         muscle=abs(got.muscle - flow["braid"] - flow["filling"]) / max(flow["exchanged"], LEAST),
-        mechanics=abs(moving + taken - (flow["outside"] - flow["lost"] - flow["braid"]))
+        mechanics=abs(moving + got.friction - (flow["outside"] - flow["lost"] - flow["braid"]))
         / max(flow["exchanged"] + flow["outside_turnover"], LEAST),
         energy=abs(whole) / (crossed + flow["outside_turnover"]),
-        friction=taken,
-        dissipated=dissipated,
+        friction=got.friction,
+        dissipated=got.dissipated,
         exergy=abs(parts.exergy.remainder) / max(parts.exergy.throughput, LEAST),
         energy_parts=parts,
     )
 
 
-def _ledger(memory: Any, what: str) -> float:
-    return sum(float(getattr(led, what)) for parts in memory["muscles"].values() for led in parts.values())
+class _Held(NamedTuple):
+    """What a machine has in a state.
+
+    Attributes:
+        mass: of all gas [kg].
+        gas: its internal energy [J].
+        exergy: of it [J].
+        tendon: energy of end masses and tendons [J].
+        load: energy of the load [J].
+        friction: work that friction and creep took until then [J].
+        dissipated: what they turned into heat of it [J].
+        room: volume of all gas [m^3].
+        muscles: volume of the braids [m^3].
+    """
+
+    mass: Any
+    gas: Any
+    exergy: Any
+    tendon: Any
+    load: Any
+    friction: Any
+    dissipated: Any
+    room: Any
+    muscles: Any
 
 
-def _atmosphere(machine: Machine, name: str, start: Any, end: Any) -> float:
-    """Work done on the surroundings by a muscle that swells [J]."""
-    law = machine.units[name].law
-    v0, v1 = (float(law.braid_volume(s["muscles"][name].length, machine.gauge(s, name))) for s in (start, end))
-    return float(machine.environment.pressure_abs) * (v1 - v0)
+def _held(machine: Machine, state: Any, memory: Any, inputs: dict[str, Any]) -> _Held:
+    circuit, seen, units = state["circuit"], machine.with_lengths(state, inputs), machine.units
+    mass, energy = machine.joined.stored(circuit, seen)
+    spans = machine.load.spans(state["load"], inputs)
+    kept = [ledger for parts in memory["muscles"].values() for ledger in parts.values()]
+    own = state["muscles"]
+    return _Held(
+        mass,
+        energy,
+        stored_exergy(machine.joined, circuit, seen, machine.environment),
+        sum(u.kinetic_and_elastic(own[n], spans[n].span) for n, u in units.items()),
+        machine.load.stored_energy(state["load"]),
+        sum((ledger.work for ledger in kept), jnp.zeros(())),
+        sum((ledger.dissipated for ledger in kept), jnp.zeros(())),
+        sum(v.value for v in machine.joined.volumes(circuit, seen).values()),
+        sum(u.law.braid_volume(own[n].length, machine.gauge(state, n)) for n, u in units.items()),
+    )
 
 
 def _muscle_energy(machine: Machine, name: str, start: Any, end: Any) -> float:
@@ -118,9 +148,3 @@ def _muscle_energy(machine: Machine, name: str, start: Any, end: Any) -> float:
         (float(s["muscles"][name].length), float(s["circuit"]["pressure"][name]) - ambient) for s in (start, end)
     )
     return stored_change(machine.units[name].law, first, last)
-
-
-def _of_units(machine: Machine, state: Any, inputs: Mapping[str, Any]) -> float:
-    """Energy of end masses and tendons [J]."""
-    spans = machine.load.spans(state["load"], inputs)
-    return sum(float(u.kinetic_and_elastic(state["muscles"][n], spans[n].span)) for n, u in machine.units.items())

@@ -116,7 +116,7 @@ class Kernels:
         self.kind = kind
         self._leaves = tuple(None if s else 0 for s in kind.shared)
         self._rows = 0 if kind.seeds else None
-        self._native: Compiled | None = None
+        self._native: dict[bool, Compiled] = {}  # by whether the method is the stiff one
         self._begin = jax.jit(jax.vmap(self._begin_lane, in_axes=(self._leaves, None, 0)))
         self._count = jax.jit(jax.vmap(self._counted_lane, in_axes=(self._leaves, 0, -1, None)))
         self._by_xla = jax.jit(self._all, static_argnums=(6,))
@@ -130,7 +130,7 @@ class Kernels:
         self, leaves: Sequence[Any], carry: Any, sums: Any, rows: Any, *, period: float, inner: int, stiff: bool
     ) -> tuple[Any, Any, Seen]:
         """A chunk of samples of every lane: the carry and the tally afterwards, and what was seen."""
-        native = None if stiff else self._lowered(leaves, carry, rows, period, inner)
+        native = self._lowered(leaves, carry, rows, period, inner, stiff)
         if native is None:
             after, new, seen = self._by_xla(tuple(leaves), carry, sums, rows, period, inner, stiff)
         else:
@@ -143,17 +143,20 @@ class Kernels:
         """A lane, or many, as the tree that it is."""
         return _tree(self.kind, leaves)
 
-    def _lowered(self, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int) -> Compiled | None:
+    def _lowered(
+        self, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int, stiff: bool
+    ) -> Compiled | None:
         """The native kernel; None where there is none, and XLA has to do."""
-        if self.kind.engine != "xla" and self._native is None:
+        if self.kind.engine != "xla" and stiff not in self._native:
             one = tuple(x if s else x[0] for x, s in zip(leaves, self.kind.shared, strict=True))
             row = jax.tree.map(lambda x: x[0], rows) if self.kind.seeds else rows
             first = jax.tree.map(lambda x: x[0], carry)
-            self._native = compiled(
-                functools.partial(physics, self.kind._replace(engine="", threads=0), stiff=False),
+            self._native[stiff] = compiled(
+                functools.partial(physics, self.kind._replace(engine="", threads=0), stiff=stiff),
                 one, first, row, np.float64(period), np.int64(inner), engine=self.kind.engine, title="a lane of a batch",
             )  # fmt: skip
-        return self._native if self._native is not None and self._native.engine != "xla" else None
+        found = self._native.get(stiff)
+        return found if found is not None and found.engine != "xla" else None
 
     def _called(
         self, native: Compiled, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int

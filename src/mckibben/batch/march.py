@@ -16,14 +16,11 @@ import numpy as np
 
 from ..bench.part import Draws
 from ..bench.source import AFTER_STOP, CHUNK
-from ..engine.integration import MOST_PARTS, ROS2_LIMIT
-from ..engine.rates import RK4_LIMIT
-from ..engine.sampled import MOST_BLIND, MOST_SPLIT
+from ..engine.sampled import Steps
 from . import tally
 from .kernels import Kernels, Seen
 from .outcome import Outcome
 
-ROUNDING = 1.0 + 1e-9
 LEAST_LANES = 8  # of a call: fewer cost as much
 
 
@@ -120,24 +117,23 @@ def _chunk(
 ) -> tuple[Any, Any, Seen]:  # fmt: skip
     """A chunk of all lanes, those that need it with shorter steps; what failed is added to `failed`."""
     after, new, seen = kernels.march(leaves, carry, sums, row, period=period, inner=inner, stiff=False)
-    todo = {(1, False): np.flatnonzero(sums.going)}
+    todo = {Steps(): np.flatnonzero(sums.going)}
     found: Seen = seen
     while todo:
-        (split, stiff), lanes = todo.popitem()
-        if (split, stiff) != (1, False):
+        steps, lanes = todo.popitem()
+        if steps != Steps():
             some, at = _few(lanes)
             own = [x if s else x[some] for x, s in zip(leaves, kernels.kind.shared, strict=True)]
             mine, sub = jax.tree.map(lambda x: x[some], (carry, sums))  # noqa: B023
             theirs = jax.tree.map(lambda x: x[some], row) if kernels.kind.seeds else row  # noqa: B023
-            again = kernels.march(own, mine, sub, theirs, period=period, inner=inner * split, stiff=stiff)
+            again = kernels.march(own, mine, sub, theirs, period=period, inner=inner * steps.split, stiff=steps.stiff)
             after, new, found = (
                 jax.tree.map(lambda x, y: _put(x, lanes, y[at]), old, got)  # noqa: B023
                 for old, got in zip((after, new, found), again, strict=True)
             )
         for lane in lanes:
             fastest, sound = float(found.fastest[lane]), bool(found.sound[lane])
-            h = period / (inner * split)
-            verdict = _verdict(fastest, sound, bool(found.finite[lane]), h, period / inner, split, stiff)
+            verdict = _verdict(fastest, sound, bool(found.finite[lane]), period / inner, steps)
             if isinstance(verdict, Failed):
                 failed[int(lane)] = verdict
                 new.going[lane] = False
@@ -146,26 +142,20 @@ def _chunk(
     return after, new, found
 
 
-def _verdict(
-    fastest: float, sound: bool, finite: bool, h: float, whole: float, split: int, stiff: bool
-) -> None | Failed | tuple[int, bool]:
-    """Whether a chunk was done with steps that are short enough; else into how many parts, and by which method."""
-    short = fastest * h <= (ROS2_LIMIT if stiff else RK4_LIMIT) * ROUNDING
-    if short and sound:
-        return None
-    if short:
+def _verdict(fastest: float, sound: bool, finite: bool, usual: float, steps: Steps) -> None | Failed | Steps:
+    """Whether a chunk was done with steps that are short enough; else which ones to try."""
+    h = usual / steps.split
+    if steps.short(fastest, usual):
+        if sound:
+            return None
         outcome = Outcome.IMPOSSIBLE if finite else Outcome.NOT_FINITE
         return Failed(outcome, f"{outcome.sentence} The steps were of {h:.3g} s.")
-    known = math.isfinite(fastest)
-    if split >= (MOST_PARTS if known else MOST_BLIND):
-        if not known and not finite:
-            return Failed(Outcome.NOT_FINITE, f"{Outcome.NOT_FINITE.sentence} The steps were of {h:.3g} s.")
+    shorter = steps.shorter(fastest, usual)
+    if shorter is None and not math.isfinite(fastest) and not finite:
+        return Failed(Outcome.NOT_FINITE, f"{Outcome.NOT_FINITE.sentence} The steps were of {h:.3g} s.")
+    if shorter is None:
         return Failed(Outcome.TOO_STIFF, f"{Outcome.TOO_STIFF.sentence} It has {fastest:.3g} 1/s, the step {h:.3g} s.")
-    explicit = math.ceil(fastest * whole / RK4_LIMIT) if known else 2 * split
-    if not stiff and explicit <= MOST_SPLIT:
-        return max(explicit, split + 1), False
-    wanted = math.ceil(fastest * whole / ROS2_LIMIT) if known else 2 * split
-    return min(max(wanted, split + 1 if stiff else 1), MOST_PARTS), True
+    return shorter
 
 
 def _few(lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ import numpy as np
 from ..assembly.accounts import Accounts, accounts
 from ..assembly.muscle_unit import MuscleUnit
 from ..engine import sampled
+from ..engine.native import called
 from ..errors import InputError
 from .hardware.in_process import SimulatedMachine
 from .prepare import Bench, Part
@@ -65,12 +66,14 @@ class PartMachine:
 
     def carry(self, software: BenchSoftware) -> sampled.Carry:
         """What goes into the first sample of a simulation with some software."""
-        return sampled.with_software(self.plant, software, self.rested, self.rows.first())
+        found: sampled.Carry = called(sampled.with_software, self.plant, software, self.rested, self.rows.first())
+        return found
 
     @functools.cached_property
     def rested(self) -> sampled.Carry:
         """The machine where the part begins, commanded by nobody."""
-        return sampled.rest(self.plant, self.start, self.commands, self.timing.depth)
+        found: sampled.Carry = called(sampled.rest, self.plant, self.start, self.commands, depth=self.timing.depth)
+        return found
 
     def at_border(self, ahead: float = 0.0) -> SimulatedMachine:
         """The machine behind the hardware border; for `ahead` [s] all draws are made before it begins."""
@@ -89,7 +92,8 @@ class PartMachine:
         """The accounts from the start, or from what was then, until now."""
         timing = self.timing
         begun = self.rested if begun is None else begun
-        first, last = (sampled.inputs_of(self.plant, c, timing.latency, timing.period) for c in (begun, carry))
+        at = timing.latency, timing.period
+        first, last = (called(sampled.inputs_of, self.plant, c, *at) for c in (begun, carry))
         sums = jax.tree.map(lambda end, begin: end - begin, carry.integrals, begun.integrals)
         ended: Any = _Ended(carry.state["machine"], carry.memory, sums)
         return accounts(self.machine, (begun.state["machine"], begun.memory), ended, first, last)
@@ -117,7 +121,7 @@ class Draws:
 
     def first(self) -> dict[str, Any]:
         """Of a sample without noise."""
-        zero = jnp.zeros(())
+        zero = np.zeros(())
         return {"draws": dict.fromkeys(self.names, zero), "lost": dict.fromkeys(self.lost, zero)}
 
     def next(self) -> dict[str, Any]:

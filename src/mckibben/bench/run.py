@@ -240,7 +240,10 @@ class Run:
         """Say what stopped the machine at a sample of a chunk."""
         i = min(at, len(seen.shown["code"]) - 1)
         when, code = self.time + i * self.timing.period, int(seen.shown["code"].max())
-        if code == Trip.EMERGENCY_STOP:
+        name = Trip(code).name.lower() if code else "missed"
+        if code == Trip.EMERGENCY_STOP and getattr(self.stop, "ordinary", False):
+            name, self.message = "stop", f"stopped at {when:.6g} s: {getattr(self.stop, 'reason', '')}; vented"
+        elif code == Trip.EMERGENCY_STOP:
             reason = getattr(self.stop, "reason", "") or "asked to"
             self.message = f"emergency stop at {when:.6g} s: {reason}; stopped and vented"
         elif code > 0:
@@ -253,7 +256,7 @@ class Run:
             waited = step.count * self.timing.period
             self.message = f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
         self.result = "stopped"
-        self.events.append({"time": when, "text": self.message, "code": Trip(code).name.lower() if code else "missed"})
+        self.events.append({"time": when, "text": self.message, "code": name})
         self.keeper.remark(self.message, when)
 
 

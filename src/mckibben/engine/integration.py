@@ -7,7 +7,8 @@ sentence; a single run raises on it, a batch never does.
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+import functools
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -16,6 +17,7 @@ import numpy as np
 
 from ..components.system import System
 from ..errors import ConvergenceError, InputError
+from .native import Compiled, called, compiled
 from .rates import RK4_LIMIT, fastest_rate
 from .signals import Signal
 from .step import nothing, outputs_of, step
@@ -143,8 +145,8 @@ def _plan(rate: float, h: float, method: str) -> _Plan:
 def _run(
     system: System, state: Any, memory: Any, signals: Any, period: float, inner: int, samples: int, stiff: bool
 ) -> Any:
-    carry, kept = _compiled(system, state, memory, signals, period, inner, samples, stiff)
-    return jax.tree.map(np.asarray, carry), jax.tree.map(np.asarray, kept)
+    given = system, state, memory, signals, np.float64(period), np.int64(inner)  # the number of steps is tried out
+    return called(march, *given, samples=samples, stiff=stiff)
 
 
 def march(
@@ -186,7 +188,51 @@ def march(
     return carry, jax.tree.map(lambda many, one: jnp.concatenate([many, jnp.asarray(one)[None]]), kept, end)
 
 
-_compiled = jax.jit(march, static_argnums=(6, 7))  # not the number of steps, which is tried out
+def compiled_march(
+    system: Any, state: Any, memory: Any, signals: Mapping[str, Any], *, period: float, inner: int, stiff: bool = False,
+    outputs: Sequence[str] | None = None, engine: str = "auto",
+) -> Compiled:  # fmt: skip
+    """The run of a system, called with (system, state, memory, signals); see `march`.
+
+    Args:
+        system: an example, as the next three; parameters, states and signals are arguments of the run.
+        state: continuous state at the start.
+        memory: memory at the start.
+        signals: inputs by name, whose length says how many samples there are.
+        period: of the samples [s].
+        inner: steps per sample.
+        stiff: use the Rosenbrock method.
+        outputs: names of the outputs that are wanted, all where left out: what nobody asks for is not computed.
+        engine: see `native.compiled`.
+
+    Returns:
+        What returns the outputs by name, each (samples + 1, lanes).
+    """
+    samples = min(len(s.values) for s in signals.values()) - 1
+    wanted = None if outputs is None else tuple(outputs)
+    function = functools.partial(_outputs, period=period, inner=inner, samples=samples, stiff=stiff, outputs=wanted)
+    return compiled(function, system, state, memory, dict(signals), engine=engine, title=type(system).__name__)
+
+
+def _outputs(
+    system: Any,
+    state: Any,
+    memory: Any,
+    signals: Any,
+    *,
+    period: float,
+    inner: int,
+    samples: int,
+    stiff: bool,
+    outputs: Any,
+) -> dict[str, Any]:
+    _, kept = march(system, state, memory, signals, period, inner, samples, stiff, integrals=False)
+    if outputs is None:
+        return dict(kept[2])
+    for name in outputs:
+        if name not in kept[2]:
+            raise InputError("outputs", name, f"known are {', '.join(kept[2])}")
+    return {name: kept[2][name] for name in outputs}
 
 
 def _inputs(signals: Any, index: Any, share: Any, period: Any) -> dict[str, Any]:

@@ -4,13 +4,13 @@
     results = run(*trees)                           # like function(*trees)
     results = run(*trees, lanes=1024)               # a leaf with one axis more than its example, the last, is given per lane
 
-`compiled_march` does that for a system's run. Lanes are the last axis of arguments and results, in both engines.
+`integration.compiled_march` does that for a system's run. Lanes are the last axis of arguments and results, in both engines.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 import jax
@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError, LoweringError, MissingDataError
-from .integration import march
+from .lowering.graph import growing
 from .lowering.machine_code import llvm
 from .lowering.program import Program
 from .programs import program
@@ -122,6 +122,7 @@ class Compiled:
         return self._mapped[axes, lanes]
 
 
+@growing()
 def compiled(function: Callable[..., Any], *examples: Any, engine: str = "auto", title: str = "") -> Compiled:
     """A JAX function ready to run on one lane or many.
 
@@ -146,65 +147,22 @@ _called: dict[Any, Compiled] = {}
 MOST_CALLED = 64  # functions with the structures of their arguments that are remembered
 
 
-def called(function: Callable[..., Any], *trees: Any) -> Any:
+def called(function: Callable[..., Any], *trees: Any, mode: str = "default", **fixed: Hashable) -> Any:
     """What a function returns, compiled when it is first called with trees of this structure and these shapes.
 
     Args:
         function: a module's own, of trees.
         *trees: what it is called with.
+        mode: of the native engine, see `lowering.program.Program`.
+        **fixed: more arguments, which fix its structure.
     """
     leaves, structure = jax.tree.flatten(trees)
-    known = function, structure, tuple((np.shape(leaf), getattr(leaf, "dtype", type(leaf))) for leaf in leaves)
+    kinds = tuple((np.shape(leaf), getattr(leaf, "dtype", type(leaf))) for leaf in leaves)
+    known = function, tuple(fixed.items()), structure, kinds
     run = _called.get(known)
     if run is None:
         if len(_called) >= MOST_CALLED:
-            _called.pop(next(iter(_called)))
-        run = _called[known] = compiled(function, *trees, title=function.__name__)
-    return run(*trees)
-
-
-def compiled_march(
-    system: Any, state: Any, memory: Any, signals: Mapping[str, Any], *, period: float, inner: int, stiff: bool = False,
-    outputs: Sequence[str] | None = None, engine: str = "auto",
-) -> Compiled:  # fmt: skip
-    """The run of a system, called with (system, state, memory, signals); see `engine.march`.
-
-    Args:
-        system: an example, as the next three; parameters, states and signals are arguments of the run.
-        state: continuous state at the start.
-        memory: memory at the start.
-        signals: inputs by name, whose length says how many samples there are.
-        period: of the samples [s].
-        inner: steps per sample.
-        stiff: use the Rosenbrock method.
-        outputs: names of the outputs that are wanted, all where left out: what nobody asks for is not computed.
-        engine: see `compiled`.
-
-    Returns:
-        What returns the outputs by name, each (samples + 1, lanes).
-    """
-    samples = min(len(s.values) for s in signals.values()) - 1
-    wanted = None if outputs is None else tuple(outputs)
-    function = functools.partial(_outputs, period=period, inner=inner, samples=samples, stiff=stiff, outputs=wanted)
-    return compiled(function, system, state, memory, dict(signals), engine=engine, title=type(system).__name__)
-
-
-def _outputs(
-    system: Any,
-    state: Any,
-    memory: Any,
-    signals: Any,
-    *,
-    period: float,
-    inner: int,
-    samples: int,
-    stiff: bool,
-    outputs: Any,
-) -> dict[str, Any]:
-    _, kept = march(system, state, memory, signals, period, inner, samples, stiff, integrals=False)
-    if outputs is None:
-        return dict(kept[2])
-    for name in outputs:
-        if name not in kept[2]:
-            raise InputError("outputs", name, f"known are {', '.join(kept[2])}")
-    return {name: kept[2][name] for name in outputs}
+            _called.pop(next(iter(_called)), None)
+        made = functools.partial(function, **fixed) if fixed else function
+        run = _called[known] = compiled(made, *trees, title=function.__name__)
+    return run(*trees, mode=mode)

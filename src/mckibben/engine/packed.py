@@ -1,7 +1,8 @@
 """A pure function of trees as a compiled one of plain vectors: what a loop by the wall clock calls at every sample.
 
 A call with a tree of some fifty numbers costs more in wrapping and unwrapping than in computing; one with a few vectors
-costs some microseconds. The arithmetic is that of the function; whole numbers and truth values travel as floats, exactly.
+costs some microseconds. It is a native kernel that leaves every operation as it is written, or XLA's where there can
+be none. The arithmetic is that of the function; whole numbers and truth values travel as floats, exactly.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
+
+from .native import compiled
 
 
 class Packed:
@@ -29,7 +32,12 @@ class Packed:
             trees = function(*(back(v) for back, v in zip(self._backs, given, strict=True)))
             return tuple(_packed(tree)[0] for tree in trees)
 
-        self._call = jax.jit(flat).lower(*vectors).compile()
+        made = compiled(flat, *vectors, title="a sample")
+        if made.engine == "xla":
+            self._call: Callable[..., Any] = jax.jit(flat).lower(*vectors).compile()
+        else:
+            kernel = made.program
+            self._call = lambda *given: kernel.call(given, mode="strict")
 
     def __call__(self, *vectors: np.ndarray) -> list[np.ndarray]:
         """The results as vectors."""

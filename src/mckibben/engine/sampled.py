@@ -18,6 +18,7 @@ import numpy as np
 from ..components.sampled import Plant, Software
 from ..errors import ConvergenceError
 from .integration import MOST_PARTS, ROS2_LIMIT
+from .native import called
 from .rates import RK4_LIMIT
 from .signals import Signal, Value
 from .step import nothing, step
@@ -167,7 +168,26 @@ def march(
     return jax.lax.scan(one, carry, rows)
 
 
-_marched = jax.jit(march, static_argnums=(7,))
+class Steps(NamedTuple):
+    """How samples are integrated: each usual step in so many parts, and whether by the stiff method."""
+
+    split: int = 1
+    stiff: bool = False
+
+    def short(self, fastest: float, usual: float) -> bool:
+        """Whether a mode [1/s] allows them; `usual` is the step before it is split [s]. NaN allows none."""
+        return fastest * usual / self.split <= (ROS2_LIMIT if self.stiff else RK4_LIMIT) * (1.0 + 1e-9)
+
+    def shorter(self, fastest: float, usual: float) -> Steps | None:
+        """What to try after these, for a mode that may be unknown (not finite); None where no step is short enough."""
+        known = math.isfinite(fastest)
+        if self.split >= (MOST_PARTS if known else MOST_BLIND):
+            return None
+        explicit = math.ceil(fastest * usual / RK4_LIMIT) if known else 2 * self.split
+        if not self.stiff and explicit <= MOST_SPLIT:
+            return Steps(max(explicit, self.split + 1), False)
+        wanted = math.ceil(fastest * usual / ROS2_LIMIT) if known else 2 * self.split
+        return Steps(min(max(wanted, self.split + 1 if self.stiff else 1), MOST_PARTS), True)
 
 
 def advance(
@@ -184,27 +204,23 @@ def advance(
     Raises:
         ConvergenceError: if a state is not finite or impossible, or no step is short enough.
     """
-    split, stiff = 1, False
+    steps = Steps()
     carry = jax.tree.map(np.asarray, carry)  # as it comes back, so that nothing is compiled twice
     while True:
-        after, seen = _marched(plant, software, carry, rows, period, inner * split, latency, stiff)
+        inner_now = inner * steps.split
+        now = np.float64(period), np.int64(inner_now), np.float64(latency)
+        # every operation as it is written, so that samples that come one by one are these, bit for bit
+        after, seen = called(march, plant, software, carry, rows, *now, mode="strict", stiff=steps.stiff)
         seen = jax.tree.map(np.asarray, seen)
-        h, fastest = period / (inner * split), float(np.max(seen.steepest))
-        short = fastest * h <= (ROS2_LIMIT if stiff else RK4_LIMIT) * (1.0 + 1e-9)  # NaN is not
-        if short and bool(seen.sound.all()):
-            return after, seen, inner * split
-        if short:
-            raise ConvergenceError(f"A state is not finite, or not possible, with steps of {h:.3g} s.")
-        if split >= (MOST_PARTS if np.isfinite(fastest) else MOST_BLIND):
+        h, fastest = period / inner_now, float(np.max(seen.steepest))
+        if steps.short(fastest, period / inner):
+            if not bool(seen.sound.all()):
+                raise ConvergenceError(f"A state is not finite, or not possible, with steps of {h:.3g} s.")
+            return after, seen, inner_now
+        shorter = steps.shorter(fastest, period / inner)
+        if shorter is None:
             raise ConvergenceError(f"A mode of the system is too fast ({fastest:.3g} 1/s) for steps of {h:.3g} s.")
-        whole = fastest * period / inner  # of a sample's part before it is split
-        explicit = math.ceil(whole / RK4_LIMIT) if np.isfinite(whole) else 2 * split
-        if not stiff and explicit <= MOST_SPLIT:
-            split = max(explicit, split + 1)
-        else:
-            least = split + 1 if stiff else 1
-            wanted = math.ceil(whole / ROS2_LIMIT) if np.isfinite(whole) else 2 * split
-            split, stiff = min(max(wanted, least), MOST_PARTS), True
+        steps = shorter
 
 
 def inputs_of(plant: Plant, carry: Carry, latency: float, period: float) -> dict[str, Value]:

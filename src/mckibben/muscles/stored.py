@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import jax
 import numpy as np
 
 from .law import TensionLaw
@@ -43,9 +44,15 @@ def _elastic(law: TensionLaw, edges: np.ndarray) -> np.ndarray:
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     half = 0.5 * np.diff(edges)
     at = 0.5 * (edges[1:] + edges[:-1])[:, None] + half[:, None] * nodes
-    pieces = np.sum(half[:, None] * weights * np.asarray(law.elastic_tension(at)), axis=1)
+    pieces = np.sum(half[:, None] * weights * np.asarray(_without_gas(law, at)), axis=1)
     return np.concatenate([[0.0], np.cumsum(pieces)])
 
 
+@jax.jit
+def _without_gas(law: TensionLaw, length: Any) -> Any:
+    return law.elastic_tension(length)
+
+
+@jax.jit
 def _of_gas(law: TensionLaw, length: Any, pressure: Any) -> Any:
     return pressure * law.braid_volume(length, pressure) - law.gas_energy(length, pressure)

@@ -26,7 +26,7 @@ def balance(circuit: Circuit, start: Any, end: Any, first: Any, last: Any, integ
         last: inputs at the end.
         integrals: as `Circuit.integrands` names them, integrated over the run.
     """
-    (m0, u0), (m1, u1) = circuit.stored(start, first), circuit.stored(end, last)
+    (m0, u0), (m1, u1) = (map(float, circuit.stored(*at)) for at in ((start, first), (end, last)))
     entered = float(integrals["enthalpy"]) + float(integrals["heat"]) - float(integrals["work"])
     entered += float(integrals["shaft"])
     mass = abs(m1 - m0 - float(integrals["mass"])) / max(float(integrals["mass_turnover"]), 1e-30)

@@ -218,13 +218,14 @@ class Circuit(System):
                     load[end] = load[end] + slope * per_mass.get(end, 0.0)
         return jnp.stack([load[a] + load[b] for a, b in paths]).max()
 
-    def stored(self, state: Any, inputs: Any) -> tuple[float, float]:
+    def stored(self, state: Any, inputs: Any) -> tuple[Scalar, Scalar]:
         """Mass [kg] and internal energy [J] of all stored gas."""
-        mass, energy = 0.0, 0.0
+        mass: Any = 0.0
+        energy: Any = 0.0
         for name in self.chambers:
             p = state["pressure"][name]
-            mass += float(state["mass"][name])
-            energy += float(p * self._volume(name, p, inputs).value / (self.gas.heat_ratio - 1.0))
+            mass += state["mass"][name]
+            energy += p * self._volume(name, p, inputs).value / (self.gas.heat_ratio - 1.0)
         return mass, energy
 
     def _gas_states(self, state: Any, inputs: Any) -> dict[str, GasState]:
@@ -267,6 +268,7 @@ class Circuit(System):
         own = [
             inner
             for element, (ends, _) in self.ends.items()
+            if name in ends
             for end, inner in zip(ends, self.elements[element].inner_volumes(), strict=True)
             if end == name
         ]

@@ -136,10 +136,10 @@ class DeadState(NamedTuple):
         return self.temperature * heat * (1.0 / temperature - 1.0 / wall)
 
 
-def stored_exergy(circuit: Circuit, state: Any, inputs: Any, room: Environment) -> float:
+def stored_exergy(circuit: Circuit, state: Any, inputs: Any, room: Environment) -> Scalar:
     """Exergy of all stored gas, A [J]."""
     dead, volumes = DeadState.of(circuit.gas, room), circuit.volumes(state, inputs)
-    return sum(float(dead.stored(state["pressure"][n], v.value, state["mass"][n])) for n, v in volumes.items())
+    return jnp.asarray(sum(dead.stored(state["pressure"][n], v.value, state["mass"][n]) for n, v in volumes.items()))
 
 
 def exergies(circuit: Circuit, now: Passing, room: Environment) -> dict[str, Scalar]:

@@ -10,7 +10,8 @@ from mckibben.assembly.build import single_muscle, unit_from_specimen
 from mckibben.assembly.loads import Plate
 from mckibben.components.system import System
 from mckibben.engine import held, march
-from mckibben.engine.native import compiled, compiled_march
+from mckibben.engine.integration import compiled_march
+from mckibben.engine.native import compiled
 from mckibben.engine.signals import Value
 from mckibben.engine.step import step
 from mckibben.pneumatics.circuit import Branch, Circuit

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from lowered_systems import PERIOD, rubbing
 
+from mckibben.engine.integration import compiled_march
 from mckibben.engine.lowering import Program, lower
-from mckibben.engine.native import compiled, compiled_march
+from mckibben.engine.native import compiled
 from mckibben.errors import InputError, LoweringError
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from lowered_systems import positions, rubbing
 
-from mckibben.engine.lowering import Program, disk, machine_code
+from mckibben.engine.lowering import Program, disk, emit_llvm, machine_code
 from mckibben.engine.native import compiled
 
 WITHOUT_JAX = """
@@ -75,3 +75,20 @@ def test_a_folder_that_cannot_be_written_is_no_error(run, tmp_path, monkeypatch)
     monkeypatch.setenv(disk.VARIABLE, str(tmp_path / "file"))
     found = Program.unpacked(run.program.packed).call(jax.tree.leaves(arguments()), lanes=5)[0]
     np.testing.assert_array_equal(found, run(*arguments(), lanes=5))
+
+
+def test_a_long_program_in_pieces_and_without_pains_gives_the_same_bits(run, tmp_path, monkeypatch):
+    """As of a machine of many muscles: blocks are cut, and LLVM does not optimise; neither may move a result."""
+    leaves = jax.tree.leaves(arguments())
+    whole = run.program.assembly(frozenset([3]), lanes=True)[0]
+    monkeypatch.setenv(disk.VARIABLE, str(tmp_path))
+    monkeypatch.setattr(emit_llvm, "LONGEST", 20)
+    pieces = run.program.assembly(frozenset([3]), lanes=True)[0]
+    assert pieces.count("label %more") > whole.count("label %more") + 5
+    found = Program.unpacked(run.program.packed).call(leaves, lanes=5)[0]
+    np.testing.assert_array_equal(found, run(*arguments(), lanes=5))
+    monkeypatch.setattr(machine_code, "LARGE", 1)
+    for file in tmp_path.glob("*.o"):
+        file.unlink()
+    plain = Program.unpacked(run.program.packed).call(leaves, lanes=5)[0]
+    np.testing.assert_array_equal(plain, found)

@@ -10,17 +10,22 @@ from types import FrameType
 
 
 class EmergencyStop:
-    """A button that stays pressed; from any thread, or by a signal of the system. Asked as a function it says whether."""
+    """A button that stays pressed; from any thread, or by a signal of the system. Asked as a function it says whether.
+
+    Attributes:
+        reason: what was said when it was pressed.
+        ordinary: whether somebody ended the run, and nothing had gone wrong; the machine does the same.
+    """
 
     def __init__(self) -> None:
         """Not pressed."""
         self._pressed = threading.Event()
-        self.reason = ""
+        self.reason, self.ordinary = "", False
 
-    def press(self, reason: str = "the button was pressed") -> None:
-        """Stop. The first reason stays."""
-        if not self._pressed.is_set():
-            self.reason = reason
+    def press(self, reason: str = "the button was pressed", *, ordinary: bool = False) -> None:
+        """Stop. The first reason stays; what is an emergency later is one."""
+        if not self._pressed.is_set() or (self.ordinary and not ordinary):
+            self.reason, self.ordinary = reason, ordinary
             self._pressed.set()
 
     def __call__(self) -> bool:

@@ -18,6 +18,10 @@ from .llvm_text import Memory, number
 from .schedule import Entry, Schedule
 from .varying import Varying
 
+LONGEST = (
+    4000  # lines of a block: LLVM's time for one grows faster than its length, and a machine of 1,000 muscles is long
+)
+
 
 class Layout(NamedTuple):
     """What a caller of the kernel has to bring.
@@ -39,6 +43,7 @@ class Body(Memory):
     def entries(self, entries: list[Entry], root: bool = False) -> None:
         """Write a block."""
         for entry in entries:
+            self._divide()
             if isinstance(entry, Store):
                 self.store(entry)
             elif isinstance(entry, Loop):
@@ -50,6 +55,14 @@ class Body(Memory):
                 self.lines = kept
             else:
                 self.node(entry)
+
+    def _divide(self) -> None:
+        """Begin another block where this one has become too long; a branch that is never taken keeps the two apart."""
+        if len(self.lines) - self.begun > LONGEST:
+            self.count += 1
+            self.label = f"more{self.count}"
+            self.lines += [f"  br i1 %never, label %out, label %{self.label}", f"{self.label}:"]
+            self.begun = len(self.lines)
 
     def _once(self, node: Node) -> bool:
         """Whether a node of the outermost block can be made once for all lanes."""
@@ -80,7 +93,7 @@ class Body(Memory):
             any_trip = self.emit(f"icmp sgt i64 {trips}, 0")
             self.lines.append(f"  br i1 {any_trip}, label %loop{key}, label %past{key}")
         self.lines.append(f"loop{key}:")
-        self.label = f"loop{key}"
+        self.label, self.begun = f"loop{key}", len(self.lines)
         index, head = f"%i{key}", len(self.lines)
         self.names[loop.index] = index
         for phi in phis:
@@ -97,7 +110,7 @@ class Body(Memory):
         again = self.emit(f"icmp slt i64 {index}n, {trips}")
         self.lines.append(f"  br i1 {again}, label %loop{key}, label %past{key}")
         self.lines.append(f"past{key}:")
-        self.label, self.splats = f"past{key}", outside
+        self.label, self.splats, self.begun = f"past{key}", outside, len(self.lines)
         for k, phi, init, after in zip(places, phis, inits, nexts, strict=True):
             name = after if sure else self.emit(f"phi {self.type_of(phi)} [ {init}, %{start} ], [ {after}, %{latch} ]")
             self.names[self.graph.end(loop, k)] = name
@@ -109,14 +122,15 @@ def emit(
 ) -> tuple[str, Layout]:  # fmt: skip
     """The text of a kernel, and what its caller brings; estimates are for mode ``fast``, see `llvm_estimates`."""
     body = Body(graph, plan, vary, width=width, real=real, estimates=estimates)
-    head = ["entry:"]
+    head: list[str] = []
     _memory(body, head)
     body.entries(plan.root, root=True)
+    once, entry = _divided([*head, *body.before])
     text = [
         *body.globals,
         f"define void @kernel(ptr noalias %pointers, i64 %stride, i64 %first, i64 %last) {features}{{",
-        *head, *body.before, "  br label %block", "block:",
-        "  %number = phi i64 [ %first, %entry ], [ %more, %" + body.label + " ]",
+        "entry:", "  %never = icmp slt i64 %stride, 0", *once, "  br label %block", "block:",
+        f"  %number = phi i64 [ %first, %{entry} ], [ %more, %{body.label} ]",
         f"  %lane = mul i64 %number, {width}",
         *_lanes(body), *body.lines,
         "  %more = add i64 %number, 1", "  %again = icmp slt i64 %more, %last",
@@ -124,6 +138,15 @@ def emit(
         '!0 = !{!"branch_weights", i32 1, i32 100000}',
     ]  # fmt: skip
     return "\n".join(text) + "\n", Layout(body.external, body.scratch, width)
+
+
+def _divided(lines: list[str]) -> tuple[list[str], str]:
+    """What is done once, in blocks that are not too long, and the name of the last one."""
+    found, label = lines[:LONGEST], "entry"
+    for k in range(LONGEST, len(lines), LONGEST):
+        label = f"once{k}"
+        found += [f"  br i1 %never, label %out, label %{label}", f"{label}:", *lines[k : k + LONGEST]]
+    return found, label
 
 
 def _memory(body: Body, head: list[str]) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from .graph import growing
 from .program import Leaf, Program
 from .rewrite import rewritten
 from .trace import trace
 
 
+@growing()
 def lower(function: Callable[..., Any], *examples: Any, title: str = "") -> tuple[Program, Any]:
     """A JAX function as a program, and the tree structure of its results.
 

@@ -24,15 +24,29 @@ The node set, by `Node.op` (arguments in brackets; one kind throughout unless sa
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import gc
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from .folding import FOLDS, span
 
 COMMUTE = frozenset({"add", "mul", "max", "min", "and", "or", "xor", "eq", "ne"})
 TRUTH = frozenset({"lt", "le", "eq", "ne", "and", "or", "xor", "not"})
+
+
+@contextlib.contextmanager
+def growing() -> Iterator[None]:
+    """While a graph grows, nothing is thrown away that Python's collector could find, which looks at all of it each time."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
 
 
 class Node:

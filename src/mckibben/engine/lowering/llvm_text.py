@@ -25,7 +25,7 @@ class Text:
         self.splats: dict[Node, str] = {}
         self.declared: set[str] = set()
         self.globals: list[str] = []
-        self.label = "block"
+        self.label, self.begun = "block", 0  # the block that grows, and the line after which it began
         self.count = 0
         self.external = [b for b in graph.buffers if b.role in ("argument", "result") and b in plan.live.buffers]
         self.bases: dict[Buffer, str] = {}

@@ -20,9 +20,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 
-from .graph import Graph, Node
+from .graph import Graph, Loop, Node
 from .products import products, straight, uses
-from .rewrite import Alive, alive, homes, rewritten, sinks
+from .rewrite import Alive, alive, ended, homes, largest, rewritten, sinks
 
 TOGETHER = 4  # reciprocals that are taken with one division
 
@@ -70,9 +70,9 @@ def shared(graph: Graph) -> Graph:
 def _depths(live: Alive) -> dict[Node, int]:
     """How many reciprocals one after the other a node needs, within a trip of its loop."""
     depth: dict[Node, int] = {}
+    before = largest(live, lambda a, _: depth[a])
     for node in live.nodes:
-        before = sinks(node, live) if node.op in ("end", "done") else node.args
-        depth[node] = max((depth[a] for a in before), default=0) + (node.op == "rcp")
+        depth[node] = int(before(node)) + (node.op == "rcp")
     return depth
 
 
@@ -80,11 +80,16 @@ def _order(live: Alive, chosen: dict[Node, list[Node]]) -> list[Node]:
     """The nodes in an order in which all denominators of a group stand before its reciprocals."""
     order: list[Node] = []
     seen: set[Node] = set()
+    over: set[Loop] = set()  # all that they need is in order, or will be before what is looked at
 
     def needs(node: Node) -> list[Node]:
         if node in chosen:
             return [m.args[0] for m in chosen[node]]
-        return sinks(node, live) if node.op in ("end", "done") else list(node.args)
+        if node.op not in ("end", "done"):
+            return list(node.args)
+        first = ended(node) not in over
+        over.add(ended(node))
+        return sinks(ended(node), live) if first else []
 
     for first in live.nodes:
         stack = [(first, iter(needs(first)))] if first not in seen else []

@@ -17,11 +17,10 @@ also of zero by itself.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from .graph import Graph, Node
-from .rewrite import Alive, alive, homes, rewritten, sinks
+from .rewrite import Alive, alive, homes, largest, rewritten
 
 OPEN = frozenset({"mul", "div", "rcp", "neg"})
 MOST = 24  # factors of one product
@@ -63,11 +62,9 @@ def known(graph: Graph) -> Uses:
     live = alive(graph)
     home = homes(graph, live)
     ready: dict[Node, float] = {}
+    waits = largest(live, lambda a, node: ready[a] if home[a] is home[node] else 0.0)
     for node in live.nodes:
-        before: Iterable[Node] = sinks(node, live) if node.op in ("end", "done") else node.args
-        here = home[node]
-        waits = max((ready[a] for a in before if home[a] is here), default=0.0)
-        ready[node] = waits + (0.0 if node.op in ("phi", "const") else LATENCY.get(node.op, 1.0))
+        ready[node] = waits(node) + (0.0 if node.op in ("phi", "const") else LATENCY.get(node.op, 1.0))
     return Uses(live, home, uses(graph, live), ready)
 
 
@@ -203,17 +200,22 @@ def _taken_apart(root: Node, at: Uses) -> Bag | None:
 def _pair(at: Uses, bags: dict[Node, Bag]) -> None:
     """Factors that several products of a loop have in common."""
     while True:
-        pairs: Counter[Any] = Counter()
+        having: dict[Any, list[Node]] = defaultdict(list)
         for root, bag in bags.items():
             seen = sorted(set(bag.changing), key=_order)
-            pairs.update({(at.home[root], a, b) for i, a in enumerate(seen) for b in seen[i + 1 :]})
-        best = sorted((p for p, n in pairs.items() if n > 1), key=lambda p: (-pairs[p], _order(p[1]), _order(p[2])))
+            for i, a in enumerate(seen):
+                for b in seen[i + 1 :]:
+                    having[at.home[root], a, b].append(root)
+        best = sorted(
+            (p for p, roots in having.items() if len(roots) > 1),
+            key=lambda p: (-len(having[p]), _order(p[1]), _order(p[2])),
+        )
         if not best:
             return
         touched: set[Node] = set()
-        for home, a, b in best:
-            roots = [r for r, bag in bags.items() if at.home[r] is home and a in bag.changing and b in bag.changing]
-            roots = [r for r in roots if r not in touched]
+        for pair in best:
+            _, a, b = pair
+            roots = [r for r in having[pair] if r not in touched]
             if len(roots) < 2:
                 continue
             touched.update(roots)

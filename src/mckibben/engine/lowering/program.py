@@ -21,11 +21,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...documents import write_whole
 from ...errors import InputError
 from . import disk, machine_code
 from .elementary import written_out
 from .emit_llvm import emit
-from .graph import Graph
+from .graph import Graph, growing
 from .kernel import Kernel, Slot
 from .llvm_estimates import fits
 from .passes import optimised
@@ -89,8 +90,12 @@ class Program:
         return packed(self.graph, more)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to a file."""
-        Path(path).write_bytes(self.packed)
+        """Write it to a file.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        write_whole(path, lambda part: part.write_bytes(self.packed))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Program:
@@ -114,6 +119,7 @@ class Program:
         made.packed = data
         return made
 
+    @growing()
     def prepared(self, mode: str = "default", real: str = "float64") -> tuple[Graph, Schedule]:
         """The graph that emitters write, and its order."""
         _known("mode", mode, MODES)
@@ -139,12 +145,15 @@ class Program:
         """
         known = (differs, lanes, mode, real, width)
         if known not in self._kernels:
-            name = machine_code.key(self.packed, sorted(differs), *known[1:])
-            code, about = disk.kept(f"{name}.o", lambda: self._compiled(*known))
-            slots = [Slot(role, place, kind, tuple(shape), many) for role, place, kind, shape, many in about["slots"]]
-            made = Kernel(machine_code.loaded(code), slots, about["width"], about["scratch"], REALS_NUMPY[real])
-            self._kernels[known] = made
+            self._kernels[known] = self._kernel(*known)
         return self._kernels[known]
+
+    @growing()
+    def _kernel(self, differs: frozenset[int], lanes: bool, mode: str, real: str, width: int | None) -> Kernel:
+        name = machine_code.key(self.packed, sorted(differs), lanes, mode, real, width)
+        code, about = disk.kept(f"{name}.o", lambda: self._compiled(differs, lanes, mode, real, width))
+        slots = [Slot(role, place, kind, tuple(shape), many) for role, place, kind, shape, many in about["slots"]]
+        return Kernel(machine_code.loaded(code), slots, about["width"], about["scratch"], REALS_NUMPY[real])
 
     def _compiled(
         self, differs: frozenset[int], lanes: bool, mode: str, real: str, width: int | None
@@ -152,6 +161,7 @@ class Program:
         text, about = self.assembly(differs, lanes=lanes, mode=mode, real=real, width=width)
         return machine_code.compiled(text), about
 
+    @growing()
     def assembly(
         self, differs: frozenset[int] = frozenset(), *, lanes: bool = False, mode: str = "default", real: str = "float64",
         width: int | None = None,

@@ -158,8 +158,9 @@ def homes(graph: Graph, live: Alive) -> dict[Any, Loop | None]:
             home[node] = node.attr if node.op == "index" else node.attr[0]
             continue
         if node.op in ("end", "done"):
-            loop = node.attr if node.op == "done" else node.attr[0]
-            _finish_inner(loop, live, position, finish, ends)
+            loop = ended(node)
+            if loop not in home:
+                _finish_inner(loop, live, position, finish, ends)
             home[node] = home[loop]
             continue
         at = home[node] = deepest(home[a] for a in node.args)
@@ -183,9 +184,28 @@ def _finish_inner(
     finish(loop)
 
 
-def sinks(node: Node, live: Alive) -> list[Node]:
-    """What a loop must have made before it can end, for a node that waits for it: loops inside it included."""
-    loop = node.attr if node.op == "done" else node.attr[0]
+def ended(node: Node) -> Loop:
+    """The loop that a node waits for."""
+    return node.attr if node.op == "done" else node.attr[0]
+
+
+def largest(live: Alive, worth: Callable[[Node, Node], float]) -> Callable[[Node], float]:
+    """Of a node the largest worth of what it needs, `worth(needed, node)`; that of a loop is found once for all its ends."""
+    found: dict[Loop, float] = {}
+
+    def over(node: Node) -> float:
+        if node.op not in ("end", "done"):
+            return max((worth(a, node) for a in node.args), default=0)
+        loop = ended(node)
+        if loop not in found:
+            found[loop] = max((worth(a, node) for a in sinks(loop, live)), default=0)
+        return found[loop]
+
+    return over
+
+
+def sinks(loop: Loop, live: Alive) -> list[Node]:
+    """What a loop must have made before it can end, loops inside it included."""
     found, inside = [], False
     for x in live.loops:
         inside = x is loop or (inside and x.depth > loop.depth)
