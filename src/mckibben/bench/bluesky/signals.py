@@ -34,6 +34,7 @@ class Signal:
         self.machine, self.channel, self.over = machine, channel, over
         self.name = machine.key(channel)
         self._subscribers: list[Subscriber] = []
+        self._told: list[float | None] = []  # the time stamp that each of them knows
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
 
@@ -80,9 +81,13 @@ class Signal:
         return self.machine.described_configuration(self.name, *self._settings())
 
     def subscribe(self, function: Subscriber) -> None:
-        """Tell a function of new readings, some 20 a second: what a display needs. A flyer has every sample."""
+        """Tell a function of the newest reading, and of new ones, some 20 a second: what a display needs.
+
+        A flyer has every sample.
+        """
         with self._lock:
             self._subscribers.append(function)
+            self._told.append(None)
             if self._thread is None:
                 self._thread = threading.Thread(target=self._follow, name=f"follow {self.name}", daemon=True)
                 self._thread.start()
@@ -91,21 +96,22 @@ class Signal:
         """Tell it no more."""
         with self._lock:
             if function in self._subscribers:
-                self._subscribers.remove(function)
+                place = self._subscribers.index(function)
+                del self._subscribers[place], self._told[place]
 
     def _follow(self) -> None:
-        last: float | None = None
         while True:
             with self._lock:
-                told = list(self._subscribers)
-                if not told or self.machine.session.gone:
+                if not self._subscribers or self.machine.session.gone:
                     self._thread = None
                     return
             reading = self.read()
-            if reading[self.name]["timestamp"] != last:
-                last = reading[self.name]["timestamp"]
-                for function in told:
-                    self._tell(function, reading)
+            stamp = reading[self.name]["timestamp"]
+            with self._lock:
+                new = [f for f, known in zip(self._subscribers, self._told, strict=True) if known != stamp]
+                self._told = [stamp] * len(self._subscribers)
+            for function in new:
+                self._tell(function, reading)
             time.sleep(LOOK)
 
     def _tell(self, function: Subscriber, reading: Reading) -> None:
