@@ -35,7 +35,7 @@ lint: $(VENV)/.test ## Style, types and the import order of the house
 	$(RUN) mypy
 	$(BIN)/lint-imports --no-logo
 
-bench: $(VENV)/.test ## Measure speeds against C and other programs, an hour on an idle machine
+bench: $(VENV)/.test ## Measure speeds against C and other programs, a quarter of an hour on an idle machine
 	$(BIN)/python benchmarks/suite.py
 
 docs: $(VENV)/.docs ## Build the documentation; its examples are executed

@@ -93,8 +93,8 @@ def unit(**changes: Any) -> MuscleUnit:
     limit = FrictionLimit(constant=0.5, per_pressure=4e-6)
     spring = Tendon(stiffness=1500.0, slack_length=0.0, toe_length=5e-3, loss=0.2)
     return nylon.replace(
-        friction=Dahl(limit=limit, stiffness=2500.0), tendon=spring, end_mass=jnp.asarray(2.0),
-        viscosity=jnp.asarray(5.0), **changes,
+        friction=Dahl(limit=limit, stiffness=2500.0), tendon=spring, end_mass=np.asarray(2.0),
+        viscosity=np.asarray(5.0), **changes,
     )  # fmt: skip
 
 
@@ -190,7 +190,7 @@ def rig(muscles: int) -> tuple[Machine, tuple[Any, Any], str]:
 
 
 def _still(value: float) -> Value:
-    return Value(jnp.asarray(value), jnp.zeros(()))
+    return Value(np.asarray(value), np.zeros(()))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -59,7 +59,7 @@ def native(
 
 def lowered(batch: Batch, inner: int = INNER) -> tuple[Any, Any]:
     """The compiled run, and the trees that it is called with, lanes last."""
-    from mckibben.engine.native import compiled_march
+    from mckibben.engine.integration import compiled_march
 
     case, one = batch.case, batch.first(1)
     examples = [trees(one, lambda x: x[..., 0])]

@@ -74,7 +74,7 @@ def growth(seen: list[tuple[int, float]]) -> dict[str, float]:
 def rigs(quick: bool, patience: float = 600.0) -> dict[str, Any]:
     """Machines of 1 to 1,000 muscles, one lane: compilation and cost per muscle-step."""
     from mckibben.engine import held
-    from mckibben.engine.native import compiled_march
+    from mckibben.engine.integration import compiled_march
 
     rows: list[Any] = []
     notes = []

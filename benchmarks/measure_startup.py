@@ -24,6 +24,7 @@ def fresh(arguments: list[str], caches: Path) -> dict[str, float]:
     """Times of a process of its own whose kernels and compilations are kept in a folder."""
     kept = {"MCKIBBEN_KERNELS": caches / "kernels", "JAX_COMPILATION_CACHE_DIR": caches / "jax"}
     settings = {**os.environ, **{k: str(v) for k, v in kept.items()}, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+    settings.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its byte code
     begin = time.perf_counter()
     done = subprocess.run(
         [sys.executable, str(HERE / "startup.py"), *arguments], capture_output=True, text=True, env=settings, check=True

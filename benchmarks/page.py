@@ -42,8 +42,11 @@ COLUMNS = {
     "peak": "peak op/s",
     "share": "share",
     "error": "error",
-    "late": "late",
     "samples": "samples",
+    "late": "late by 0.1 of a period",
+    "behind": "by a period",
+    "lateness": "lateness, 50, 99, 99.9 and 100 %, ms",
+    "core": "of a core",
 }
 
 
@@ -108,6 +111,8 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 def cell(row: dict[str, Any], key: str) -> str:
     """One value."""
     value = row.get(key, "")
+    if key == "lateness" and value:
+        return ", ".join(f"{1e3 * late:.3g}" for late in value)
     if not isinstance(value, float):
         return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
     unit = f" {row['error_unit']}" if key == "error" and "error_unit" in row else ""
@@ -169,14 +174,14 @@ def errors(result: dict[str, Any], path: Path) -> bool:
     ]
     if not rows:
         return False
-    figure, axes = _axes(PICTURE_TITLES["errors"], (7.0, 5.0))
+    figure, axes = _axes(PICTURE_TITLES["errors"], (7.0, 6.4))
     names = list(dict.fromkeys(name_of(r) for r in rows))
     for i, name in enumerate(names):
         mine = [(r["error"], r["real_time"]) for r in rows if name_of(r) == name]
         axes.loglog(*zip(*mine, strict=True), "osD^vP*X"[i % 8], color=f"C{i % 10}", ms=6, label=name)
     axes.set_xlabel("largest error over the range, each against its own converged result")
     axes.set_ylabel("simulated seconds per second")
-    axes.legend(fontsize=7, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.14), ncols=2)
     return _saved(figure, path)
 
 

@@ -27,6 +27,7 @@ ARGUMENTS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "-
              "--disable-background-networking", "--disable-component-update", "--disable-sync",
              "--enable-precise-memory-info", "--js-flags=--expose-gc"]  # fmt: skip
 TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
+PIECES = 12  # of the time, after each of which memory is looked at
 WANTED = {"frames_per_second": (">=", 50.0), "server_share": ("<=", 0.30), "page_growth_MB_per_hour": ("<=", 20.0),
           "server_growth_MB_per_hour": ("<=", 20.0)}  # fmt: skip
 
@@ -151,15 +152,24 @@ def measure(url: str, pid: int, seconds: float, watchers: int, machine: str) -> 
         frames, samples, begun = (
             page.evaluate(f"window.lab.bench.{x}") for x in ("strips.total", "buffer.end", "buffer.period")
         )
-        began = time.perf_counter()
-        found["server_share"] = share([pid], seconds)
+        began, spent = time.perf_counter(), used(pid)
+        course = [(0.0, *before)]
+        for k in range(PIECES):
+            time.sleep(max(0.0, began + seconds * (k + 1) / PIECES - time.perf_counter()))
+            course.append((time.perf_counter() - began, heap(page), resident(pid)))
+            print(
+                f"after {course[-1][0]:.0f} s: page {course[-1][1]:.1f} MB, server {course[-1][2]:.1f} MB",
+                file=sys.stderr,
+            )
         wall = time.perf_counter() - began
+        found["server_share"] = (used(pid) - spent) / wall
         found["frames_per_second"] = (page.evaluate("window.lab.bench.strips.total") - frames) / wall
         found["samples_per_second"] = (page.evaluate("window.lab.bench.buffer.end") - samples) / begun / wall
-        after = heap(page), resident(pid)
-        for name, a, b in zip(("page", "server"), before, after, strict=True):
-            found[f"{name}_growth_MB"] = b - a
-            found[f"{name}_growth_MB_per_hour"] = (b - a) * 3600.0 / wall
+        # the first piece is left out: buffers fill, and code is compiled
+        for k, name in enumerate(("page", "server"), 1):
+            grown, over = course[-1][k] - course[1][k], course[-1][0] - course[1][0]
+            found[f"{name}_MB"], found[f"{name}_growth_MB_per_hour"] = course[-1][k], grown * 3600.0 / over
+        found["course"] = course
         found["page_share"] = share(children(os.getpid()), min(seconds, 10.0)) - 0.0
         found["frame_ms"] = page.evaluate(
             "(() => { const b = window.lab.bench; const t = performance.now(); let n = 0;"
@@ -217,7 +227,8 @@ def main() -> None:
             if (value >= limit if sign == ">=" else value <= limit)
             else f"  wanted {sign} {limit:g}"
         )
-        print(f"{name:34}{value if isinstance(value, str) else f'{value:.4g}'}{met}")
+        if name != "course":
+            print(f"{name:34}{value if isinstance(value, str) else f'{value:.4g}'}{met}")
     if given.out:
         given.out.write_text(json.dumps(found, indent=1) + "\n")
 
