@@ -9,13 +9,29 @@ Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 
 from ..components import Scalar
 
 SMALLEST_SINE = 1e-3
+
+
+class BraidShape(NamedTuple):
+    """What says a braid: length of one thread [m] and its turns [1]."""
+
+    thread_length: Any
+    turns: Any
+
+    def diameter(self, length: float) -> float:
+        """At a length [m]; a plain number."""
+        return float(diameter(length, thread_length=self.thread_length, turns=self.turns))
+
+    def degrees(self, length: float) -> float:
+        """Braid angle at a length [m], for people."""
+        return float(np.degrees(angle(length, thread_length=self.thread_length)))
 
 
 def sine(length: Any, *, thread_length: Any) -> Scalar:
@@ -45,6 +61,41 @@ def volume(length: Any, *, thread_length: Any, turns: Any) -> Scalar:
     It turns negative beyond the thread length, by design: see `bladder`.
     """
     return length * (thread_length**2 - length**2) / (4.0 * jnp.pi * turns**2)
+
+
+def through(
+    *, rest_length: float, rest_volume: float, shortest_length: float, diameter_shortened: float
+) -> BraidShape | None:
+    """The braid that has a volume at rest and a diameter when shortened; None: there is none.
+
+    Lengths [m], volume [m^3]; eqs. 6 and 7 solved for their two parameters.
+    """
+    slim, full = 4.0 * np.pi * rest_volume / rest_length, (np.pi * diameter_shortened) ** 2
+    if not full > slim > 0.0:
+        return None
+    turns = np.sqrt((rest_length**2 - shortest_length**2) / (full - slim))
+    return BraidShape(float(np.sqrt(rest_length**2 + slim * turns**2)), float(turns))
+
+
+def wound(*, rest_length: Any, rest_angle: Any, rest_diameter: Any) -> BraidShape:
+    """The braid with an angle [rad] and a diameter at a length [m], elementwise (eqs. 5 and 6)."""
+    return BraidShape(rest_length / jnp.cos(rest_angle), rest_length * jnp.tan(rest_angle) / (jnp.pi * rest_diameter))
+
+
+def braid_of(law: Any) -> BraidShape | None:
+    """The braid of a law from its own parameters, as plain numbers; None where the law has no braid."""
+    given = {n: float(v) for n in _SHAPE if (v := getattr(law, n, None)) is not None}
+    if {"thread_length", "turns"} <= given.keys():
+        return BraidShape(given["thread_length"], given["turns"])
+    if {"rest_length", "rest_angle"} <= given.keys() and ("rest_diameter" in given or "rest_radius" in given):
+        angle = given["rest_angle"] + given.get("angle_correction", 0.0)
+        bore = given.get("rest_diameter", 2.0 * given.get("rest_radius", 0.0))
+        found = wound(rest_length=given["rest_length"], rest_angle=angle, rest_diameter=bore)
+        return BraidShape(*(float(x) for x in found))
+    return None
+
+
+_SHAPE = ("thread_length", "turns", "rest_length", "rest_angle", "angle_correction", "rest_diameter", "rest_radius")
 
 
 def inner_volume(length: Any, *, thread_length: Any, turns: Any, wall_thickness: Any) -> Scalar:

@@ -67,8 +67,8 @@ class MartensBoblan(TensionLaw):
 
     def _shape(self) -> dict[str, Any]:
         angle = self.rest_angle + self.angle_correction
-        turns = self.rest_length * jnp.tan(angle) / (jnp.pi * self.rest_diameter)
-        return {"thread_length": self.rest_length / jnp.cos(angle), "turns": turns}
+        found = braid.wound(rest_length=self.rest_length, rest_angle=angle, rest_diameter=self.rest_diameter)
+        return found._asdict()
 
     def length_range(self) -> tuple[Scalar, Scalar]:
         """From half the rest length to the rest length [m]."""

@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...muscles import braid
+from ...muscles.braid import braid_of
 from ...muscles.law import TensionLaw
 from ...pneumatics.circuit import Circuit
 from ...pneumatics.orifice import Orifice
 from ...pneumatics.volume import FixedVolume, MovingVolume, Reservoir
 from ...quantities import declared, from_si, shown_unit
 from .circuit_symbols import Box
-from .muscle_figures import braid_of
 from .style import COLOURS, INK, INK_2, NORMAL, SMALL, number, symbol_text
 
 STANDARD = 101325.0

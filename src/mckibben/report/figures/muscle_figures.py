@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...errors import InputError
-from ...muscles import braid
+from ...muscles.braid import BraidShape
 from ...muscles.law import TensionLaw
 from ...quantities import from_si
 from . import style
@@ -134,30 +132,6 @@ def draw_volume(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures:
 # ---- the muscle to scale
 
 
-class BraidShape(NamedTuple):
-    """What a braid needs to be drawn: length of one thread [m] and its turns [1]."""
-
-    thread_length: float
-    turns: float
-
-
-def braid_of(law: TensionLaw) -> BraidShape | None:
-    """The braid of a law from its own parameters; None where the law has no braid."""
-    given = {n: float(v) for n in _SHAPE if (v := getattr(law, n, None)) is not None}
-    if {"thread_length", "turns"} <= given.keys():
-        return BraidShape(given["thread_length"], given["turns"])
-    if {"rest_length", "rest_angle"} <= given.keys() and ("rest_diameter" in given or "rest_radius" in given):
-        angle = given["rest_angle"] + given.get("angle_correction", 0.0)
-        bore = given.get("rest_diameter", 2.0 * given.get("rest_radius", 0.0))
-        return BraidShape(
-            given["rest_length"] / math.cos(angle), given["rest_length"] * math.tan(angle) / (math.pi * bore)
-        )
-    return None
-
-
-_SHAPE = ("thread_length", "turns", "rest_length", "rest_angle", "angle_correction", "rest_diameter", "rest_radius")
-
-
 @style.styled()
 def muscle_drawing(
     shape: BraidShape, lengths: Sequence[float], *, title: str, remarks: Sequence[str] = (), threads: int = 10
@@ -180,7 +154,7 @@ def muscle_drawing(
                 "length", f"{value:.4g} m", f"allowed is 0 m to {shape.thread_length:.4g} m, the thread length"
             )
     fitting = 0.045 * max(lengths)
-    widths = [_diameter(shape, v) for v in lengths]
+    widths = [shape.diameter(v) for v in lengths]
     inch = 72.0 * from_si(1.0, "m", "inch")  # points in a metre
     room = 72.0 * style.MIDDLE - 70.0
     scale = next((s for s in SCALES if (max(lengths) + 2.0 * fitting) * inch * s <= room), SCALES[-1])
@@ -215,10 +189,6 @@ def muscle_drawing(
     return fig
 
 
-def _diameter(shape: BraidShape, length: float) -> float:
-    return float(braid.diameter(length, thread_length=shape.thread_length, turns=shape.turns))
-
-
 def _ratio(scale: float) -> str:
     return f"{scale:g} : 1" if scale >= 1.0 else f"1 : {1.0 / scale:g}"
 
@@ -237,7 +207,7 @@ def _draw_muscle(
     from matplotlib.patches import Rectangle
 
     x0, middle = at
-    radius = 0.5 * _diameter(shape, length)
+    radius = 0.5 * shape.diameter(length)
     ax.add_patch(Rectangle((x0, middle - radius), length, 2.0 * radius, fc=SUNKEN, ec="none", lw=0, zorder=1))
     count = max(int(24 * shape.turns) + 1, 49)
     x = np.linspace(0.0, length, count)
@@ -268,13 +238,13 @@ def _dimensions(
     ax: Axes, shape: BraidShape, length: float, at: tuple[float, float], fitting: float, point: float, remark: str
 ) -> None:
     x0, middle = at
-    width = _diameter(shape, length)
+    width = shape.diameter(length)
     low = middle + 0.5 * width + 11.0 * point
     green = COLOURS["length"]
     ax.plot([x0, x0 + length], [low, low], color=green, lw=0.8)
     for end in (x0, x0 + length):
         ax.plot([end, end], [low - 4 * point, low + 4 * point], color=green, lw=0.8)
-    angle = math.degrees(math.acos(length / shape.thread_length))
+    angle = shape.degrees(length)
     text = f"{number(from_si(length, 'm', 'cm'), 2)}\N{NO-BREAK SPACE}cm"
     label = ax.text(x0, low + 6.0 * point, text, color=green, fontweight="bold", fontsize=style.SMALL, va="top")
     rest = f"braid angle {number(angle, 1)}°\N{EM SPACE}diameter {number(1e3 * width, 1)}\N{NO-BREAK SPACE}mm"

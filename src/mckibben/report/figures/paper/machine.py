@@ -10,12 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
 from ....bench.rig_file import rig
+from ....muscles.braid import BraidShape, braid_of
 from ....muscles.build import law_from_specimen
 from ....muscles.laws.thick_wall import ThickWall
 from ....quantities import from_si
 from ....specimens import specimen
 from .. import bench_diagram, style
-from ..muscle_figures import BraidShape, braid_of, muscle_drawing
+from ..muscle_figures import muscle_drawing
 from ..style import COLOURS, INK, INK_2, INK_3, SMALL, number
 from .common import BESIDE, Entry, label, numbers, shown
 
@@ -54,14 +55,10 @@ def geometry(figure: str) -> Figure:
             Entry("Thread b, cm", shown(threads, 4) + "‡"), Entry("Turns n", shown(shape.turns, 4) + "‡"),
             Entry("D₀ = b/(n π), cm", shown(diameter), "1.66"),
             Entry("Wall tk, cm", shown(float(law.wall_thickness) * CM), "0.0762"),
-            *(Entry(f"θ at {number(v * CM)} cm, °", shown(_degrees(shape, v))) for v in lengths),
+            *(Entry(f"θ at {number(v * CM)} cm, °", shown(shape.degrees(v))) for v in lengths),
         ], remarks=("‡ not printed: inferred from Kg and D₀",),
     )  # fmt: skip
     return fig
-
-
-def _degrees(shape: BraidShape, length: float) -> float:
-    return math.degrees(math.acos(length / shape.thread_length))
 
 
 def _triangle(ax: Axes, shape: BraidShape, length: float, strength: float) -> None:

@@ -1,4 +1,4 @@
-// The muscle to scale: braid angle and diameter move with the length, cos(theta) = L/b, D = b sin(theta)/(n pi).
+// The muscle to scale: braid angle and diameter move with the length, by the table that came with it.
 import { TS, clamp, fmt, token } from './words.js'
 
 export const PX = 37.8 // of a centimetre on the screen
@@ -7,8 +7,12 @@ const SCALES = [1, 0.75, 0.5, 0.4, 1 / 3, 0.25, 0.2]
 /** Angle [deg] and diameter [cm] of a braid at a length [cm]; without a braid a tube of a tenth of its length. */
 export function braid (m, length) {
   if (!m.braid) return { angle: NaN, diameter: m.rest_length * 7 }
-  const b = m.braid.thread_length * 100; const c = clamp(length / b, 0.02, 0.9995)
-  return { angle: Math.acos(c) * 180 / Math.PI, diameter: b * Math.sqrt(1 - c * c) / (m.braid.turns * Math.PI) }
+  const t = m.braid.table; const at = clamp(length / 100, t.length[0], t.length.at(-1))
+  let i = 1; let end = t.length.length - 1
+  while (i < end) { const middle = (i + end) >> 1; if (t.length[middle] < at) i = middle + 1; else end = middle }
+  const share = (at - t.length[i - 1]) / (t.length[i] - t.length[i - 1])
+  const between = v => v[i - 1] + share * (v[i] - v[i - 1])
+  return { angle: between(t.angle) * 180 / Math.PI, diameter: between(t.diameter) * 100 }
 }
 
 /** Draw it from x to the right, `px` a centimetre. */
