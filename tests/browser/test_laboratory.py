@@ -1,5 +1,7 @@
 """The state behind the screen, without a browser: controls, undo, names of files, the stream, who is let in."""
 
+import asyncio
+import json
 import socket
 import threading
 import time
@@ -8,17 +10,22 @@ import numpy as np
 import pytest
 
 from mckibben.bench.rig_file import rig
+from mckibben.bench.software.emergency_stop import EmergencyStop
 from mckibben.errors import InputError
 from mckibben.experiments.library import protocol_names, shipped
+from mckibben.muscles import braid
 from mckibben.quantities import Quantity
+from mckibben.web.bench import drawing
+from mckibben.web.bench import pace as pace_module
 from mckibben.web.bench.dry import dry_run
 from mckibben.web.bench.faces import changed, faces
-from mckibben.web.bench.pace import Pace
+from mckibben.web.bench.pace import LEAD, Pace
 from mckibben.web.charts import Axis, Chart, Line, thinned
 from mckibben.web.control import AFTER, HOLD, Control
 from mckibben.web.forms import accept
 from mckibben.web.guard import Guard, is_loopback
 from mckibben.web.laboratory import Laboratory
+from mckibben.web.live import Line as SocketLine
 from mckibben.web.shelf import Shelf, plain
 from mckibben.web.stream import CHANNELS, Stream, unpacked
 from mckibben.web.toasts import LASTS, Toasts
@@ -242,6 +249,27 @@ def test_foreign_names_and_foreign_pages_are_refused():
     assert asked(guard, content_length="-1")["status"] == 413
 
 
+@pytest.mark.parametrize(
+    "kind, said, silent",
+    [
+        ("http.disconnect", "No response returned.", True),
+        ("http.disconnect", "another fault", False),
+        ("http.request", "No response returned.", False),
+    ],
+)
+def test_a_browser_that_left_before_its_answer_is_no_fault_but_everything_else_is(kind, said, silent):
+    async def app(scope, receive, send):
+        await receive()
+        raise RuntimeError(said)
+
+    async def receive():
+        return {"type": kind, "body": b""}
+
+    scope = {"type": "http", "path": "/", "query_string": b"", "headers": [(b"host", b"127.0.0.1:8080")]}
+    with pytest.raises(StopIteration if silent else RuntimeError):  # a coroutine that nothing holds up ends at once
+        Guard(app, "127.0.0.1", 8080)(scope, receive, None).send(None)
+
+
 def test_others_need_the_token_once_and_then_the_cookie():
     guard = Guard(None, "0.0.0.0", 8080)
     assert len(guard.token) > 20 and not is_loopback("0.0.0.0") and is_loopback("::1")
@@ -375,3 +403,117 @@ def test_an_address_where_nobody_can_listen_is_refused_before_anything_is_made_r
             main(["serve", "--no-open", *given])
     err = capsys.readouterr().err
     assert stop.value.code == 2 and err.count("\n") == 1 and "nobody can listen there" in err
+
+
+@pytest.mark.parametrize("name", ["simulated", "real"])
+def test_no_pace_goes_further_than_the_lead_over_what_the_page_in_control_has_shown(name, monkeypatch):
+    monkeypatch.setattr(pace_module, "PATIENCE", 60.0)  # longer than this test, on a busy machine too
+    pace, period, through = Pace(name), 1e-3, []
+    pace.begin()
+    pace.shown(0.0)
+
+    def run():
+        while len(through) < 200:
+            pace.turn(period)
+            through.append(time.perf_counter())
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    lead = round(LEAD / period)
+    for shown in (0, 20, 60):
+        pace.shown(shown * period)
+        end = time.monotonic() + 10.0
+        while len(through) < shown + lead - 2 and time.monotonic() < end:
+            time.sleep(0.01)
+        time.sleep(0.1)  # in which a hundred more would come, if nothing held them
+        # a sample counts when it is asked for, and rounding may let one more or less through
+        assert shown + lead - 2 <= len(through) <= shown + lead + 1
+    pace.shown(None)  # nobody is in control any more
+    thread.join(20.0)
+    assert len(through) == 200
+
+
+def test_what_a_page_draws_after_it_wanted_a_stop_lets_the_machine_go_no_further():
+    """Frames that were on their way arrive after the key was pressed; until the stop is done they count for nothing."""
+    told, may_stop = [], threading.Event()
+    stop = {"id": 1, "act": "emergency_stop", "words": {"reason": "Esc"}}
+    words = [{"epoch": 1, "shown": 10}, stop, {"epoch": 1, "shown": 90}, may_stop, {"epoch": 1, "shown": 95}]
+
+    class Socket:
+        answered = asyncio.Event()
+
+        async def receive_text(self):
+            one = words.pop(0) if words else await asyncio.Future()
+            if one is may_stop:
+                assert told == [10]
+                may_stop.set()
+                await self.answered.wait()
+                one = words.pop(0)
+            return json.dumps(one)
+
+        async def send_text(self, text):
+            if json.loads(text)["type"] == "answer":
+                self.answered.set()
+
+    class Stopping:
+        def act(self, page, action, given):
+            assert may_stop.wait(10.0)
+            return {"ok": True, "said": "vented"}
+
+        def shown(self, page, epoch, samples):
+            told.append(samples)
+
+    async def go():
+        line = SocketLine(Socket(), Stopping(), {})
+        heard = asyncio.create_task(line._hear())
+        while len(told) < 2:
+            await asyncio.sleep(0.01)
+        heard.cancel()
+
+    asyncio.run(asyncio.wait_for(go(), 20.0))
+    assert told == [10, 95]
+
+
+def test_a_page_that_says_nothing_is_waited_for_and_then_time_is_real(monkeypatch):
+    monkeypatch.setattr(pace_module, "PATIENCE", 0.05)
+    pace, period, free = Pace("simulated"), 1e-3, round(LEAD / 1e-3) - 1
+    pace.begin()
+    begun = time.perf_counter()
+    pace.shown(0.0)
+    asked, taken = [], []
+    for _ in range(free + 30):
+        asked.append(time.perf_counter())
+        pace.turn(period)
+        taken.append(time.perf_counter())
+    # a sample is let through a period after the one before, which was not before it was asked for; the clock is the same
+    assert (np.array(taken[free + 1 :]) - asked[free:-1]).min() >= 0.99 * period
+    assert taken[free + 1] - begun >= 0.05
+    pace.shown(period * len(taken))
+    free_again = []
+    for _ in range(free):
+        pace.turn(period)
+        free_again.append(time.perf_counter())
+    assert np.median(np.diff(free_again)) < 0.5 * period  # the median of samples that wait for nothing
+
+
+def test_an_ordinary_stop_becomes_an_emergency_and_never_the_other_way_round():
+    button = EmergencyStop()
+    button.press("stopped by hand", ordinary=True)
+    assert button() and button.ordinary
+    button.press("Esc was pressed")
+    button.press("stopped by hand", ordinary=True)
+    assert button.reason == "Esc was pressed" and not button.ordinary
+
+
+def test_the_drawn_muscle_has_the_braids_angle_and_diameter():
+    thread, turns = 0.16, 1.7
+    found = drawing.table(thread, turns)
+    length = thread * np.cos(
+        np.radians(np.linspace(2.05, 88.9, 3001))
+    )  # between the rows, where a straight line is off most
+    exact = np.asarray(braid.diameter(length, thread_length=thread, turns=turns))
+    # 2e-4: what the distance of the rows was chosen for; a page shows three digits
+    np.testing.assert_allclose(np.interp(length, found["length"], found["diameter"]), exact, rtol=2e-4)
+    angle = np.degrees(np.asarray(braid.angle(length, thread_length=thread)))
+    shown = np.degrees(np.interp(length, found["length"], found["angle"]))
+    assert np.abs(shown - angle).max() < 0.05  # the page shows tenths of a degree

@@ -48,6 +48,9 @@ class Machine(Protocol):
     def emergency_stop(self, reason: str) -> None:
         """Vent at once."""
 
+    def shown(self, epoch: int, samples: int) -> None:
+        """So much of what goes on has the page in control drawn."""
+
     def control_lost(self) -> None:
         """Nobody is in control."""
 
@@ -141,6 +144,11 @@ class Laboratory:
             return {"ok": False, "said": str(error), "field": None}
         finally:
             self.changed()
+
+    def shown(self, page: str, epoch: int, samples: int) -> None:
+        """A page has drawn so many samples of an epoch; it counts where it is in control."""
+        if self.control.holds(page):
+            self.machine.shown(epoch, samples)
 
     def delete(self, name: str) -> None:
         """Delete a recording, with a way back for as long as its toast stands."""

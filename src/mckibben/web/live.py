@@ -14,6 +14,7 @@ LOGGER = logging.getLogger(__name__)
 TICK = 1.0 / 60.0  # time between two looks at what is new [s]
 BEAT = 0.1  # time between two states while something moves [s]
 LONGEST = 200_000  # characters of an action
+STOPS = ("emergency_stop", "stop")
 _STOPS = ThreadPoolExecutor(2, thread_name_prefix="stop")  # nothing else may keep a stop waiting
 _ACTS = ThreadPoolExecutor(4, thread_name_prefix="act")
 
@@ -31,7 +32,7 @@ class Line:
         self.socket, self.lab, self.served = socket, lab, served
         self.page, self.stream = "", False
         self._seen, self._told = (0, 0), 0
-        self._moving = False
+        self._moving, self._stops = False, 0
         self._kept: dict[str, Any] = {}
 
     async def run(self) -> None:
@@ -65,16 +66,25 @@ class Line:
         while True:
             text = await self.socket.receive_text()
             asked = _read(text) if len(text) <= LONGEST else {}
+            if "shown" in asked:
+                # what is drawn after somebody wanted a stop lets the machine go no further
+                if not self._stops:
+                    self.lab.shown(self.page, _whole(asked.get("epoch")), _whole(asked["shown"]))
+                continue
             action, words = str(asked.get("act", "")), asked.get("words")
             given = {str(k): v for k, v in words.items()} if isinstance(words, dict) else {}
-            pool = _STOPS if action in ("emergency_stop", "stop") else _ACTS
-            future = loop.run_in_executor(pool, self.lab.act, self.page, action, given)
-            task = asyncio.create_task(self._answer(asked.get("id"), future))
+            stops = action in STOPS
+            self._stops += stops
+            future = loop.run_in_executor(_STOPS if stops else _ACTS, self.lab.act, self.page, action, given)
+            task = asyncio.create_task(self._answer(asked.get("id"), future, stops))
             tasks.add(task)
             task.add_done_callback(tasks.discard)
 
-    async def _answer(self, number: Any, future: Any) -> None:
-        answer = await future
+    async def _answer(self, number: Any, future: Any, stops: bool) -> None:
+        try:
+            answer = await future
+        finally:
+            self._stops -= stops
         await self._send({"type": "answer", "id": number, **answer})
 
     async def _send(self, message: dict[str, Any]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from ...assembly.build import unit_from_specimen
 from ...bench.rig_file import rig as rig_of
 from ...bench.rig_file import rig_names
+from ...documents import write_text
 from ...errors import InputError, MckibbenError
 from ...experiments.library import protocol_names, shipped
 from ...experiments.protocol import Protocol
@@ -111,7 +112,7 @@ class Chosen:
         if name in protocol_names():
             raise InputError("protocol", name, "it ships with mckibben; allowed is another name")
         self.own.ready()
-        path.write_text(self.protocol.toml(), encoding="utf-8")
+        write_text(path, self.protocol.toml())
         self._renew()
         return f"Saved as {name}."
 

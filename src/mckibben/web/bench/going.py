@@ -64,26 +64,10 @@ class Going:
         self._columns = Columns(bench.rig)
         self._count, self._every = 0, max(1, round(bench.plan.sample_rate / SHOWN))
         stream.begin("run", bench.protocol.name, self._every / bench.plan.sample_rate)
-        self._run = self._new()
+        self._run = Run(bench, display=self._show, stop=self.button, ask=self._ask)
+        self._run.real_time = True
+        self._run.simulated_by = functools.partial(Paced, pace=pace)
         self._thread = threading.Thread(target=self._go, name="run", daemon=True)
-
-    def _new(self) -> Run:
-        run = Run(self.bench, display=self._show, stop=self.button, ask=self._ask)
-        run.real_time = True
-        run.simulated_by = functools.partial(Paced, pace=self.pace)
-        return run
-
-    def _begun(self) -> Recording:
-        """All of it; begun anew where it failed before its first sample."""
-        try:
-            return self._run.go()
-        except MckibbenError:
-            raise
-        except Exception as error:
-            if self._count:
-                raise MckibbenError(f"the run failed: {type(error).__name__}: {str(error)[:200]}") from error
-            self._run = self._new()
-            raise
 
     def start(self) -> None:
         """Begin."""
@@ -96,7 +80,8 @@ class Going:
     def stop(self, reason: str, *, trip: bool) -> None:
         """At the next sample the valve vents and the motor only brakes."""
         self.stopping = "" if trip else reason
-        self.button.press(reason)
+        self.button.press(reason, ordinary=not trip)
+        self.pace.shown(None)  # a stop waits for no page
         self.pace.halt(False)
         self._answered.set()
 
@@ -124,7 +109,7 @@ class Going:
 
     def _go(self) -> None:
         try:
-            self.record = self._begun()
+            self.record = self._run.go()
         except MckibbenError as error:
             self.error = str(error)
         except Exception as error:  # of a run that fails, no other thing of the laboratory may

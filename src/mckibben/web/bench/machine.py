@@ -137,7 +137,7 @@ class Bench:
                     self.hand.session.vent()
                 self.hand.hold(True)
             self.ended = {}
-            self.pace.halt(False)
+            self.pace.begin()
             self.going = Going(dry.bench, self.pace, self.stream, self.messages, self.lab.changed, self._over)
             self.messages.say("Started. Protocol, muscle and rig are saved with the recording.", "done", 0.0)
             for caution in dry.bench.cautions:
@@ -289,13 +289,20 @@ class Bench:
             self.messages.say("Reset.", "note")
         return "reset"
 
+    def shown(self, epoch: int, samples: int) -> None:
+        """The page in control has drawn so many samples of an epoch."""
+        if self.going is not None and epoch == self.stream.epoch:
+            self.pace.shown(samples * self.stream.period)
+
     def control_lost(self) -> None:
         """Nobody is in control: a run goes on, what is held by hand is held for 5 s."""
+        self.pace.shown(None)
         if self.hand is not None:
             self.hand.alone(True)
 
     def control_back(self) -> None:
         """Somebody is again."""
+        self.pace.shown(None)
         if self.hand is not None:
             self.hand.alone(False)
 

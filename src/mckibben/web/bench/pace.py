@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from time import perf_counter
 from typing import Any
 
 from ...bench.hardware.in_process import InProcess
@@ -14,15 +15,37 @@ NAMES = {"simulated": "as fast as it goes", "real": "real time", "slow": "slow 1
 BURST = 0.004  # a loop that is ahead sleeps at least so long [s], so that pages get their share of the processor
 LATE = 1.0  # later than this, the clock begins anew [s]
 BREATH = 16  # samples after which a loop without a clock lets others in
+LEAD = 0.07  # so far ahead of what the page in control shows does a machine go [s]
+PATIENCE = 2.0  # time for which it waits for a page that says nothing [s]
 
 
 class Pace:
-    """How the time of one machine goes; may be changed from any thread while it does."""
+    """How the time of one machine goes; may be changed from any thread while it does.
+
+    Every pace has one bound, while a page in control says what it shows: the machine is at most `LEAD` ahead of that. Who
+    sees something and presses the stop so stops the machine near what was seen, however fast it is and however slow the
+    page. Only where the page has said nothing for `PATIENCE` does the machine go on, in real time at most.
+    """
 
     def __init__(self, name: str = "real") -> None:
         self._changed = threading.Condition()
         self._name, self._due = name, None  # type: str, float | None
         self._halted, self._steps, self._count = False, 0, 0
+        self._reached, self._shown = 0.0, None  # type: float, float | None
+        self._heard = 0.0  # when the page in control said so [s]
+        self._before = 0.0  # when the last sample was let through [s]
+
+    def begin(self) -> None:
+        """A run begins at 0 s."""
+        with self._changed:
+            self._reached, self._shown, self._halted, self._steps, self._due = 0.0, None, False, 0, None
+            self._changed.notify_all()
+
+    def shown(self, time: float | None) -> None:
+        """So far [s] has the page in control seen the run; None: it does not say."""
+        with self._changed:
+            self._shown, self._heard = time, perf_counter()
+            self._changed.notify_all()
 
     @property
     def name(self) -> str:
@@ -69,9 +92,12 @@ class Pace:
             self._changed.wait_for(lambda: not self._halted or self._steps > 0)
             if self._halted:
                 self._steps -= 1
+                self._reached += period
                 return 0.0
+            self._reached += period
+            self._led(period)
             speed, due = self.speed, self._due
-        now = time.perf_counter()
+        now = perf_counter()
         if speed is None:
             self._count += 1
             if self._count % BREATH == 0:
@@ -86,6 +112,16 @@ class Pace:
             time.sleep(max(-late, BURST))
             return 0.0
         return late if late > BURST + 0.001 else 0.0
+
+    def _led(self, period: float) -> None:
+        """Wait until the page in control has seen enough; where it is silent, as long as a sample takes in real time."""
+        if not self._near():
+            until = max(self._heard + PATIENCE, self._before + period)
+            self._changed.wait_for(self._near, max(until - perf_counter(), 0.0))
+        self._before = perf_counter()
+
+    def _near(self) -> bool:
+        return self._shown is None or self._halted or self._reached - self._shown < LEAD
 
 
 class Paced(InProcess):

@@ -56,6 +56,10 @@ function frame (data) {
   const values = []
   for (let i = 0; i < m; i++) values.push(new Float32Array(data, 16 + 4 * i * n, n))
   emit('frame', { epoch, first, n, values })
+  // a machine waits for the page that can stop it
+  if (lab.status?.running && lab.status.holder === lab.page) {
+    socket.send(JSON.stringify({ epoch, shown: first + n }))
+  }
 }
 
 function heard (message) {
