@@ -34,7 +34,6 @@ class Axis:
         quantity: one of `QUANTITIES`, which colours the title; ink where left out.
         low: where it begins; from the values where left out.
         high: where it ends.
-        places: of the ticks' numbers; by their distance where left out.
     """
 
     label: str
@@ -42,7 +41,6 @@ class Axis:
     quantity: str = ""
     low: float | None = None
     high: float | None = None
-    places: int | None = None
 
 
 @dataclass(frozen=True)

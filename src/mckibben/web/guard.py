@@ -104,11 +104,12 @@ class Guard:
             said = f"the upload is {length[:20]} B; allowed are {LARGEST >> 20} MB. Nothing was stored"
             await _refuse(scope, receive, send, 413, said)
             return
-        taken = 0
+        taken, left = 0, False
 
         async def counted() -> MutableMapping[str, Any]:
-            nonlocal taken
+            nonlocal taken, left
             message = await receive()
+            left = left or message["type"] == "http.disconnect"
             taken += len(message.get("body", b""))
             return message if taken <= LARGEST else {"type": "http.disconnect"}
 
@@ -117,7 +118,12 @@ class Guard:
                 message["headers"] = [*message.get("headers", []), *((k.encode(), v.encode()) for k, v in SAFE.items())]
             await send(message)
 
-        await self.app(scope, counted, safe)
+        try:
+            await self.app(scope, counted, safe)
+        except RuntimeError as error:
+            # What Starlette raises where a browser went away before it was answered: nobody is left to tell.
+            if not (left and "No response returned" in str(error)):
+                raise
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, said: str) -> None:

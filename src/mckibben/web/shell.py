@@ -53,7 +53,7 @@ def frame(page: Page, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] 
     """
     from nicegui import ui
 
-    ui.add_head_html(_head(sheets, scripts))
+    ui.add_head_html(f"<script>document.documentElement.lang = 'en'</script>{_head(sheets, scripts)}")
     ui.add_body_html(f"{_mark(page)}{_around(page)}")
 
 

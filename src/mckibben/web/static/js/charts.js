@@ -2,18 +2,18 @@
 // since a loop is no function of x.
 import uPlot from '../uplot/uPlot.esm.js'
 import { events } from './lab.js'
-import { Q, TS, clamp, escape, fmt, mark, token } from './words.js'
+import { Q, TS, clamp, digits, escape, fmt, mark, token } from './words.js'
 
 const charts = new Map() // figure -> {plot, spec}
 
 const colour = q => token(Q[q] ? `--q-${q}` : '--ink')
-const places = step => Math.max(0, Math.min(6, -Math.floor(Math.log10(step) + 1e-9)))
+const precision = step => Math.max(0, Math.min(6, -Math.floor(Math.log10(step) + 1e-9)))
 /** Axis settings in the style of the house. */
 export function axis (given = {}) {
   return {
     stroke: () => token('--ink-3'), font: `11px ${token('--font')}`, gap: 4, size: 46, ...given,
     grid: { stroke: () => token('--grid'), width: 1, ...given.grid }, ticks: { show: false, ...given.ticks },
-    values: given.values ?? ((u, ticks) => { const d = ticks.length > 1 ? places(Math.abs(ticks[1] - ticks[0])) : 2; return ticks.map(v => fmt(v, d)) })
+    values: given.values ?? ((u, ticks) => { const d = ticks.length > 1 ? digits(Math.abs(ticks[1] - ticks[0])) : 2; return ticks.map(v => fmt(v, d)) })
   }
 }
 function range (lines, of, given) {
@@ -136,7 +136,7 @@ function build (figure) {
   was?.plot.destroy()
   figure.innerHTML = `<figcaption><span>${title(spec.y)}, against ${title(spec.x)}</span><span class="faint">${escape(spec.name)}</span></figcaption><div class="plot" tabindex="0" role="img" aria-label="${escape(spec.name)}. ${escape(spec.summary)}"></div><div class="tip" hidden></div><details class="values"><summary>Table of values</summary><div class="scroll"></div></details>`
   const [x0, x1] = range(spec.lines, 'x', spec.x); const [y0, y1] = range(spec.lines, 'y', spec.y)
-  figure.px = places((x1 - x0) / 1000); figure.py = places((y1 - y0) / 1000)
+  figure.px = precision((x1 - x0) / 1000); figure.py = precision((y1 - y0) / 1000)
   const place = figure.querySelector('.plot')
   const plot = new uPlot(options(figure, spec, Math.max(160, figure.clientWidth)), [[x0, x1], [y0, y1]], place)
   place.querySelector('.u-over').addEventListener('dblclick', () => plot.redraw())

@@ -1,18 +1,11 @@
 // The pictures of the page Fit: a figure with data-fit becomes one. Every number comes from the laboratory; here it is only drawn.
+import { nice } from './plot.js'
 import { TS, clamp, escape, fmt, mark } from './words.js'
 
 const F = 'var(--q-tension)'
 const number = (v, d = 1) => fmt(v, d)
 const name = (q, word) => `<tspan style="fill:var(--q-${q});font-weight:600">${word}</tspan>`
 const path = pts => pts.length ? 'M' + pts.map(p => `${p[0].toFixed(1)} ${p[1].toFixed(1)}`).join('L') : ''
-
-function steps (low, high, most) {
-  const raw = (high - low) / most || 1; const ten = 10 ** Math.floor(Math.log10(raw))
-  const step = [1, 2, 2.5, 5, 10].find(s => s * ten >= raw) * ten
-  const found = []
-  for (let v = Math.ceil(low / step - 1e-9) * step; v <= high + 1e-9 * step; v += step) found.push(Math.abs(v) < 1e-9 * step ? 0 : v)
-  return { found, places: Math.max(0, Math.min(4, -Math.floor(Math.log10(step) + 1e-9) + (Math.abs(step / ten - 2.5) < 1e-9 ? 1 : 0))) }
-}
 
 class Plot {
   constructor (w, h, x, y, m) {
@@ -24,9 +17,9 @@ class Plot {
   add (s) { this.s += s; return this }
   grid (words = null) {
     const { l, r, t, b } = this.m
-    const xs = steps(...this.x, Math.max(2, (this.w - l - r) / 70)); const ys = steps(...this.y, Math.max(2, (this.h - t - b) / 44))
-    for (const v of xs.found) this.s += `<path d="M${this.X(v).toFixed(1)} ${t}V${this.h - b}" stroke="var(--grid)"/><text class="tick" x="${this.X(v).toFixed(1)}" y="${this.h - b + 14}" text-anchor="middle">${fmt(v, xs.places)}</text>`
-    for (const v of ys.found) this.s += `<path d="M${l} ${this.Y(v).toFixed(1)}H${this.w - r}" stroke="var(--grid)"/><text class="tick" x="${l - 6}" y="${(this.Y(v) + 4).toFixed(1)}" text-anchor="end">${words ? words(v) : fmt(v, ys.places)}</text>`
+    const xs = nice(...this.x, Math.max(2, (this.w - l - r) / 70)); const ys = nice(...this.y, Math.max(2, (this.h - t - b) / 44))
+    for (const v of xs.ticks) this.s += `<path d="M${this.X(v).toFixed(1)} ${t}V${this.h - b}" stroke="var(--grid)"/><text class="tick" x="${this.X(v).toFixed(1)}" y="${this.h - b + 14}" text-anchor="middle">${fmt(v, xs.places)}</text>`
+    for (const v of ys.ticks) this.s += `<path d="M${l} ${this.Y(v).toFixed(1)}H${this.w - r}" stroke="var(--grid)"/><text class="tick" x="${l - 6}" y="${(this.Y(v) + 4).toFixed(1)}" text-anchor="end">${words ? words(v) : fmt(v, ys.places)}</text>`
     return this.add(`<rect x="${l}" y="${t}" width="${this.w - l - r}" height="${this.h - t - b}" fill="none" stroke="var(--rule)"/>`)
   }
 

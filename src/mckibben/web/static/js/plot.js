@@ -1,12 +1,12 @@
 // Small drawings in SVG with words where they belong, for pages whose pictures are more than lines: axes, paths, corners, a value under the pointer.
-import { TS, clamp, escape, fmt } from './words.js'
+import { TS, clamp, digits, escape, fmt } from './words.js'
 
 export const nice = (low, high, count = 6) => {
   const raw = (high - low) / count || 1; const size = 10 ** Math.floor(Math.log10(raw))
   const step = [1, 2, 2.5, 5, 10].find(m => m * size >= raw * 0.999) * size
   const ticks = []
   for (let v = Math.ceil(low / step - 1e-9) * step; v <= high + step * 1e-9; v += step) ticks.push(Math.abs(v) < step * 1e-9 ? 0 : v)
-  return { step, ticks, places: Math.max(0, -Math.floor(Math.log10(step) + 1e-9) + (Math.abs(step / 10 ** Math.floor(Math.log10(step)) - 2.5) < 1e-6 ? 1 : 0)) }
+  return { step, ticks, places: digits(step) }
 }
 const pathOf = points => points.length ? 'M' + points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join('L') : ''
 

@@ -196,18 +196,24 @@ function slider (box, q, [low, high]) {
 $('#vent').onclick = () => asks('vent')
 
 // ---------------------------------------------------------------- the link
-let linked = ''
+// What a link asks for waits this long [ms] for the controls, which the page that vanished before this one holds for 6 s.
+const WAITS = 10000
+const query = new URLSearchParams(location.search)
+const chosen = () => ({ muscle: setup()?.muscle, rig: setup()?.rig, protocol: lab.parts.protocol?.name })
+let since = null
+let want = Object.fromEntries(['muscle', 'rig', 'protocol'].map(k => [k, query.get(k)]).filter(([, v]) => v))
 export function fromLink () {
-  const asked = new URLSearchParams(location.search)
-  const want = { muscle: asked.get('muscle'), rig: asked.get('rig'), protocol: asked.get('protocol') }
-  const have = { muscle: setup()?.muscle, rig: setup()?.rig, protocol: lab.parts.protocol?.name }
-  if (linked || !setup() || !lab.parts.protocol || !lab.status) return
-  linked = 'read'
-  if (!mine() || shape() !== 'idle') return
-  for (const [k, v] of Object.entries(want)) if (v && v !== have[k]) asks(k, { name: v })
+  if (!want || !setup() || !lab.parts.protocol || !lab.status) return
+  since ??= performance.now()
+  const have = chosen()
+  const differ = Object.entries(want).filter(([k, v]) => v !== have[k])
+  if (differ.length && (!mine() || shape() !== 'idle') && performance.now() - since < WAITS) return
+  want = null
+  if (mine() && shape() === 'idle') for (const [k, v] of differ) asks(k, { name: v })
+  else link(have)
 }
 events.addEventListener('part', () => {
   fromLink()
-  if (linked) link({ muscle: setup()?.muscle, rig: setup()?.rig, protocol: lab.parts.protocol?.name })
+  if (!want) link(chosen())
 })
 events.addEventListener('status', fromLink)

@@ -35,7 +35,7 @@ export class Strips {
     this.plots.clear(); this.place.replaceChildren()
     const phone = this.phone; const order = phone ? PHONE.order : LANES
     this.left = phone ? 54 : 112; this.right = phone ? 56 : 74
-    if (!phone) { this.steps = document.createElement('canvas'); this.steps.className = 'steps'; this.steps.setAttribute('role', 'img'); this.place.append(this.steps) } else this.steps = null
+    if (!phone) { this.steps = document.createElement('canvas'); this.steps.className = 'steps'; this.steps.setAttribute('role', 'img'); this.said = 'Steps: '; this.steps.setAttribute('aria-label', this.said); this.place.append(this.steps) } else this.steps = null
     order.forEach((q, i) => this.lane(q, phone ? PHONE.high[q] : Math.round(HIGH[q] * share), i === order.length - 1))
     this.tag = document.createElement('div'); this.tag.className = 'when'; this.tag.hidden = true; this.place.append(this.tag)
     this.dirty = true

@@ -13,6 +13,12 @@ export function fmt (v, places = 2) {
   const grouped = text.replace(/^(\d+)/, d => d.length > 3 ? d.replace(/\B(?=(\d{3})+$)/g, '\u2009') : d)
   return (v < 0 && +text !== 0 ? '\u2212' : '') + grouped
 }
+/** How many places a number such as the distance of two ticks has: 0.25 has two. */
+export function digits (step) {
+  let d = 0
+  while (d < 6 && Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) > 1e-6 * Math.abs(step) * 10 ** d) d++
+  return d
+}
 export const clamp = (v, a, b) => Math.max(a, Math.min(b, v))
 export const escape = text => String(text).replace(/[&<>"']/g, c => `&#${c.charCodeAt(0)};`)
 /** What a quantity looks like, on every page. */
