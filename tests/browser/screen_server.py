@@ -60,3 +60,22 @@ class Served:
             self._reader.join(10.0)
             assert self.process.stdout is not None
             self.process.stdout.close()
+
+
+def says(page, place: str, *words: str, longest: float = 20.0) -> None:
+    """Wait until a place of a page says all of these words: what a page draws comes a moment after what it knows."""
+    from playwright.sync_api import expect  # these tests are left out where it is not installed
+
+    for word in words:
+        expect(page.locator(place)).to_contain_text(word, timeout=1e3 * longest, use_inner_text=True)
+
+
+def settled(page) -> None:
+    """Wait until a page has drawn what it computes: the same text twice, a second apart."""
+    before = None
+    for _ in range(60):
+        now = page.evaluate("document.body.innerText.length + ':' + document.querySelectorAll('*').length")
+        if now == before and not page.evaluate("!!document.querySelector('.loading, [aria-busy=true]')"):
+            return
+        before = now
+        page.wait_for_timeout(1000)

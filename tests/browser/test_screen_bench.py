@@ -7,6 +7,7 @@ import urllib.request
 
 import numpy as np
 import pytest
+from screen_server import Served, says
 
 from mckibben.recordings import read_recording
 
@@ -45,7 +46,7 @@ def bench(visit, status, until):
         assert page.evaluate("([t]) => window.lab.act('text', {text: t})", [text])["ok"]
         checked = "window.lab.act('say', {line: 'check'}).then(a => a.said.text)"
         until(lambda: "nothing speaks" in page.evaluate(checked), 60.0, "the dry run did not pass")
-        until(lambda: page.evaluate("window.lab.lab.parts.dry.passed === true"))
+        until(lambda: page.evaluate("window.lab.lab.parts.dry?.passed === true"))
         page.evaluate("([p]) => window.lab.act('pace', {name: p})", [pace])
         return page
 
@@ -94,28 +95,26 @@ def test_a_run_by_clicks_is_the_recording_of_the_command_bit_for_bit_whatever_it
     assert ours.meta["parameters"] == theirs.meta["parameters"] and ours.meta["steps"] == theirs.meta["steps"]
 
 
-@pytest.mark.parametrize("pace", ["slow", "simulated"])
+@pytest.mark.parametrize("pace", [pytest.param("slow", marks=pytest.mark.slow), "real", "simulated"])
 def test_escape_vents_within_100_ms_of_simulated_time_even_inside_a_field(bench, served, status, until, pace):
     page = bench(LONG, pace)
-    clicked(page, until, status, 0.4 if pace == "simulated" else 0.05)
+    clicked(page, until, status, 0.05 if pace == "slow" else 0.4)
     page.evaluate("""() => { window.at = null; addEventListener('keydown', e => {
         if (e.key === 'Escape') window.at = window.lab.bench.buffer.end }, true) }""")
     page.focus("#line")
     page.keyboard.press("Escape")
     until(lambda: status(page)["shape"] == "tripped" and not status(page).get("running"), 30.0)
     pressed = page.evaluate("window.at")
-    assert "Vented" in page.locator(".top .estop").inner_text()
+    says(page, ".top .estop", "Vented")
     record = read_recording(served.folder / status(page)["ended"]["file"])
     (event,) = [e for e in record.meta["events"] if e.get("code") == "emergency_stop"]
-    # as fast as it goes, 0.1 s of it take some 40 ms on the wall, which a key needs from here to there on a busy machine
-    allowed = 0.1 if pace == "slow" else 0.5
-    assert 0.0 <= event["time"] - pressed <= allowed
+    assert 0.0 <= event["time"] - pressed <= 0.1, event["time"] - pressed
     after = record.time >= event["time"]
     assert record["valve.command"][after].max() == 0.0 and record["pressure"][-1] < 0.2e5
     assert page.evaluate("window.lab.act('reset')")["ok"]
 
 
-def test_a_reload_during_a_run_finds_it_again(bench, status, until):
+def test_a_reload_during_a_run_finds_it_again(bench, served, status, until):
     page = bench(LONG, "slow")
     clicked(page, until, status, 0.1)
     epoch = page.evaluate("window.lab.bench.buffer.epoch")
@@ -123,11 +122,12 @@ def test_a_reload_during_a_run_finds_it_again(bench, status, until):
     page.wait_for_function("window.lab && window.lab.bench && window.lab.bench.buffer.n > 0")
     assert page.evaluate("window.lab.bench.buffer.epoch") == epoch
     assert page.evaluate("window.lab.bench.buffer.first") == 0  # what came before the reload is there again
-    assert status(page)["running"] and status(page)["holder"] == page.evaluate("window.lab.lab.page")
+    until(lambda: status(page).get("running") and status(page)["holder"] == page.evaluate("window.lab.lab.page"))
     page.keyboard.press("s")
     until(lambda: status(page)["shape"] == "idle", 30.0)
-    said = page.locator("#log").inner_text()
-    assert "Stopped by you" in said and "Recorded as long-" in said
+    says(page, "#log", "Stopped by you", "Recorded as long-")
+    record = read_recording(served.folder / status(page)["ended"]["file"])
+    assert record.meta["events"][-1]["code"] == "stop" and "emergency" not in record.meta["message"]
 
 
 def test_a_lost_line_turns_the_page_grey_and_fetches_what_was_missed(bench, status, until):
@@ -135,14 +135,14 @@ def test_a_lost_line_turns_the_page_grey_and_fetches_what_was_missed(bench, stat
     clicked(page, until, status, 0.05)
     page.evaluate("""() => { window.keep = WebSocket
         window.WebSocket = class { constructor () { setTimeout(() => this.onclose(), 10) } }; window.lab.drop() }""")
-    until(lambda: "No connection" in page.locator("#state").inner_text())
-    assert "use the button on the machine" in page.locator("#ban").inner_text()
-    assert "cannot reach the machine" in page.locator(".top .estop").inner_text()
-    assert page.evaluate("document.documentElement.classList.contains('old')")
+    says(page, "#state", "No connection")
+    says(page, "#ban", "use the button on the machine")
+    says(page, ".top .estop", "cannot reach the machine")
+    until(lambda: page.evaluate("document.documentElement.classList.contains('old')"))
     seen = page.evaluate("window.lab.bench.buffer.n")
     page.wait_for_timeout(600)
     page.evaluate("() => { window.WebSocket = window.keep }")
-    until(lambda: "Running" in page.locator("#state").inner_text(), 20.0)
+    says(page, "#state", "Running")
     until(lambda: page.evaluate("window.lab.bench.buffer.n") > seen + 60)
     times = page.evaluate("Array.from(window.lab.bench.buffer.t.subarray(0, window.lab.bench.buffer.n))")
     assert np.allclose(np.diff(times), 1e-3, atol=1e-6)  # not a sample is missing
@@ -155,8 +155,8 @@ def test_a_second_page_watches_and_may_stop_but_not_start(bench, visit, status, 
     clicked(first, until, status, 0.05)
     second = visit("/")
     second.wait_for_function("window.lab.bench && window.lab.bench.buffer.n > 20")
-    assert "You watch" in second.locator("#who").inner_text()
-    assert second.locator("#pause").is_disabled()
+    says(second, "#who", "You watch")
+    until(lambda: second.locator("#pause").is_disabled())
     second.click("#stop")
     until(lambda: not status(first).get("running"), 30.0)
     refused = second.evaluate("window.lab.act('start')")
@@ -170,7 +170,7 @@ def test_set_points_by_hand_move_the_machine_and_are_refused_in_the_words_of_the
     number.fill("1.5")
     number.press("Tab")
     until(lambda: abs(page.evaluate("window.lab.bench.buffer.latest('pressure')") - 1.5) < 0.1, 30.0)
-    assert "By hand" in page.locator("#state").inner_text()
+    says(page, "#state", "By hand")
     number.fill("99")
     number.press("Tab")
     said = page.locator("#sliders .err").first
@@ -189,12 +189,12 @@ def test_when_the_page_in_control_vanishes_what_is_held_by_hand_is_held_for_5_s_
     assert page.evaluate("window.lab.act('set', {pressure: '2 bar'})")["ok"]
     until(lambda: page.evaluate("window.lab.bench.buffer.latest('pressure')") > 1.9, 30.0)
     other = visit("/")
-    other.wait_for_function("window.lab.bench.buffer.n > 20")
+    other.wait_for_function("window.lab.bench?.buffer.n > 20")
     page.context.close()
     other.wait_for_timeout(2000)
     assert other.evaluate("window.lab.bench.buffer.latest('pressure')") > 1.8
     until(lambda: other.evaluate("window.lab.bench.buffer.latest('pressure')") < 0.1, 60.0)
-    assert "nobody is in control: vented" in other.locator("#log").inner_text()
+    says(other, "#log", "nobody is in control: vented")
 
 
 def test_a_number_of_the_sentence_is_its_field_and_says_beside_itself_what_is_wrong(bench, until):
@@ -208,7 +208,7 @@ def test_a_number_of_the_sentence_is_its_field_and_says_beside_itself_what_is_wr
     page.locator("#sent button", has_text="bar").first.click()
     page.keyboard.type("3")
     page.keyboard.press("Enter")
-    until(lambda: 'value = "3 bar"' in page.evaluate("window.lab.lab.parts.protocol.text"))
+    until(lambda: 'value = "3 bar"' in page.evaluate("window.lab.lab.parts.protocol?.text ?? ''"))
 
 
 def test_nothing_starts_before_the_dry_run_has_passed_and_it_offers_the_cure(bench, until):
@@ -216,17 +216,17 @@ def test_nothing_starts_before_the_dry_run_has_passed_and_it_offers_the_cure(ben
     page.click("#faces [data-face=form]")
     page.fill("#f-high", "8")
     page.keyboard.press("Tab")
-    until(lambda: page.evaluate("window.lab.lab.parts.dry.passed === false"), 30.0)
+    until(lambda: page.evaluate("window.lab.lab.parts.dry?.passed === false"), 30.0)
     until(lambda: page.locator("#start").is_disabled())
-    assert "Nothing may start" in page.locator("#ed").inner_text()
-    assert "regulator allows" in page.locator("#ed .f .err").inner_text()
+    says(page, "#ed", "Nothing may start")
+    says(page, "#ed .f .err", "regulator allows")
     page.click("#use")
-    until(lambda: page.evaluate("window.lab.lab.parts.dry.passed === true"), 30.0)
+    until(lambda: page.evaluate("window.lab.lab.parts.dry?.passed === true"), 30.0)
     page.fill("#ed-text", "schema = 1")
     page.locator("#ed-text").blur()
-    until(lambda: "name is" in page.locator("#text-err").inner_text())
+    says(page, "#text-err", "name is")
     page.keyboard.press("Escape")
-    assert not page.locator("#ed").is_visible()
+    until(lambda: not page.locator("#ed").is_visible())
     until(lambda: page.locator("#start").is_enabled())
 
 
@@ -236,9 +236,9 @@ def test_a_script_in_a_label_is_a_label(bench):
     )
     page = bench(evil)
     page.click("#faces [data-face=text]")
+    says(page, "#sent", "onerror=window.harmed")
     page.wait_for_timeout(500)
     assert page.evaluate("window.harmed") is None
-    assert "onerror=window.harmed" in page.locator("#sent").inner_text()
 
 
 def test_no_name_that_a_page_gives_leaves_the_folders(bench, served):
@@ -269,16 +269,26 @@ def test_the_console_speaks_of_what_the_page_shows(bench, until, status):
 
 def test_the_link_names_muscle_rig_and_protocol_and_is_followed(bench, visit, until):
     page = bench()
-    assert "muscle=nylon" in page.url and "rig=paper" in page.url
+    until(lambda: "muscle=nylon" in page.url and "rig=paper" in page.url)
     page.context.close()
     other = visit("/?muscle=fiberglass&protocol=preconditioning", control=True)
     other.reload()
-    other.wait_for_function("window.lab.lab.parts.setup && window.lab.lab.parts.setup.muscle === 'fiberglass'")
-    other.wait_for_function("window.lab.lab.parts.protocol.name === 'preconditioning'")
+    other.wait_for_function("window.lab.lab.parts.setup?.muscle === 'fiberglass'")
+    other.wait_for_function("window.lab.lab.parts.protocol?.name === 'preconditioning'")
     assert other.evaluate("window.lab.act('muscle', {name: 'nylon'})")["ok"]
 
 
-def test_every_chart_and_control_has_a_name(bench):
+def test_a_link_waits_for_the_controls_that_a_page_which_vanished_still_holds(bench, visit, until):
+    page = bench()
+    other = visit("/?muscle=fiberglass")
+    other.wait_for_function("window.lab.lab.parts.setup")
+    assert other.evaluate("window.lab.lab.parts.setup.muscle") == "nylon" and "muscle=fiberglass" in other.url
+    page.context.close()
+    other.wait_for_function("window.lab.lab.parts.setup?.muscle === 'fiberglass'")
+    assert other.evaluate("window.lab.act('muscle', {name: 'nylon'})")["ok"]
+
+
+def test_every_chart_and_control_has_a_name(bench, until):
     page = bench()
     nameless = page.evaluate("""() => [...document.querySelectorAll('button,input,select,textarea,canvas,[role=img]')]
         .filter(e => e.checkVisibility() && !e.closest('[aria-hidden=true]') && !e.closest('.uplot'))
@@ -286,15 +296,14 @@ def test_every_chart_and_control_has_a_name(bench):
         .map(e => e.outerHTML.slice(0, 80))""")
     assert nameless == []
     page.click("details.values summary")
-    page.wait_for_timeout(300)
-    assert page.locator("#values tbody tr").count() > 20
+    until(lambda: page.locator("#values tbody tr").count() > 20)
     before = page.evaluate("window.lab.bench.strips.cursor")
     page.focus("#strips")
     page.keyboard.press("ArrowRight")
-    assert page.evaluate("window.lab.bench.strips.cursor") != before
+    until(lambda: page.evaluate("window.lab.bench.strips.cursor") != before)
 
 
-def test_on_a_phone_everything_is_there_and_the_stop_is_under_the_thumb(bench, until):
+def test_on_a_phone_everything_is_there_and_the_stop_is_under_the_thumb(bench):
     page = bench(width=390, height=844)
     for view, seen in (
         ("loop", "#fl"),
@@ -304,15 +313,13 @@ def test_on_a_phone_everything_is_there_and_the_stop_is_under_the_thumb(bench, u
         ("live", "#strips"),
     ):
         page.click(f".ptabs [data-view={view}]")
-        assert page.locator(seen).is_visible(), view
+        page.locator(seen).wait_for()  # the loop is drawn with the next frame
     box = page.locator(".ph .estop").bounding_box()
     assert box["height"] >= 44 and box["y"] + box["height"] <= 844
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
 
 
 def test_another_address_demands_the_token_that_it_prints(chromium, tmp_path):
-    from screen_server import Served
-
     served = Served(tmp_path / "recordings", "--host", "0.0.0.0")
     try:
         port = served.address.split(":")[2].split("/")[0]

@@ -3,6 +3,7 @@
 import csv
 
 import numpy as np
+from screen_server import says
 
 from mckibben.recordings import Channel, Recording
 from mckibben.studies.comparison import compare, subject
@@ -34,28 +35,29 @@ def test_the_exported_table_is_that_of_the_command_line_to_the_last_digit(visit)
     assert {f"{v:.3g}" for v in tension} <= set(shown)
 
 
-def test_a_pressure_at_which_nothing_pulls_is_refused_in_the_commands_words(visit, until):
+def test_a_pressure_at_which_nothing_pulls_is_refused_in_the_commands_words(visit):
     page = opened(visit, "muscles=nylon")
     field = page.locator(".full-drive input")
     field.fill("0.5")
     field.press("Enter")
-    said = page.locator(".compare-said").inner_text
-    until(lambda: "nylon pulls nothing at its rest length of 14 cm; allowed is a higher one" in said(), 60.0)
-    assert "The old value, 5, stays in use." in said() and "pressure=" not in page.url
+    sentence = "nylon pulls nothing at its rest length of 14 cm; allowed is a higher one"
+    says(page, ".compare-said", sentence, "The old value, 5, stays in use.", longest=60.0)
+    assert "pressure=" not in page.url
 
 
-def test_a_link_restores_muscles_and_pressure_and_what_it_cannot_show_says_why(visit):
+def test_a_link_restores_muscles_and_pressure_and_what_it_cannot_show_says_why(visit, until):
     page = opened(visit, "muscles=nylon,no-such,../../etc/passwd.toml&pressure=4 bar")
     assert page.locator(".full-drive input").input_value() == "4"
-    heads = page.locator(".ch")
-    assert heads.count() == 3
+    until(lambda: page.locator(".ch").count() == 3)
     refused = page.locator(".cmp .err")
-    assert refused.count() == 2 and "allowed is a plain name" in refused.nth(1).inner_text()
+    until(lambda: refused.count() == 2)
+    assert "allowed is a plain name" in refused.nth(1).inner_text()
     f0 = subject("nylon", pressure=4e5).full_tension
-    assert f0 > 50.0 and page.locator(".surface").count() == 1
+    assert f0 > 50.0
+    until(lambda: page.locator(".surface").count() == 1)
 
 
-def test_recordings_are_compared_by_what_they_say(visit, served):
+def test_recordings_are_compared_by_what_they_say(visit, served, until):
     angle = 2.0 * np.pi * np.arange(0.0, 3.0, 0.01)
     length = 0.13 - 0.01 * np.cos(angle)
     tension = 30.0 + 2e3 * (length - 0.12) + 2.5 * np.sign(np.sin(angle))
@@ -74,15 +76,16 @@ def test_recordings_are_compared_by_what_they_say(visit, served):
         shown = f"{PROPERTIES[name].shown(expected.values[name]):.3g}"
         row = page.locator(".k.r", has_text=PROPERTIES[name].title)
         assert row.locator("xpath=following-sibling::div[1]").locator("b").inner_text() == shown
-    assert "values=recordings" in page.url and "recordings=loop.nc" in page.url
+    until(lambda: "values=recordings" in page.url and "recordings=loop.nc" in page.url)
 
 
-def test_the_arrows_tell_a_points_tension_per_section(visit):
+def test_the_arrows_tell_a_points_tension_per_section(visit, until):
     page = opened(visit, "muscles=nylon")
     page.locator(".surface").focus()
     page.keyboard.press("ArrowRight")
     one = subject("nylon")
     most = float(one.tension(one.upper_length / one.rest_length)) * one.full_tension / one.section_area / 1e4
-    assert page.locator(".surface .tip").inner_text().startswith(f"{most:.1f}")
+    tip = page.locator(".surface .tip")
+    until(lambda: tip.inner_text().startswith(f"{most:.1f}"))
     page.keyboard.press("ArrowDown")
-    assert "4.5" in page.locator(".surface .tip").inner_text()
+    until(lambda: "4.5" in tip.inner_text())

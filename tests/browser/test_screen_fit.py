@@ -67,17 +67,17 @@ def test_a_dropped_file_gives_the_same_ranking_parameters_and_specimen_file_as_t
     assert coming.value.path().read_text(encoding="utf-8") == saved
 
 
-def test_a_link_restores_table_laws_and_view_and_a_report_opens(visit, table, commanded, served):
+def test_a_link_restores_table_laws_and_view_and_a_report_opens(visit, table, commanded, served, until):
     shutil.copytree(table.parent, served.folder / "uploads", dirs_exist_ok=True)
     page = visit(f"/fit?table=map.csv&rest=30+cm&laws={FEW}&law=ideal&view=surface")
     fitted(page, 2)
     page.wait_for_selector("figure[data-kind=surface] svg")
     assert page.locator(".rank tr.sel").get_attribute("data-law") == "ideal"
     assert page.locator("#c-rest").input_value() == "30"
-    assert page.locator(".law input:checked").count() == 2
+    until(lambda: page.locator(".law input:checked").count() == 2)
     page.get_by_role("button", name="Residuals").click()
     page.wait_for_selector("figure[data-kind=errors] svg")
-    assert "view=errors" in page.url
+    until(lambda: "view=errors" in page.url)
     with page.context.expect_page() as coming:
         page.get_by_role("button", name="Open report").click()
     coming.value.wait_for_function("document.title.startsWith('Tension laws fitted')", timeout=60_000)

@@ -44,14 +44,14 @@ def ready(page, count=3):
     page.wait_for_function(f"document.querySelectorAll('.rows tr .th svg').length >= {count}", timeout=60_000)
 
 
-def test_two_clicks_overlay_two_recordings_with_the_numbers_of_the_analysis(visit, folder):
+def test_two_clicks_overlay_two_recordings_with_the_numbers_of_the_analysis(visit, folder, until):
     page = visit("/recordings")
     ready(page)
     line(page, "wide").click()
     page.wait_for_selector("text=Loop area")
     line(page, "narrow").click()
     page.wait_for_function("document.querySelectorAll('[aria-label=\"Measured properties\"] th').length === 5")
-    assert page.url.endswith("a=wide.nc&b=narrow.nc")
+    until(lambda: page.url.endswith("a=wide.nc&b=narrow.nc"))
     shown = page.eval_on_selector_all(
         "tbody tr:has-text('Loop area') td[data-value]", "all => all.map(c => +c.dataset.value)"
     )
@@ -65,10 +65,10 @@ def test_two_clicks_overlay_two_recordings_with_the_numbers_of_the_analysis(visi
     ]
     other = visit("/recordings?a=wide.nc&b=narrow.nc&view=channels")  # the link restores it
     other.wait_for_function("document.querySelectorAll('figure.chart canvas').length === 3")
-    assert line(other, "narrow").get_attribute("aria-selected") == "true"
+    until(lambda: line(other, "narrow").get_attribute("aria-selected") == "true")
 
 
-def test_search_and_filters_leave_what_holds_the_words_and_text_of_a_file_is_never_markup(visit, folder):
+def test_search_and_filters_leave_what_holds_the_words_and_text_of_a_file_is_never_markup(visit, folder, until):
     page = visit("/recordings")
     ready(page)
     page.fill("#search", "tripped 6.01")
@@ -78,7 +78,8 @@ def test_search_and_filters_leave_what_holds_the_words_and_text_of_a_file_is_nev
     assert "<img src=x" in line(page, "odd").inner_text() and page.locator("img").count() == 0
     other = visit(page.url.removeprefix(page.url.split("/recordings")[0]))
     ready(other, 1)
-    assert other.locator(".rows tr").count() == 1 and other.locator("#search").input_value() == "6.01"
+    until(lambda: other.locator(".rows tr").count() == 1)
+    assert other.locator("#search").input_value() == "6.01"
 
 
 def test_a_note_is_kept_in_the_file_and_can_be_undone(visit, folder, until):

@@ -5,6 +5,7 @@ import urllib.error
 import urllib.request
 
 import pytest
+from screen_server import says
 
 PAGES = {"/": "Bench", "/fit": "Fit", "/compare": "Compare", "/energy": "Energy", "/circuit": "Circuit",
          "/paper": "The paper", "/recordings": "Recordings"}  # fmt: skip
@@ -23,9 +24,8 @@ def ask(served, path, headers=None, data=None):
 def test_state_and_emergency_stop_stand_on_every_page_and_nothing_comes_from_elsewhere(visit, path):
     page = visit(path)
     assert page.locator(".tabs [aria-current=page]").inner_text() == PAGES[path]
-    assert page.locator("#state .state").is_visible()
-    stops = page.locator(".estop:visible")
-    assert stops.count() == 1 and "Emergency stop" in stops.inner_text()
+    page.locator("#state .state").wait_for()
+    says(page, ".estop:visible", "Emergency stop")  # and there is but one
     page.wait_for_timeout(300)  # whatever loads late is seen by the fixture
 
 
@@ -37,22 +37,22 @@ def test_keys_lead_to_the_pages_and_can_be_switched_off(visit):
     page.wait_for_function("window.lab && window.lab.lab.open")
     page.keyboard.press("?")
     box = page.locator("dialog#keys")
-    assert box.is_visible()
+    box.wait_for()
     box.locator("input").uncheck()
     page.keyboard.press("Escape")  # nothing moves, so it closes what is open
-    assert not box.is_visible()
+    box.wait_for(state="hidden")
     page.keyboard.press("g")
     page.keyboard.press("f")
     page.wait_for_timeout(300)
     assert page.url.endswith("/recordings")
 
 
-def test_the_theme_stands_in_the_link_and_follows_the_system(visit):
+def test_the_theme_stands_in_the_link_and_follows_the_system(visit, until):
     page = visit("/paper", color_scheme="dark")
     paper = "getComputedStyle(document.body).backgroundColor"
     dark = page.evaluate(paper)
     page.click("#theme")
-    assert "theme=light" in page.url and page.evaluate(paper) != dark
+    until(lambda: "theme=light" in page.url and page.evaluate(paper) != dark)
     other = visit("/paper?theme=dark", color_scheme="light")
     assert other.evaluate(paper) == dark
 
@@ -69,8 +69,8 @@ def test_escape_is_the_emergency_stop_even_in_idle_by_its_button_and_stays_until
     page = visit("/energy", control=True)
     page.click(".estop")
     until(lambda: status(page)["shape"] == "tripped")
-    until(lambda: "Vented" in page.locator(".estop").inner_text())
-    assert page.locator("#state .state").get_attribute("role") == "alert"
+    says(page, ".estop", "Vented")
+    until(lambda: page.locator("#state .state").get_attribute("role") == "alert")
     refused = page.evaluate("window.lab.act('start')")
     assert not refused["ok"] and "reset it first" in refused["said"]
     assert page.evaluate("window.lab.act('reset')")["ok"]
@@ -79,7 +79,7 @@ def test_escape_is_the_emergency_stop_even_in_idle_by_its_button_and_stays_until
 
 def test_the_second_page_watches_may_stop_and_may_ask_for_the_controls(visit, status, until):
     first, second = visit("/fit", control=True), visit("/fit")
-    until(lambda: "1 watching" in first.locator("#who").inner_text())
+    says(first, "#who", "1 watching")
     refused = second.evaluate("window.lab.act('start')")
     assert not refused["ok"] and "another page is in control" in refused["said"]
     second.click(".estop")  # but it may stop
@@ -87,16 +87,16 @@ def test_the_second_page_watches_may_stop_and_may_ask_for_the_controls(visit, st
     assert first.evaluate("window.lab.act('reset')")["ok"]
     second.click("#ask-control")
     first.get_by_role("button", name="Hand over").click()
-    until(lambda: "You control" in second.locator("#who").inner_text())
-    assert "You watch" in first.locator("#who").inner_text()
+    says(second, "#who", "You control")
+    says(first, "#who", "You watch")
 
 
 def test_a_lost_line_shows_and_comes_back_by_itself(visit, until):
     page = visit("/compare")
     page.context.set_offline(True)
     page.evaluate("window.lab.drop()")
-    until(lambda: "No connection" in page.locator("#state").inner_text())
-    assert "cannot reach the machine" in page.locator(".estop").inner_text()
+    says(page, "#state", "No connection")
+    says(page, ".estop", "cannot reach the machine")
     page.context.set_offline(False)
     until(lambda: "No connection" not in page.locator("#state").inner_text(), 15.0)
 
