@@ -26,7 +26,7 @@ PAGES = {
     "energy": ("/energy", 1240, 15),
     "circuit": ("/circuit", 1120, 30),
     "paper": ("/paper", 900, 120),
-    "recordings": ("/recordings", 900, 5),
+    "recordings": ("/recordings?a=work-loop-0001.nc&b=work-loop-0002.nc", 900, 5),
 }
 SETTLES = 8_000  # until charts are drawn on a slow machine [ms]
 
@@ -69,8 +69,10 @@ def recorded(browser: Any, address: str) -> None:
         page.evaluate("window.lab.act('pace', {name: 'simulated'})")
         page.wait_for_timeout(SETTLES)
         page.wait_for_function("window.lab.lab.parts.dry?.passed && window.lab.lab.status.shape === 'idle'")
+        page.wait_for_function(f"window.lab.lab.parts.setup.muscle === '{muscle}'")
         page.click("#start")
-        page.wait_for_function("window.lab.lab.status.ended?.file")
+        page.wait_for_function("window.lab.lab.status.running")
+        page.wait_for_function("!window.lab.lab.status.running && window.lab.lab.status.ended?.file")
         page.evaluate("window.lab.act('pace', {name: 'real'})")
         page.context.close()
 
