@@ -75,8 +75,11 @@ class PartMachine:
         found: sampled.Carry = called(sampled.rest, self.plant, self.start, self.commands, depth=self.timing.depth)
         return found
 
-    def at_border(self, ahead: float = 0.0) -> SimulatedMachine:
-        """The machine behind the hardware border; for `ahead` [s] all draws are made before it begins."""
+    def at_border(self, ahead: float = 0.0, *, watched: bool = True) -> SimulatedMachine:
+        """The machine behind the hardware border; for `ahead` [s] all draws are made before it begins.
+
+        `watched`: somebody takes what was true at every sample; otherwise it is forgotten.
+        """
         timing = self.timing
         return SimulatedMachine(
             self.plant,
@@ -86,6 +89,7 @@ class PartMachine:
             inner=timing.inner,
             latency=timing.latency,
             ahead=ahead,
+            watched=watched,
         )
 
     def closed(self, carry: sampled.Carry, begun: sampled.Carry | None = None) -> Accounts:

@@ -35,7 +35,7 @@ def device(
 
     bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)
     part = next(bench.parts())
-    machine = PartMachine(bench, 0, part, timing_of(bench)).at_border()
+    machine = PartMachine(bench, 0, part, timing_of(bench)).at_border(watched=False)
     out, converters = bench.rig.motor_out, bench.rig.converters(part.start_span)
     about = About(
         encoder=converters.encoder is not None, motor=out is not None,

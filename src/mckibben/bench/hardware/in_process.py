@@ -42,11 +42,12 @@ class SimulatedMachine:
         inner: steps of the physics per sample.
         latency: from a sample to the action of its commands [s].
         ahead: for so long [s] nothing is drawn while it goes.
+        watched: somebody takes what was true at every sample (`seen`).
     """
 
     def __init__(
         self, plant: Rigged, carry: sampled.Carry, rows: Rows, *,
-        period: float, inner: int, latency: float, ahead: float = 0.0,
+        period: float, inner: int, latency: float, ahead: float = 0.0, watched: bool = True,
     ) -> None:  # fmt: skip
         self.names = plant.converters.names
         self.bits = tuple(plant.converters.analog[n].bits for n in self.names)
@@ -65,7 +66,8 @@ class SimulatedMachine:
         self._physics = pack(physics)
         self._places = [self._observe.index(0, f"{n}.code") for n in self.names]
         self._span = None if plant.converters.encoder is None else self._observe.index(0, f"{SPAN}.code")
-        self.looks: deque[np.ndarray] = deque()  # what was true at every sample, until somebody takes it
+        # what was true at every sample, until somebody takes it
+        self.looks: deque[np.ndarray] = deque(maxlen=None if watched else 1)
         while len(self._drawn) * period < ahead:
             self._draw()
 
