@@ -13,6 +13,7 @@ from ...errors import InputError
 from .graph import Buffer, Graph, Loop, Node, Store
 
 SCHEMA = 1
+PIECE = 500  # entries of a list that are written at once
 
 
 def packed(graph: Graph, more: dict[str, Any]) -> bytes:
@@ -25,7 +26,7 @@ def packed(graph: Graph, more: dict[str, Any]) -> bytes:
         "loops": [_loop(x) for x in graph.loops],
         "stores": [_store(s) for s in graph.stores],
     }
-    return zlib.compress(json.dumps(content, separators=(",", ":")).encode(), 6)
+    return zlib.compress(_json(content).encode(), 6)
 
 
 def unpacked(data: bytes, where: str) -> tuple[Graph, dict[str, Any]]:
@@ -45,6 +46,18 @@ def unpacked(data: bytes, where: str) -> tuple[Graph, dict[str, Any]]:
         return _Reader(content).graph(), {k: content[k] for k in ("arguments", "results", "title")}
     except (KeyError, IndexError, ValueError, TypeError):
         raise InputError("program", "damaged", "allowed is a file that Program.save wrote", where=where) from None
+
+
+def _json(value: Any) -> str:
+    """As `json.dumps`, in pieces: it lets no other thread go on meanwhile, and one may have a machine to control."""
+    if isinstance(value, dict):
+        return "{" + ",".join(f"{json.dumps(name)}:{_json(of)}" for name, of in value.items()) + "}"
+    if not isinstance(value, list):
+        return json.dumps(value)
+    if len(value) <= PIECE:
+        return "[" + ",".join(map(_json, value)) + "]"
+    pieces = (value[i : i + PIECE] for i in range(0, len(value), PIECE))
+    return "[" + ",".join(json.dumps(piece, separators=(",", ":"))[1:-1] for piece in pieces) + "]"
 
 
 def _number(value: Any) -> Any:
