@@ -180,12 +180,18 @@ def _log(found: _Found, where: str) -> Log:
     for key, more in (("events", found.events), ("warnings", remarks)):
         if more:
             before = meta.get(key, [])
-            meta[key] = [*(before if isinstance(before, list) else [before]), *more]
+            before = before if isinstance(before, list) else [before]
+            meta[key] = [*before, *(new for new in more if not any(_told(new, old) for old in before))]
     try:
         recording = Sidecar(known.channels, meta).recording(rows[:, 1], list(rows[:, 2:].T))
     except InputError as error:
         raise error.at(where) from None
     return Log(recording, not remarks, remarks)
+
+
+def _told(new: Any, old: Any) -> bool:
+    """Whether a remark is among what `close` added, perhaps with more."""
+    return new == old or (isinstance(new, dict) and isinstance(old, dict) and new.items() <= old.items())
 
 
 def _ordered(parts: list[np.ndarray], width: int) -> tuple[np.ndarray, int]:
