@@ -6,9 +6,18 @@ exits with 2); the others name a state that the laboratory could not bring about
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class MckibbenError(Exception):
-    """Base of every error that this package raises on purpose."""
+    """Base of every error that this package raises on purpose; goes whole from one process to another."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (type(self), self.args), self.__dict__
+
+
+def _again(kind: type[MckibbenError], args: tuple[Any, ...]) -> MckibbenError:
+    return kind.__new__(kind, *args)
 
 
 class InputError(MckibbenError, ValueError):

@@ -103,6 +103,11 @@ class Run:
         self.lateness: list[np.ndarray] = []
         self.mounted: list[list[float]] = []  # from a time on [s], the span at which the encoder was zeroed [m]
 
+    @property
+    def steps(self) -> list[dict[str, Any]]:
+        """Those that have begun: path, label, start and end [s], period [s]."""
+        return self.table.steps
+
     def go(self) -> Recording:
         """All parts, one after the other."""
         with self.keeper:
@@ -119,7 +124,7 @@ class Run:
             about = describe(
                 self.bench, machine, self.timing, inner=self.finest, closed=self.closed, record=record
             )  # fmt: skip
-            about |= {"steps": self.table.steps, "events": self.events}
+            about |= {"steps": self.steps, "events": self.events}
             encoder = self.bench.rig.encoder
             if encoder is not None:
                 about["encoder"] = {"resolution": float(encoder.resolution), "mounted": self.mounted}

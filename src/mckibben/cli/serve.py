@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..errors import MckibbenError
+from ..errors import InputError, MckibbenError
+from .run import CalibrationFile, On, chosen_rig
 
 NEEDED = ("nicegui", "uvicorn", "fastapi")
 
@@ -25,16 +27,33 @@ def serve(
     port: Annotated[int, typer.Option(min=0, max=65535, help="Its port; 0 for a free one.")] = 8080,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open a browser.")] = True,
     folder: Annotated[Path, typer.Option(metavar="FOLDER", help="Where recordings are kept.")] = Path("recordings"),
+    muscle: Annotated[str, typer.Option(metavar="ID", help="On the bench at first.")] = "nylon",
+    rig: Annotated[str, typer.Option(metavar="NAME|FILE", help="At first; that of a real machine.")] = "paper",
+    calibration: CalibrationFile = None,
+    machine: On = None,
+    lock_step: Annotated[
+        bool, typer.Option("--lock-step", help="A simulated device waits for every command, instead of its own clock.")
+    ] = False,
 ) -> None:
     """Open the laboratory's screen: bench, fits, comparisons, recordings, in a browser; nothing comes from the internet."""
     missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     if missing:
         raise MckibbenError(f"serve needs {', '.join(missing)}, which come with: pip install 'mckibben[web]'")
-    from ..web.bench import Bench
+    from ..bench.hardware.connect import connected
+    from ..bench.session.setup import RATE
+    from ..web.bench import Bench, Real
     from ..web.laboratory import Laboratory
     from ..web.server import listen
     from ..web.server import serve as go
 
-    line = listen(host, port)  # an address that is taken is refused before anything is made ready
-    typer.echo("Getting the laboratory ready ..", err=True)
-    go(Laboratory(folder, Bench), line, host, show=show, tell=typer.echo)
+    with listen(host, port) as line:  # an address that is taken is refused before anything is made ready
+        first, real = chosen_rig(rig, {}, calibration), None
+        if machine is not None:
+            real = Real(machine, lock_step)
+            with connected(machine, first, first.computer.period(RATE), lock_step=lock_step):
+                pass  # so is a machine that is not there, or not the rig's
+        elif lock_step:
+            raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
+        typer.echo("Getting the laboratory ready ..", err=True)
+        lab = Laboratory(folder, functools.partial(Bench, muscle=muscle, rig=first, real=real))
+        go(lab, line, host, show=show, tell=typer.echo)

@@ -18,7 +18,8 @@ from ...experiments.waveforms import near
 from ...quantities import parse, with_unit
 from ...recordings.convert import write
 from ...recordings.recording import Recording
-from ...specimens import specimens
+from ...specimens import Specimen, specimens
+from ..rig import Rig
 from ..rig_file import rig_names
 from ..run import Progress
 from ..session import Session
@@ -192,11 +193,16 @@ class Console:
         if words[0] == "protocols":
             return _columns([(n, shipped(n).title) for n in protocol_names()])
         if words[0] == "rigs":
-            return _columns([(n, "here" if n == self.session.setup.rig.name else "") for n in rig_names()])
-        mounted = self.session.setup.bench.specimen
-        known = [s for s in specimens() if s.kind != "valve"]
+            return _columns([(n, "here" if n == self._here().name else "") for n in rig_names()])
+        known, mounted = [s for s in specimens() if s.kind != "valve"], self._mounted()
         here = None if mounted is None else mounted.id
         return _columns([(s.id, f"{s.title}{' (mounted)' if s.id == here else ''}") for s in known])
+
+    def _here(self) -> Rig:
+        return self.session.setup.rig
+
+    def _mounted(self) -> Specimen | None:
+        return self.session.setup.bench.specimen
 
     def _wait(self, words: list[str]) -> str:
         text = _some("wait", words)

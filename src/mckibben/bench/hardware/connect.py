@@ -13,14 +13,14 @@ from .border import Hardware
 if TYPE_CHECKING:
     from ..rig import Rig
 
-SILENCE = (
-    0.02  # after which a device vents by itself; a program that is not alone on its computer may pause so long [s]
-)
+SILENCE = 0.02  # [s]; a program that is not alone on its computer may pause so long
 ALLOWED = "allowed is serial:PORT, such as serial:/dev/ttyACM0, or daq with the table [daq] in the rig's file"
 
 
 @contextlib.contextmanager
-def connected(words: str | None, rig: Rig, period: float, *, lock_step: bool = False) -> Iterator[Hardware | None]:
+def connected(
+    words: str | None, rig: Rig, period: float, *, lock_step: bool = False, silence: float = SILENCE
+) -> Iterator[Hardware | None]:
     """The machine that the words name, for as long as this lasts; None for none. It is vented and let go at the end.
 
     Args:
@@ -28,6 +28,7 @@ def connected(words: str | None, rig: Rig, period: float, *, lock_step: bool = F
         rig: whose channels and outputs it must have.
         period: of the samples [s].
         lock_step: it waits for every command, as only a simulated device can.
+        silence: time without a command after which a device on a serial line vents by itself [s].
 
     Raises:
         InputError: if there is no such machine, or it is not the rig's.
@@ -36,14 +37,14 @@ def connected(words: str | None, rig: Rig, period: float, *, lock_step: bool = F
     if words is None:
         yield None
         return
-    hardware = _made(words, rig, period, lock_step)
+    hardware = _made(words, rig, period, lock_step, silence)
     try:
         yield hardware
     finally:
         hardware.close()
 
 
-def _made(words: str, rig: Rig, period: float, lock_step: bool) -> Hardware:
+def _made(words: str, rig: Rig, period: float, lock_step: bool, silence: float) -> Hardware:
     kind, _, place = words.partition(":")
     converters = rig.converters(0.0)
     if kind == "serial" and place:
@@ -52,7 +53,7 @@ def _made(words: str, rig: Rig, period: float, lock_step: bool) -> Hardware:
         return SerialHardware(
             place, converters.names, bits={n: c.bits for n, c in converters.analog.items()},
             encoder=converters.encoder is not None, motor=converters.motor is not None, lock_step=lock_step,
-            watchdog=max(3, math.ceil(SILENCE / period)),
+            watchdog=max(3, math.ceil(silence / period)),
         )  # fmt: skip
     if kind == "daq" and not place:
         from .daq import DaqHardware, wiring

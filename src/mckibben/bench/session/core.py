@@ -94,7 +94,8 @@ class Core:
     def _stopped(self, seen: sampled.Seen, i: int, times: np.ndarray) -> None:
         when, code = float(times[i]), int(seen.shown["code"][i])
         if code == Trip.EMERGENCY_STOP:
-            self.why = f"emergency stop at {when:.6g} s: {self.button.reason or 'asked to'}; stopped and vented"
+            kind = "stopped" if self.button.ordinary else "emergency stop"
+            self.why = f"{kind} at {when:.6g} s: {self.button.reason or 'asked to'}; stopped and vented"
         else:
             at = {n: float(v[i]) for n, v in seen.measured.items() if not n.endswith(".code")}
             self.why = self.setup.watch.reason(code, at | {"velocity": float(seen.shown["velocity"][i])}, when)

@@ -95,7 +95,10 @@ class SessionRun:
         for part in self.parts:
             self._possible(part)
 
-    def go(self, log: str | Path | None, progress: Progress | None, display: Display | None) -> Recording:
+    def go(
+        self, log: str | Path | None, progress: Progress | None, display: Display | None,
+        begun: Callable[[Run], None] | None = None,
+    ) -> Recording:  # fmt: skip
         """From where the machine is to the recording; the machine is in manual mode afterwards, or stopped."""
         session = self.session
 
@@ -111,6 +114,8 @@ class SessionRun:
         going.hardware = self.lent
         if not self.parts[0].asked:
             self._bring(self.parts[0])
+        if begun is not None:
+            begun(going)
         try:
             record = going.go()
         finally:

@@ -29,7 +29,7 @@ from ...recordings.recording import Recording
 from ...specimens import Specimen
 from ..hardware.border import Hardware
 from ..rig import Rig
-from ..run import Display, Progress
+from ..run import Display, Progress, Run
 from ..software.emergency_stop import EmergencyStop
 from ..software.sequencer import SPAN, VELOCITY
 from ..source import AFTER_STOP
@@ -147,10 +147,12 @@ class Session(Core):
     def run(
         self, protocol: Protocol | str | OnMachine, *, log: str | Path | None = None, progress: Progress | None = None,
         display: Display | None = None, ask: Callable[[str], None] | None = None, accept_saturation: bool = False,
+        begun: Callable[[Run], None] | None = None,
     ) -> Recording:  # fmt: skip
         """Do a protocol and come back to manual mode, holding the last set-points.
 
-        The machine first goes by hand to where the protocol begins. Arguments, recording and errors are those of `run.run`.
+        The machine first goes by hand to where the protocol begins; then `begun` is told the run, for what it is doing.
+        Other arguments, recording and errors are those of `run.run`.
 
         Raises:
             InputError: a finding of the dry run, after which nothing moves; or the machine is not in manual mode.
@@ -162,7 +164,7 @@ class Session(Core):
             name, self._run = bench.protocol.name, doing
             self.note(f"run {name}")
             try:
-                record = doing.go(log, progress, display)
+                record = doing.go(log, progress, display, begun)
             finally:
                 self._run = None
                 self._collect()

@@ -8,6 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from ...assembly.build import unit_from_specimen
+from ...bench.prepare import Bench as Prepared
+from ...bench.rig import Rig
 from ...bench.rig_file import rig as rig_of
 from ...bench.rig_file import rig_names
 from ...documents import write_text
@@ -23,7 +25,7 @@ from .columns import factors
 from .dry import Dry, dry_run, laws
 from .faces import changed, faces
 
-FIRST = ("nylon", "paper", "work-loop")  # muscle, rig and protocol with which a bench begins
+FIRST = "work-loop"  # protocol with which a bench begins
 LONGEST = 100_000  # characters of a protocol's text
 MARGIN = 0.08  # of the rest length, beside the lengths that a muscle reaches
 
@@ -34,20 +36,23 @@ class Chosen:
     Args:
         own: folder of a user's protocols.
         news: told that something is not as it was.
+        muscle: at first; a specimen's id.
+        rig: at first; or its name.
+        machine: words of a real one, whose rig stays; empty for a simulated one.
 
     Attributes:
         dry: of the choice; None while it is being made.
     """
 
-    def __init__(self, own: Shelf, news: Callable[[], None]) -> None:
-        self.own, self._news = own, news
+    def __init__(self, own: Shelf, news: Callable[[], None], *, muscle: str, rig: Rig | str, machine: str) -> None:
+        self.own, self._news, self.machine = own, news, machine
         self.rigs = Shelf(own.folder.parent / "rigs", (".toml",))  # such as the circuit page makes of a circuit
         self._lock, self._number = threading.RLock(), 0
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="dry run")
         self.muscles = {s.id: s for s in drawing.muscles()}
-        self.spec: Specimen = self.muscles[FIRST[0]]
-        self.rig = rig_of(FIRST[1])
-        self.protocol: Protocol = shipped(FIRST[2])
+        self.spec = self._muscle(muscle)
+        self.rig = self._first = rig_of(rig) if isinstance(rig, str) else rig
+        self.protocol: Protocol = shipped(FIRST)
         self.dry: Dry | None = None
         self.parts: dict[str, Any] = {}
         self.told: Callable[[Dry], None] = lambda dry: None
@@ -58,22 +63,31 @@ class Chosen:
 
     def muscle(self, name: str) -> str:
         """Another muscle on the bench."""
-        if name not in self.muscles:
-            raise InputError("muscle", str(name)[:80], f"known are {', '.join(self.muscles)}")
-        self.spec = self.muscles[name]
+        self.spec = self._muscle(name)
         self._renew(setup=True)
         return f"{name}: {self.spec.title}"
 
+    def _muscle(self, name: str) -> Specimen:
+        if name not in self.muscles:
+            raise InputError("muscle", str(name)[:80], f"known are {', '.join(self.muscles)}")
+        return self.muscles[name]
+
     def choose_rig(self, name: str) -> str:
         """Another rig, of those that ship or of the user's own."""
-        if name not in (known := [*rig_names(), *self._own_rigs()]):
+        if name not in (known := self._rigs()):
             raise InputError("rig", str(name)[:80], f"known are {', '.join(known)}")
-        self.rig = rig_of(name if name in rig_names() else self.rigs.found(f"{name}.toml"))
+        if name == self._first.name:
+            self.rig = self._first
+        else:
+            self.rig = rig_of(name if name in rig_names() else self.rigs.found(f"{name}.toml"))
         self._renew(setup=True)
         return f"{name}: {self.rig.title}"
 
-    def _own_rigs(self) -> list[str]:
-        return [n.removesuffix(".toml") for n in self.rigs.names()]
+    def _rigs(self) -> dict[str, str]:
+        """Their titles by their names."""
+        own = [n.removesuffix(".toml") for n in self.rigs.names()]
+        those = {n: rig_of(n).title for n in rig_names()}
+        return those | {n: f"Your own: {n}" for n in own} | {self._first.name: self._first.title}
 
     def load(self, name: str) -> str:
         """A shipped protocol, or one of the user's, by its plain name."""
@@ -115,6 +129,19 @@ class Chosen:
         write_text(path, self.protocol.toml())
         self._renew()
         return f"Saved as {name}."
+
+    def passed(self) -> Prepared:
+        """What the dry run has found nothing against.
+
+        Raises:
+            InputError: the first thing that it found, or that it is not done yet.
+        """
+        dry = self.dry
+        if dry is None:
+            raise InputError("start", "refused", "the dry run is not done yet")
+        if dry.bench is None or not dry.passed:
+            raise InputError("start", "refused", dry.plain["findings"][0]["sentence"])
+        return dry.bench
 
     def again(self) -> str:
         """The dry run once more."""
@@ -178,9 +205,8 @@ class Chosen:
         rest = drawing.rest_length(self.spec)
         return {
             "muscles": [drawing.plain(s) for s in self.muscles.values()], "muscle": self.spec.id, "rest_length": rest,
-            "rigs": [{"name": n, "title": rig_of(n).title} for n in rig_names()]
-            + [{"name": n, "title": f"Your own: {n}"} for n in self._own_rigs()], "rig": self.rig.name,
-            "rig_title": self.rig.title, "plumbing": list(self.rig.plumbing), "units": factors(),
+            "rigs": [{"name": n, "title": t} for n, t in self._rigs().items()], "rig": self.rig.name,
+            "rig_title": self.rig.title, "machine": self.machine, "plumbing": list(self.rig.plumbing), "units": factors(),
             "limits": {
                 "pressure": [limits.pressure[0], limits.pressure[1]], "tension": [0.0, limits.tension],
                 "length": [limits.span[0], limits.span[1]],

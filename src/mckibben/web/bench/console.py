@@ -11,6 +11,8 @@ from ...experiments.library import protocol_names
 from ...experiments.waveforms import near
 
 if TYPE_CHECKING:
+    from ...bench.rig import Rig
+    from ...specimens import Specimen
     from .machine import Bench
 
 # What a page has beside them, and what it has not: files are on the page Recordings, time goes by itself.
@@ -137,13 +139,11 @@ class PageConsole(Console):
     def _note(self, words: list[str]) -> str:
         return self.bench.note(" ".join(words))
 
-    def _list(self, words: list[str]) -> str:
-        if self.bench.hand is None or self.bench.hand.session is None:
-            if words == ["protocols"]:
-                return "\n".join(protocol_names())
-            raise MckibbenError("the machine is getting ready; try again in some seconds")
-        self.session = self.bench.hand.session
-        return super()._list(words)
+    def _here(self) -> Rig:
+        return self.bench.chosen.rig
+
+    def _mounted(self) -> Specimen:
+        return self.bench.chosen.spec
 
     def _help(self, words: list[str]) -> str:
         if words and words[0] in MORE:

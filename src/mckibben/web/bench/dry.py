@@ -48,6 +48,15 @@ class Dry:
         """Whether it may start."""
         return self.bench is not None and not self.bench.findings
 
+    @property
+    def sentence(self) -> str:
+        """What it found, in one line."""
+        if not self.passed:
+            return f"Dry run fails: {self.plain['findings'][0]['sentence']}"
+        near = max(self.plain["limits"], key=lambda one: one["share"], default=None)
+        words = f", nearest limit {near['name']} at {100.0 * near['share']:.0f} %" if near else ""
+        return f"Dry run passed{words}."
+
 
 def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig) -> Dry:
     """Prepare a protocol and look at it; never raises for what is wrong with it."""

@@ -1,7 +1,7 @@
 """One run on the simulated machine, as ``mckibben run --real-time`` does it, in a thread, with a pace that can be changed.
 
 The recording is that of the command line, bit for bit: same preparation, same seed, same loop; only the pace differs, and
-paced or not a run is the same.
+paced or not a run is the same. On a real machine it is a run of the session that has the machine.
 """
 
 from __future__ import annotations
@@ -9,22 +9,62 @@ from __future__ import annotations
 import functools
 import threading
 from collections.abc import Callable, Mapping
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ...bench.prepare import Bench as Prepared
 from ...bench.run import Run
+from ...bench.session.own_process import OwnProcess
 from ...bench.software.emergency_stop import EmergencyStop
 from ...errors import InputError, MckibbenError
+from ...experiments.dry_run import check
 from ...recordings.recording import Recording
+from ..shelf import Shelf, plain
 from ..stream import Stream
 from .columns import Columns
 from .log import Log
 from .measure import of_cycle
 from .pace import Pace, Paced
 
+if TYPE_CHECKING:
+    from ...bench.session.own_process import Doing
+    from ...bench.session.run import OnMachine
+    from ...experiments.protocol import Protocol
+    from .by_hand import ByHand
+
 SHOWN = 1000.0  # samples that pages get of a second
+
+
+class RealMachine(NamedTuple):
+    """What a run on a real machine goes on.
+
+    Attributes:
+        bench: what is done there.
+        session: that has the machine, and has it again afterwards.
+        taken: called when the run begins, after the machine was brought to where it does.
+        log: a new ``.mcap`` file that has every sample, whatever becomes of this program.
+    """
+
+    bench: OnMachine
+    session: OwnProcess
+    taken: Callable[[], None]
+    log: Path
+
+    @classmethod
+    def of(cls, hand: ByHand, protocol: Protocol, shelf: Shelf) -> RealMachine:
+        """A protocol on the machine by hand, which is shown from now on, also on the way to where the protocol begins.
+
+        Raises:
+            InputError: what speaks against it there, or that the machine is not ready.
+        """
+        session = hand.asked()
+        assert isinstance(session, OwnProcess)
+        bench = session.prepared(protocol)
+        check(list(bench.findings))
+        log = shelf.ready() / shelf.numbered(plain(protocol.name), ".mcap")
+        return cls(bench, session, lambda: hand.hold(True), log)
 
 
 class Going:
@@ -50,23 +90,27 @@ class Going:
 
     def __init__(
         self, bench: Prepared, pace: Pace, stream: Stream, log: Log, news: Callable[[], None],
-        over: Callable[[Going], None],
+        over: Callable[[Going], None], *, on: RealMachine | None = None,
     ) -> None:  # fmt: skip
         self.bench, self.pace, self.stream, self._log, self._news, self._over = bench, pace, stream, log, news, over
-        self.button = EmergencyStop()
+        self.on = on
+        self.button = EmergencyStop() if on is None else on.session.button
         self.time = 0.0
         self.record: Recording | None = None
         self.error: str | None = None
-        self.asked, self.words, self.cycle = "", "getting the machine ready", []  # type: str, str, list[int]
+        ready = "getting the machine ready" if on is None else "going to where it begins"
+        self.asked, self.words, self.cycle = "", ready, []  # type: str, str, list[int]
         self.measured: list[dict[str, Any]] = []
         self.stopping = ""  # the ordinary stop, which is no trip
         self._answered = threading.Event()
         self._columns = Columns(bench.rig)
         self._count, self._every = 0, max(1, round(bench.plan.sample_rate / SHOWN))
-        stream.begin("run", bench.protocol.name, self._every / bench.plan.sample_rate)
-        self._run = Run(bench, display=self._show, stop=self.button, ask=self._ask)
-        self._run.real_time = True
-        self._run.simulated_by = functools.partial(Paced, pace=pace)
+        self._run: Run | Doing | None = None
+        if on is None:
+            run = Run(bench, display=self._show, stop=self.button, ask=self._ask)
+            run.real_time = True
+            run.simulated_by = functools.partial(Paced, pace=pace)
+            self._begun(run)
         self._thread = threading.Thread(target=self._go, name="run", daemon=True)
 
     def start(self) -> None:
@@ -93,23 +137,46 @@ class Going:
     @property
     def tripped(self) -> str:
         """Why it was stopped, by an interlock or the emergency stop; nothing while it was not, or by an ordinary stop."""
-        stopped = self._run.result == "stopped"
-        return self._run.message if stopped and not self.stopping else ""
+        run = self._run
+        if run is not None and run.result == "stopped" and not self.stopping:
+            return run.message
+        return ""
+
+    def over(self) -> str:
+        """Why it was stopped, after its end; an ordinary stop of a real machine is over then."""
+        session = None if self.on is None else self.on.session
+        if session is not None and session.why and self.stopping and not session.gone:
+            session.reset()
+        return self.tripped or ("" if session is None else session.why)
 
     @property
     def when(self) -> float:
         """When it was stopped, or how far it is [s]."""
-        coded = [e for e in self._run.events if "code" in e]
+        coded = [] if self._run is None else [e for e in self._run.events if "code" in e]
         return float(coded[-1]["time"]) if coded else self.time
 
     @property
     def steps(self) -> list[dict[str, Any]]:
         """The steps that have begun: label, start, end [s]."""
-        return list(self._run.table.steps)
+        return [] if self._run is None else list(self._run.steps)
+
+    def _begun(self, run: Run | Doing) -> None:
+        """Its samples are the next ones."""
+        self._run = run
+        if self.on is not None:
+            self.on.taken()
+        self.stream.begin("run", self.bench.protocol.name, self._every / self.bench.plan.sample_rate)
+
+    def _done(self) -> Recording:
+        if self.on is None:
+            assert isinstance(self._run, Run)
+            return self._run.go()
+        on = self.on
+        return on.session.run(on.bench, display=self._show, ask=self._ask, begun=self._begun, log=on.log)
 
     def _go(self) -> None:
         try:
-            self.record = self._run.go()
+            self.record = self._done()
         except MckibbenError as error:
             self.error = str(error)
         except Exception as error:  # of a run that fails, no other thing of the laboratory may

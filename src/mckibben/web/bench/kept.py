@@ -25,8 +25,11 @@ def kept(going: Going, shelf: Shelf, log: Log) -> dict[str, Any]:
         message = f"Stopped by you at {going.time:.3f} s; the valve vented."
     try:
         shelf.ready()
-        name = shelf.numbered(plain(going.bench.protocol.name), ".nc")
+        beside = None if going.on is None else going.on.log
+        name = shelf.numbered(plain(going.bench.protocol.name), ".nc") if beside is None else f"{beside.stem}.nc"
         going.record.save(shelf.path(name))
+        if beside is not None:
+            beside.unlink(missing_ok=True)  # all of it is in the recording
     except (MckibbenError, OSError) as error:
         log.say(str(error), "stop", going.time)
         return {"file": None, "said": str(error)}

@@ -8,33 +8,40 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import InputError
 from ..stream import Stream
-from .by_hand import ByHand
+from .by_hand import ByHand, Real
 from .chosen import Chosen
 from .console import PageConsole
 from .dry import Dry
-from .going import Going
+from .going import Going, RealMachine
 from .kept import kept
 from .log import Log
 from .pace import NAMES, Pace
 from .states import short, status_of, steps_of
 
 if TYPE_CHECKING:
+    from ...bench.rig import Rig
     from ..laboratory import Laboratory
 
 LAST = 10.0  # time for which the end of a server waits for a run to vent [s]
 
 
 class Bench:
-    """One simulated machine.
+    """One machine, simulated or real.
 
     Args:
         lab: its laboratory, for the shelves and for news.
+        muscle: on it at first; a specimen's id.
+        rig: at first, or its name. That of a real machine stays.
+        real: the machine; None: a simulated one.
     """
 
-    def __init__(self, lab: Laboratory) -> None:
+    def __init__(
+        self, lab: Laboratory, *, muscle: str = "nylon", rig: Rig | str = "paper", real: Real | None = None
+    ) -> None:
         self.lab, self.stream, self.pace, self.messages = lab, Stream(), Pace(), Log()
-        self._lock = threading.RLock()
-        self.chosen = Chosen(lab.protocols, lab.changed)
+        self._lock, self.real = threading.RLock(), real
+        words = "" if real is None else real.words
+        self.chosen = Chosen(lab.protocols, lab.changed, muscle=muscle, rig=rig, machine=words)
         self.chosen.told = self._dried
         self.going: Going | None = None
         self.hand: ByHand | None = None
@@ -71,7 +78,7 @@ class Bench:
         chosen = self.chosen
         return {
             "muscle": lambda name: self._set_up(chosen.muscle, name),
-            "rig": lambda name: self._set_up(chosen.choose_rig, name),
+            "rig": self._choose_rig,
             "protocol": lambda name: self._change(chosen.load, name),
             "value": lambda name, words: self._change(chosen.value, name, words),
             "text": lambda text: self._change(chosen.text, text), "save": lambda name: chosen.save(str(name)),
@@ -96,60 +103,67 @@ class Bench:
         self._open()
         return said
 
+    def _choose_rig(self, name: str) -> str:
+        self._simulated("rig", "it is what the real machine is; another one begins with mckibben serve --rig")
+        return self._set_up(self.chosen.choose_rig, name)
+
+    def _simulated(self, what: str, otherwise: str = "a real machine has its own time") -> None:
+        if self.real is not None:
+            raise InputError(what, "refused", otherwise)
+
     def _still(self, what: str) -> None:
         if self.going is not None:
             raise InputError(what, "refused", f"{self.going.bench.protocol.name} is running; stop it first")
 
+    def _may(self, what: str) -> None:
+        self._still(what)
+        if self.why:
+            raise InputError(what, "refused", f"the machine is stopped ({self.why}); reset it first")
+
     def _dried(self, dry: Dry) -> None:
-        plain = dry.plain
-        if dry.passed:
-            near = max(plain["limits"], key=lambda one: one["share"], default=None)
-            words = f", nearest limit {near['name']} at {100.0 * near['share']:.0f} %" if near else ""
-            self.messages.say(f"Dry run passed{words}.", "done")
-        else:
-            self.messages.say(f"Dry run fails: {plain['findings'][0]['sentence']}", "stop")
+        self.messages.say(dry.sentence, "done" if dry.passed else "stop")
 
     def _open(self) -> None:
         """Make the machine ready to be operated by hand, beside what else is done."""
         old, chosen = self.hand, self.chosen
-        self.hand = ByHand(chosen.rig, chosen.spec, self.pace, self.stream, self.lab.changed)
-        self._heard = 0
         if old is not None:
-            closing = threading.Thread(target=old.close, name="close", daemon=True)
-            self._closing = [*(t for t in self._closing if t.is_alive()), closing]
-            closing.start()
+            self._closing = [*(t for t in self._closing if t.is_alive()), old.closing()]
+        self.hand = ByHand(
+            chosen.rig, chosen.spec, self.pace, self.stream, self.lab.changed, real=self.real, after=self._closing
+        )  # fmt: skip
+        self._heard = 0
+        if self.real is not None:
+            place = "lengths count from the muscle's rest length, at which it is taken to stand"
+            self.messages.say(f"Connecting to {self.real.words}; {place}.", "caution")
 
     # ---- runs
 
     def start(self) -> str:
-        """Begin the protocol, on a machine that is set up anew where it begins."""
+        """Begin the protocol, on a machine that is set up anew where it begins; a real one is brought there."""
+        self._may("start")
+        passed, hand = self.chosen.passed(), self.hand
+        on = None if self.real is None or hand is None else RealMachine.of(hand, passed.protocol, self.lab.recordings)
         with self._lock:
-            self._still("start")
-            if self.why:
-                raise InputError("start", "refused", f"the machine is stopped ({self.why}); reset it first")
-            dry = self.chosen.dry
-            if dry is None:
-                raise InputError("start", "refused", "the dry run is not done yet")
-            if dry.bench is None or not dry.passed:
-                raise InputError("start", "refused", dry.plain["findings"][0]["sentence"])
-            if self.hand is not None:
+            self._may("start")
+            bench = passed if on is None else on.bench
+            if on is None and self.hand is not None:
                 if self.hand.moving and self.hand.session is not None:
                     self.hand.session.vent()
                 self.hand.hold(True)
             self.ended = {}
             self.pace.begin()
-            self.going = Going(dry.bench, self.pace, self.stream, self.messages, self.lab.changed, self._over)
+            self.going = Going(bench, self.pace, self.stream, self.messages, self.lab.changed, self._over, on=on)
             self.messages.say("Started. Protocol, muscle and rig are saved with the recording.", "done", 0.0)
-            for caution in dry.bench.cautions:
+            for caution in bench.cautions:
                 self.messages.say(caution, "caution", 0.0)
             self.going.start()
-        return f"running {dry.bench.protocol.name}"
+        return f"running {bench.protocol.name}"
 
     def _over(self, going: Going) -> None:
         """After the last sample of a run, from its thread."""
         said = kept(going, self.lab.recordings, self.messages)
         with self._lock:
-            why = going.tripped
+            why = going.over()
             if why and not self.why:
                 self._trip(why, short(why), going.when)
             self.ended = {
@@ -165,6 +179,7 @@ class Bench:
 
     def pause(self) -> str:
         """Let the time of the simulated machine stand still."""
+        self._simulated("pause", "a real machine has its own time; allowed is stop")
         going = self._goes("pause")
         self.pace.halt()
         self.messages.say(
@@ -204,6 +219,7 @@ class Bench:
 
     def choose_pace(self, name: str) -> str:
         """How the time of the machine goes."""
+        self._simulated("pace")
         self.pace.choose(str(name))
         return NAMES[self.pace.name]
 
@@ -211,9 +227,7 @@ class Bench:
 
     def set(self, **wanted: Any) -> str:
         """Set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; in words or SI."""
-        self._by_hand("set", wanted)
-        hand = self.hand
-        assert hand is not None
+        hand = self._by_hand("set", wanted)
         given = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
         if not hand.moving:
             self.ended = {}
@@ -222,17 +236,16 @@ class Bench:
 
     def vent(self) -> str:
         """Let the pressure down."""
-        self._by_hand("vent", {"pressure": 0.0})
-        assert self.hand is not None
-        self.hand.asked().vent()
+        self._by_hand("vent", {"pressure": 0.0}).asked().vent()
         return "venting"
 
-    def _by_hand(self, what: str, wanted: Mapping[str, Any]) -> None:
+    def _by_hand(self, what: str, wanted: Mapping[str, Any]) -> ByHand:
         if self.going is not None:
             names = " and ".join(wanted) or "set-points"
             raise InputError(what, "refused", f"the protocol sets the {names}; stop the run first")
-        if self.why:
-            raise InputError(what, "refused", f"the machine is stopped ({self.why}); reset it first")
+        self._may(what)
+        assert self.hand is not None
+        return self.hand
 
     def note(self, text: str) -> str:
         """A note of a person among the messages."""
@@ -244,6 +257,8 @@ class Bench:
         """Take over what the session said."""
         hand = self.hand
         session = None if hand is None else hand.session
+        if hand is not None and hand.failed and self.real is not None and not self.why:
+            self._trip(hand.failed, "not connected", 0.0)
         if session is None or hand is None:
             return
         for message in session.messages(self._heard):
@@ -283,7 +298,9 @@ class Bench:
             if not self.why:
                 raise InputError("reset", "idle", "allowed is after a stop")
             session = None if self.hand is None else self.hand.session
-            if session is not None and session.why:
+            if self.real is not None and (session is None or session.gone):
+                self._open()  # the line is lost, or there was none: another try
+            elif session is not None and session.why:
                 session.reset()
             self.why, self.small, self.when, self.vented = "", "", None, False
             self.messages.say("Reset.", "note")

@@ -189,12 +189,14 @@ function runBar () {
     $('#prog').innerHTML = `<svg height="10" viewBox="0 0 1000 10" preserveAspectRatio="none" aria-hidden="true"><rect y="2" width="1000" height="6" fill="var(--sunken)"/><rect y="2" width="${share * 1000}" height="6" fill="var(${shape() === 'tripped' ? '--stop' : '--ink'})"/>${total ? cuts.map(t => `<path d="M${(t / total * 1000).toFixed(1)} 0v10" stroke="var(--panel)" stroke-width="2"/>`).join('') : ''}</svg>`
   }
   for (const b of document.querySelectorAll('#pace button')) { const on = String(b.dataset.pace === s.pace); if (b.getAttribute('aria-pressed') !== on) b.setAttribute('aria-pressed', on) }
+  $('#pace').hidden = real()
 }
+const real = () => !!lab.parts.setup?.machine // it has its own time
 let shownButtons = ''
 function buttons () {
   const s = shape(); const st = status(); const may = mine()
   const ready = lab.parts.dry?.passed === true
-  const key = [s, ready, may, st.ended?.file, st.running, st.asked].join()
+  const key = [s, ready, may, st.ended?.file, st.running, st.asked, real()].join()
   if (key === shownButtons) return
   shownButtons = key
   const off = on => on ? '' : 'disabled'
@@ -202,15 +204,15 @@ function buttons () {
   const open = st.ended?.file ? `<a class="btn" href="/recordings?a=${encodeURIComponent(st.ended.file)}">Open recording</a>` : ''
   const sets = {
     idle: `${start(may && ready, true)}<button class="btn" disabled>Pause</button><button class="btn" id="stop" disabled>Stop</button>`,
-    running: st.running ? `${start(false)}<button class="btn pri" id="pause" ${off(may)}>Pause <kbd>Space</kbd></button><button class="btn" id="stop">Stop <kbd>S</kbd></button>` : `${start(may && ready, true)}<button class="btn" disabled>Pause</button><button class="btn" id="stop">Vent <kbd>S</kbd></button>`,
-    paused: `<button class="btn pri" id="resume" ${off(may)}>${st.asked ? 'Done' : 'Resume'} <kbd>Space</kbd></button><button class="btn" id="step" ${off(may && !st.asked)}>Step 1${TS}ms</button><button class="btn" id="stop">Stop <kbd>S</kbd></button>`,
+    running: st.running ? `${start(false)}<button class="btn pri" id="pause" ${off(may && !real())}>Pause <kbd>Space</kbd></button><button class="btn" id="stop">Stop <kbd>S</kbd></button>` : `${start(may && ready, true)}<button class="btn" disabled>Pause</button><button class="btn" id="stop">Vent <kbd>S</kbd></button>`,
+    paused: `<button class="btn pri" id="resume" ${off(may)}>${st.asked ? 'Done' : 'Resume'} <kbd>Space</kbd></button><button class="btn" id="step" ${off(may && !st.asked && !real())}>Step 1${TS}ms</button><button class="btn" id="stop">Stop <kbd>S</kbd></button>`,
     tripped: `<button class="btn pri" id="reset" ${off(may && !st.running)}>Reset</button>${start(false)}${open}`,
     lost: `${start(false)}<button class="btn" disabled>Pause</button><button class="btn" disabled>Stop</button>`
   }
   $('#btns').innerHTML = sets[s]
   for (const [id, action] of [['start', 'start'], ['pause', 'pause'], ['resume', 'resume'], ['stop', 'stop'], ['step', 'step'], ['reset', 'reset']]) { const b = $(`#btns #${id}`); if (b) b.onclick = () => asks(action) }
   const [word, action] = { idle: ['Start', 'start'], running: st.running ? ['Pause', 'pause'] : ['Start', 'start'], paused: [st.asked ? 'Done' : 'Resume', 'resume'], tripped: ['Reset', 'reset'], lost: ['Start', null] }[s]
-  put($('#phb'), word); $('#phb').disabled = !may || !action || (word === 'Start' && !ready); $('#phb').onclick = () => asks(action)
+  put($('#phb'), word); $('#phb').disabled = !may || !action || (word === 'Pause' && real()) || (word === 'Start' && !ready); $('#phb').onclick = () => asks(action)
   $('#phs').disabled = !(s === 'running' || s === 'paused'); $('#phs').onclick = () => asks('stop')
 }
 for (const b of document.querySelectorAll('#pace button')) b.onclick = () => asks('pace', { name: b.dataset.pace })

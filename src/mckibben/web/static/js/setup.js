@@ -37,7 +37,7 @@ export function machine () {
     small(box.querySelector('canvas'), m, Math.min(15.5, 220 / (m.rest_length * 100)), 258)
   }
   const c = $('#circuit')
-  c.innerHTML = `<h2>${free ? '' : LOCK} Circuit and rig</h2>${picture(s)}${free ? `<div class="field s"><select aria-label="Rig">${s.rigs.map(r => `<option value="${escape(r.name)}" ${r.name === s.rig ? 'selected' : ''}>${escape(r.title)}</option>`).join('')}</select></div>` : `<p class="small dim">${escape(s.rig_title)}.</p>`}`
+  c.innerHTML = `<h2>${free ? '' : LOCK} Circuit and rig</h2>${picture(s)}${s.machine ? `<p class="small">The real machine at <b>${escape(s.machine)}</b></p>` : ''}${free && !s.machine ? `<div class="field s"><select aria-label="Rig">${s.rigs.map(r => `<option value="${escape(r.name)}" ${r.name === s.rig ? 'selected' : ''}>${escape(r.title)}</option>`).join('')}</select></div>` : `<p class="small dim">${escape(s.rig_title)}.</p>`}`
   const select = c.querySelector('select')
   if (select) select.onchange = async () => { const a = await asks('rig', { name: select.value }); if (!a.ok) { drawn = ''; machine() } }
 }

@@ -1,0 +1,268 @@
+"""A session on a real machine in a process of its own, which nothing that its user's program does can delay.
+
+A loop of a thousand samples a second beside pages, fits and drawings in one interpreter comes late by tens of milliseconds
+at times; then a device vents, or a motor that is told too late what it did swings. Here all that is between the two is a
+pipe. Where the other program ends, even by force, the machine vents at the next sample.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import multiprocessing
+import queue
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from ...errors import LineLostError, MckibbenError
+from ...experiments.protocol import Protocol
+from ...recordings import read_recording
+from ..software.emergency_stop import EmergencyStop
+from .run import OnMachine, prepared
+from .served import Facts, serve
+from .status import CLOSED, LOST, Message, Status
+
+if TYPE_CHECKING:
+    from ...recordings.recording import Recording
+    from ...specimens import Specimen
+    from ..rig import Rig
+    from ..run import Display
+
+LONGEST = 10.0  # that the end of the process is waited for [s]
+ENDED = "the process that had the machine ended; the device vents by itself"
+
+
+class Doing:
+    """A run in another process, as far as it has been told of."""
+
+    def __init__(self) -> None:
+        self.facts = Facts()
+
+    result = property(lambda self: self.facts.result)
+    message = property(lambda self: self.facts.message)
+    events = property(lambda self: list(self.facts.events))
+    steps = property(lambda self: list(self.facts.steps))
+
+
+class Button(EmergencyStop):
+    """The emergency stop of a machine in another process."""
+
+    def __init__(self, send: Callable[..., None]) -> None:
+        super().__init__()
+        self._send = send
+
+    def press(self, reason: str = "the button was pressed", *, ordinary: bool = False) -> None:
+        """Stop; see `EmergencyStop`."""
+        super().press(reason, ordinary=ordinary)
+        self._send(0, "press", reason, ordinary)
+
+
+class OwnProcess:
+    """A session whose machine another process has; its methods are those of `session.Session`.
+
+    Args:
+        words: that name the machine, see `hardware.connect.connected`.
+        rig: whose machine it is.
+        muscle: specimen.
+        lock_step: it waits for every command, as only a simulated device can.
+        keep: time for which samples are kept for displays [s].
+
+    Raises:
+        InputError: as `connected` and `Session` do.
+        LineLostError: if it does not answer.
+    """
+
+    def __init__(self, words: str, rig: Rig, muscle: Specimen, *, lock_step: bool = False, keep: float = 2.0) -> None:
+        self.rig, self.muscle = rig, muscle
+        self._number, self._lost, self._closed = 0, "", False
+        self._sending, self._lock = threading.Lock(), threading.Lock()
+        self._waiting: dict[int, queue.SimpleQueue[tuple[Any, ...]]] = {}
+        self.button = Button(self._send)
+        context = multiprocessing.get_context("spawn")
+        self._line, other = context.Pipe()
+        self._process = context.Process(
+            target=serve, args=(other, words, rig, muscle, lock_step, keep), daemon=True, name="machine"
+        )
+        self._process.start()
+        other.close()
+        threading.Thread(target=self._hear, name="machine", daemon=True).start()
+        self._seen: Status
+        try:
+            self.period, self._options, self._seen = self._ask("facts")
+        except BaseException:
+            self._process.join(LONGEST)
+            raise
+
+    @property
+    def process(self) -> int | None:
+        """The system's number of it."""
+        return self._process.pid
+
+    # ---- the line
+
+    def _send(self, number: int, what: str, *given: Any) -> None:
+        with self._sending, contextlib.suppress(OSError, ValueError):
+            self._line.send((number, what, given))
+
+    def _ask(self, what: str, *given: Any, hear: Callable[..., None] | None = None) -> Any:
+        box: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
+        with self._lock:
+            if self._lost:
+                raise LineLostError(self._lost)
+            self._number += 1
+            number = self._number
+            self._waiting[number] = box
+        try:
+            self._send(number, what, *given)
+            while True:
+                kind, *said = box.get()
+                if kind == "done":
+                    return said[0]
+                if kind == "refused":
+                    raise said[0]
+                assert hear is not None
+                hear(kind, *said)
+        finally:
+            with self._lock:
+                self._waiting.pop(number, None)
+
+    def _hear(self) -> None:
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                number, *said = self._line.recv()
+                with self._lock:
+                    box = self._waiting.get(number)
+                if box is not None:
+                    box.put(tuple(said))
+        with self._lock:
+            self._lost = "the machine was let go" if self._closed else ENDED
+            for box in self._waiting.values():
+                box.put(("refused", LineLostError(self._lost)))
+
+    # ---- what a session can
+
+    @property
+    def gone(self) -> str:
+        """Whether the machine is lost or closed; nothing while it is there."""
+        if self._lost:
+            return CLOSED if self._closed else LOST
+        return str(self._or(LOST, "get", "gone"))
+
+    @property
+    def why(self) -> str:
+        """What stopped the machine; nothing while it is not stopped."""
+        return self._lost or str(self._or(ENDED, "get", "why"))
+
+    def _or(self, otherwise: Any, what: str, *given: Any) -> Any:
+        """What is asked for, or something else of a machine that is lost."""
+        try:
+            return self._ask(what, *given)
+        except LineLostError:
+            return otherwise
+
+    def status(self) -> Status:
+        """How it is, or was when it was lost."""
+        found = self._or(None, "status")
+        self._seen = dataclasses.replace(self._seen, state=self.gone, why=self.why) if found is None else found
+        return self._seen
+
+    def latest(self) -> dict[str, float]:
+        """The newest sample: ``time`` of the session [s] and every channel [SI]; nothing of a machine that is lost."""
+        return dict(self._or({}, "latest"))
+
+    def since(self, time: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The samples after a time [s]: times (n,) and channels (n,)."""
+        times, arrays = self._or((np.zeros(0), {}), "since", time)
+        return times, arrays
+
+    def messages(self, after: int = 0) -> list[Message]:
+        """What happened, later than the message of a number."""
+        return list(self._or([], "messages", after))
+
+    def note(self, text: str, kind: str = "note") -> None:
+        """Say something at the time of the newest sample."""
+        self._or(None, "note", text, kind)
+
+    def control_lost(self) -> None:
+        """Whoever was in control is not there any more."""
+        self._or(None, "control_lost")
+
+    def control_back(self) -> None:
+        """Somebody is in control."""
+        self._or(None, "control_back")
+
+    def set(self, **wanted: float | str) -> None:
+        """Ask for a ``pressure``, and for one of ``span``, ``velocity`` and ``tension``, in words or SI."""
+        self._ask("set", wanted)
+
+    def vent(self) -> None:
+        """Let the pressure down at the manual rate."""
+        self._ask("vent")
+
+    def emergency_stop(self, reason: str = "the button was pressed") -> None:
+        """At the next sample the valve vents and the motor only brakes, whatever goes on; until `reset`."""
+        self.button.press(reason)
+        self._or(None, "emergency_stop", reason)
+
+    def reset(self) -> None:
+        """After a stop: manual mode again, vented, with the motor where it is."""
+        self._ask("reset")
+        self.button = Button(self._send)
+
+    def prepared(self, protocol: Protocol | str) -> OnMachine:
+        """A protocol on this machine with the findings of the dry run, from where it begins."""
+        return prepared(protocol, 1.0 / self.period, muscle=self.muscle, rig=self.rig, **self._options)
+
+    def run(
+        self, bench: OnMachine, *, log: str | Path, display: Display | None = None,
+        ask: Callable[[str], None] | None = None, begun: Callable[[Doing], None] | None = None,
+    ) -> Recording:  # fmt: skip
+        """Do a protocol and come back to manual mode, see `Session.run`; the recording is read from its log."""
+        doing = Doing()
+
+        def hear(kind: str, *said: Any) -> None:
+            if kind == "ask":
+                assert ask is not None
+                try:
+                    ask(said[0])
+                except MckibbenError as error:
+                    self._send(0, "answer", error)
+                else:
+                    self._send(0, "answer", None)
+                return
+            doing.facts = said[0]
+            if kind == "begun" and begun is not None:
+                begun(doing)
+            elif kind == "display" and display is not None:
+                display(said[1], said[2])
+
+        try:
+            doing.facts = self._ask("run", bench.protocol, str(log), ask is not None, hear=hear)
+        except MckibbenError:
+            raise
+        except BaseException as error:  # of whoever shows it
+            self.button.press(f"the run was left with {type(error).__name__}")
+            raise
+        return read_recording(log)
+
+    def close(self) -> None:
+        """Vent and let go of the machine; may be called twice."""
+        self._closed = True
+        self._or(None, "close")
+        self._process.join(LONGEST)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join(LONGEST)
+        self._line.close()
+
+    def __enter__(self) -> Self:
+        """The session itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """It vents, whatever happened."""
+        self.close()

@@ -1,0 +1,133 @@
+"""A real machine in a process of its own, which here is a simulated one behind a serial line that waits for commands."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from mckibben.bench.hardware.serial_line.device import About
+from mckibben.bench.hardware.serial_line.hosting import in_thread
+from mckibben.bench.part import PartMachine, timing_of
+from mckibben.bench.prepare import prepare
+from mckibben.bench.session.own_process import OwnProcess
+from mckibben.errors import InputError, LineLostError, LoweringError
+from mckibben.specimens import specimen
+
+OPERATED = """
+import sys, time
+from mckibben.bench.rig_file import rig
+from mckibben.bench.session.own_process import OwnProcess
+from mckibben.specimens import specimen
+if __name__ == "__main__":
+    with OwnProcess(sys.argv[1], rig("paper"), specimen("nylon"), lock_step=True) as machine:
+        machine.set(pressure="2 bar")
+        while machine.latest().get("pressure", 0.0) < 1.9e5:
+            time.sleep(0.02)
+        print("there", flush=True)
+        time.sleep(100.0)
+"""
+
+
+class Device:
+    """A machine behind a pseudo-terminal.
+
+    Attributes:
+        words: that name it.
+        valve: commands of the valve, in counts.
+    """
+
+    def __init__(self):
+        made = prepare("work-loop", muscle="nylon", rig="paper")
+        part = next(made.parts())
+        self.machine = PartMachine(made, 0, part, timing_of(made)).at_border(watched=False)
+        self.rest, self.valve, self.words, advance = int(made.rig.motor_out.count(0.0)), [], "", self.machine.advance
+
+        def told(valve, motor, opened):
+            self.valve.append(valve)
+            advance(valve, motor, opened)
+
+        self.machine.advance = told
+
+
+@pytest.fixture
+def device():
+    found = Device()
+    with in_thread(found.machine, about=About(motor_rest=found.rest)) as attached:
+        found.words = f"serial:{attached.port}"
+        yield found
+
+
+def until(true, what, longest=120.0):
+    end = time.monotonic() + longest
+    while not true():
+        assert time.monotonic() < end, what
+        time.sleep(0.02)
+
+
+def operated(device):
+    from mckibben.bench.rig_file import rig
+
+    return OwnProcess(device.words, rig("paper"), specimen("nylon"), lock_step=True)
+
+
+def test_a_program_that_is_killed_leaves_a_vented_machine_that_nobody_has(device, tmp_path):
+    script = tmp_path / "operated.py"
+    script.write_text(OPERATED)
+    program = subprocess.Popen([sys.executable, str(script), device.words], stdout=subprocess.PIPE, text=True)
+    with program:
+        assert program.stdout.readline() == "there\n"
+        assert max(device.valve) > 0
+        program.kill()
+    until(lambda: device.valve[-1] == 0, "vented")
+    # it goes on vented until the muscle is empty, and then lets go of the line: nobody asks for samples any more
+    count = 0
+    while count < (count := len(device.valve)) or not count:
+        time.sleep(1.0)
+    assert set(device.valve[-100:]) == {0}
+
+
+def test_a_machine_whose_process_is_killed_is_lost_and_said_to_be_and_can_be_had_again(device):
+    with operated(device) as machine:
+        machine.set(pressure="1 bar")
+        until(lambda: machine.latest()["pressure"] > 0.9e5, "1 bar")
+        assert machine.status().state == "manual"
+        os.kill(machine.process, signal.SIGKILL)
+        until(lambda: machine.gone == "lost", "lost")
+        assert "the process that had the machine ended" in machine.why
+        assert machine.status().state == "lost" and machine.latest() == {} and machine.messages() == []
+        with pytest.raises(LineLostError, match="ended"):
+            machine.set(pressure="2 bar")
+        machine.button.press()  # nobody hears it; nothing is raised where a stop is pressed
+    with operated(device) as again:
+        assert again.status().state == "idle"
+
+
+def test_what_the_machine_refuses_is_refused_here_in_the_same_words(device):
+    with operated(device) as machine:
+        with pytest.raises(InputError) as refused:
+            machine.set(pressure="40 bar")
+        assert refused.value.field == "pressure" and "by hand" in str(refused.value)
+        with pytest.raises(InputError, match="allowed is after a stop"):
+            machine.reset()
+        machine.emergency_stop("tried")
+        assert "tried" in machine.why and machine.status().state == "stopped"
+        machine.reset()
+        assert not machine.why and not machine.button()
+    assert machine.gone == "closed"
+    machine.close()
+    for words in ("serial:/dev/nothing-there", "radio"):
+        device.words = words
+        with pytest.raises((InputError, LineLostError), match=words.partition(":")[2] or words), operated(device):
+            pass
+
+
+@pytest.mark.parametrize(
+    "error", [InputError("span", 3.0, "allowed is less", where="a.toml"), LoweringError("sort", "no such operation")]
+)
+def test_an_error_goes_whole_from_one_process_to_another(error):
+    found = pickle.loads(pickle.dumps(error))
+    assert type(found) is type(error) and str(found) == str(error) and vars(found) == vars(error)
