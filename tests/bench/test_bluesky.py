@@ -443,6 +443,7 @@ def test_signals_can_be_monitored_while_a_plan_goes_on(engine, machine, session,
     def plan():
         for pressure in (1e5, 2e5, 3e5):
             yield from bps.mv(machine.pressure, pressure)
+            yield from bps.sleep(0.3)  # the machine goes as fast as it can, and a display is told 20 times a second
 
     engine(plan())
     _, data, stamps = rows(documents, "pressure_monitor")

@@ -101,6 +101,11 @@ def until(true, what="", longest=120.0):
     return found
 
 
+def moved(session, span):
+    """Whether the motor is not there any more."""
+    return abs(session.latest()["span"] - span) > 1e-3
+
+
 def done(lab, action, **given):
     answer = lab.act("me", action, given)
     assert answer["ok"], answer
@@ -170,9 +175,8 @@ def test_a_stop_on_the_way_to_where_a_protocol_begins_leaves_no_run_and_no_file(
     lab, bench = at_rest
     for action in ("stop", "emergency_stop"):
         loaded(lab, FAR)
-        first = bench.hand.session.latest()["span"]
         done(lab, "start")
-        until(lambda: abs(bench.hand.session.latest()["span"] - first) > 1e-3, "on its way")
+        until(functools.partial(moved, bench.hand.session, bench.hand.session.latest()["span"]), "on its way")
         done(lab, action)
         until(lambda: bench.going is None, "the end")
         assert bench.status()["shape"] == {"stop": "idle", "emergency_stop": "tripped"}[action], bench.why

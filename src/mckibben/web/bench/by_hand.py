@@ -44,6 +44,13 @@ class Real(NamedTuple):
     words: str
     lock_step: bool = False
 
+    @property
+    def caution(self) -> str:
+        """What somebody has to know before it moves."""
+        return (
+            f"Connecting to {self.words}; lengths count from the muscle's rest length, at which it is taken to stand."
+        )
+
     def session(self, rig: Rig, muscle: Specimen) -> OwnProcess:
         """It in somebody's hands; raises what `OwnProcess` does."""
         return OwnProcess(self.words, rig, muscle, lock_step=self.lock_step)
@@ -107,6 +114,12 @@ class ByHand:
             if not held and self.real is not None and session is not None:
                 if not session.why and session.latest().get("command.pressure", 0.0) > VENTED:
                     self._begin()
+
+    def set_aside(self) -> None:
+        """For a run on another simulated machine: vented, and still."""
+        if self.moving and self.session is not None:
+            self.session.vent()
+        self.hold(True)
 
     def alone(self, nobody: bool) -> None:
         """Nobody is in control, or somebody is again."""

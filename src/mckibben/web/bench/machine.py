@@ -16,7 +16,8 @@ from .going import Going, RealMachine
 from .kept import kept
 from .log import Log
 from .pace import NAMES, Pace
-from .states import short, status_of, steps_of
+from .refusing import Refusing
+from .states import ended, short, status_of
 
 if TYPE_CHECKING:
     from ...bench.rig import Rig
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 LAST = 10.0  # time for which the end of a server waits for a run to vent [s]
 
 
-class Bench:
+class Bench(Refusing):
     """One machine, simulated or real.
 
     Args:
@@ -107,19 +108,6 @@ class Bench:
         self._simulated("rig", "it is what the real machine is; another one begins with mckibben serve --rig")
         return self._set_up(self.chosen.choose_rig, name)
 
-    def _simulated(self, what: str, otherwise: str = "a real machine has its own time") -> None:
-        if self.real is not None:
-            raise InputError(what, "refused", otherwise)
-
-    def _still(self, what: str) -> None:
-        if self.going is not None:
-            raise InputError(what, "refused", f"{self.going.bench.protocol.name} is running; stop it first")
-
-    def _may(self, what: str) -> None:
-        self._still(what)
-        if self.why:
-            raise InputError(what, "refused", f"the machine is stopped ({self.why}); reset it first")
-
     def _dried(self, dry: Dry) -> None:
         self.messages.say(dry.sentence, "done" if dry.passed else "stop")
 
@@ -128,13 +116,11 @@ class Bench:
         old, chosen = self.hand, self.chosen
         if old is not None:
             self._closing = [*(t for t in self._closing if t.is_alive()), old.closing()]
-        self.hand = ByHand(
-            chosen.rig, chosen.spec, self.pace, self.stream, self.lab.changed, real=self.real, after=self._closing
-        )  # fmt: skip
+        news, own, real = self.lab.changed, self.stream, self.real
+        self.hand = ByHand(chosen.rig, chosen.spec, self.pace, own, news, real=real, after=self._closing)
         self._heard = 0
-        if self.real is not None:
-            place = "lengths count from the muscle's rest length, at which it is taken to stand"
-            self.messages.say(f"Connecting to {self.real.words}; {place}.", "caution")
+        if real is not None:
+            self.messages.say(real.caution, "caution")
 
     # ---- runs
 
@@ -146,10 +132,8 @@ class Bench:
         with self._lock:
             self._may("start")
             bench = passed if on is None else on.bench
-            if on is None and self.hand is not None:
-                if self.hand.moving and self.hand.session is not None:
-                    self.hand.session.vent()
-                self.hand.hold(True)
+            if on is None and hand is not None:
+                hand.set_aside()
             self.ended = {}
             self.pace.begin()
             self.going = Going(bench, self.pace, self.stream, self.messages, self.lab.changed, self._over, on=on)
@@ -166,11 +150,7 @@ class Bench:
             why = going.over()
             if why and not self.why:
                 self._trip(why, short(why), going.when)
-            self.ended = {
-                **said, "time": going.time, "title": going.bench.protocol.title, "stopped": bool(why),
-                "trip": going.when if why else None, "steps": steps_of(going), "duration": going.bench.plan.duration,
-                "measured": going.measured,
-            }  # fmt: skip
+            self.ended = ended(going, said, why)
             self.going = None
             self.pace.halt(False)
             if self.hand is not None:
@@ -179,12 +159,11 @@ class Bench:
 
     def pause(self) -> str:
         """Let the time of the simulated machine stand still."""
-        self._simulated("pause", "a real machine has its own time; allowed is stop")
+        self._simulated("pause")
         going = self._goes("pause")
         self.pace.halt()
-        self.messages.say(
-            "Paused by you. Simulated time stands still; pressure and length are held.", "caution", going.time
-        )
+        said = "Paused by you. Simulated time stands still; pressure and length are held."
+        self.messages.say(said, "caution", going.time)
         return f"paused at {going.time:.3f} s, holding"
 
     def resume(self) -> str:
@@ -210,16 +189,9 @@ class Bench:
         going.stop("stopped by hand", trip=False)
         return "stopped"
 
-    def _goes(self, what: str) -> Going:
-        if self.going is None:
-            raise InputError(what, "refused", "nothing is running")
-        if self.going.button():
-            raise InputError(what, "refused", "the run is being stopped")
-        return self.going
-
     def choose_pace(self, name: str) -> str:
         """How the time of the machine goes."""
-        self._simulated("pace")
+        self._simulated("pace", "a real machine has its own time")
         self.pace.choose(str(name))
         return NAMES[self.pace.name]
 
@@ -228,9 +200,9 @@ class Bench:
     def set(self, **wanted: Any) -> str:
         """Set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; in words or SI."""
         hand = self._by_hand("set", wanted)
-        given = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
         if not hand.moving:
             self.ended = {}
+        given = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
         hand.asked().set(**given)
         return ""
 
@@ -238,14 +210,6 @@ class Bench:
         """Let the pressure down."""
         self._by_hand("vent", {"pressure": 0.0}).asked().vent()
         return "venting"
-
-    def _by_hand(self, what: str, wanted: Mapping[str, Any]) -> ByHand:
-        if self.going is not None:
-            names = " and ".join(wanted) or "set-points"
-            raise InputError(what, "refused", f"the protocol sets the {names}; stop the run first")
-        self._may(what)
-        assert self.hand is not None
-        return self.hand
 
     def note(self, text: str) -> str:
         """A note of a person among the messages."""

@@ -64,8 +64,18 @@ def _manual(hand: ByHand) -> dict[str, Any]:
 
 
 def short(why: str) -> str:
-    """What stopped it, in a few words."""
-    return why.split(" at ")[0].split(":")[0][:60]
+    """What stopped it, in a few words; of a line, what happened to it."""
+    said = why.split(": ", 1)[-1] if why.startswith("/") else why
+    return said.split(" at ")[0].split(":")[0].split(",")[0][:60]
+
+
+def ended(going: Going, said: dict[str, Any], why: str) -> dict[str, Any]:
+    """What is told of the last run until the next one."""
+    return {
+        **said, "time": going.time, "title": going.bench.protocol.title, "stopped": bool(why),
+        "trip": going.when if why else None, "steps": steps_of(going), "duration": going.bench.plan.duration,
+        "measured": going.measured,
+    }  # fmt: skip
 
 
 def steps_of(going: Going) -> list[dict[str, Any]]:
