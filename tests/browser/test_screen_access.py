@@ -59,7 +59,7 @@ FOCUS = """() => {
     return [called(e), ringed(e) || near] }"""
 
 
-@pytest.mark.parametrize("path", PAGES)
+@pytest.mark.parametrize("path", [pytest.param(p, marks=pytest.mark.slow) if p in LATER else p for p in PAGES])
 def test_the_tab_key_reaches_every_control_and_each_shows_that_it_has_the_focus(visit, path):
     page = visit(path, control=True)
     settled(page)

@@ -14,6 +14,7 @@ from mckibben.muscles.laws import LAWS
 TENSION = jax.jit(lambda law, span, pressure: law.tension(span, pressure))
 # Compiled once more inside each call of `pressure_for`: seconds for the seated braid, which has its own test.
 QUICK = [law for law in LAWS if law != "seated_braid"]
+SEATED = pytest.param("seated_braid", marks=pytest.mark.slow)  # half a minute of compilation
 
 
 def states(law: TensionLaw, count: int, seed: int) -> list[tuple[float, float]]:
@@ -115,7 +116,7 @@ def hanging(law: TensionLaw) -> tuple[np.ndarray, np.ndarray]:
     return pressure, inside
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", [*QUICK, SEATED])
 def test_at_the_free_length_the_tension_vanishes_and_just_beyond_the_muscle_pulls(law: str) -> None:
     muscle = example(law)
     pressure, inside = hanging(muscle)
@@ -126,9 +127,6 @@ def test_at_the_free_length_the_tension_vanishes_and_just_beyond_the_muscle_pull
     assert (np.abs(np.asarray(BRAID(muscle, free, pressure)))[inside] <= 1e-12 * largest).all()
     assert (np.asarray(TENSION(muscle, free * (1.0 + 1e-9), pressure))[inside] > 0.0).all()
     assert (np.asarray(TENSION(muscle, free * (1.0 - 1e-9), pressure))[inside] == 0.0).all()
-
-
-SEATED = pytest.param("seated_braid", marks=pytest.mark.slow)  # half a minute of compilation
 
 
 @pytest.mark.parametrize("law", [*QUICK, SEATED])
