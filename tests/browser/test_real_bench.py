@@ -48,7 +48,7 @@ pressure = "4 bar"
 span = "11 cm"
 for = "1 s"
 """
-LONG = SHORT.replace('span = "13 cm"\n', 'span = "13 cm"\n[[steps]]\nfor = "300 s"\n').replace('"short"', '"long"')
+LONG = SHORT.replace('span = "13 cm"\n', 'span = "13 cm"\n[[steps]]\nfor = "60 s"\n').replace('"short"', '"long"')
 
 
 @pytest.fixture(scope="module")
@@ -140,9 +140,9 @@ def test_a_real_machine_is_operated_by_hand_runs_a_protocol_and_is_by_hand_again
     assert record.meta["result"] == "done", record.meta["message"]
     assert record.meta["hardware"]["lost"] == 0
     assert not any(name.startswith("muscle.") for name in record.channels)  # nobody knows what is true there
-    # 2 % of 2 bar and 0.1 mm: what valve and motor leave over at the end of a ramp
+    # the ramp's top is asked for at its end, to a sample; 0.3 mm is what a session itself calls being there
     i = int(np.argmin(np.abs(record.time - 0.3)))
-    assert abs(record["command.pressure"][i] - 2e5) < 4e3 and abs(record["span"][-1] - 0.13) < 1e-4
+    assert abs(record["command.pressure"][i] - 2e5) < 4e3 and abs(record["span"][-1] - 0.13) < 3e-4
     assert record.time[0] == 0.0 and bench.stream.about == {"kind": "run", "name": "short"}
     assert not list(lab.recordings.folder.glob("*.mcap"))  # the log of the run is in the recording
     held = run(lab, HOLDING)
@@ -200,7 +200,7 @@ def test_what_a_real_machine_cannot_is_refused_in_a_sentence(at_rest):
 
 
 def test_a_line_that_is_unplugged_keeps_what_there_is_and_says_so(tmp_path, mounted):
-    with laboratory(tmp_path, mounted, faults=Faults(at={4000: "unplug"})) as (lab, bench):
+    with laboratory(tmp_path, mounted, faults=Faults(at={2500: "unplug"})) as (lab, bench):
         loaded(lab, LONG)
         done(lab, "start")
         until(lambda: bench.going is None and bench.status()["shape"] == "tripped", "the end of the run")

@@ -28,7 +28,7 @@ label = "cycles"
 span = { kind = "sine", mean = "13 cm", amplitude = "0.5 cm", frequency = "2 Hz" }
 cycles = 3
 """
-LONG = SHORT.replace("cycles = 3", "cycles = 400").replace('name = "short"', 'name = "long"')
+LONG = SHORT.replace("cycles = 3", "cycles = 200").replace('name = "short"', 'name = "long"')
 
 
 @pytest.fixture

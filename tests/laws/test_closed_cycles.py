@@ -26,6 +26,7 @@ def lobatto(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 NODES, WEIGHTS = lobatto(9)
+SLOW = pytest.mark.slow  # half a minute of compilation; that its tension and volume share a potential is not slow
 Face = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 # Laws that only interpolate between the pressures of their fit; under vacuum their contraction terms change sign.
 EMPIRICAL = ("sarosi", "three_element")
@@ -122,7 +123,7 @@ def one_equilibrium(law: TensionLaw) -> bool:
     return bool((taut[1:] >= taut[:-1]).all())
 
 
-@pytest.mark.parametrize("name", examples())
+@pytest.mark.parametrize("name", [pytest.param(n, marks=SLOW) if n.startswith("seated") else n for n in examples()])
 def test_closed_cycles_yield_no_work(name: str) -> None:
     law = examples()[name]
     assert one_equilibrium(law)
@@ -130,7 +131,7 @@ def test_closed_cycles_yield_no_work(name: str) -> None:
         assert_no_work(law, seed)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", [pytest.param(n, marks=SLOW) if n == "seated_braid" else n for n in LAWS])
 def test_closed_cycles_yield_no_work_for_random_parameters(law: str) -> None:
     @settings(max_examples=3 if law == "seated_braid" else 15, deadline=None, database=None, derandomize=True)
     @given(st.lists(st.floats(0.0, 1.0), min_size=DRAWS, max_size=DRAWS), st.integers(0, 2**31))

@@ -377,6 +377,7 @@ def test_a_search_finds_the_elements_that_made_its_goal(made: tuple[Assisted, Go
     assert search.rms(best)["all"] < 1e-3 < search.rms(search.start)["all"]
 
 
+@pytest.mark.slow
 def test_a_search_is_never_worse_than_its_start_and_names_the_bounds_that_it_hits(made: tuple[Assisted, Goal]) -> None:
     before, goal = made
     time, pull = goal.curves["twitch"]
