@@ -230,7 +230,7 @@ class Bench(Refusing):
             kind = "stop" if message.kind == "stop" else "note"
             if kind == "stop" and session.why and not self.why and self.going is None:
                 self._trip(message.text, short(message.text), message.time)
-            else:
+            elif message.kind != "done":  # of which the recording is told
                 self.messages.say(message.text, kind, message.time)
 
     # ---- stops
