@@ -68,6 +68,13 @@ def until(true, what, longest=120.0):
         time.sleep(0.02)
 
 
+def still(device):
+    """Whether nobody asks for samples, in a time in which there are hundreds otherwise."""
+    count = len(device.valve)
+    time.sleep(1.0)
+    return len(device.valve) == count
+
+
 def operated(device):
     from mckibben.bench.rig_file import rig
 
@@ -84,9 +91,7 @@ def test_a_program_that_is_killed_leaves_a_vented_machine_that_nobody_has(device
         program.kill()
     until(lambda: device.valve[-1] == 0, "vented")
     # it goes on vented until the muscle is empty, and then lets go of the line: nobody asks for samples any more
-    count = 0
-    while count < (count := len(device.valve)) or not count:
-        time.sleep(1.0)
+    until(lambda: still(device), "the end of its samples")
     assert set(device.valve[-100:]) == {0}
 
 

@@ -2,6 +2,8 @@
 
 import contextlib
 import functools
+import os
+import signal
 import time
 
 import numpy as np
@@ -210,6 +212,16 @@ def test_a_line_that_is_unplugged_keeps_what_there_is_and_says_so(tmp_path, moun
         # another try ends with a sentence too, for the line is still gone
         done(lab, "reset")
         until(lambda: bench.status()["shape"] == "tripped" and "serial" in bench.why, "the second try")
+
+
+def test_a_machine_whose_process_ends_is_told_to_be_lost_and_can_be_had_again(at_rest):
+    lab, bench = at_rest
+    os.kill(bench.hand.session.process, signal.SIGKILL)
+    until(lambda: bench.status()["shape"] == "tripped", "the trip")
+    assert "the process that had the machine ended" in bench.why
+    done(lab, "reset")
+    until(lambda: bench.hand.ready, "by hand again")
+    assert bench.status()["shape"] == "idle" and run(lab, SHORT).meta["result"] == "done"
 
 
 def test_when_nobody_is_in_control_a_real_machine_vents_after_5_s_of_its_own(at_rest):

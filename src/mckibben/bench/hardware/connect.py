@@ -13,7 +13,7 @@ from .border import Hardware
 if TYPE_CHECKING:
     from ..rig import Rig
 
-SILENCE = 0.02  # [s]; a program that is not alone on its computer may pause so long
+SILENCE = 0.02  # after which a device vents by itself [s]; a program on a shared computer may pause so long
 ALLOWED = "allowed is serial:PORT, such as serial:/dev/ttyACM0, or daq with the table [daq] in the rig's file"
 
 

@@ -94,7 +94,7 @@ class OwnProcess:
         try:
             self.period, self._options, self._seen = self._ask("facts")
         except BaseException:
-            self._process.join(LONGEST)
+            self.close()
             raise
 
     @property

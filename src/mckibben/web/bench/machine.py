@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from ...bench.session.status import LOST
 from ...errors import InputError
 from ..stream import Stream
 from .by_hand import ByHand, Real
@@ -232,6 +233,8 @@ class Bench(Refusing):
                 self._trip(message.text, short(message.text), message.time)
             elif message.kind != "done":  # of which the recording is told
                 self.messages.say(message.text, kind, message.time)
+        if session.gone == LOST and not self.why and self.going is None:  # its process cannot say so any more
+            self._trip(session.why, short(session.why), hand.time)
 
     # ---- stops
 
