@@ -23,7 +23,7 @@ from .keeping import Keeper
 from .part import PartMachine, rubbed, software_of, timing_of
 from .prepare import Bench, Fault, Part, prepare
 from .rig import Rig
-from .software.emergency_stop import EmergencyStop
+from .software.emergency_stop import EmergencyStop, sentence
 from .software.interlocks import Trip
 from .source import AFTER_STOP, Chunk, simulated
 from .wall_clock import Lateness, Loop, clocked
@@ -246,11 +246,9 @@ class Run:
         i = min(at, len(seen.shown["code"]) - 1)
         when, code = self.time + i * self.timing.period, int(seen.shown["code"].max())
         name = Trip(code).name.lower() if code else "missed"
-        if code == Trip.EMERGENCY_STOP and getattr(self.stop, "ordinary", False):
-            name, self.message = "stop", f"stopped at {when:.6g} s: {getattr(self.stop, 'reason', '')}; vented"
-        elif code == Trip.EMERGENCY_STOP:
-            reason = getattr(self.stop, "reason", "") or "asked to"
-            self.message = f"emergency stop at {when:.6g} s: {reason}; stopped and vented"
+        if code == Trip.EMERGENCY_STOP:
+            name = "stop" if getattr(self.stop, "ordinary", False) else name
+            self.message = sentence(self.stop, when)
         elif code > 0:
             watch = self.bench.rig.watch(part.layout, tension=not self.bench.accepted)
             measured = {n: float(v[i]) for n, v in seen.measured.items() if not n.endswith(".code")}

@@ -16,7 +16,7 @@ from ...errors import InputError, LineLostError, MckibbenError
 from .. import channels
 from ..hardware.ongoing import Lent
 from ..run import channels_of as channels_of
-from ..software.emergency_stop import EmergencyStop
+from ..software.emergency_stop import EmergencyStop, sentence
 from ..software.interlocks import Trip
 from ..software.manual import ABANDONED
 from ..software.sequencer import SPAN, TENSION
@@ -94,8 +94,7 @@ class Core:
     def _stopped(self, seen: sampled.Seen, i: int, times: np.ndarray) -> None:
         when, code = float(times[i]), int(seen.shown["code"][i])
         if code == Trip.EMERGENCY_STOP:
-            kind = "stopped" if self.button.ordinary else "emergency stop"
-            self.why = f"{kind} at {when:.6g} s: {self.button.reason or 'asked to'}; stopped and vented"
+            self.why = sentence(self.button, when)
         else:
             at = {n: float(v[i]) for n, v in seen.measured.items() if not n.endswith(".code")}
             self.why = self.setup.watch.reason(code, at | {"velocity": float(seen.shown["velocity"][i])}, when)

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+
+def sentence(stop: Callable[[], bool], when: float) -> str:
+    """What a stop at a time [s] is told as; of one that says no more than whether, that somebody asked for it."""
+    kind, done = ("stopped", "vented") if getattr(stop, "ordinary", False) else ("emergency stop", "stopped and vented")
+    return f"{kind} at {when:.6g} s: {getattr(stop, 'reason', '') or 'asked to'}; {done}"
 
 
 class EmergencyStop:
