@@ -3,13 +3,14 @@
 import json
 import subprocess
 import sys
+import zlib
 
 import jax
 import numpy as np
 import pytest
 from lowered_systems import positions, rubbing
 
-from mckibben.engine.lowering import Program, disk, emit_llvm, machine_code
+from mckibben.engine.lowering import Program, disk, emit_llvm, machine_code, saving
 from mckibben.engine.native import compiled
 
 WITHOUT_JAX = """
@@ -51,6 +52,19 @@ def test_saving_and_loading_changes_nothing(run, tmp_path):
     assert (tmp_path / "a.kernel").read_bytes() == (tmp_path / "b.kernel").read_bytes()
     differs = frozenset([3])
     assert again.assembly(differs, lanes=True)[0] == run.program.assembly(differs, lanes=True)[0]
+
+
+@pytest.mark.parametrize("piece", [1, 7, 100])
+def test_in_pieces_of_any_length_a_program_is_written_as_in_one(run, monkeypatch, piece):
+    def written(longest):
+        monkeypatch.setattr(saving, "PIECE", longest)
+        return zlib.decompress(
+            saving.packed(run.program.graph, {"title": "a \u00fc", "given": [[0.1, None], []]})
+        ).decode()
+
+    whole = written(10**9)  # list by list, each in one piece or entry by entry
+    assert whole == json.dumps(json.loads(whole), separators=(",", ":")) and len(json.loads(whole)["nodes"]) > 100
+    assert written(piece) == whole
 
 
 def test_machine_code_is_compiled_once_and_a_damaged_file_is_made_anew(run, tmp_path, monkeypatch):

@@ -49,7 +49,7 @@ def unpacked(data: bytes, where: str) -> tuple[Graph, dict[str, Any]]:
 
 
 def _json(value: Any) -> str:
-    """As `json.dumps`, in pieces: it lets no other thread go on meanwhile, and one may have a machine to control."""
+    """As `json.dumps` without spaces, in pieces: no thread goes on while that writes, and one may control a machine."""
     if isinstance(value, dict):
         return "{" + ",".join(f"{json.dumps(name)}:{_json(of)}" for name, of in value.items()) + "}"
     if not isinstance(value, list):
