@@ -3,8 +3,11 @@
 Most of the suite's time is compilation, and every worker and every command line that a test starts would compile alike.
 """
 
+import ctypes
+import gc
 import os
 import platform
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,6 +41,28 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     from xdist.scheduler import LoadFileScheduling
 
     return LoadFileScheduling(config, log) if config.getoption("dist") == "load" else None
+
+
+LARGEST = 1.2e9  # resident memory above which a worker drops its compiled programs between two files [bytes]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _drop_compiled_programs() -> Iterator[None]:
+    """Drop what JAX compiled for a file, once a worker has grown: no later file asks for it, and it adds up to 5 GB."""
+    yield
+    if (jax := sys.modules.get("jax")) is not None and _resident_memory() > LARGEST:
+        jax.clear_caches()
+        gc.collect()
+        if sys.platform == "linux":
+            ctypes.CDLL(None).malloc_trim(0)
+
+
+def _resident_memory() -> float:
+    """Resident memory of this process [bytes]; infinite where the system does not say."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return float("inf")
 
 
 @pytest.fixture(scope="session", autouse=True)
