@@ -40,6 +40,7 @@ def test_the_physics_of_fonsim_gives_the_pressure_of_fonsim(case, theirs):
     assert case.error(ours, theirs) < 0.005
 
 
+@pytest.mark.slow
 def test_what_fonsim_leaves_out_is_more_than_that(case, theirs):
     """The resolved tube fills more slowly: accelerating the gas and the speed lost in the tank cost pressure too."""
     reality = case.distributed()

@@ -1,6 +1,7 @@
 """Habits of the house that no other test would miss: declarations, sources, sizes, imports."""
 
 import ast
+import functools
 import importlib
 import math
 import pkgutil
@@ -165,6 +166,7 @@ def test_some_things_live_in_one_place(pattern: str, allowed: str) -> None:
     assert all(user.startswith(allowed) or user.endswith(allowed) for user in users), users
 
 
+@functools.cache
 def _code(path: Path) -> str:
     """A module without its docstrings and comments."""
     tree = ast.parse(path.read_text(encoding="utf-8"))

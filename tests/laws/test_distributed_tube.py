@@ -87,6 +87,7 @@ def test_steady_isothermal_flow(upstream, downstream, diameter, within):
     assert result.temperature[-1] == pytest.approx(T0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_steady_flow_converges_with_the_grid():
     errors = []
     for cells in (20, 40, 80):
@@ -212,7 +213,7 @@ def test_smooth_wave_is_of_second_order():
 
 
 # Energy: m cp Ts + m0 cv T0 = m1 cv T1. The gas that was in the tube, 0.25 % of the vessel, is worth 0.1 to 0.2 K.
-@pytest.mark.parametrize("start", [1e5, 500.0])
+@pytest.mark.parametrize("start", [pytest.param(1e5, marks=pytest.mark.slow), 500.0])
 def test_adiabatic_charging_ends_at_the_temperature_of_theory(start):
     supply, vessel = (
         ReservoirEnd(pressure_abs=6e5, temperature=300.0),
@@ -319,7 +320,9 @@ def iso_6358(p_up, t_up, p_down):
 
 
 @pytest.mark.parametrize(
-    "flow", [iso_6358, Orifice(conductance=2e-9, critical_ratio=0.35)], ids=["function", "Orifice"]
+    "flow",
+    [pytest.param(iso_6358, marks=pytest.mark.slow), Orifice(conductance=2e-9, critical_ratio=0.35)],
+    ids=["function", "Orifice"],
 )
 def test_a_choked_restriction_sets_the_flow(flow):
     left = ReservoirEnd(pressure_abs=6e5, temperature=T0, opening=Restriction(flow))

@@ -46,6 +46,7 @@ def test_pressure_for_inverts_tension(law: str) -> None:
         assert_lowest(muscle, span, wanted, found)
 
 
+@pytest.mark.slow
 def test_pressure_for_inverts_the_tension_of_the_seated_braid() -> None:
     muscle = example("seated_braid")
     assert muscle.pressure_for(float(TENSION(muscle, 0.175, 3.3333e5)), 0.175) == pytest.approx(3.3333e5, abs=1e-3)

@@ -30,6 +30,7 @@ def grid(law: TensionLaw, shortest: float = 0.2, longest: float = 1.5) -> dict[s
 def assert_one_potential(law: TensionLaw) -> None:
     at = grid(law)
     assert all(np.isfinite(value).all() for value in at.values())
+    assert (at["F"] >= 0.0).all()  # a braid cannot push
     # Both sides are the same mixed derivative in float64 (3e-14 for the seated braid, whose inner minimum is iterated,
     # 1e-15 for the others). Relative to the largest dF/dP' at the same length, since that of an exponential law grows by
     # nine orders over the grid; where a length is slack at every pressure both must vanish exactly.

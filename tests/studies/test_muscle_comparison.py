@@ -366,6 +366,7 @@ def searched(before: Assisted, goal: Goal, draws: int = 0) -> tuple[Search, np.n
     return search, search.run(draws, 25, lambda _: None)
 
 
+@pytest.mark.slow
 def test_a_search_finds_the_elements_that_made_its_goal(made: tuple[Assisted, Goal]) -> None:
     search, best = searched(*made)
     damping, delay = search.tuned(best)

@@ -44,6 +44,13 @@ from mckibben.studies.sizing.candidate import Ends, air_of_cycle, ranked
 from mckibben.studies.sizing.supply import adiabatic_work
 
 WISH = Wish(force=50.0, stroke=0.03, pressure=5e5)
+
+
+def later(*case):
+    """A case that is left to the slow tests."""
+    return pytest.param(*case, marks=pytest.mark.slow)
+
+
 # Wishes that a muscle of the papers or of the maps meets by its own numbers, with its friction and its error taken off.
 MET = {
     "nylon": Wish(force=35.0, stroke=0.028, pressure=5e5),
@@ -132,9 +139,9 @@ def test_more_room_never_takes_a_heavier_muscle():
     ("wish", "part", "low", "high"),
     [
         (Wish(force=500.0, stroke=0.03, pressure=5e5, diameter=0.02, length=0.2), "force", 1.0, 500.0),
-        (Wish(force=50.0, stroke=0.15, pressure=5e5, length=0.2), "stroke", 0.01, 0.15),
-        (Wish(force=500.0, stroke=0.03, pressure=2e5, length=0.3), "pressure", 2e5, 20e5),
-        (Wish(force=50.0, stroke=0.03, pressure=5e5, diameter=0.003), "diameter", 0.003, 0.03),
+        later(Wish(force=50.0, stroke=0.15, pressure=5e5, length=0.2), "stroke", 0.01, 0.15),
+        later(Wish(force=500.0, stroke=0.03, pressure=2e5, length=0.3), "pressure", 2e5, 20e5),
+        later(Wish(force=50.0, stroke=0.03, pressure=5e5, diameter=0.003), "diameter", 0.003, 0.03),
     ],
 )
 def test_what_stands_in_the_way_is_named_and_would_help(wish, part, low, high):

@@ -76,6 +76,7 @@ def test_the_reference_is_resolved(monkeypatch):
     assert np.sqrt(np.mean((coarse - fine) ** 2)) < 2.0
 
 
+@pytest.mark.slow
 def test_a_quarter_of_the_step_changes_no_prediction(study):
     case = study.cases[THERMAL, SMALL][0]
     for key in ("quadratic", "inertial", "lumped"):

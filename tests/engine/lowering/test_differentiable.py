@@ -37,6 +37,7 @@ def scaled(run, scale, values):
 
 MANY = VALUES * jnp.linspace(0.9, 1.1, 6)[:, None]
 SCALES = jnp.array([0.95, 1.05])
+SLOW = ("one for all", "twice mapped forwards", "more directions than a kernel takes")  # XLA compiles long for these
 USES = {
     "itself": lambda run: predicted(run, VALUES),
     "compiled": lambda run: jax.jit(lambda v: predicted(run, v))(VALUES),
@@ -60,7 +61,7 @@ USES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("use", USES)
+@pytest.mark.parametrize("use", [pytest.param(use, marks=pytest.mark.slow) if use in SLOW else use for use in USES])
 def test_it_is_used_as_the_function_is(use):
     found, want = (jax.tree.leaves(USES[use](run)) for run in (kernel(), RUN))
     for a, b in zip(found, want, strict=True):
