@@ -13,7 +13,7 @@ from mckibben.quantities import declared, values
 from mckibben.specimens import specimen, specimen_ids
 
 TIMES = {"opening_dead_time": "3 ms", "closing_dead_time": "2 ms", "opening_time": "2 ms", "closing_time": "1 ms"}
-FLOW = {"flow": "600 l/min", "flow_pressure": "6.9 bar"}
+FLOW = {"flow_into_the_room": "600 l/min", "flow_pressure": "6.9 bar"}
 # One good way to state each kind.
 GOOD = {
     "orifice": FLOW,
@@ -90,9 +90,9 @@ def test_a_shaft_turns_as_often_as_it_says() -> None:
         ("orifice", {"hole_diameter": "-2 mm"}, "orifice.hole_diameter is '-0.2 cm'; allowed is"),
         ("orifice", {"hole_diameter": "2 bar"}, "a length such as"),
         ("orifice", {"hole_diameter": 2.0}, "the unit is missing"),
-        ("orifice", {"flow": "600 l/min"}, "orifice.flow_pressure is 'missing'"),
+        ("orifice", {"flow_into_the_room": "600 l/min"}, "orifice.flow_pressure is 'missing'"),
         ("orifice", {}, "orifice.conductance is 'missing'"),
-        ("orifice", {"hole_diameter": "2 mm", "conductance": "1e-8 m^3/(s*Pa)"}, "orifice.conductance is 'too much'"),
+        ("orifice", {"hole_diameter": "2 mm", "conductance": "1e-8 m^3/(s*Pa)"}, "exactly one of conductance"),
         ("orifice", {"hole_diameter": True}, "allowed is a number, or words with a unit"),
         ("orifice", {"hole_diameter": ["2 mm"]}, "allowed is a number, or words with a unit"),
         ("orifice", {"hole_diameter": "nan mm"}, "finite"),
@@ -124,7 +124,7 @@ def test_the_effective_flow_is_taken_only_when_asked_for_and_is_marked_inferred(
     spec = specimen("MPP-3-1-8")
     assert free_flow(valve_from_specimen(spec, effective=True).fill) == pytest.approx(95.0, rel=1e-9)
     assert {"properties.effective_flow", "valve.band", "valve.hysteresis", "valve.lag"} <= set(spec.inferred())
-    assert "properties.flow" not in spec.inferred()
+    assert "properties.flow_into_the_room" not in spec.inferred()
     with pytest.raises(InputError, match="effective_flow"):
         valve_from_specimen(specimen("C100P-80"), effective=True)
 
@@ -172,7 +172,11 @@ unit = "bar"
         ('value = 0.2\nunit = "bar"', 'value = 0.2\nunit = "cm"', "a pressure such as"),
         ('element = "pressure_regulator"', 'element = "turbine"', "known are orifice"),
         ('element = "pressure_regulator"\n', "", "element is 'missing'"),
-        ('[properties.flow]\nvalue = 600.0\nunit = "l/min"\n', "", "properties.flow is 'missing'"),
+        (
+            '[properties.flow]\nvalue = 600.0\nunit = "l/min"\n',
+            "",
+            "the file states no size; allowed in [valve] is one of",
+        ),
         ('kind = "valve"', 'kind = "mckibben"', "allowed in the file of a valve only"),
     ],
 )

@@ -15,6 +15,7 @@ from ..engine.rates import RK4_LIMIT
 from ..errors import InputError
 from ..experiments.waveforms import Waveform, near
 from ..pneumatics.circuit import Circuit
+from ..pneumatics.sizes import put_value
 from ..quantities import parse
 from .circuit_nodes import PlannedNode
 from .fit_table import FitTable
@@ -213,6 +214,9 @@ def _put(document: Any, path: str, value: Any, known: list[str], where: str) -> 
     inside = parts[0] in ("environment", "run") or (len(parts) > 2 and has(document, ".".join(parts[:2])))
     if not (inside or has(document, path)):
         raise InputError("parameter", path, f"{near(path, known)}no such key or parameter", where=where)
+    if parts[0] == "elements" and len(parts) == 3:
+        element = put_value(document["elements"][parts[1]], parts[2], _toml(value))
+        return {**document, "elements": {**document["elements"], parts[1]: element}}
     try:
         return _inside(document, parts, _toml(value))
     except ValueError:

@@ -34,6 +34,7 @@ from ..experiments.waveforms import near
 from ..experiments.words import Entry
 from ..pneumatics.build import build_element, known_keys
 from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
+from ..pneumatics.sizes import put_value
 from ..quantities import Quantity, declared, parse
 from ..specimens import specimen
 from .hardware.analogue import AnalogOut, Converter, Sensor
@@ -282,7 +283,14 @@ def _put(document: dict[str, Any], path: str, value: str, where: str) -> None:
         at = at.setdefault(part, {})
         if not isinstance(at, dict):
             raise InputError(path, value, f"{part} is no table", where=where)
-    at[last] = _plain(value)
+    if tables[:1] != ["plumbing"] or tables[2:] not in [[part] for part in _PARTS]:
+        at[last] = _plain(value)
+        return
+    new = put_value(at, last, _plain(value))
+    gone = {".".join([*tables, key]) for key in at if key not in new}
+    document["inferred"] = [p for p in document.get("inferred", []) if p not in gone]
+    at.clear()
+    at.update(new)
 
 
 def _plain(text: str) -> Any:

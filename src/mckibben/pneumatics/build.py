@@ -1,24 +1,26 @@
 """Elements from words: kinds by name, values with units, and the ways in which catalogues state an element.
 
-A passage (a field that is an `Orifice`) is stated by its sonic conductance, by a flow to free air and the pressure at which
-it was measured, or by the diameter of a hole. An element with two passages takes these keys for both, or with the name of
-one in front: ``flow``, ``vent_flow``. The times of a valve's drive stand beside the element's own keys.
+A passage (a field that is an `Orifice`) is stated by exactly one size: `sizes` has the ways. An element with two passages
+takes these keys for both, or with the name of one in front: ``nominal_flow``, ``vent_nominal_flow``. The times of a valve's
+drive stand beside the element's own keys.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..components.flow import FlowElement
 from ..errors import InputError
 from ..quantities import Quantity, declared, parse
 from ..specimens import Specimen
+from . import sizes
 from .compressor import Compressor
-from .gas import AIR, REFERENCE_TEMPERATURE
-from .leak import REFERENCE_PRESSURE, Leak
+from .gas import AIR, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
+from .leak import Leak
 from .orifice import Orifice
+from .sizes import DIAMETER, ORIFICE_FIELDS, PASSAGE_WAYS, SIZES, Way, canonical, has_size
 from .tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube
 from .valves import CheckValve, OnOffValve, PressureRegulator, QuickExhaust, Solenoid, SpoolValve, ThreeWayValve
 
@@ -46,37 +48,12 @@ PASSAGES = {
     "pressure_regulator": ("fill", "relief"),
     "quick_exhaust": ("feed", "vent"),
 }
-SIZES = {"conductance": (), "flow": ("flow_pressure",), "hole_diameter": ("discharge",)}  # and what goes with each
 DRIVEN = ("on_off_valve", "three_way_valve")  # those with a solenoid
 
-FLOW = Quantity("m^3/s", (0.0, 10.0), "volume flow of reference air", "q", (1e-5, 1e-1))
-FLOW_PRESSURE = Quantity("Pa", (1.0, 1e8), "gauge pressure at which it flows into the room", "p", (1e5, 1e6))
-DIAMETER = Quantity("m", (1e-6, 0.1), "inner diameter", "D", (1e-4, 1e-2))
 LENGTH = Quantity("m", (1e-4, 100.0), "length", "l", (1e-2, 5.0))
 FRICTION = Quantity("1", (1e-4, 1.0), "friction factor", "f", (0.01, 0.05))
 ENDS = Quantity("1", (0.0, 1e3), "loss of both ends in velocity heads", "K", (0.5, 5.0))
 PRESSURE_ABS = Quantity("Pa", (1.0, 1e8), "absolute pressure at which the turbulent loss is taken", "p", (1e5, 1e6))
-
-
-@dataclasses.dataclass(frozen=True)
-class Way:
-    """One way to state an element besides by its own fields: what it needs, what it may have, and what makes it."""
-
-    needs: Mapping[str, Quantity]
-    may: Mapping[str, Quantity]
-    make: Callable[..., Any]
-
-
-def _of_flow(flow: float, flow_pressure: float, **rest: float) -> Orifice:
-    return Orifice.from_flow(flow, pressure=flow_pressure, **rest)
-
-
-def _of_hole(hole_diameter: float, **rest: float) -> Orifice:
-    return Orifice.of_hole(hole_diameter, **rest)
-
-
-def _leak_of_flow(flow: float, flow_pressure: float) -> Leak:
-    return Leak.from_flow(flow, pressure=flow_pressure)
 
 
 def _pipe(length: float, diameter: float, friction: float, ends: float, at_pressure_abs: float) -> dict[str, Any]:
@@ -111,26 +88,14 @@ def _inertial(
     return InertialTube(**_pipe(length, diameter, friction, ends, at_pressure_abs), length=length)
 
 
-_ORIFICE = {name: q for name, q in declared(Orifice).items() if name != "conductance"}
 _PIPE = Way(
     {"length": LENGTH, "diameter": DIAMETER},
     {"friction": FRICTION, "ends": ENDS, "at_pressure_abs": PRESSURE_ABS},
     _quadratic,
 )
-PASSAGE_WAYS = (
-    Way({"flow": FLOW, "flow_pressure": FLOW_PRESSURE}, _ORIFICE, _of_flow),
-    Way(
-        {"hole_diameter": DIAMETER},
-        {**_ORIFICE, "discharge": Quantity("1", (0.01, 1.0), "discharge coefficient", "Cd", (0.6, 0.95))},
-        _of_hole,
-    ),
-)
 WAYS: dict[str, tuple[Way, ...]] = {
     "orifice": PASSAGE_WAYS,
-    "leak": (
-        Way({"flow": FLOW, "flow_pressure": FLOW_PRESSURE}, {}, _leak_of_flow),
-        Way({"length": LENGTH, "diameter": DIAMETER}, {}, Leak.of_capillary),
-    ),
+    "leak": (sizes.LEAK_WAY, Way({"length": LENGTH, "diameter": DIAMETER}, {}, Leak.of_capillary)),
     "quadratic_tube": (_PIPE,),
     "inertial_tube": (dataclasses.replace(_PIPE, make=_inertial),),
 }
@@ -187,8 +152,10 @@ def valve_from_specimen(
     chosen = kind or own_kind
     if chosen not in ELEMENTS:
         raise InputError("kind", chosen, f"known are {', '.join(ELEMENTS)}", where=where or place)
-    given = _numbers(chosen, values or {}, where or place)
+    stated = _numbers(chosen, values or {}, where or place)
+    given = dict(stated)
     own, wanted = known_keys(own_kind), known_keys(chosen)
+    passages = PASSAGES.get(own_kind, ())
     for key, p in spec.valve.items():
         if key not in own:
             raise InputError(f"valve.{key}", "unknown", f"{own_kind} has {', '.join(own)}", where=place)
@@ -196,20 +163,38 @@ def valve_from_specimen(
         if isinstance(value, list):
             raise InputError(f"valve.{key}", str(p.value), "allowed is one number", where=place)
         own[key].check(f"valve.{key}", value, where=place)
-        if key in wanted and (chosen == own_kind or key in _ORIFICE):
-            given.setdefault(key, value)
-    sized = any(size in given for size in SIZES)
-    if effective and (sized or "flow" not in wanted):
+        target = canonical(key, passages)
+        if (
+            target in wanted
+            and (chosen == own_kind or sizes.of_passage(target))
+            and not sizes.replaced(target, stated, passages)
+        ):
+            given.setdefault(target, value)
+    if effective and (has_size(stated) or not PASSAGES.get(chosen)):
         raise InputError("effective", "asked for", f"the values state the size, or {chosen} has no flow", where=place)
-    if "flow" in wanted and not sized:
-        given["flow"] = spec.property_si("effective_flow" if effective else "flow", "m^3/s")
-    if "flow" in given:
+    if "flow_into_the_room" in wanted and (effective or not has_size(given)):
+        _state_flow(spec, given, effective, PASSAGES.get(chosen, ()))
+    if "flow_into_the_room" in given and "flow_pressure" in spec.properties:
         given.setdefault("flow_pressure", spec.property_si("flow_pressure", "Pa"))
     return _build(chosen, given, where or place)
 
 
+def _state_flow(spec: Specimen, given: dict[str, float], effective: bool, passages: Sequence[str]) -> None:
+    """Add the flow into the room that a file states among its properties; needless where each passage has its size."""
+    names = ("effective_flow",) if effective else ("flow_into_the_room", "flow")
+    name = next((n for n in names if n in spec.properties), None)
+    if name is None:
+        if any(has_size(given, f"{p}_") for p in passages):
+            return
+        raise InputError(
+            f"properties.{names[0]}", "missing", f"the file states no size; allowed in [valve] is one of {', '.join(SIZES)}",
+            where=spec.where or spec.id,
+        )  # fmt: skip
+    given["flow_into_the_room"] = spec.property_si(name, "m^3/s")
+
+
 def known_keys(kind: str) -> dict[str, Quantity]:
-    """Every key that an element can be stated by, with its declaration."""
+    """Every key that an element can be stated by, with its declaration; other names of a key stand behind it."""
     known = dict(declared(ELEMENTS[kind]))
     if kind in DRIVEN:
         known |= declared(Solenoid)
@@ -220,7 +205,9 @@ def known_keys(kind: str) -> dict[str, Quantity]:
     known |= keys
     if len(passages) > 1:
         known |= {f"{passage}_{key}": q for passage in passages for key, q in keys.items()}
-    return known
+    if kind == "leak":  # its conductance is a laminar one, and not the standard's
+        return known | {"flow": known["flow_into_the_room"]}
+    return sizes.with_aliases(known, passages) if passages or kind == "orifice" else known
 
 
 def _passage_keys() -> dict[str, Quantity]:
@@ -231,18 +218,42 @@ def _passage_keys() -> dict[str, Quantity]:
 
 
 def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[str, float]:
-    """Values in SI by key; unknown keys, missing units and values out of bounds are named."""
-    known = known_keys(kind)
-    found = {}
+    """Values in SI by key, in its one name; unknown keys, missing units and values out of bounds are named."""
+    known, passages = known_keys(kind), PASSAGES.get(kind, ())
+    found: dict[str, float] = {}
     for key, value in values.items():
         if key not in known:
-            raise InputError(f"{kind}.{key}", "unknown", f"{kind} has {', '.join(known)}", where=where)
-        q, field = known[key], f"{kind}.{key}"
+            raise InputError(f"{kind}.{key}", "unknown", _unknown(kind, key, known), where=where)
+        q, field, target = known[key], f"{kind}.{key}", canonical(key, passages)
+        if target in found:
+            raise InputError(
+                field, str(value), f"{target} is stated already, and {key} is another name of it", where=where
+            )
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise InputError(field, type(value).__name__, "allowed is a number, or words with a unit", where=where)
-        found[key] = parse(value if isinstance(value, str) else repr(value), q.unit, field=field, where=where)
-        q.check(field, found[key], where=where)
+        words = with_usual_unit(target, value, passages)
+        found[target] = parse(words, q.unit, field=field, where=where)
+        q.check(field, found[target], where=where)
     return found
+
+
+def _unknown(kind: str, key: str, known: Mapping[str, Quantity]) -> str:
+    """What is allowed instead of an unknown key."""
+    own = f"{kind} has {', '.join(known)}"
+    if kind.endswith("_tube") and canonical(key) in SIZES:
+        return f"a tube is stated by its length and bore; a part that a catalogue states by {key} is an orifice; {own}"
+    return own
+
+
+def with_usual_unit(key: str, value: str | float, passages: Sequence[str] = ()) -> str:
+    """A value in words; a bare number gets its unit where the standard that defines the key has one."""
+    words = value if isinstance(value, str) else repr(value)
+    base = next((key.removeprefix(f"{p}_") for p in passages if key.startswith(f"{p}_")), key)
+    try:
+        float(words)
+    except ValueError:
+        return words
+    return f"{words} {sizes.BARE_UNITS[base]}" if base in sizes.BARE_UNITS else words
 
 
 def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElement:
@@ -254,8 +265,8 @@ def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElem
         prefix = f"{passage}_"
         own = {key: rest.pop(prefix + key) for key in _passage_keys() if prefix + key in rest}
         # a passage that states its own size drops the shared one, and what goes with another way to state it
-        sizes = [size for size in SIZES if size in own]
-        kept = {*_ORIFICE, *(key for size in sizes for key in SIZES[size])} if sizes else set(shared)
+        stated = [size for size in SIZES if size in own]
+        kept = {*ORIFICE_FIELDS, *(key for size in stated for key in SIZES[size])} if stated else set(shared)
         common = {k: v for k, v in shared.items() if k in kept}
         parts[passage] = _one(
             Orifice, PASSAGE_WAYS, common | own, f"{kind}.{prefix if len(passages) > 1 else ''}", where
@@ -272,6 +283,8 @@ def _one(
 ) -> Any:
     """One thing by its own fields, or by the way whose keys are given; what is missing or does not go together is named."""
     fields = declared(owner)
+    if owner is Orifice:
+        sizes.one_size(given, prefix, where)
     make, needs, may = owner, _required(owner), fields
     for way in ways:  # a key that an element also has as a field, such as a tube's length, decides nothing
         if any(key in given and key not in fields for key in way.needs):

@@ -19,7 +19,9 @@ import jax.numpy as jnp
 from ..components import Module, Scalar
 from ..quantities import quantity
 
-# Reference atmosphere of ISO 6358-1: a sonic conductance is a volume flow of air in this state per absolute pressure.
+# Reference atmosphere of ISO 6358-1 and ISO 8778 (ANR): a sonic conductance is a volume flow of air in this state per
+# absolute pressure.
+REFERENCE_PRESSURE = 100e3  # [Pa]
 REFERENCE_TEMPERATURE = 293.15  # [K]
 REFERENCE_DENSITY = 1.185  # [kg/m^3]
 

@@ -19,9 +19,7 @@ from ..components import Scalar
 from ..components.flow import GasState, TwoPort
 from ..errors import InputError
 from ..quantities import quantity
-from .gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE, Gas
-
-REFERENCE_PRESSURE = 100e3  # of ISO 6358-1 [Pa]
+from .gas import AIR, REFERENCE_DENSITY, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE, Gas
 
 
 class Leak(TwoPort):

@@ -7,6 +7,9 @@ with p1, T1 upstream and rho0, T0 of the reference atmosphere. Both directions; 
 ``linear_band``, the root is replaced by a parabola that meets it with value and slope, so that the slope stays finite: this
 is what a laminar start looks like, and what an integrator needs. Range: 0 < b < 1, any pair of absolute pressures; for
 b = 0.528 it agrees with the isentropic nozzle within 0.35 % outside the linear zone. Source: ISO 6358-1:2013.
+
+A catalogue's number becomes a conductance here and nowhere else: `Orifice.from_flow`, `from_nominal_flow`, `from_kv`,
+`from_cv` and `of_hole`; docs/explanation/catalogue-flows.md explains each.
 """
 
 from __future__ import annotations
@@ -20,7 +23,14 @@ from ..components import Scalar
 from ..components.flow import Gases, GasState, TwoPort
 from ..errors import InputError
 from ..quantities import quantity
-from .gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE, Gas
+from .gas import AIR, REFERENCE_DENSITY, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE, Gas
+
+# Where a standard nominal flow is measured: 6 and 5 bar above the reference atmosphere, as absolute pressures [Pa].
+NOMINAL_INLET, NOMINAL_OUTLET = 6e5 + REFERENCE_PRESSURE, 5e5 + REFERENCE_PRESSURE
+# Kv and Cv are flows of water at a pressure drop (IEC 60534-1; VDI/VDE 2173).
+WATER_DENSITY = 1000.0  # [kg/m^3]
+KV_DROP, CV_DROP = 1e5, 6894.757293168361  # 1 bar; 1 psi [Pa]
+GALLON_PER_MINUTE = 3.785411784e-3 / 60.0  # US gallon [m^3/s]
 
 
 def conductance_flow(
@@ -70,7 +80,7 @@ class Orifice(TwoPort):
     def from_flow(
         cls, flow: float, *, pressure: float, ambient: float = 101325.0, critical_ratio: float = 0.35, **options: Any
     ) -> Orifice:
-        """An orifice from a catalogue's flow to free air.
+        """Convert a flow into the room, as measured with the outlet open.
 
         Args:
             flow: volume flow of air in the reference atmosphere [m^3/s].
@@ -84,10 +94,51 @@ class Orifice(TwoPort):
         """
         if not pressure > 0.0:
             raise InputError("pressure", pressure, "allowed is a gauge pressure above 0 Pa")
-        one = cls(conductance=1e-8, critical_ratio=critical_ratio, **options)
-        inlet, outlet = (GasState(p, REFERENCE_TEMPERATURE) for p in (pressure + ambient, ambient))
-        unit = float(_flow_of(one, inlet, outlet)) / 1e-8
-        return cls(conductance=flow * REFERENCE_DENSITY / unit, critical_ratio=critical_ratio, **options)
+        return cls._through(flow, pressure + ambient, ambient, critical_ratio, options)
+
+    @classmethod
+    def from_nominal_flow(cls, flow: float, *, critical_ratio: float = 0.35, **options: Any) -> Orifice:
+        """Convert a standard nominal flow, measured from 6 to 5 bar above the reference atmosphere at 20 degC.
+
+        Args:
+            flow: volume flow of air in the reference atmosphere of ISO 8778 (ANR) [m^3/s].
+            critical_ratio: b [1].
+            **options: as for the class.
+        """
+        return cls._through(flow, NOMINAL_INLET, NOMINAL_OUTLET, critical_ratio, options)
+
+    @classmethod
+    def _through(cls, flow: float, inlet: float, outlet: float, ratio: float, options: dict[str, Any]) -> Orifice:
+        """The orifice through which a volume of reference air [m^3/s] flows between two absolute pressures [Pa]."""
+        one = cls(conductance=1e-8, critical_ratio=ratio, **options)
+        unit = float(_flow_of(one, *(GasState(p, REFERENCE_TEMPERATURE) for p in (inlet, outlet)))) / 1e-8
+        return cls(conductance=flow * REFERENCE_DENSITY / unit, critical_ratio=ratio, **options)
+
+    @classmethod
+    def from_kv(cls, kv: float, *, critical_ratio: float = 0.35, **options: Any) -> Orifice:
+        """Convert a flow coefficient Kv.
+
+        A gas whose pressure drop vanishes is as incompressible as water, and there both laws must give the same flow:
+
+            C rho0 sqrt(2 p1 dp/(1 - b)) = Kv sqrt(1000 kg/m^3 rho1 dp/1 bar),   rho1 = p1/(R T0)
+
+        Args:
+            kv: flow of water at a pressure drop of 1 bar [m^3/s].
+            critical_ratio: b [1].
+            **options: as for the class.
+        """
+        per_density = 0.5 * (1.0 - critical_ratio) * WATER_DENSITY
+        root = (per_density / (KV_DROP * float(AIR.gas_constant) * REFERENCE_TEMPERATURE)) ** 0.5
+        return cls(conductance=kv * root / REFERENCE_DENSITY, critical_ratio=critical_ratio, **options)
+
+    @classmethod
+    def from_cv(cls, cv: float, *, critical_ratio: float = 0.35, **options: Any) -> Orifice:
+        """Convert a flow coefficient Cv: US gallons of water per minute at a pressure drop of 1 psi [1].
+
+        In SI units Kv is 0.865 m^3/h for each Cv.
+        """
+        kv = cv * GALLON_PER_MINUTE * (KV_DROP / CV_DROP) ** 0.5
+        return cls.from_kv(kv, critical_ratio=critical_ratio, **options)
 
     @classmethod
     def of_hole(cls, diameter: float, *, discharge: float = 0.8, **options: Any) -> Orifice:

@@ -31,7 +31,8 @@ KNOWN_PROPERTIES = {
     "burst_pressure": "Pa",
     "rated_pressure": "Pa",
     "coulomb_friction": "N",
-    "flow": "m^3/s",
+    "flow_into_the_room": "m^3/s",
+    "flow": "m^3/s",  # the same, in files of before
     "flow_pressure": "Pa",
     "effective_flow": "m^3/s",
     "mass": "kg",

@@ -36,7 +36,7 @@ FILE = "cycle-and-step.toml"
 REACHED = 0.9  # of the tension's way after the step
 PLUMBING = "direct"
 TUBE_LENGTH, TUBE_DIAMETER, VALVE_FLOW = (
-    f"rig.plumbing.{PLUMBING}.{key}" for key in ("tube.length", "tube.diameter", "valve.flow")
+    f"rig.plumbing.{PLUMBING}.{key}" for key in ("tube.length", "tube.diameter", "valve.flow_into_the_room")
 )
 OUTPUTS = (
     Output("response", "time_to", "muscle.load_tension", share=REACHED, step="step"),
@@ -54,7 +54,7 @@ class Design:
         muscle: id of the specimen.
         tube_length: [m].
         tube_diameter: [m].
-        valve_flow: into the room, as the rig states it [m^3/s].
+        valve_flow: into the room, from the pressure that the rig states [m^3/s].
         response: time to nine tenths of the tension's way [s]; NaN, as all below, where it could not be run.
         tension: largest after the step [N].
         air: drawn in a cycle [kg].
@@ -111,7 +111,7 @@ def design_sweep(
         muscles: ids of specimens.
         tube_lengths: words such as ``"50 cm"``, as the next two.
         tube_diameters: of the bore.
-        valve_flows: into the room.
+        valve_flows: into the room, from the pressure that the rig states.
         rig: whose plumbing ``direct`` they are built into.
         **values: of the protocol.
 

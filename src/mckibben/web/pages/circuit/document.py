@@ -23,7 +23,7 @@ _SUPPLY = {"kind": "reservoir", "pressure": "6.9 bar"}
 _ROOM = {"kind": "atmosphere"}
 _VALVE = {
     "kind": "pressure_regulator", "specimen": "MPP-3-1-8", "supply": "supply", "outlet": "port", "exhaust": "room",
-    "flow": "95 l/min", "flow_pressure": "6.9 bar", "dead_time": "2 ms", "command": "pressure",
+    "flow_into_the_room": "95 l/min", "flow_pressure": "6.9 bar", "dead_time": "2 ms", "command": "pressure",
 }  # fmt: skip
 _STEP = {"kind": "steps", "times": ["0 s", "20 ms"], "values": ["0 bar", "5 bar"]}
 _MUSCLE = {"kind": "muscle", "specimen": "nylon", "length": "14 cm", "dead_volume": "0.5 cm^3"}

@@ -11,11 +11,13 @@ from ....assembly.circuit_file import TIME
 from ....assembly.circuit_nodes import HEATS
 from ....assembly.circuit_plan import CircuitPlan
 from ....components import paths
-from ....pneumatics.build import known_keys
+from ....pneumatics.build import PASSAGES, known_keys, with_usual_unit
 from ....pneumatics.heat import WallHeat
+from ....pneumatics.orifice import Orifice
+from ....pneumatics.sizes import BARE_UNITS, PASSAGE_WAYS, SIZES, TITLES, canonical, put_value, size_as
 from ....pneumatics.valves import PressureRegulator
 from ....pneumatics.volume import FixedVolume, MovingVolume
-from ....quantities import Quantity, declared, parse
+from ....quantities import Quantity, declared, from_si, parse
 from ....specimens import specimens
 from ... import forms
 from ...parts import box, select, text
@@ -28,6 +30,7 @@ KIND_WORDS = {
     "lumped_tube": "Lumped, by Reynolds number",
 }  # fmt: skip
 HEAT_CONDUCTANCE = "0.1 W/K"  # of a wall, before somebody says another
+FLOW_PRESSURE_WORDS = "6 bar"  # at which `size_as` states a flow into the room
 
 
 def gauge(plan: CircuitPlan) -> Quantity:
@@ -83,6 +86,9 @@ def _element(document: Document, plan: CircuitPlan, name: str, put: Put, model: 
             str(words["specimen"]),
             lambda v: put(lambda d: _changed(d, "elements", name, "specimen", v)),
         )
+    size = _size(words)
+    if size and (kind == "orifice" or kind in PASSAGES):
+        _choice("Size stated by", TITLES, size, lambda v: put(lambda d: _restated(d, plan, name, v)))
     known = known_keys(kind)
     own = {p: float(paths.get(element, p)) for p, _ in paths.parameters(element) if "." not in p and _plain(element, p)}
     keys = [k for k in words if k in known] + [k for k in own if k not in words]
@@ -95,12 +101,31 @@ def _element(document: Document, plan: CircuitPlan, name: str, put: Put, model: 
     _fields(shown, lambda k, v: put(lambda d: _changed(d, "elements", name, k, v)))
 
 
+def _size(words: Mapping[str, Any]) -> str:
+    """What states the size of all passages alike; nothing where a specimen or each passage does."""
+    return next((n for n in map(canonical, words) if n in SIZES), "")
+
+
+def _restated(document: Document, plan: CircuitPlan, name: str, size: str) -> Document:
+    """The same size, stated in another way; of the first passage, where an element has several."""
+    words, one = document["elements"][name], plan.circuit.elements[name]
+    orifice: Any = one if isinstance(one, Orifice) else getattr(one, PASSAGES[words["kind"]][0])
+    way = next((w for w in PASSAGE_WAYS if size in w.needs), None)
+    quantity = declared(Orifice)["conductance"] if way is None else way.needs[size]
+    value, unit = size_as(orifice, size), BARE_UNITS.get(size, "l/min")
+    flows = quantity.unit == "m^3/s"  # in the unit of catalogues
+    new = put_value(words, size, f"{from_si(value, 'm^3/s', unit):.9g} {unit}" if flows else worded(value, quantity))
+    if size == "flow_into_the_room":
+        new = put_value(new, "flow_pressure", FLOW_PRESSURE_WORDS)
+    return {**document, "elements": {**document["elements"], name: new}}
+
+
 def _plain(element: Any, path: str) -> bool:
     return bool(np.ndim(paths.get(element, path)) == 0)
 
 
 def _si(words: Any, unit: str, key: str) -> float:
-    return parse(words if isinstance(words, str) else repr(words), unit, field=key)
+    return parse(with_usual_unit(key, words), unit, field=key)
 
 
 def _node(document: Document, plan: CircuitPlan, name: str, put: Put) -> None:

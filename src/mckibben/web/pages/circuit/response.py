@@ -13,8 +13,7 @@ from ....components import paths
 from ....components.flow import GasState
 from ....errors import InputError, MckibbenError
 from ....pneumatics import AIR
-from ....pneumatics.gas import REFERENCE_TEMPERATURE
-from ....pneumatics.leak import REFERENCE_PRESSURE
+from ....pneumatics.gas import REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ....pneumatics.tubes import LinearTube
 from ....quantities import declared, from_si, with_unit
 from ....recordings import Channel, Recording
@@ -24,7 +23,10 @@ from .kernel import Method, respond
 
 TUBES = ("linear_tube", "quadratic_tube", "inertial_tube", "lumped_tube")
 MODELS = {"linear_tube": "linear", "quadratic_tube": "quadratic", "inertial_tube": "inertial"}
-GROWS = {"length": "m", "volume": "m^3", "hole_diameter": "m", "flow": "m^3/s"}  # what a small chart varies
+GROWS = {
+    "length": "m", "volume": "m^3", "hole_diameter": "m", "nominal_flow": "m^3/s", "flow_into_the_room": "m^3/s",
+    "flow": "m^3/s", "conductance": "m^3/(s*Pa)", "C": "m^3/(s*Pa)", "Kv": "m^3/s", "Cv": "1",
+}  # fmt: skip
 SHARES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 
 
@@ -167,11 +169,12 @@ def sweep(document: Document, plan: CircuitPlan, name: str, node: str, method: M
     key = grows(plan, name)
     if not key:
         return None
+    from ....pneumatics.build import with_usual_unit
     from ....quantities import parse
 
     section = "nodes" if name in plan.nodes else "elements"
     unit = GROWS[key]
-    now = parse(str(document[section][name][key]), unit, field=key)
+    now = parse(with_usual_unit(key, document[section][name][key]), unit, field=key)
     values, rises = [], []
     for share in SHARES:
         part = {**document[section][name], key: f"{share * now!r} {unit}"}
