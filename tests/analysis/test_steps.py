@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from analysis_records import COUNT, clock, counts, record
 
-from mckibben.analysis.steps import find_steps, isometric_timing, step_responses
+from mckibben.analysis.steps import find_steps, isometric_timing, step_responses, unsettled, unsettled_at_end
 from mckibben.analysis.twitch import twitch
 from mckibben.errors import InputError
 
@@ -58,6 +58,7 @@ def test_the_delays_of_valve_pressure_and_tension_add_up():
         assert timing.pressure_to_tension == pytest.approx(LATE, abs=2e-5)
         assert timing.total_delay == pytest.approx(timing.valve_delay + timing.pressure_to_tension)
         assert timing.command_step == (1.0 if timing.rising else -1.0)
+        assert timing.settled
 
 
 def test_at_one_kilohertz_and_eight_bits_times_stay_within_a_sample():
@@ -79,6 +80,68 @@ def test_noise_moves_the_passings_by_noise_over_slope(seed):
         assert 0.02 < r.threshold < 0.04
         assert r.delay == pytest.approx(DEAD + LATE + passing(r.threshold, tau), abs=6e-4)
         assert r.transition == pytest.approx(passing(0.9, tau) - passing(r.threshold, tau), abs=3e-3)
+
+
+def approach(constants, noise=0.0, seed=0, rate=1000.0, swing=0.0, beat=10.0):
+    """A step at 0.25 s that an exponential follows for so many of its time constants, 1 s in all."""
+    time = clock(1.25, rate)
+    since = np.maximum(time - 0.25, 0.0)
+    pull = PULL * (1.0 - np.exp(-since * constants)) * (1.0 + swing * np.sin(2.0 * np.pi * beat * since))
+    pull = pull + np.random.default_rng(seed).normal(0.0, noise, time.size)
+    return record(time, command=(time >= 0.25) * 1.0, tension=pull)
+
+
+@pytest.mark.parametrize("constants", [1.5, 2.0, 3.0, 4.0, 5.0])
+def test_what_still_rises_has_not_settled_and_says_by_how_much(constants):
+    """Over the last fifth of T an exponential covers exp(-0.8 T) - exp(-T) of its way; the step is what it had come to. A
+    straight line through a curve of one time constant or less changes by its chord within 3 %.
+    """
+    (one,) = step_responses(approach(constants))
+    assert not one.settled
+    reached = 1.0 - np.exp(-0.9 * constants)  # the median lies in the middle of the last fifth
+    assert one.after == pytest.approx(PULL * reached, rel=1e-3)
+    assert one.drift == pytest.approx((np.exp(-0.8 * constants) - np.exp(-constants)) / reached, rel=0.03)
+    assert f"still changes by {one.drift:.1%} of the step" in unsettled(one, "tension")
+
+
+@pytest.mark.parametrize("constants", [5.3, 6.0, 10.0, 40.0])
+def test_what_has_settled_is_within_a_hundredth_of_where_it_ends_and_its_time_within_four(constants):
+    (one,) = step_responses(approach(constants, rate=5000.0))
+    assert one.settled and unsettled(one, "tension") == ""
+    assert one.after == pytest.approx(PULL, rel=0.01)
+    assert one.delay + one.transition == pytest.approx(np.log(10.0) / constants, rel=0.04)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_is_no_drift_and_hides_none_of_its_size(seed):
+    """2 N of 90 N: a line through 200 samples knows its change to 2 N sqrt(12/200) = 0.5 N, of which four are 2.2 % of the
+    step; at three time constants it changes by 4.5 %.
+    """
+    assert step_responses(approach(20.0, noise=2.0, seed=seed))[0].settled
+    assert not step_responses(approach(3.0, noise=2.0, seed=seed))[0].settled
+
+
+def test_a_ripple_has_settled_at_its_level_and_a_slow_swing_has_not():
+    """A line through n periods of amplitude A changes by 6 A/(pi n): 0.5 % of the step for 20 of 5 %, 5 % for 2."""
+    (ripple,) = step_responses(approach(40.0, swing=0.05, beat=100.0))
+    assert ripple.settled
+    assert ripple.after == pytest.approx(PULL, rel=2e-3)
+    assert not step_responses(approach(40.0, swing=0.05, beat=10.0))[0].settled
+
+
+def test_a_next_step_that_comes_too_early_leaves_the_one_before_unsettled():
+    early = isometric(edges=(0.25, 0.28, 1.25))
+    assert [r.settled for r in step_responses(early)] == [False, True, True]
+    assert [t.settled for t in isometric_timing(early)] == [False, True, True]
+
+
+def test_the_end_of_a_run_is_told_of_channels_that_are_under_way_and_moved_at_all():
+    slow, fast = approach(2.0), approach(20.0)
+    still = 1e-3 * slow["muscle.tension"]
+    run = record(slow.time, tension=slow["muscle.tension"], pressure=fast["muscle.tension"], command=still)
+    (said,) = unsettled_at_end(run, ["muscle.tension", "muscle.pressure", "valve.command"], 0.25)
+    assert said.startswith("muscle.tension has not settled at the end of the run: in the last fifth of the 1 s before")
+    assert unsettled_at_end(run, ["muscle.tension"], 1.245) == []
 
 
 def test_a_single_spike_is_no_onset():

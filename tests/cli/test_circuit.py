@@ -80,17 +80,21 @@ def test_run_prints_one_object_and_writes_what_is_asked(run, tmp_path):
     found = json.loads(out)
     assert code == 0
     assert err == ""
-    assert set(found) == {"result", "message", "file", "summary", "balance", "stiff", "step"}
+    assert set(found) == {"result", "message", "file", "summary", "warnings", "balance", "stiff", "step"}
+    # 0.2 s are too short for 120 cm^3 behind 1.2 m of tube
+    assert [w.split(":")[0] for w in found["warnings"]] == ["tank.pressure has not settled at the end of the run"]
     assert found["result"] == "done"
     assert found["step"] == pytest.approx(50e-6)
     assert found["balance"]["mass"] < 1e-10  # rounding
     tank = found["summary"]["tank.pressure"]
     assert set(tank) == {"min", "max", "mean", "final", "unit"}
     rec = read_recording(found["file"])
+    assert rec.meta["warnings"] == found["warnings"]
     assert rec["tank.pressure"][-1] == pytest.approx(tank["final"], rel=1e-9)
     assert rec.meta["description"]["elements"]["tube"]["length"] == "1.2 m"
     assert len(rec.time) == 201
     assert "Mass flow, g/s" in figure.read_text()
+    assert "not settled: tank.pressure" in figure.read_text()
 
 
 def test_run_shows_a_person_words_with_units(run):
@@ -99,6 +103,7 @@ def test_run_shows_a_person_words_with_units(run):
     assert "tank.pressure" in out
     assert "bar" in out
     assert "Balance: mass" in out
+    assert "Warning: tank.pressure has not settled at the end of the run" in out
     assert "The run reached its end." in out
 
 

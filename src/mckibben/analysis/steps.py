@@ -10,12 +10,21 @@ running median of five samples, which leaves steady rises as they are; where noi
 threshold is four standard deviations of the level before the step, and it is reported. Passings lie between samples
 by a straight line. A command that takes several samples to step is timed at half its step, a sudden one at its first
 new sample.
+
+The median is the level at which the channel ends only if it has *settled*: over the last fifth a straight line through it
+changes by no more than 1 % of the step, or by no more than noise makes it (four standard errors of that change). Of an
+exponential approach, that long after the step is 5.2 time constants or more: the level is then within 1 % of the one that
+is never passed, and the time to 90 % within 4 %. A ripple of many periods is settled, for the median is its level; a few
+slow swings in the last fifth are not, unless they are small. What has not settled says so (`Response.settled`, `unsettled`):
+its level and its times are of a step still under way.
+
 Thresholds: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753, print 0-90 %
 and 100-10 %; onsets are not defined there, 2 % is this laboratory's choice.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +35,8 @@ from .channels import held_against_spikes, known
 
 ONSET = 0.02
 REACHED = 0.9
+SETTLED = 0.01
+LAST = 0.2  # of the time after a step, over which its level is taken [1]
 _NOISE = 4.0
 
 
@@ -48,6 +59,9 @@ class Response(NamedTuple):
     before: float  # level [unit of the channel]
     after: float  # level [unit of the channel]
     threshold: float  # of the onset, over the step [1]
+    until: float  # when the next step or the end of the record comes [s]
+    drift: float  # change over the last fifth before that, over the step [1]
+    settled: bool  # whether that is nothing, or noise
 
     @property
     def step(self) -> float:
@@ -142,8 +156,8 @@ def _response(
     shares: tuple[float, float],
     what: str,
 ) -> Response:
-    quiet = (time >= step.time - 0.2 * (step.time - begin)) & (time < step.time)
-    final = (time > step.until - 0.2 * (step.until - step.time)) & (time <= step.until)
+    quiet = (time >= step.time - LAST * (step.time - begin)) & (time < step.time)
+    final = (time > step.until - LAST * (step.until - step.time)) & (time <= step.until)
     if np.count_nonzero(quiet) < 3 or np.count_nonzero(final) < 3:
         raise InputError(what, "too few samples", f"needed are 15 before and after the step at {step.time:.6g} s")
     before, after = float(np.median(raw[quiet])), float(np.median(raw[final]))
@@ -167,7 +181,74 @@ def _response(
         )
     start = _between(t, share, int(below[-1]) + 1, threshold)
     end = _between(t, share, done, shares[1])
-    return Response(step.time, start, start - step.time, end - start, before, after, threshold)
+    drift, settled = settling(time[final], raw[final], size)
+    return Response(
+        step.time, start, start - step.time, end - start, before, after, threshold, step.until, drift, settled
+    )
+
+
+def settling(time: np.ndarray, values: np.ndarray, step: float) -> tuple[float, bool]:
+    """Whether a channel keeps its level over a while.
+
+    Args:
+        time: of the while (n,), three samples or more [s].
+        values: of the channel (n,).
+        step: by which it changed before [unit of the channel].
+
+    Returns:
+        The change along a straight line through the values over the step [1], and whether that is nothing: no more than
+        `SETTLED`, or than four of its own standard errors.
+    """
+    clock = time - time.mean()
+    spread = float(np.sum(clock**2))
+    slope = float(np.sum(clock * values)) / spread
+    rest = values - values.mean() - slope * clock
+    error = np.sqrt(float(np.sum(rest**2)) / max(len(time) - 2, 1) / spread)
+    width = float(time[-1] - time[0])
+    # rounding of equal values is no change either
+    least = max(SETTLED * abs(step), 1e-12 * float(np.abs(values).max()), _NOISE * error * width)
+    return slope * width / step, abs(slope * width) <= least
+
+
+def unsettled(response: Response, channel: str) -> str:
+    """A sentence about a channel that has not settled after a step; nothing where it has."""
+    if response.settled:
+        return ""
+    return (
+        f"{channel} has not settled {response.until - response.command_time:.3g} s after the step at "
+        f"{response.command_time:.4g} s: in the last fifth of that it still changes by {abs(response.drift):.1%} of the "
+        "step, so its final value and its times are those of a step under way"
+    )
+
+
+def unsettled_at_end(record: Recording, channels: Sequence[str], since: float) -> list[str]:
+    """A sentence for every channel that is still under way where a record ends.
+
+    Args:
+        record: with the channels.
+        channels: of one cause; those that change by less than 1 % of the largest change are left out.
+        since: when they were last driven to another value [s].
+
+    Returns:
+        The sentences; none where the record holds fewer than 15 samples from then on.
+    """
+    after = record.time >= since
+    late = record.time >= record.time[-1] - LAST * (record.time[-1] - since)
+    if np.count_nonzero(after) < 15:
+        return []
+    moved = {name: float(record[name][-1] - record[name][after][0]) for name in channels}
+    most = max((abs(step) for step in moved.values()), default=0.0)
+    found = []
+    for name, step in moved.items():
+        if not abs(step) > SETTLED * most:
+            continue
+        drift, settled = settling(record.time[late], record[name][late], step)
+        if not settled:
+            found.append(
+                f"{name} has not settled at the end of the run: in the last fifth of the {record.time[-1] - since:.3g} s "
+                f"before it changes by {abs(drift):.1%} of its step; a longer run shows where it ends"
+            )
+    return found
 
 
 def _between(time: np.ndarray, share: np.ndarray, after: int, level: float) -> float:
@@ -186,6 +267,7 @@ class IsometricTiming(NamedTuple):
     rising: bool
     tension_step: float  # [N]
     command_step: float  # [unit of the command]
+    settled: bool  # whether pressure and tension were at rest before the next step
 
 
 def isometric_timing(
@@ -201,6 +283,15 @@ def isometric_timing(
     of_pressure = step_responses(record, command=command, channel=pressure, median=median)
     of_tension = step_responses(record, command=command, channel=tension, median=median)
     return tuple(
-        IsometricTiming(p.delay, f.onset - p.onset, f.delay, f.transition, f.rising, f.step, s.after - s.before)
+        IsometricTiming(
+            p.delay,
+            f.onset - p.onset,
+            f.delay,
+            f.transition,
+            f.rising,
+            f.step,
+            s.after - s.before,
+            p.settled and f.settled,
+        )
         for s, p, f in zip(steps, of_pressure, of_tension, strict=True)
     )

@@ -13,6 +13,7 @@ Channels are those that a recording of `mckibben run` has, and only samples that
 | integral | over time, straight between the samples [unit s] |
 | area | over the channel named by `over`: the work of a loop with its sign [product of both units] |
 | time_to | from the first sample until a `share` of the way from the first to the last value is passed [s] |
+| drift | change over the last fifth of the samples, over the way from the first to the last value [1] |
 | samples | the samples themselves, the output ``time`` with them |
 | account | engine's own integral over the run, such as ``delivered`` [J] |
 | balance | closure of mass, gas, muscle, mechanics, energy or exergy, as a recording's meta has it [1] |
@@ -28,7 +29,7 @@ from ..experiments.waveforms import near
 from ..experiments.words import Entry
 
 RUNNING = ("first", "final", "min", "max", "mean", "rms", "integral", "area")  # made while it goes
-LATER = ("time_to", "samples")  # made of kept samples
+LATER = ("time_to", "drift", "samples")  # made of kept samples
 BALANCES = ("mass", "gas", "muscle", "mechanics", "energy", "exergy")
 KINDS = (*RUNNING, *LATER, "account", "balance")
 TIME = "time"

@@ -199,7 +199,7 @@ class _Piece:
                 self.outputs[one.name] = self.integrals.get(one.channel, np.full(count, np.nan))
             elif one.reduce == "balance":
                 self.outputs[one.name] = self.balances[one.channel]
-            elif one.reduce in ("time_to", "samples"):
+            elif one.reduce in LATER:
                 self._of_samples(one)
             else:
                 self.outputs[one.name] = tally.finished(one, sums.sums[one.name])[:count]
@@ -217,12 +217,26 @@ class _Piece:
             kept.append(tuple(np.concatenate(x) if x else np.zeros(0) for x in zip(*pieces, strict=True)))
         if one.reduce == "time_to":
             self.outputs[one.name] = np.array([tally.time_to(one, *x) for x in kept])
+            self._say_unsettled(one, kept)
+            return
+        if one.reduce == "drift":
+            self.outputs[one.name] = np.array([tally.drift(*x)[0] for x in kept])
             return
         longest = max(len(t) for t, _ in kept)
         for name, i in ((TIME, 0), (one.name, 1)):
             self.outputs[name] = np.stack(
                 [np.pad(x[i], (0, longest - len(x[i])), constant_values=np.nan) for x in kept]
             )
+
+    def _say_unsettled(self, one: Output, kept: Sequence[tuple[np.ndarray, ...]]) -> None:
+        """Tell of the lanes whose time is one to a value that the channel has not reached for good."""
+        for lane, (time, values) in enumerate(kept):
+            change, settled = tally.drift(time, values)
+            if self.code[lane] == 0 and not settled:
+                self.message[lane] += (
+                    f" {one.name}: {one.channel} has not settled after {time[-1] - time[0]:.3g} s, in the last fifth of "
+                    f"which it still changes by {abs(change):.1%} of its way."
+                )
 
 
 class _Ended(NamedTuple):

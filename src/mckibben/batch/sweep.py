@@ -15,7 +15,7 @@ import numpy as np
 from ..bench.source import CHUNK
 from ..errors import InputError
 from ..experiments.waveforms import near
-from .outputs import check_channels, document, wanted
+from .outputs import LATER, check_channels, document, wanted
 from .recipe import Kitchen, Recipe
 from .run import LANES, known_names
 from .template import Template, build
@@ -107,7 +107,7 @@ class Sweep:
         Raises:
             InputError: if one variant alone takes more than the memory.
         """
-        kept = sum(o.reduce in ("time_to", "samples") for o in self.recipe.outputs)
+        kept = sum(o.reduce in LATER for o in self.recipe.outputs)
         # kept samples twice, with their steps; a chunk of all that is looked at; tables of set-points
         whole = 24.0 * samples * (kept + 1) if kept else 0.0
         each = whole + 16.0 * CHUNK * (len(wanted(self.recipe.outputs)) + 12) + 48.0 * samples

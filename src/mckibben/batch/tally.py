@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..analysis.steps import LAST, settling
 from .outputs import RUNNING, Output
 
 # What has to be known of the samples so far.
@@ -198,3 +199,20 @@ def time_to(one: Output, time: np.ndarray, values: np.ndarray) -> float:
     i = int(np.argmax(way >= one.share))
     between = (one.share - way[i - 1]) / (way[i] - way[i - 1])
     return float(time[i - 1] + between * (time[i] - time[i - 1]) - time[0])
+
+
+def drift(time: np.ndarray, values: np.ndarray) -> tuple[float, bool]:
+    """The change over the last fifth of the samples over the way from the first value to the last, and whether it is none.
+
+    NaN, and settled, where the values end where they begin or are too few.
+
+    Args:
+        time: of the samples that count (n,) [s].
+        values: of the channel (n,).
+    """
+    if len(values) < 2 or not np.isfinite(values).all() or values[-1] == values[0]:
+        return float("nan"), True
+    late = time >= time[-1] - LAST * (time[-1] - time[0])
+    if np.count_nonzero(late) < 3:
+        return float("nan"), True
+    return settling(time[late], values[late], float(values[-1] - values[0]))

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..analysis.steps import unsettled_at_end
 from ..assembly.circuit_plan import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
 from ..components import Module, Scalar, field
@@ -24,6 +25,7 @@ from .provenance import created, resolved, versions
 
 CHUNK = 400_000  # steps of a part; each part costs some seconds beside, for its rates are examined
 
+STILL = {"constant", "steps", "pulse"}  # waveforms that keep their last value
 OF_THE_PAPER = (LinearTube, QuadraticTube, InertialTube)
 DRIVES = {"Pa": "gauge pressure asked for", "m": "length of a muscle", "1": "command"}
 
@@ -132,7 +134,18 @@ def _record(
         "citations": citations(plan),
         "created": created(),
     }
-    return Recording(plan.times[:count], _channels(plan, outputs, signals, count), meta)
+    record = Recording(plan.times[:count], _channels(plan, outputs, signals, count), meta)
+    warnings = _unsettled(plan, record)
+    return Recording(record.time, record.channels, {**meta, "warnings": warnings}) if warnings else record
+
+
+def _unsettled(plan: CircuitPlan, record: Recording) -> list[str]:
+    """What is still under way at the end of a run whose signals keep still from some time on, or that has none."""
+    if not {s.waveform.kind for s in plan.signals.values()} <= STILL:
+        return []
+    changes = [np.flatnonzero(np.diff(record[n])) for n in plan.signals]
+    since = max((float(record.time[c[-1] + 1]) for c in changes if c.size), default=float(record.time[0]))
+    return unsettled_at_end(record, [f"{n}.pressure" for n in plan.nodes], since)
 
 
 def _channels(

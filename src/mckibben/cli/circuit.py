@@ -180,6 +180,7 @@ def _result(recording: Recording, out: Path | None) -> dict[str, Any]:
         "message": meta["message"],
         "file": None if out is None else str(out),
         "summary": _summary(recording),
+        "warnings": list(meta.get("warnings", ())),
         "balance": dict(meta["balance"]),
         "stiff": meta["stiff"],
         "step": meta["step"],
@@ -207,3 +208,5 @@ def _print(recording: Recording) -> None:
         f"{meta['message']} Balance: mass {meta['balance']['mass']:.1e}, energy {meta['balance']['energy']:.1e} "
         f"of what went through. Method {method}, step {meta['step'] * 1e6:g} us."
     )
+    for warning in meta.get("warnings", ()):
+        typer.echo(f"Warning: {warning}.")

@@ -177,6 +177,10 @@ def _print(found: Sizing, top: int) -> None:
         rows = [_line_row(one) for one in found.lines[:top]]
         table(f"Valves and tubes for {found.chosen.muscle.id}", _LINE_COLUMNS, rows, right=range(2, 11))
         typer.echo("best: no other line is as good in time, mass, power, air and flexibility of its tube at once.")
+        late = [f"{one.valve} with {one.tube}" for one in found.lines[:top] if not one.settled]
+        if late:
+            said = "their times are" if len(late) > 1 else "its times are"
+            typer.echo(f"The tension has not settled behind {', '.join(late)}: {said} of a step under way.")
     if found.lengths:
         typer.echo("")
         order = sorted(found.lengths, key=lambda x: (x.tube, x.tube_length))

@@ -62,6 +62,9 @@ def run_figure(recording: Recording) -> Figure:
 def _note(recording: Recording) -> str:
     closed = recording.meta.get("balance")
     text = f"mass closes to {closed['mass']:.0e}, energy to {closed['energy']:.0e}" if closed else ""
+    late = [w.split(" ")[0] for w in recording.meta.get("warnings", ()) if "has not settled" in str(w)]
+    if late:
+        text += f"; not settled: {', '.join(late)}"
     return text if recording.meta.get("result", "done") == "done" else f"{recording.meta.get('message', '')} {text}"
 
 

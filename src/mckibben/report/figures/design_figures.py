@@ -65,7 +65,8 @@ def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
 
 def _words(design: Design) -> str:
     bore, length = from_si(design.tube_diameter, "m", "mm"), from_si(design.tube_length, "m", "cm")
-    return f"{design.muscle}: {from_si(design.valve_flow, 'm^3/s', 'l/min'):.3g} l/min, {bore:.3g} mm, {length:.3g} cm"
+    said = f"{design.muscle}: {from_si(design.valve_flow, 'm^3/s', 'l/min'):.3g} l/min, {bore:.3g} mm, {length:.3g} cm"
+    return said if design.settled else f"{said}, not settled"
 
 
 def _keyed(ax: Axes, study: DesignStudy) -> None:

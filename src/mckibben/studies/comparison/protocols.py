@@ -20,7 +20,7 @@ from ...analysis.force_velocity import fit_hill, force_velocity_point
 from ...analysis.loops import loop
 from ...analysis.power import power_density
 from ...analysis.segments import segments
-from ...analysis.steps import step_responses
+from ...analysis.steps import step_responses, unsettled
 from ...analysis.twitch import twitch
 from ...assembly.muscle_unit import MuscleUnit
 from ...bench.prepare import prepare
@@ -249,7 +249,7 @@ def _read_step(muscle: Subject, record: Recording) -> Read:
         "rise": _against_time(muscle, near, up.command_time, down.command_time - 0.001),
         "fall": _against_time(muscle, near, down.command_time, near.time[-1]),
     }
-    return values, curves, []
+    return values, curves, [said for r in (up, down) if (said := unsettled(r, "tension"))]
 
 
 def _against_time(muscle: Subject, record: Recording, start: float, end: float) -> Curve:

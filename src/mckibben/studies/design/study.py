@@ -5,8 +5,9 @@
     efficiency  work of a cycle over the exergy of that air:  -(integral of T dX) / (m b(P, T))
 
 with b the exergy of flowing air against the room (`pneumatics.exergy`). The cycle is a sine of the span with the pressure
-high while it shortens. What the machine measures is left aside: all is made of true channels. Range: that of the muscle's
-law and of the rig; a design that the rig refuses has no numbers and says why.
+high while it shortens. A tension that has not settled after the step is run again with a longer wait. What the machine
+measures is left aside: all is made of true channels. Range: that of the muscle's law and of the rig; a design that the rig
+refuses has no numbers and says why.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from ...analysis.steps import SETTLED
 from ...batch import Outcome, Output, Variants, grid
 from ...batch import recipe as recipes
 from ...batch.settings import setting
@@ -29,17 +31,20 @@ from ...experiments.protocol import Protocol
 from ...experiments.read import parse_protocol, with_values
 from ...pneumatics.exergy import DeadState
 from ...pneumatics.gas import AIR
+from ...quantities import parse
 from ...specimens import specimen
 from .front import dominated
 
 FILE = "cycle-and-step.toml"
 REACHED = 0.9  # of the tension's way after the step
+LONGER = (4.0, 16.0)  # times the wait after the step, for designs whose tension has not settled by then
 PLUMBING = "direct"
 TUBE_LENGTH, TUBE_DIAMETER, VALVE_FLOW = (
     f"rig.plumbing.{PLUMBING}.{key}" for key in ("tube.length", "tube.diameter", "valve.flow_into_the_room")
 )
 OUTPUTS = (
     Output("response", "time_to", "muscle.load_tension", share=REACHED, step="step"),
+    Output("drift", "drift", "muscle.load_tension", step="step"),
     Output("tension", "max", "muscle.load_tension", step="step"),
     Output("loop", "area", "muscle.load_tension", over="muscle.span", step="cycles"),
     Output("drawn", "integral", "valve.supply_to_outlet.mass_flow", step="cycles"),
@@ -61,6 +66,7 @@ class Design:
         work: of a cycle [J].
         efficiency: work over the exergy of the air [1].
         best: whether no other design beats it in response, air and efficiency.
+        settled: whether the tension was at rest after the step; where not, the response is to a value on the way.
         message: what became of its run.
     """
 
@@ -74,6 +80,7 @@ class Design:
     work: float
     efficiency: float
     best: bool
+    settled: bool
     message: str
 
 
@@ -132,12 +139,29 @@ def design_study(
     muscles: Sequence[str], *, tube_lengths: Sequence[str], tube_diameters: Sequence[str], valve_flows: Sequence[str],
     rig: str = "modern", progress: Callable[[float], None] = lambda _: None, **values: Any,
 ) -> DesignStudy:  # fmt: skip
-    """Run every combination in this process and judge it; see `design_sweep`."""
-    sweep = design_sweep(
-        muscles, tube_lengths=tube_lengths, tube_diameters=tube_diameters, valve_flows=valve_flows, rig=rig, **values
-    )
+    """Run every combination in this process and judge it; see `design_sweep`.
+
+    Designs whose tension has not settled after the step run again, with four and sixteen times the wait.
+    """
+    axes = {"tube_lengths": tube_lengths, "tube_diameters": tube_diameters, "valve_flows": valve_flows}
+    sweep = design_sweep(muscles, **axes, rig=rig, **values)
     results = run_batch(sweep, progress=progress)
-    return judged(sweep, sweep.variants, results.code, results.message, results.outputs)
+    words = next(str(p.values[0]) for p in sweep.recipe.protocol.parameters if p.name == "wait")
+    wait = parse(words, "s", field="wait")
+    outputs, message = {n: v.copy() for n, v in results.outputs.items()}, list(results.message)
+    for times in LONGER:
+        late = np.flatnonzero((results.code == Outcome.DONE) & (np.abs(outputs["drift"]) > SETTLED))
+        if not late.size:
+            break
+        longer = design_sweep(muscles, **axes, rig=rig, **{**values, "wait": f"{times * wait!r} s"})
+        longer = dataclasses.replace(longer, variants=Variants({p: c[late] for p, c in sweep.variants.columns.items()}))
+        again = run_batch(longer)
+        for i, row in enumerate(late):
+            if again.code[i] == Outcome.DONE:
+                message[row] = again.message[i]
+                for name in ("response", "drift", "tension"):
+                    outputs[name][row] = again.outputs[name][i]
+    return judged(sweep, sweep.variants, results.code, message, outputs)
 
 
 def judged(
@@ -167,7 +191,8 @@ def judged(
             muscle=str(row["muscle"]), tube_length=row[TUBE_LENGTH], tube_diameter=row[TUBE_DIAMETER],
             valve_flow=row[VALVE_FLOW], response=float(response[i]),
             tension=float(outputs["tension"][i]) if done[i] else float("nan"), air=float(air[i]), work=float(work[i]),
-            efficiency=float(efficiency[i]), best=not worse[i], message=message[i],
+            efficiency=float(efficiency[i]), best=not worse[i],
+            settled=not (done[i] and abs(outputs["drift"][i]) > SETTLED), message=message[i],
         )
         for i, row in enumerate(variants.rows())
     ]  # fmt: skip

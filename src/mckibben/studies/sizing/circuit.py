@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...analysis.steps import LAST, settling
 from ...assembly.build import Line, circuit_for
 from ...assembly.muscle_unit import MuscleUnit
 from ...components import Environment, Scalar
@@ -36,6 +37,7 @@ from ...pneumatics.valves import PressureRegulator, SpoolValve, ThreeWayValve
 NAME = "muscle"
 SAMPLES, TURN = 640, 400  # of a lane, and the sample at which a held muscle is vented or a drawn one begins to shorten
 FILLS = 5.0  # time constants of filling until then
+LONGER = (4.0, 16.0)  # times that, for a tension that has not settled by then
 CHUNK = 32  # lanes that run together: each circuit is compiled for one number of them
 OPENINGS, VALVE_TIMES = 2048, 10.0  # steps of a valve's own motion, and how many of its times that lasts
 MOST_STEPS = 2000  # of the physics in a sample, beyond which a lane is given up
@@ -56,6 +58,7 @@ class Lane:
         stroke: by which it shortens from the turn on; zero where it is vented instead [m].
         speed: with which it shortens [m/s].
         environment: the room.
+        fills: time constants of filling until a held muscle is vented.
     """
 
     unit: MuscleUnit
@@ -67,6 +70,7 @@ class Lane:
     stroke: float = 0.0
     speed: float = 0.0
     environment: Environment = Environment()
+    fills: float = FILLS
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +83,17 @@ class Course:
     tension: np.ndarray
     turn: float  # when the valve was shut or the shortening began [s]
     sound: bool  # False where no step was short enough; the rest then means nothing
+
+    @property
+    def top(self) -> float:
+        """Tension just before the turn [N]."""
+        return float(self.tension[self.time < self.turn][-1])
+
+    @property
+    def settled(self) -> bool:
+        """Whether the tension of a held muscle is at rest before the turn, as `analysis.steps` has it."""
+        late = (self.time < self.turn) & (self.time >= (1.0 - LAST) * self.turn)
+        return settling(self.time[late], self.tension[late], self.top - float(self.tension[0]))[1]
 
 
 class _Watched(System):
@@ -141,6 +156,27 @@ def courses(lanes: Sequence[Lane]) -> list[Course]:
     return [c for c in found if c is not None]
 
 
+def settled_courses(lanes: Sequence[Lane], done: Sequence[Course]) -> list[Course]:
+    """Courses of held muscles of which the tension settles before the turn.
+
+    Args:
+        lanes: of the courses.
+        done: their courses; those that have settled are taken as they are, the others run again for longer.
+
+    Returns:
+        The courses; one that has not settled even then says so.
+    """
+    found = list(done)
+    for times in LONGER:
+        late = [i for i, course in enumerate(found) if course.sound and not course.settled]
+        if not late:
+            break
+        again = courses([replace(lanes[i], fills=times * lanes[i].fills) for i in late])
+        for i, course in zip(late, again, strict=True):
+            found[i] = course if course.sound else found[i]
+    return found
+
+
 def _prepared(lane: Lane) -> tuple[Any, float]:
     """Circuit, signals, period and pressures of a lane, and the steps that a sample will need."""
     regulated = isinstance(lane.valve, PressureRegulator)
@@ -150,7 +186,7 @@ def _prepared(lane: Lane) -> tuple[Any, float]:
     )
     port = float(circuit.nodes[f"{NAME}.port"].size)  # type: ignore[union-attr]
     own = _valve_time(lane.valve)
-    fill = FILLS * time_scale(lane, port) + own
+    fill = lane.fills * time_scale(lane, port) + own
     moving = lane.stroke / lane.speed if lane.stroke > 0.0 else 0.0
     period = max(fill / TURN, moving / (0.8 * (SAMPLES - TURN)))
     time = period * np.arange(SAMPLES + 1)

@@ -9,6 +9,8 @@ length where it begins and where it ends:
     fall        from 90 to 10 %, held at its longest
     speed       at which it still pulls so at the end of the stroke, drawn from its longest with the valve open
 
+The tension to which rise and fall are taken is that of a run in which it settles; a line that never does is marked.
+
 A line is Pareto-best if no other is as good in every one of `WEIGHED` and better in one. The score is the sum of the
 logarithms of each over the best there is: all weigh alike, and that is a choice.
 Source of what is weighed: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996,
@@ -31,7 +33,7 @@ from ...pneumatics.valves import PressureRegulator
 from ...specimens import Specimen, specimen, specimen_ids
 from ...specimens.parts import Part, parts
 from .candidate import Judged, air_of_cycle, unit_of
-from .circuit import Course, Lane, courses
+from .circuit import Course, Lane, courses, settled_courses
 from .wish import Wish
 
 TUBES = ("PU-4x2", "PA-4x2.5", "paper-1/8", "PU-6x4", "PU-8x5")
@@ -43,13 +45,17 @@ MOST_DRAWN = 6  # lines whose speed is looked for
 LEAST = {"power": 0.1, "stiffness": 1e-4, "mass": 1e-3, "to_force": 1e-4, "air": 1e-9}  # floors of the score [SI]
 
 
+Both = tuple[Course, Course]  # of a held muscle: as long as filling takes, and until its tension settles
+
+
 @dataclass(frozen=True)
 class LineFound:
     """One valve and tube for a muscle.
 
     Times [s]; None where it never gets there. Masses [kg], `box` the size of the valve [m^3], `power` electrical [W],
     `stiffness` of the tube against bending E I [N m^2], `bend_radius` the least [m], `air` of a cycle with valve and tube
-    [kg], `leak` while holding [kg/s], `supply` gauge pressure [Pa]. `keeps_up` says whether rise and fall fit into a cycle.
+    [kg], `leak` while holding [kg/s], `supply` gauge pressure [Pa]. `keeps_up` says whether rise and fall fit into a cycle,
+    `settled` whether the tension came to rest, without which its times are of a step under way.
     """
 
     valve: str
@@ -69,6 +75,7 @@ class LineFound:
     supply: float
     keeps_up: bool
     inferred: tuple[str, ...]
+    settled: bool = True
     speed: float | None = None
     pareto: bool = False
     score: float = math.inf
@@ -100,7 +107,9 @@ def lines_for(
     tell(f"{muscle.muscle.id}: {len(pairs)} lines")
     lanes = [lane for pair in pairs for lane in _held(muscle, wish, *pair)]
     done = courses(lanes)
-    found = [_found(muscle, wish, *pair, done[2 * i], done[2 * i + 1], lanes[2 * i]) for i, pair in enumerate(pairs)]
+    rest = settled_courses(lanes, done)
+    both = list(zip(done, rest, strict=True))  # each as it was, and until it settles
+    found = [_found(muscle, wish, *pair, both[2 * i], both[2 * i + 1], lanes[2 * i]) for i, pair in enumerate(pairs)]
     ranked = rank(found)
     if wish.speed is None or lengths is not None:
         return ranked
@@ -128,10 +137,10 @@ def _held(muscle: Judged, wish: Wish, valve: Specimen, tube: Part, length: float
 
 
 def _found(
-    muscle: Judged, wish: Wish, valve: Specimen, tube: Part, length: float, long_: Course, short: Course, lane: Lane
+    muscle: Judged, wish: Wish, valve: Specimen, tube: Part, length: float, long_: Both, short: Both, lane: Lane
 ) -> LineFound:
     wanted = wish.force + muscle.muscle.friction + muscle.passive
-    rise, fall = _transitions(long_) if long_.sound else (None, None)
+    rise, fall = _transitions(*long_) if long_[0].sound else (None, None)
     v = tube.values
     inner, outer = v["inner_diameter"], v["outer_diameter"]
     section = 0.25 * math.pi * (outer**2 - inner**2)
@@ -146,7 +155,7 @@ def _found(
         tube=tube.id,
         tube_length=length,
         rise=rise,
-        to_force=_reached(short, wanted) if short.sound else None,
+        to_force=next((t for c in short if c.sound and (t := _reached(c, wanted)) is not None), None),
         fall=fall,
         mass=valve_mass + section * length * v["density"],
         valve_mass=valve_mass,
@@ -159,16 +168,19 @@ def _found(
         supply=lane.supply,
         keeps_up=wish.frequency is None or (busy is not None and busy * wish.frequency <= 1.0),
         inferred=(*(f"{valve.id}.{n}" for n in valve.inferred()), *(f"{tube.id}.{n}" for n in tube.inferred())),
+        settled=all(c.settled for _, c in (long_, short) if c.sound),
     )
 
 
-def _transitions(course: Course) -> tuple[float | None, float | None]:
-    """Times from 10 to 90 % of the tension, rising and falling [s]."""
-    before = course.time < course.turn
-    up, t = course.tension[before], course.time[before]
-    top = float(up[-1])
+def _transitions(course: Course, rest: Course) -> tuple[float | None, float | None]:
+    """Times from 10 to 90 % of the tension at rest, rising and falling [s]; by the longer course where it has to be."""
+    top = rest.top
     if not top > 0.0:
         return None, None
+    if not (course.tension[course.time < course.turn] >= 0.9 * top).any():
+        course = rest
+    before = course.time < course.turn
+    up, t = course.tension[before], course.time[before]
     rise = _passing(t, up, 0.9 * top, 1.0) - _passing(t, up, 0.1 * top, 1.0)
     down, later = course.tension[~before], course.time[~before]
     if down[-1] > 0.1 * top:

@@ -26,7 +26,7 @@ class Answer(NamedTuple):
     record: Recording
     numbers: response.Measured
     models: dict[str, np.ndarray]
-    waits: bool  # whether further models have to be compiled
+    waits: bool  # whether further models, or a longer run, have to be compiled
     done: Response
 
 
@@ -128,14 +128,15 @@ class Desk:
     # ---- in another thread
 
     def quick(self, wait: bool = False) -> Answer:
-        """The response by kernels; other tube models where their kernels are compiled, or all of them with `wait`."""
+        """The response by kernels; tube models and longer runs whose kernels are compiled, or all of them with `wait`."""
         document, plan, node = self.document, self.plan, self.read
         done = respond(plan, self.method)
         self.method = done.method
         record = response.recording(plan, done.outputs)
         found = response.measured(plan, record, node, self.flows[0])
+        found, later = response.settled(plan, found, node, self.method, wait)
         others, waits = self._others(document, plan, node, wait)
-        return Answer(record, found, others, waits, done)
+        return Answer(record, found, others, waits or later, done)
 
     def compiled(self) -> bool:
         """Whether the response takes no compilation."""
@@ -201,6 +202,7 @@ async def follow(desk: Desk, show: Callable[[Answer], None], after: Callable[[An
             if number != desk.number:
                 return
             show(answer)
+            after(answer)
         await asyncio.sleep(QUIET)
         if number != desk.number:
             return

@@ -38,9 +38,10 @@ def pressure_chart(desk: Desk, answer: Answer) -> Chart:
         heavy = 2.75 if node == desk.read else 1.25
         values = from_si(1.0, "Pa", "bar") * record[f"{node}.pressure"]
         lines.append(Line(time, values, f"{signs[node]} {node.replace('_', ' ')}", "pressure", width=heavy))
-    marks = []
-    if found.transition is not None and found.delay is not None:
+    marks, reached = [], None
+    if found.settled and found.transition is not None and found.delay is not None:
         reached = found.command_time + found.delay + found.transition
+    if reached is not None and reached <= record.time[-1]:
         node = f"{desk.read}.pressure"
         at = float(np.interp(reached, record.time, record[node]))
         share = "90 %" if found.rising else "10 %"
@@ -50,8 +51,7 @@ def pressure_chart(desk: Desk, answer: Answer) -> Chart:
             Mark("", x=x),
             Mark(words, x=x, y=0.4 * y if found.rising else from_si(0.6 * found.before, "Pa", "bar")),
         ]
-    over, ends = with_unit(record.time[-1], "s"), with_unit(found.after, "Pa")
-    summary = f"Pressure of {', '.join(desk.sensors)} over {over}; it ends at {ends}"
+    summary = f"Pressure of {', '.join(desk.sensors)} over {with_unit(record.time[-1], 's')}; it {ending(desk, found)}"
     return Chart("Pressure", summary, Axis("Time", "ms"), Axis("Pressure", "bar", "pressure"), lines, marks, height=256)
 
 
@@ -66,13 +66,30 @@ def flow_chart(desk: Desk, record: Recording) -> Chart:
     return Chart("Flow", summary, Axis("Time", "ms"), Axis("Flow", "L/min", "flow"), lines, height=150)
 
 
+def ending(desk: Desk, found: response.Measured) -> str:
+    """Where a pressure ends, as what follows its name."""
+    if found.settled:
+        longer = found.duration > 1.5 * desk.plan.duration
+        return f"{'settles' if longer else 'ends'} at {with_unit(found.after, 'Pa')}"
+    return "has not settled"
+
+
 def numbers(desk: Desk, found: response.Measured) -> None:
     """The numbers of the response and of the selected part."""
     rows: list[tuple[str, str]] = []
-    if found.transition is not None and found.delay is not None:
-        what = "Rise, 0 to 90 %" if found.rising else "Fall, 100 to 10 %"
-        rows += [(what, span(found.transition)), ("Delay before it", span(found.delay))]
-    rows.append((f"{found.channel.removesuffix('.pressure').capitalize()} ends at", with_unit(found.after, "Pa")))
+    node = found.channel.removesuffix(".pressure").capitalize()
+    if found.settled:
+        if found.transition is not None and found.delay is not None:
+            what = "Rise, 0 to 90 %" if found.rising else "Fall, 100 to 10 %"
+            rows += [(what, span(found.transition)), ("Delay before it", span(found.delay))]
+        later = found.duration > 1.5 * desk.plan.duration
+        shown = f" after the {span(desk.plan.duration)} shown" if later else ""
+        rows.append((f"{node} {'settles' if later else 'ends'} at", f"{with_unit(found.after, 'Pa')}{shown}"))
+    else:
+        why = "before the next step" if found.ends else f"within {span(found.duration)}"
+        rows.append(
+            (f"{node} has not settled", f"{why}: in the last fifth it changes by {abs(found.drift):.1%} of its step")
+        )
     if found.flow_of:
         litres = from_si(found.flow, "m^3/s", "l/min")
         rows.append((f"Largest flow, {found.flow_of}", f"{litres:.4g} L/min"))

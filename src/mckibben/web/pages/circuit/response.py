@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....analysis.steps import step_responses
+from ....analysis.steps import LAST, settling, step_responses
 from ....assembly.circuit_plan import CircuitPlan
 from ....components import paths
 from ....components.flow import GasState
@@ -19,7 +19,7 @@ from ....quantities import declared, from_si, with_unit
 from ....recordings import Channel, Recording
 from .document import Document, planned, worded
 from .edit import AIR as OUTSIDE
-from .kernel import Method, respond
+from .kernel import Method, ready, respond
 
 TUBES = ("linear_tube", "quadratic_tube", "inertial_tube", "lumped_tube")
 MODELS = {"linear_tube": "linear", "quadratic_tube": "quadratic", "inertial_tube": "inertial"}
@@ -27,11 +27,17 @@ GROWS = {
     "length": "m", "volume": "m^3", "hole_diameter": "m", "nominal_flow": "m^3/s", "flow_into_the_room": "m^3/s",
     "flow": "m^3/s", "conductance": "m^3/(s*Pa)", "C": "m^3/(s*Pa)", "Kv": "m^3/s", "Cv": "1",
 }  # fmt: skip
+LONGER = (8, 64)  # times the duration, for which a response that has not settled runs again
+MOST_SAMPLES, QUICK_SAMPLES = 20_000, 4_000  # of such a run, and of one that is answered at once
 SHARES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 
 
 class Measured(NamedTuple):
-    """Numbers of a response; None where the command does not step or nothing follows it [SI]."""
+    """Numbers of a response; None where the command does not step or nothing follows it [SI].
+
+    Where `settled` is False, the level after the step and the times are of a step still under way: over the last fifth of
+    the time after it the channel still changes by `drift` of the step. `ends` says whether another step came before.
+    """
 
     channel: str
     delay: float | None
@@ -42,6 +48,10 @@ class Measured(NamedTuple):
     after: float
     flow: float  # largest of an element, as a volume of reference air [m^3/s]
     flow_of: str
+    drift: float
+    settled: bool
+    ends: bool
+    duration: float  # of the run that the numbers were read from [s]
 
 
 def recording(plan: CircuitPlan, outputs: dict[str, np.ndarray]) -> Recording:
@@ -83,11 +93,50 @@ def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> M
         one = step_responses(record, command=stepping[0], channel=channel, median=1)[0] if stepping else None
     except InputError:
         one = None
+    duration = float(record.time[-1])
     if one is None:
-        return Measured(channel, None, None, True, 0.0, before, after, largest, element)
+        late = record.time >= (1.0 - LAST) * duration
+        drift, settled = 0.0, True
+        if (
+            (stepping or not plan.signals) and after != before and np.count_nonzero(late) > 2
+        ):  # it only fills or empties
+            drift, settled = settling(record.time[late], record[channel][late], after - before)
+        return Measured(
+            channel, None, None, True, 0.0, before, after, largest, element, drift, settled, False, duration
+        )
     return Measured(
-        channel, one.delay, one.transition, one.rising, one.command_time, one.before, one.after, largest, element
-    )
+        channel, one.delay, one.transition, one.rising, one.command_time, one.before, one.after, largest, element,
+        one.drift, one.settled, one.until < duration, duration,
+    )  # fmt: skip
+
+
+def settled(
+    plan: CircuitPlan, found: Measured, node: str, method: Method | None, wait: bool = True
+) -> tuple[Measured, bool]:
+    """Numbers of a response that has settled: from a longer run, where the plan's own is too short.
+
+    Args:
+        plan: of the circuit.
+        found: numbers of its own run.
+        node: whose pressure is read.
+        method: to begin with.
+        wait: take the time for a run of any of these lengths, and for compiling it.
+
+    Returns:
+        The numbers, not settled where not even 64 times the duration is enough, and whether a longer run is left to be done.
+    """
+    for times in LONGER:
+        if found.settled or found.ends or plan.samples * times > MOST_SAMPLES:
+            break
+        try:
+            longer = plan.change({"run.duration": f"{times * plan.duration!r} s"})
+        except InputError:  # a signal that ends
+            break
+        if not wait and (longer.samples > QUICK_SAMPLES or not ready(longer, method)):
+            return found, True
+        done = measured(longer, recording(longer, respond(longer, method).outputs), node, found.flow_of)
+        found = done._replace(flow=found.flow)
+    return found, False
 
 
 def last_chamber(plan: CircuitPlan) -> str:
@@ -146,7 +195,7 @@ def _resistance(plan: CircuitPlan, name: str) -> float:
 
 
 class Sweep(NamedTuple):
-    """The rise over a value of a part: its path, the values [SI], the rises [s], NaN where nothing rises."""
+    """The rise over a value of a part: its path, the values [SI], the rises [s], NaN where nothing rises or settles."""
 
     key: str
     unit: str
@@ -181,10 +230,12 @@ def sweep(document: Document, plan: CircuitPlan, name: str, node: str, method: M
         try:
             other = planned({**document, section: {**document[section], name: part}})
             found = measured(other, recording(other, respond(other, method).outputs), node, "")
+            found, _ = settled(other, found, node, method)
         except MckibbenError:
             continue
         values.append(share * now)
-        rises.append(float("nan") if found.transition is None else found.delay + found.transition)  # type: ignore[operator]
+        steps = found.transition is not None and found.delay is not None and found.settled
+        rises.append(found.delay + found.transition if steps else float("nan"))  # type: ignore[operator]
     return Sweep(key, unit, np.array(values), np.array(rises), now)
 
 
