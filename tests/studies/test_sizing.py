@@ -42,7 +42,8 @@ from mckibben.studies.sizing import (
 )
 from mckibben.studies.sizing.braid_design import frontier
 from mckibben.studies.sizing.candidate import Ends, air_of_cycle, ranked
-from mckibben.studies.sizing.circuit import courses, settled_courses
+from mckibben.studies.sizing.circuit import courses
+from mckibben.studies.sizing.settled import settled_courses
 from mckibben.studies.sizing.supply import adiabatic_work
 
 WISH = Wish(force=50.0, stroke=0.03, pressure=5e5)

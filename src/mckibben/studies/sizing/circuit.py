@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
@@ -37,7 +37,6 @@ from ...pneumatics.valves import PressureRegulator, SpoolValve, ThreeWayValve
 NAME = "muscle"
 SAMPLES, TURN = 640, 400  # of a lane, and the sample at which a held muscle is vented or a drawn one begins to shorten
 FILLS = 5.0  # time constants of filling until then
-LONGER = (4.0, 16.0)  # times that, for a tension that has not settled by then
 CHUNK = 32  # lanes that run together: each circuit is compiled for one number of them
 OPENINGS, VALVE_TIMES = 2048, 10.0  # steps of a valve's own motion, and how many of its times that lasts
 MOST_STEPS = 2000  # of the physics in a sample, beyond which a lane is given up
@@ -154,27 +153,6 @@ def courses(lanes: Sequence[Lane]) -> list[Course]:
             for i, course in zip(part, _together([lanes[i] for i in part], [prepared[i] for i in part]), strict=True):
                 found[i] = course
     return [c for c in found if c is not None]
-
-
-def settled_courses(lanes: Sequence[Lane], done: Sequence[Course]) -> list[Course]:
-    """Courses of held muscles of which the tension settles before the turn.
-
-    Args:
-        lanes: of the courses.
-        done: their courses; those that have settled are taken as they are, the others run again for longer.
-
-    Returns:
-        The courses; one that has not settled even then says so.
-    """
-    found = list(done)
-    for times in LONGER:
-        late = [i for i, course in enumerate(found) if course.sound and not course.settled]
-        if not late:
-            break
-        again = courses([replace(lanes[i], fills=times * lanes[i].fills) for i in late])
-        for i, course in zip(late, again, strict=True):
-            found[i] = course if course.sound else found[i]
-    return found
 
 
 def _prepared(lane: Lane) -> tuple[Any, float]:

@@ -33,7 +33,8 @@ from ...pneumatics.valves import PressureRegulator
 from ...specimens import Specimen, specimen, specimen_ids
 from ...specimens.parts import Part, parts
 from .candidate import Judged, air_of_cycle, unit_of
-from .circuit import Course, Lane, courses, settled_courses
+from .circuit import Course, Lane, courses
+from .settled import settled_courses
 from .wish import Wish
 
 TUBES = ("PU-4x2", "PA-4x2.5", "paper-1/8", "PU-6x4", "PU-8x5")
