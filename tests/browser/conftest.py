@@ -48,8 +48,12 @@ def visit(chromium, served):
     def go(path: str = "/", *, width: int = 1440, height: int = 900, control: bool = False, **options):
         context = chromium.new_context(viewport={"width": width, "height": height}, **options)
         contexts.append(context)
+        context.add_cookies([served.cookie])
         page = context.new_page()
         page.set_default_timeout(20_000)
+        waiting = page.wait_for_function
+        # as a function: text is no code under the policy of the pages, which holds in tests too
+        page.wait_for_function = lambda words, **given: waiting(words if "=>" in words else f"() => ({words})", **given)
         page.on("pageerror", lambda error: wrong.append(f"{path}: {error}"))
         page.on("console", lambda m: wrong.append(f"{path}: {m.text}") if m.type == "error" and not _quiet(m) else None)
         page.on("request", lambda r: wrong.append(f"{path} loads {r.url}") if not _own(r.url, served.url) else None)

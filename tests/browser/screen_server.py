@@ -6,15 +6,21 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 BEGINS = 120.0  # a slow machine compiles meanwhile [s]
 
 
 class Served:
-    """A server that runs: its address, its folder, and what it said."""
+    """A server that runs: its address, its folder, and what it said.
 
-    def __init__(self, folder: Path, *words: str) -> None:
+    Args:
+        folder: of its recordings.
+        *words: options of the command.
+        port: 0 for a free one.
+    """
+
+    def __init__(self, folder: Path, *words: str, port: int = 0) -> None:
         self.folder, self.said, self._line = folder, "", threading.Event()
         # pytest's own variables would make NiceGUI take this for one of its tests
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "NICEGUI"))}
@@ -25,7 +31,7 @@ class Served:
             "serve",
             "--no-open",
             "--port",
-            "0",
+            str(port),
             "--folder",
             str(folder),
             *words,
@@ -40,7 +46,11 @@ class Served:
             raise AssertionError(f"the server did not begin: {self.said}")
         self.address = next(w for w in self.said.split() if w.startswith("http://"))
         parts = urlsplit(self.address)
-        self.url = f"{parts.scheme}://{parts.netloc}"
+        self.url, self.port = f"{parts.scheme}://{parts.netloc}", int(parts.port or 0)
+        self.token = parse_qs(parts.query)["token"][0]
+        # what a browser has that opened the address
+        self.cookie = {"name": f"mckibben-{self.port}", "value": self.token, "url": self.url, "sameSite": "Strict"}
+        self.headers = {"Cookie": f"mckibben-{self.port}={self.token}"}
 
     def _read(self) -> None:
         assert self.process.stdout is not None
@@ -50,9 +60,9 @@ class Served:
                 self._line.set()
         self._line.set()
 
-    def end(self) -> int:
-        """As Ctrl-C does; the exit code."""
-        self.process.send_signal(signal.SIGINT)
+    def end(self, how: signal.Signals = signal.SIGINT) -> int:
+        """As Ctrl-C does, or by force; the exit code."""
+        self.process.send_signal(how)
         try:
             return self.process.wait(90.0)
         finally:

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import os
 import socket
 import threading
 import time
@@ -23,9 +24,12 @@ from mckibben.web.bench.pace import LEAD, Pace
 from mckibben.web.charts import Axis, Chart, Line, thinned
 from mckibben.web.control import AFTER, HOLD, Control
 from mckibben.web.forms import accept
-from mckibben.web.guard import Guard, is_loopback
+from mckibben.web.guard import CROWDED, SOCKETS, SOCKETS_EACH, Guard
+from mckibben.web.identity import KEPT as KEPT_PAGES
+from mckibben.web.identity import PageRegistry
 from mckibben.web.laboratory import Laboratory
 from mckibben.web.live import Line as SocketLine
+from mckibben.web.server import leading_to
 from mckibben.web.shelf import Shelf, plain
 from mckibben.web.stream import CHANNELS, Stream, unpacked
 from mckibben.web.toasts import LASTS, Toasts
@@ -204,6 +208,7 @@ def test_a_page_gets_every_sample_once_and_after_a_loss_what_it_missed():
         stream.add({"pressure": np.arange(stream.count, stream.count + n, dtype=float)})
         if k % 3 == 0 or k == 39:
             data, *at = stream.frame(*at)
+            assert data[:8].hex() == stream.server
             epoch, first, columns = unpacked(data)
             assert epoch == 1 and first == len(got) and np.isnan(columns["tension"]).all()
             got += columns["pressure"].tolist()
@@ -238,15 +243,19 @@ def asked(guard, path="/", kind="http", query=b"", **heads):
     return None if through else said[0]
 
 
-def test_foreign_names_and_foreign_pages_are_refused():
+def test_foreign_names_and_foreign_pages_are_refused_whatever_they_know():
     guard = Guard(None, "127.0.0.1", 8080)
-    assert guard.token == "" and asked(guard) is None and asked(guard, host="localhost:8080") is None
-    assert asked(guard, origin="http://127.0.0.1:8080") is None
-    for heads in ({"host": "evil.example"}, {"origin": "http://evil.example"}, {"origin": "null"}, {"host": ""}):
-        assert asked(guard, **heads)["status"] == 403, heads
-        assert asked(guard, kind="websocket", **heads)["type"] == "websocket.close", heads
-    assert asked(guard, content_length=str(10**12))["status"] == 413
-    assert asked(guard, content_length="-1")["status"] == 413
+    cookie = f"mckibben-8080={guard.token}"
+    assert asked(guard, cookie=cookie) is None and asked(guard, host="localhost:8080", cookie=cookie) is None
+    assert asked(guard, origin="http://127.0.0.1:8080", cookie=cookie) is None
+    for heads in (
+        {"host": "evil.example"}, {"origin": "http://evil.example"}, {"origin": "null"}, {"host": ""}, {"host": "["},
+        {"origin": "http://127.0.0.1:9999"},
+    ):  # fmt: skip
+        assert asked(guard, cookie=cookie, **heads)["status"] == 403, heads
+        assert asked(guard, kind="websocket", cookie=cookie, **heads)["type"] == "websocket.close", heads
+    assert asked(guard, cookie=cookie, content_length=str(10**12))["status"] == 413
+    assert asked(guard, cookie=cookie, content_length="-1")["status"] == 413
 
 
 @pytest.mark.parametrize(
@@ -265,26 +274,122 @@ def test_a_browser_that_left_before_its_answer_is_no_fault_but_everything_else_i
     async def receive():
         return {"type": kind, "body": b""}
 
-    scope = {"type": "http", "path": "/", "query_string": b"", "headers": [(b"host", b"127.0.0.1:8080")]}
+    heads = [(b"host", b"127.0.0.1:8080"), (b"cookie", b"mckibben-8080=x")]
+    scope = {"type": "http", "path": "/", "query_string": b"", "headers": heads}
     with pytest.raises(StopIteration if silent else RuntimeError):  # a coroutine that nothing holds up ends at once
-        Guard(app, "127.0.0.1", 8080)(scope, receive, None).send(None)
+        Guard(app, "127.0.0.1", 8080, "x")(scope, receive, None).send(None)
 
 
-def test_others_need_the_token_once_and_then_the_cookie():
-    guard = Guard(None, "0.0.0.0", 8080)
-    assert len(guard.token) > 20 and not is_loopback("0.0.0.0") and is_loopback("::1")
-    assert asked(guard, host="lab:8080")["status"] == 401
-    assert asked(guard, host="lab:8080", query=b"token=x")["status"] == 401
-    assert (
-        asked(guard, kind="websocket", host="lab:8080", query=f"token={guard.token}".encode())["type"]
-        == "websocket.close"
-    )
-    came = asked(guard, "//evil.example", host="lab:8080", query=f"token={guard.token}&a=1".encode())
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_every_browser_needs_the_token_once_and_then_the_cookie(host):
+    guard = Guard(None, host, 8080)
+    at = "localhost:8080" if host == "127.0.0.1" else "lab:8080"
+    query = f"token={guard.token}&a=1".encode()
+    assert len(guard.token) > 20 and guard.token != Guard(None, host, 8080).token
+    for path in ("/", "/files/x.nc", "/static/lab/lab.css", "/_nicegui_ws/socket.io/", "/emergency-stop"):
+        assert asked(guard, path, host=at)["status"] == 401
+        assert asked(guard, path, host=at, query=b"token=x")["status"] == 401
+    assert asked(guard, "/live", kind="websocket", host=at, query=query)["type"] == "websocket.accept"  # to say why
+    assert asked(guard, "/_nicegui_ws/", kind="websocket", host=at, query=query)["type"] == "websocket.close"
+    came = asked(guard, "//evil.example", host=at, query=query)
     heads = dict(came["headers"])
     assert came["status"] == 303 and heads[b"location"] == b"/evil.example?a=1"  # never to another site
     assert b"HttpOnly" in heads[b"set-cookie"] and b"SameSite=Strict" in heads[b"set-cookie"]
-    assert asked(guard, host="lab:8080", cookie=f"mckibben-8080={guard.token}") is None
-    assert asked(guard, host="lab:8080", cookie="mckibben-8080=x")["status"] == 401
+    # a browser that a file or another site led here would not send the cookie with what it is redirected to
+    led = asked(guard, host=at, query=query, sec_fetch_site="cross-site")
+    assert led["status"] == 200 and dict(led["headers"])[b"set-cookie"] == heads[b"set-cookie"]
+    cookie = f"mckibben-8080={guard.token}"
+    for others in ("", "a=1; ", 'b={"x": "y"}; ', "mckibben-8080=old; "):  # other servers of this address have theirs
+        assert asked(guard, host=at, cookie=others + cookie) is None, others
+    assert asked(guard, host=at, cookie="mckibben-8080=x")["status"] == 401
+
+
+def test_the_browser_is_opened_by_a_file_that_nobody_else_may_read(tmp_path):
+    """The words of the command that opens it are seen by everybody on the machine."""
+    place = leading_to("http://127.0.0.1:8080/?token=abc&a=1", tmp_path)
+    assert place.startswith("file://") and "token" not in place
+    (file,) = tmp_path.iterdir()
+    assert file.stat().st_mode & 0o777 == 0o600 and "token=abc&amp;a=1" in file.read_text()
+
+
+def test_the_sockets_of_a_server_are_bounded_and_the_one_that_is_too_many_hears_why():
+    guard = Guard(None, "127.0.0.1", 8080, "x")
+
+    async def go():
+        held = asyncio.Event()
+
+        async def app(scope, receive, send):
+            await held.wait()
+
+        async def line(client, path="/live"):
+            said = []
+
+            async def receive():
+                return {"type": "websocket.connect"}
+
+            async def send(message):
+                said.append(message)
+
+            heads = [(b"host", b"127.0.0.1:8080"), (b"cookie", b"mckibben-8080=x")]
+            scope = {"type": "websocket", "path": path, "query_string": b"", "headers": heads, "client": (client, 1)}
+            await guard(scope, receive, send)
+            return said
+
+        guard.app = app
+        kept = [asyncio.create_task(line("a")) for _ in range(SOCKETS_EACH)]
+        kept += [asyncio.create_task(line("b")) for _ in range(SOCKETS - SOCKETS_EACH - 1)]
+        await asyncio.sleep(0)
+        for_one = await line("a")
+        kept.append(asyncio.create_task(line("b")))
+        await asyncio.sleep(0)
+        for_all, another = await line("c"), await line("c", "/_nicegui_ws/socket.io/")
+        held.set()
+        assert not any(await asyncio.gather(*kept))
+        assert await line("a") == []  # there is room again
+        return for_one, for_all, another
+
+    for_one, for_all, another = asyncio.run(go())
+    for accepted, closed in (for_one, for_all):  # a browser hears a reason only on a line that was accepted
+        assert accepted["type"] == "websocket.accept" and closed["code"] == CROWDED
+    assert (
+        f"{SOCKETS_EACH} of this address open" in for_one[1]["reason"] and f"has {SOCKETS} open" in for_all[1]["reason"]
+    )
+    assert [m["type"] for m in another] == ["websocket.close"]
+
+
+def test_an_identity_needs_its_newest_secret_and_a_name_or_an_old_one_is_worth_nothing():
+    pages = PageRegistry()
+    name, first = pages.admit("")
+    assert pages.admit(name)[0] != name and pages.admit("")[0] != name and first != name
+    pages.confirm(name)
+    same, second = pages.admit(first)  # a reload
+    assert same == name and second != first
+    assert pages.admit(first)[0] == name  # the page did not hear of the second before its line was lost
+    assert pages.admit(second)[0] != name  # which is void now
+    same, third = pages.admit(first)
+    pages.confirm(name)
+    assert pages.admit(first)[0] != name and pages.admit(third)[0] == name
+
+
+def test_identities_are_forgotten_in_the_order_in_which_they_came_last():
+    pages = PageRegistry()
+    names = [pages.admit("") for _ in range(KEPT_PAGES)]
+    assert pages.admit(names[0][1])[0] == names[0][0]
+    pages.admit("")
+    assert pages.admit(names[1][1])[0] != names[1][0] and len(pages._names) <= 2 * KEPT_PAGES
+
+
+def test_what_an_earlier_server_saved_of_a_run_is_found_and_nothing_else(lab):
+    lab.recordings.store("work-loop-0001.nc", b"1")
+    lab.recordings.store("long-0002.mcap", b"2")
+    for path in lab.recordings.folder.iterdir():
+        os.utime(path, (lab.began - 9.0, lab.began - 9.0))
+    lab.recordings.store("new-0003.nc", b"3")  # of this server
+    os.utime(lab.recordings.found("new-0003.nc"), (lab.began + 9.0, lab.began + 9.0))
+    assert lab.saved_before("work-loop-0001.nc") == "work-loop-0001.nc"
+    assert lab.saved_before("long-0002.nc") == "long-0002.mcap"  # the log of a real machine
+    for name in ("new-0003.nc", "work-loop-0009.nc", "", "../work-loop-0001.nc/x", "\0"):
+        assert lab.saved_before(name) is None, name
 
 
 def test_a_field_speaks_as_the_command_line_does_and_keeps_the_old_value():
@@ -464,7 +569,7 @@ def test_what_a_page_draws_after_it_wanted_a_stop_lets_the_machine_go_no_further
             told.append(samples)
 
     async def go():
-        line = SocketLine(Socket(), Stopping(), {})
+        line = SocketLine(Socket(), Stopping(), "a page")
         heard = asyncio.create_task(line._hear())
         while len(told) < 2:
             await asyncio.sleep(0.01)

@@ -2,12 +2,10 @@
 
 import subprocess
 import sys
-import urllib.error
-import urllib.request
 
 import numpy as np
 import pytest
-from screen_server import Served, says
+from screen_server import says
 
 from mckibben.recordings import read_recording
 
@@ -317,20 +315,3 @@ def test_on_a_phone_everything_is_there_and_the_stop_is_under_the_thumb(bench):
     box = page.locator(".ph .estop").bounding_box()
     assert box["height"] >= 44 and box["y"] + box["height"] <= 844
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-
-
-def test_another_address_demands_the_token_that_it_prints(chromium, tmp_path):
-    served = Served(tmp_path / "recordings", "--host", "0.0.0.0")
-    try:
-        port = served.address.split(":")[2].split("/")[0]
-        home, token = f"http://127.0.0.1:{port}", served.address.split("token=")[1]
-        for path in ("/", "/?token=wrong", "/static/lab/lab.css"):
-            with pytest.raises(urllib.error.HTTPError, match="401"):
-                urllib.request.urlopen(home + path, timeout=10)
-        page = chromium.new_context().new_page()
-        page.goto(f"{home}/?token={token}")
-        page.wait_for_function("window.lab && window.lab.lab.open")
-        assert "token" not in page.url  # it stands in a cookie from now on, and in no link that is sent
-        page.context.close()
-    finally:
-        served.end()

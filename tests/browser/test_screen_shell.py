@@ -12,7 +12,7 @@ PAGES = {"/": "Bench", "/fit": "Fit", "/compare": "Compare", "/energy": "Energy"
 
 
 def ask(served, path, headers=None, data=None):
-    request = urllib.request.Request(served.url + path, headers=headers or {}, data=data)
+    request = urllib.request.Request(served.url + path, headers={**served.headers, **(headers or {})}, data=data)
     try:
         with urllib.request.urlopen(request, timeout=20) as answer:
             return answer.status, answer.read().decode("utf-8", "replace"), dict(answer.headers)

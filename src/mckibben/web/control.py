@@ -1,7 +1,7 @@
 """Who holds the controls of a laboratory, and who watches.
 
-One page at a time is in control. It is told by an identity of its own, which a reload keeps. When it vanishes, whatever runs
-runs on; after `HOLD` [s] the next page that asks gets the controls without being asked for.
+One page at a time is in control. It goes by the public name of its `identity`, which a reload keeps. When it vanishes,
+whatever runs runs on; after `HOLD` [s] the next page that asks gets the controls without being asked for.
 """
 
 from __future__ import annotations

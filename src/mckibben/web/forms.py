@@ -75,7 +75,7 @@ def field(
         label: its words; the name where left out.
         about: say what it means and what is allowed.
     """
-    from .parts import box, raw, refused, text
+    from .parts import box, on_value, raw, refused, text
 
     words = label or name.replace("_", " ")
     kept = value
@@ -111,7 +111,7 @@ def field(
             with said:
                 refused(why)
 
-    typed.on("change", came, js_handler="(e) => emit(e.target.value)")
+    on_value(typed, "lab-change", came)
     return one
 
 

@@ -1,18 +1,20 @@
-"""Who may speak to the server: pages that it served itself, from this machine, or with the token that it printed.
+"""Who may speak to the server: browsers that have opened the address with its token, and pages that it served itself.
 
 Every request and every socket is looked at here before anything else sees it. A name in ``Host`` that is not this server's
-is refused, so that a foreign site cannot let a name of its own point here; so is a foreign ``Origin``. Where the server
-listens on another address than the loopback, a token is asked for once, and then remembered by a cookie.
+is refused, so that a foreign site cannot let a name of its own point here; so is a foreign ``Origin``. A token is asked for
+once, on the loopback too, for others who work on the same machine reach that as well; a cookie remembers it. The token is
+another one for every server, and so is the cookie.
 """
 
 from __future__ import annotations
 
+import html
 import ipaddress
 import secrets
+from collections import Counter
 from collections.abc import Awaitable, Callable, MutableMapping
-from http.cookies import SimpleCookie
 from typing import Any
-from urllib.parse import parse_qs, urlencode, urlsplit
+from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -20,14 +22,22 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 LARGEST = 201 * 2**20  # body of a request [B]
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-SAFE = {
+SOCKETS, SOCKETS_EACH = 64, 32  # open at once: of all, and from one address; a page has one or two
+UNKNOWN, CROWDED = 4401, 4429  # codes with which a page's line is closed: without the token, and beyond the bound
+SCRIPTS = b"<script"
+HEADERS = {
     "x-content-type-options": "nosniff", "x-frame-options": "DENY", "referrer-policy": "no-referrer",
-    "cross-origin-opener-policy": "same-origin",
-    # scripts of pages are written into them by NiceGUI, and its templates are compiled in the browser
-    "content-security-policy": "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
-    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self'; "
-    "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'",
+    "cross-origin-opener-policy": "same-origin", "cross-origin-resource-policy": "same-origin",
 }  # fmt: skip
+# A script runs if it is a file of this server, or stands in the page with the nonce of its answer; text never becomes code.
+# Style attributes are written by charts and by NiceGUI.
+POLICY = (
+    "default-src 'self'; script-src 'self'{nonce}; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "font-src 'self' data:; connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; "
+    "frame-ancestors 'none'"
+)
+ASKS = "This laboratory asks for its token: open the address that mckibben serve printed when it began."
+FULL = "This server has {} open lines, and allows no more: close pages that are not needed."
 
 
 def is_loopback(host: str) -> bool:
@@ -45,13 +55,14 @@ class Guard:
         app: what is guarded.
         host: address that the server listens on.
         port: its port.
-        token: asked for; None: by the address, a new one where others than this machine reach it.
+        token: asked for; a new one where left out.
     """
 
     def __init__(self, app: Any, host: str, port: int, token: str | None = None) -> None:
         self.app, self.host, self.port = app, host, port
-        self.token = token if token is not None else "" if is_loopback(host) else secrets.token_urlsafe(24)
+        self.token = token or secrets.token_urlsafe(24)
         self.cookie = f"mckibben-{port}"
+        self._open: Counter[str] = Counter()  # sockets by address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let through, or refuse."""
@@ -62,41 +73,66 @@ class Guard:
         why = self._refused(heads)
         if why:
             await _refuse(scope, receive, send, 403, why)
-        elif self.token and not self._known(heads):
-            await self._asked(scope, receive, send)
+        elif not self._known(heads):
+            await self._asked(scope, heads, receive, send)
         elif scope["type"] == "http":
             await self._http(scope, heads, receive, send)
         else:
-            await self.app(scope, receive, send)
+            await self._socket(scope, receive, send)
 
     def _refused(self, heads: dict[str, str]) -> str:
         host = heads.get("host", "")
-        name = urlsplit(f"//{host}").hostname or ""
-        if not self.token and name not in {*LOOPBACK, self.host}:
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            name = ""
+        if is_loopback(self.host) and name not in {*LOOPBACK, self.host}:
             return f"host is {host[:120]!r}; allowed is {self.host}:{self.port}"
         origin = heads.get("origin")
-        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+        if origin is not None and origin.partition("://")[2].lower() != host.lower():
             return f"origin is {origin[:120]!r}; allowed is a page of this server"
         return ""
 
     def _known(self, heads: dict[str, str]) -> bool:
-        found = SimpleCookie()
-        found.load(heads.get("cookie", ""))
-        return self.cookie in found and secrets.compare_digest(found[self.cookie].value.encode(), self.token.encode())
+        # one by one, whatever others on this address, of which a browser tells ports not apart, have written between them
+        pairs = (one.strip().partition("=") for one in heads.get("cookie", "").split(";"))
+        values = [value for name, _, value in pairs if name == self.cookie]
+        return any([secrets.compare_digest(value.encode(), self.token.encode()) for value in values])
 
-    async def _asked(self, scope: Scope, receive: Receive, send: Send) -> None:
-        asked = parse_qs(scope.get("query_string", b"").decode("latin-1"))
+    async def _asked(self, scope: Scope, heads: dict[str, str], receive: Receive, send: Send) -> None:
+        asked = parse_qs(scope.get("query_string", b"").decode("latin-1"), keep_blank_values=True)
         given = asked.pop("token", [""])[0]
-        if scope["type"] != "http" or not secrets.compare_digest(given.encode(), self.token.encode()):
-            said = "token is missing or another one; allowed is the address that the server printed when it began"
-            await _refuse(scope, receive, send, 401, said)
-            return
         rest = urlencode(asked, doseq=True)
-        where = "/" + scope["path"].lstrip("/\\") + (f"?{rest}" if rest else "")
-        cookie = f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
-        heads = [(b"location", where.encode("latin-1", "replace")), (b"set-cookie", cookie.encode())]
-        await send({"type": "http.response.start", "status": 303, "headers": heads})
-        await send({"type": "http.response.body", "body": b""})
+        where = "/" + quote(scope["path"].lstrip("/\\")) + (f"?{rest}" if rest else "")
+        if scope["type"] != "http" or not secrets.compare_digest(given.encode(), self.token.encode()):
+            if scope["type"] == "websocket" and scope["path"] == "/live":
+                await _close(receive, send, UNKNOWN, ASKS)  # a page of an earlier server
+            else:
+                await _refuse(scope, receive, send, 401, ASKS, page=where if _is_page(heads) else "")
+            return
+        cookie = ("set-cookie", f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict")
+        if heads.get("sec-fetch-site", "none") in ("none", "same-origin"):
+            await _answer(send, 303, "", {"location": where}, cookie)
+        else:  # a browser sends no such cookie where another site, or a file, leads: it goes on from a page of this server
+            body = f'<!doctype html><meta http-equiv="refresh" content="0;url={html.escape(where)}"><title>McKibben</title>'
+            await _answer(send, 200, body, {"content-type": "text/html; charset=utf-8"}, cookie)
+
+    async def _socket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        client = (scope.get("client") or ("",))[0]
+        total = self._open.total()
+        if total >= SOCKETS or self._open[client] >= SOCKETS_EACH:
+            said = FULL.format(total if total >= SOCKETS else f"{self._open[client]} of this address")
+            if scope["path"] == "/live":
+                await _close(receive, send, CROWDED, said)
+            else:
+                await _refuse(scope, receive, send, 429, said)
+            return
+        self._open[client] += 1
+        try:
+            await self.app(scope, receive, send)
+        finally:
+            self._open[client] -= 1
+            self._open += Counter()  # forgets addresses that have none
 
     async def _http(self, scope: Scope, heads: dict[str, str], receive: Receive, send: Send) -> None:
         length = heads.get("content-length", "0")
@@ -104,6 +140,8 @@ class Guard:
             said = f"the upload is {length[:20]} B; allowed are {LARGEST >> 20} MB. Nothing was stored"
             await _refuse(scope, receive, send, 413, said)
             return
+        if _is_page(heads):  # it is not packed, for its scripts get a nonce
+            scope = {**scope, "headers": [h for h in scope["headers"] if h[0].lower() != b"accept-encoding"]}
         taken, left = 0, False
 
         async def counted() -> MutableMapping[str, Any]:
@@ -113,25 +151,84 @@ class Guard:
             taken += len(message.get("body", b""))
             return message if taken <= LARGEST else {"type": "http.disconnect"}
 
-        async def safe(message: MutableMapping[str, Any]) -> None:
-            if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", []), *((k.encode(), v.encode()) for k, v in SAFE.items())]
-            await send(message)
-
         try:
-            await self.app(scope, counted, safe)
+            await self.app(scope, counted, _Safe(send))
         except RuntimeError as error:
             # What Starlette raises where a browser went away before it was answered: nobody is left to tell.
             if not (left and "No response returned" in str(error)):
                 raise
 
 
-async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, said: str) -> None:
+class _Safe:
+    """Sends an answer with the headers that keep a browser from trusting others; scripts of a page get a nonce.
+
+    A page is held back until all of it is there. NiceGUI writes what a user typed as JSON without angle brackets, so that a
+    script that stands in the page is one that this program wrote.
+    """
+
+    def __init__(self, send: Send) -> None:
+        self._send = send
+        self._start: MutableMapping[str, Any] | None = None
+        self._body = b""
+
+    async def __call__(self, message: MutableMapping[str, Any]) -> None:
+        if message["type"] == "http.response.start":
+            heads = {k.lower(): v for k, v in message.get("headers", [])}
+            if heads.get(b"content-type", b"").startswith(b"text/html") and b"content-encoding" not in heads:
+                self._start = message
+                return
+            message["headers"] = [*message.get("headers", []), *_safe()]
+        elif self._start is not None and message["type"] == "http.response.body":
+            self._body += message.get("body", b"")
+            if message.get("more_body"):
+                return
+            start, nonce = self._start, secrets.token_urlsafe(16)
+            body = self._body.replace(SCRIPTS, f'<script nonce="{nonce}"'.encode())
+            kept = [(k, v) for k, v in start.get("headers", []) if k.lower() != b"content-length"]
+            length = (b"content-length", str(len(body)).encode())
+            start["headers"] = [*kept, length, *_safe(f" 'nonce-{nonce}'")]
+            self._start = None
+            await self._send(start)
+            message = {**message, "body": body}
+        await self._send(message)
+
+
+def _is_page(heads: dict[str, str]) -> bool:
+    """Whether a browser asks for what it shows to a person."""
+    return "text/html" in heads.get("accept", "")
+
+
+def _safe(nonce: str = "") -> list[tuple[bytes, bytes]]:
+    policy = {"content-security-policy": POLICY.format(nonce=nonce)}
+    return [(k.encode(), v.encode()) for k, v in {**HEADERS, **policy}.items()]
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, said: str, page: str = "") -> None:
+    """Refuse in a sentence; with the address of a page, as a page that leads there."""
     if scope["type"] == "websocket":
         await receive()
         await send({"type": "websocket.close", "code": 1008, "reason": said[:120]})
-        return
-    body = f"mckibben: {said}\n".encode()
-    heads = [(b"content-type", b"text/plain; charset=utf-8"), (b"content-length", str(len(body)).encode())]
-    await send({"type": "http.response.start", "status": status, "headers": heads})
-    await send({"type": "http.response.body", "body": body})
+    elif page:
+        # The link is for a browser that did not send its cookie, because another site led here.
+        body = (
+            '<!doctype html><html lang="en"><meta name="viewport" content="width=device-width"><title>McKibben</title>'
+            f'<p>{html.escape(said)}<p><a href="{html.escape(page)}">This browser has opened it: go on</a></html>'
+        )
+        await _answer(send, status, body, {"content-type": "text/html; charset=utf-8"})
+    else:
+        await _answer(send, status, f"mckibben: {said}\n", {"content-type": "text/plain; charset=utf-8"})
+
+
+async def _close(receive: Receive, send: Send, code: int, said: str) -> None:
+    """Close a page's line with a sentence, which reaches it only through a line that was accepted."""
+    await receive()
+    await send({"type": "websocket.accept"})
+    await send({"type": "websocket.close", "code": code, "reason": said[:120]})
+
+
+async def _answer(send: Send, status: int, body: str, heads: dict[str, str], *more: tuple[str, str]) -> None:
+    data = body.encode()
+    pairs = [*heads.items(), *more, ("content-length", str(len(data))), ("cache-control", "no-store")]
+    headers = [*((k.encode(), v.encode("latin-1", "replace")) for k, v in pairs), *_safe()]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": data})

@@ -78,6 +78,7 @@ class Laboratory:
         self.protocols = Shelf(folder / "protocols", (".toml",))
         self.specimens = Shelf(folder / "specimens", (".toml",))
         self.toasts = Toasts(clock)
+        self.began = time.time()  # what was saved earlier was saved by another server
         self._version, self._lock = 0, threading.Lock()
         self._told: tuple[tuple[int, int], float, str] | None = None
         self.machine = machine(self)
@@ -90,6 +91,22 @@ class Laboratory:
     def begin(self) -> None:
         """Let the machine get ready."""
         self.machine.begin()
+
+    @property
+    def server(self) -> str:
+        """Identity of this server, which stands in every frame of its samples too; another one after a restart."""
+        return self.machine.stream.server
+
+    def saved_before(self, name: str) -> str | None:
+        """What an earlier server saved of a run whose recording was to have a name: the recording, or its log."""
+        for ending in (".nc", ".mcap"):
+            try:
+                path = self.recordings.found(f"{Path(name).stem}{ending}")
+            except InputError:
+                continue
+            if path.stat().st_mtime < self.began:
+                return path.name
+        return None
 
     @property
     def version(self) -> tuple[int, int]:

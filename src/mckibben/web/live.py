@@ -3,20 +3,72 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import logging
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from .identity import PageRegistry
 from .laboratory import Laboratory
 
 LOGGER = logging.getLogger(__name__)
 TICK = 1.0 / 60.0  # time between two looks at what is new [s]
 BEAT = 0.1  # time between two states while something moves [s]
 LONGEST = 200_000  # characters of an action
+FIRST = 10.0  # time for which a new line may say nothing [s]
+RATE, BURST = 200.0, 400.0  # messages of a page per second, and at once, beyond which they are read later
+AT_ONCE = 32  # actions of a page that are not answered yet, beyond which more are refused; stops have their own count
 STOPS = ("emergency_stop", "stop")
+SILENT, REPLACED = 4408, 4409  # codes with which a line is closed, beside those of `guard`
 _STOPS = ThreadPoolExecutor(2, thread_name_prefix="stop")  # nothing else may keep a stop waiting
 _ACTS = ThreadPoolExecutor(4, thread_name_prefix="act")
+
+
+class Lines:
+    """The lines of all pages; every page has an identity of its own, and one line.
+
+    Args:
+        lab: the laboratory.
+        served: address and version, for the footer.
+    """
+
+    def __init__(self, lab: Laboratory, served: dict[str, str]) -> None:
+        self.lab, self.served, self.registry = lab, served, PageRegistry()
+        self._open: dict[str, Line] = {}
+        self._ending: set[asyncio.Task[None]] = set()
+
+    async def run(self, socket: Any) -> None:
+        """Serve a socket that was accepted, until it ends."""
+        from starlette.websockets import WebSocketDisconnect
+
+        try:
+            hello = _read(await asyncio.wait_for(socket.receive_text(), FIRST))
+        except TimeoutError:
+            await socket.close(SILENT, f"This line said nothing for {FIRST:.0f} s.")
+            return
+        except WebSocketDisconnect:
+            return
+        page, secret = self.registry.admit(str(hello.get("secret", ""))[:100])
+        line = Line(socket, self.lab, page, lambda: self.registry.confirm(page))
+        line.remember(hello)
+        before, self._open[page] = self._open.get(page), line
+        if before is not None:  # a line that the page lost, of which the server has not heard
+            ending = asyncio.create_task(before.end(REPLACED, "The page has another line now."))
+            self._ending.add(ending)
+            ending.add_done_callback(self._ending.discard)
+        try:
+            await line.run({"page": page, "secret": secret, "saved": self._saved(hello), **self.served})
+        finally:
+            if self._open.get(page) is line:
+                del self._open[page]
+
+    def _saved(self, hello: dict[str, Any]) -> str | None:
+        """What a page that knew another server asks for: the file into which that one saved its run."""
+        if not hello.get("server") or hello["server"] == self.lab.server:
+            return None
+        return self.lab.saved_before(str(hello.get("file") or ""))
 
 
 class Line:
@@ -25,27 +77,29 @@ class Line:
     Args:
         socket: accepted.
         lab: the laboratory.
-        served: address and version, for the footer.
+        page: public name of its identity.
+        confirmed: called when the page has its new secret.
     """
 
-    def __init__(self, socket: Any, lab: Laboratory, served: dict[str, str]) -> None:
-        self.socket, self.lab, self.served = socket, lab, served
-        self.page, self.stream = "", False
+    def __init__(self, socket: Any, lab: Laboratory, page: str, confirmed: Callable[[], None] = lambda: None) -> None:
+        self.socket, self.lab, self.page, self._confirmed = socket, lab, page, confirmed
+        self.stream = False
         self._seen, self._told = (0, 0), 0
-        self._moving, self._stops = False, 0
+        self._moving, self._stops, self._acts = False, 0, 0
         self._kept: dict[str, Any] = {}
 
-    async def run(self) -> None:
-        """Until it ends."""
+    def remember(self, hello: dict[str, Any]) -> None:
+        """What the page says that it has already; of another server it has nothing."""
+        self.stream = bool(hello.get("stream"))
+        if hello.get("server") == self.lab.server:
+            self._seen = (_whole(hello.get("epoch")), _whole(hello.get("seen")))
+            self._told = _whole(hello.get("log"))
+
+    async def run(self, hello: dict[str, Any]) -> None:
+        """Greet the page, and serve it until its line ends."""
         from starlette.websockets import WebSocketDisconnect
 
-        try:
-            hello = _read(await self.socket.receive_text())
-        except WebSocketDisconnect:
-            return
-        self.page, self.stream = str(hello.get("page", ""))[:80] or "nobody", bool(hello.get("stream"))
-        self._seen = (_whole(hello.get("epoch")), _whole(hello.get("seen")))
-        self._told = _whole(hello.get("log"))
+        await self._send({"type": "hello", "server": self.lab.server, **hello})
         self.lab.control.join(self.page)
         self.lab.changed()
         both = [asyncio.create_task(self._hear()), asyncio.create_task(self._tell())]
@@ -60,12 +114,25 @@ class Line:
             self.lab.control.leave(self.page)
             self.lab.changed()
 
+    async def end(self, code: int, reason: str) -> None:
+        """Close the line."""
+        with contextlib.suppress(RuntimeError):  # it is closed
+            await self.socket.close(code, reason)
+
     async def _hear(self) -> None:
         loop = asyncio.get_running_loop()
         tasks: set[asyncio.Task[None]] = set()
+        budget, last = BURST, loop.time()
         while True:
             text = await self.socket.receive_text()
+            now = loop.time()
+            budget, last = min(BURST, budget + (now - last) * RATE) - 1.0, now
+            if budget < 0.0:
+                await asyncio.sleep(-budget / RATE)
             asked = _read(text) if len(text) <= LONGEST else {}
+            if "kept" in asked:
+                self._confirmed()
+                continue
             if "shown" in asked:
                 # what is drawn after somebody wanted a stop lets the machine go no further
                 if not self._stops:
@@ -74,7 +141,12 @@ class Line:
             action, words = str(asked.get("act", "")), asked.get("words")
             given = {str(k): v for k, v in words.items()} if isinstance(words, dict) else {}
             stops = action in STOPS
+            if (self._stops if stops else self._acts) >= AT_ONCE:
+                said = f"refused: {AT_ONCE} requests of this page have no answer yet"
+                await self._send({"type": "answer", "id": asked.get("id"), "ok": False, "said": said})
+                continue
             self._stops += stops
+            self._acts += not stops
             future = loop.run_in_executor(_STOPS if stops else _ACTS, self.lab.act, self.page, action, given)
             task = asyncio.create_task(self._answer(asked.get("id"), future, stops))
             tasks.add(task)
@@ -85,6 +157,7 @@ class Line:
             answer = await future
         finally:
             self._stops -= stops
+            self._acts -= not stops
         await self._send({"type": "answer", "id": number, **answer})
 
     async def _send(self, message: dict[str, Any]) -> None:
@@ -115,8 +188,6 @@ class Line:
     async def _new(self, machine: Any, stream: Any) -> None:
         told = self.lab.told()
         self._moving = '"moving":true' in told
-        if not self._kept:
-            await self._send({"type": "served", **self.served})
         for name, part in machine.describe().items():
             if self._kept.get(name) is not part:
                 self._kept[name] = part

@@ -74,16 +74,16 @@ def box(tag: str, classes: str = "") -> Element:
 
 def text(tag: str, words: Any, classes: str = "") -> Element:
     """An element of text."""
-    from nicegui import ui
+    from .components import Markup
 
-    return ui.html(html.escape(str(words)), tag=tag, sanitize=False).classes(classes)
+    return Markup(html.escape(str(words)), tag=tag, sanitize=False).classes(classes)
 
 
 def raw(markup: str, tag: str = "div", classes: str = "") -> Element:
     """HTML that this program wrote itself; never with anything of a user in it that is not escaped."""
-    from nicegui import ui
+    from .components import Markup
 
-    return ui.html(markup, tag=tag, sanitize=False).classes(classes)
+    return Markup(markup, tag=tag, sanitize=False).classes(classes)
 
 
 @contextmanager
@@ -105,6 +105,20 @@ def panel(title: str = "", sub: str = "", step: int = 0) -> Iterator[Element]:
             head = box("div")
         with box("div", "bd"):
             yield head
+
+
+def on_value(element: Element, event: str, do: Callable[[Any], Any], throttle: float = 0.0) -> None:
+    """Listen to an event that carries a value; see `components.on_value`."""
+    from .components import on_value
+
+    on_value(element, event, do, throttle)
+
+
+def call(name: str, *given: Any) -> None:
+    """Call a function of the page by its name; see `components.call`."""
+    from .components import call
+
+    call(name, *given)
 
 
 def button(words: str, click: Callable[..., Any] | None = None, *, primary: bool = False, small: bool = False,
@@ -144,7 +158,7 @@ def select(
                 item = text("option", words).props(f'value="{html.escape(value)}"')
                 if value == chosen:
                     item.props("selected")
-        one.on("change", lambda e: change(str(e.args)), js_handler="(e) => emit(e.target.value)")
+        on_value(one, "lab-change", lambda e: change(str(e.args)))
     return one
 
 
@@ -152,7 +166,7 @@ def check(words: str, on: bool, change: Callable[[bool], Any], more: str = "") -
     """A box that is ticked or not, with words behind it, and more at the end of the line."""
     with box("label", "row") as one:
         ticked = box("input").props("type=checkbox" + (" checked" if on else ""))
-        ticked.on("change", lambda e: change(bool(e.args)), js_handler="(e) => emit(e.target.checked)")
+        on_value(ticked, "lab-change", lambda e: change(bool(e.args)))
         text("span", words)
         if more:
             text("span", more, "faint grow num")
@@ -237,8 +251,7 @@ def refused(words: str) -> Element:
 
 def upload(words: str, take: Callable[[str, bytes], Any], endings: Sequence[str]) -> Element:
     """A place to drop a file, or to choose one; `take` is given its name and bytes, and may raise `InputError`."""
-    from nicegui import ui
-
+    from .components import FilePicker
     from .shelf import LARGEST, check_size
 
     too_large = (
@@ -248,7 +261,7 @@ def upload(words: str, take: Callable[[str, bytes], Any], endings: Sequence[str]
         with box("div", "grow"):
             text("span", words)
             said = box("div")
-        file = ui.upload(auto_upload=True, max_file_size=LARGEST, on_rejected=lambda: answer(too_large)).props(
+        file = FilePicker(auto_upload=True, max_file_size=LARGEST, on_rejected=lambda: answer(too_large)).props(
             f'accept="{",".join(endings)}"'
         )
         file.style("display:none")
@@ -272,29 +285,17 @@ def upload(words: str, take: Callable[[str, bytes], Any], endings: Sequence[str]
             file.reset()
 
     file.on_upload(came)
-    drop = f"(e) => {{ e.preventDefault(); getElement({file.id}).addFiles(e.dataTransfer.files) }}"
-    one.on("drop", js_handler=drop)
-    one.on("dragover", js_handler="(e) => { e.preventDefault(); e.currentTarget.classList.add('over') }")
-    one.on("dragleave", js_handler="(e) => e.currentTarget.classList.remove('over')")
-    return one
+    return one.props(f"data-takes={file.id}")
 
 
 def link(**state: Any) -> None:
     """Put parts of the view's state into the address of the page; None takes one out."""
-    import json
-
-    from nicegui import ui
-
-    ui.run_javascript(f"window.lab.link({json.dumps(state)})")
+    call("link", state)
 
 
 def tell(words: str) -> None:
     """A line at the foot of the page that goes by itself."""
-    import json
-
-    from nicegui import ui
-
-    ui.run_javascript(f"window.lab.tell({json.dumps(words)})")
+    call("tell", words)
 
 
 def download(name: str, data: bytes) -> None:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import html
 import importlib
+import os
 import socket
+import tempfile
 import webbrowser
 from collections.abc import AsyncIterator, Callable
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from .. import __version__
 from ..errors import InputError
-from .guard import Guard
+from .guard import Guard, is_loopback
 from .laboratory import Laboratory
-from .live import Line
+from .live import Lines
 from .shell import HOME, PAGES, TITLE, Page
 
 AWAY = 30.0  # time for which a page that lost the line finds its state again [s]
@@ -35,7 +39,7 @@ def build(lab: Laboratory, host: str, port: int, token: str | None = None) -> Gu
         lab: itself.
         host: address that the server listens on.
         port: its port.
-        token: of another address than the loopback; a new one where left out.
+        token: that is asked for; a new one where left out.
     """
     from fastapi import FastAPI
     from nicegui import ui
@@ -100,9 +104,11 @@ def _routes(app: Any, lab: Laboratory, host: str, port: int) -> None:
 
     from .pages import bench as bench_page
 
+    lines = Lines(lab, {"address": f"{host}:{port}", "version": __version__})
+
     async def live(line: WebSocket) -> None:
         await line.accept()
-        await Line(line, lab, {"address": f"{host}:{port}", "version": __version__}).run()
+        await lines.run(line)
 
     async def bench(_: Request) -> Response:
         return HTMLResponse(bench_page.build(), headers={"cache-control": "no-store"})
@@ -161,21 +167,34 @@ def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: 
     port = line.getsockname()[1]
     app = build(lab, host, port)
     shown = f"[{host}]" if ":" in host else host
-    address = f"http://{shown}:{port}/" + (f"?token={app.token}" if app.token else "")
+    address = f"http://{shown}:{port}/?token={app.token}"
     tell(f"The laboratory is at {address}")
-    if app.token:
-        tell("Others reach this address: whoever has the token in it is let in, and may operate the machine.")
+    others = "" if is_loopback(host) else "Others reach this address: "
+    tell(f"{others}{'w' if others else 'W'}hoever has the token in it is let in, and may operate the machine.")
     config = uvicorn.Config(
         app, log_level="warning", access_log=False, ws_max_size=2**22, timeout_graceful_shutdown=2, lifespan="on",
         ws_per_message_deflate=False,
     )  # fmt: skip
     server = uvicorn.Server(config)
-    if show:
-        webbrowser.open(address)
-    try:
-        server.run(sockets=[line])
-    except KeyboardInterrupt:
-        pass  # the way in which a server ends
-    finally:
-        tell("Venting ..")
-        lab.close()
+    with tempfile.TemporaryDirectory(prefix="mckibben-") as folder:
+        if show:
+            webbrowser.open(leading_to(address, Path(folder)))
+        try:
+            server.run(sockets=[line])
+        except KeyboardInterrupt:
+            pass  # the way in which a server ends
+        finally:
+            tell("Venting ..")
+            lab.close()
+
+
+def leading_to(address: str, folder: Path) -> str:
+    """The address of a file that leads a browser to another address.
+
+    A browser is opened by a command, and the words of a command are seen by everybody on the machine: so that the token is
+    not among them, they name a file that nobody else may read.
+    """
+    place = folder / "laboratory.html"
+    with open(place, "w", encoding="utf-8", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
+        file.write(f'<!doctype html><meta http-equiv="refresh" content="0;url={html.escape(address)}">')
+    return place.as_uri()

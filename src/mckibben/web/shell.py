@@ -53,7 +53,8 @@ def frame(page: Page, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] 
     """
     from nicegui import ui
 
-    ui.add_head_html(f"<script>document.documentElement.lang = 'en'</script>{_head(sheets, scripts)}")
+    own = ("js/page.js", *scripts)
+    ui.add_head_html(f"<script>document.documentElement.lang = 'en'</script>{_head(sheets, own)}")
     ui.add_body_html(f"{_mark(page)}{_around(page)}")
 
 

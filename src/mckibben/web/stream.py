@@ -1,14 +1,16 @@
 """The newest samples of what is shown, for all pages at once, as frames of bytes that a page draws from as they are.
 
-A frame is four whole numbers and then the channels one after the other, little endian:
+A frame is the identity of its server, four whole numbers and then the channels one after the other, little endian:
 
-    epoch u32, first sample u32, samples n u32, channels m u32, values f32 (m, n)
+    server 8 bytes, epoch u32, first sample u32, samples n u32, channels m u32, values f32 (m, n)
 
 An epoch is one run, or one stretch by hand; its samples are `period` [s] apart, and sample 0 is at 0 s. The values are SI.
+Epochs are counted from 1 by every server: without its identity one of them may be taken for that of another server.
 """
 
 from __future__ import annotations
 
+import secrets
 import struct
 import threading
 from collections.abc import Mapping
@@ -17,7 +19,7 @@ from typing import Any
 import numpy as np
 
 CHANNELS = ("pressure", "tension", "length", "flow", "valve", "set_pressure", "set_length")
-HEAD = struct.Struct("<IIII")
+HEAD = struct.Struct("<8sIIII")
 KEPT = 60_000  # samples that a page which lost the line gets again
 
 
@@ -26,9 +28,13 @@ class Stream:
 
     Args:
         kept: samples.
+
+    Attributes:
+        server: identity of the server whose stream it is: 16 hexadecimal digits, drawn anew by every one.
     """
 
     def __init__(self, kept: int = KEPT) -> None:
+        self.server = secrets.token_hex(8)
         self._lock, self._size = threading.Lock(), kept
         self._ring = np.full((len(CHANNELS), kept), np.nan, np.float32)
         self.epoch, self.count, self.period, self._start = 0, 0, 1e-3, 0
@@ -75,7 +81,7 @@ class Stream:
             key = (self.epoch, first, n)
             if self._made is None or self._made[0] != key:
                 at = (first + np.arange(n)) % self._size
-                head = HEAD.pack(self.epoch, first, n, len(CHANNELS))
+                head = HEAD.pack(bytes.fromhex(self.server), self.epoch, first, n, len(CHANNELS))
                 self._made = key, head + self._ring[:, at].astype("<f4", copy=False).tobytes()
             return self._made[1], self.epoch, self.count
 
@@ -97,6 +103,6 @@ class Stream:
 
 def unpacked(frame: bytes) -> tuple[int, int, dict[str, np.ndarray]]:
     """A frame as epoch, number of its first sample and channels (n,), as a page reads it."""
-    epoch, first, n, m = HEAD.unpack_from(frame)
+    _, epoch, first, n, m = HEAD.unpack_from(frame)
     values = np.frombuffer(frame, "<f4", n * m, HEAD.size).reshape(m, n)
     return epoch, first, dict(zip(CHANNELS, values, strict=False))

@@ -77,6 +77,8 @@ class Going:
         log: that is told of cycles.
         news: told that something changed.
         over: given the run when it has ended.
+        file: name that its recording is to have, where nobody takes it meanwhile.
+        on: the real machine that it goes on; None: the simulated one.
 
     Attributes:
         time: how far it is [s].
@@ -86,14 +88,15 @@ class Going:
         words: which step or cycle it is in.
         cycle: which of how many, where the step has cycles.
         measured: on the last cycle.
+        file: name that its recording is to have.
     """
 
     def __init__(
         self, bench: Prepared, pace: Pace, stream: Stream, log: Log, news: Callable[[], None],
-        over: Callable[[Going], None], *, on: RealMachine | None = None,
+        over: Callable[[Going], None], *, file: str = "", on: RealMachine | None = None,
     ) -> None:  # fmt: skip
         self.bench, self.pace, self.stream, self._log, self._news, self._over = bench, pace, stream, log, news, over
-        self.on = on
+        self.on, self.file = on, file if on is None else f"{on.log.stem}.nc"
         self.button = EmergencyStop() if on is None else on.session.button
         self.time = 0.0
         self.record: Recording | None = None

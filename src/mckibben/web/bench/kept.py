@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...errors import MckibbenError
-from ..shelf import Shelf, plain
+from ..shelf import Shelf
 from .going import Going
 from .log import Log
 
@@ -26,7 +26,7 @@ def kept(going: Going, shelf: Shelf, log: Log) -> dict[str, Any]:
     try:
         shelf.ready()
         beside = None if going.on is None else going.on.log
-        name = shelf.numbered(plain(going.bench.protocol.name), ".nc") if beside is None else f"{beside.stem}.nc"
+        name = shelf.free(going.file) if beside is None else going.file
         going.record.save(shelf.path(name))
         if beside is not None:
             beside.unlink(missing_ok=True)  # all of it is in the recording

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...bench.session.status import LOST
 from ...errors import InputError
+from ..shelf import plain
 from ..stream import Stream
 from .by_hand import ByHand, Real
 from .chosen import Chosen
@@ -137,7 +138,10 @@ class Bench(Refusing):
                 hand.set_aside()
             self.ended = {}
             self.pace.begin()
-            self.going = Going(bench, self.pace, self.stream, self.messages, self.lab.changed, self._over, on=on)
+            file = self.lab.recordings.numbered(plain(bench.protocol.name), ".nc")
+            self.going = Going(
+                bench, self.pace, self.stream, self.messages, self.lab.changed, self._over, file=file, on=on
+            )
             self.messages.say("Started. Protocol, muscle and rig are saved with the recording.", "done", 0.0)
             for caution in bench.cautions:
                 self.messages.say(caution, "caution", 0.0)

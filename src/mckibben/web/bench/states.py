@@ -49,7 +49,7 @@ def _running(bench: Bench, going: Going) -> dict[str, Any]:
         "asked": going.asked, "why": bench.why or tripped, "duration": going.bench.plan.duration, "words": going.words,
         "trip": bench.when if bench.why else going.when if tripped else None, "cycle": going.cycle,
         "title": going.bench.protocol.title, "steps": steps_of(going), "running": True, "measured": going.measured,
-        "path": "" if step is None else step["path"],
+        "path": "" if step is None else step["path"], "file": going.file,
     }  # fmt: skip
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 from ....documents import write_text
 from ....errors import InputError
-from ...parts import box, button, download, link, refused, tell, text, upload
+from ...parts import box, button, call, download, link, on_value, refused, tell, text, upload
 from ...shelf import Shelf
 from .document import LARGEST, read_text, starts, text_of
 from .onto_bench import muscle_of, rig_text
@@ -31,9 +30,7 @@ def _dialog(title: str) -> Any:
 
 
 def _open(one: Any) -> None:
-    from nicegui import ui
-
-    ui.run_javascript(f"getElement({one.id}).showModal()")
+    call("openDialog", one.id)
 
 
 def load(face: Face) -> None:
@@ -107,9 +104,15 @@ def save(face: Face) -> None:
         tell(f"Saved as {name}.")
         one.delete()
 
-    take = "() => emit(document.getElementById('circuit-name').value)"
-    done.on("click", lambda e: keep(str(e.args)[:200]), js_handler=take)
-    typed.on("keydown.enter", lambda e: keep(str(e.args)[:200]), js_handler="(e) => emit(e.target.value)")
+    name = ""
+
+    def typed_in(event: Any) -> None:
+        nonlocal name
+        name = str(event.args)[:200]
+
+    on_value(typed, "lab-input", typed_in)
+    on_value(typed, "lab-enter", lambda e: keep(str(e.args)[:200]))
+    done.on("click", lambda: keep(name))
     _open(one)
 
 
@@ -149,7 +152,7 @@ def waveform(face: Face) -> None:
             with said:
                 refused(str(error))
 
-    area.on("change", lambda e: came(str(e.args)), js_handler="(e) => emit(e.target.value)")
+    on_value(area, "lab-change", lambda e: came(str(e.args)))
 
 
 def to_bench(face: Face) -> None:
@@ -158,10 +161,7 @@ def to_bench(face: Face) -> None:
     Raises:
         InputError: the bench has no place for a part, or somebody else is in control.
     """
-    from nicegui import ui
-
     plan = face.desk.plan
     muscle, rigs = muscle_of(plan), Shelf(face.lab.recordings.folder / "rigs", (".toml",))
     _store(rigs, NAME, rig_text(plan, NAME))
-    steps = json.dumps([["rig", NAME], ["muscle", muscle]])
-    ui.run_javascript(f"window.circuitToBench({steps})")
+    call("circuitToBench", [["rig", NAME], ["muscle", muscle]])

@@ -8,7 +8,7 @@ from typing import Any
 from ....errors import InputError
 from ... import charts
 from ...laboratory import Laboratory
-from ...parts import box, button, link, page, panel, raw, refused, text
+from ...parts import box, button, link, on_value, page, panel, raw, refused, text
 from ...shelf import Shelf
 from . import diagram, dialogs, edit, inspector, response
 from .desk import Answer, Desk, follow
@@ -92,7 +92,7 @@ class Face:
 
     def _listen(self, host: Any) -> None:
         for name, do in (("pick", self._picked), ("put", self._put), ("take", self._taken)):
-            host.on(f"circuit-{name}", lambda e, do=do: do(e.args), js_handler="(e) => emit(e.detail)")
+            on_value(host, f"circuit-{name}", lambda e, do=do: do(e.args))  # type: ignore[misc]
 
     # ---- what a person does
 

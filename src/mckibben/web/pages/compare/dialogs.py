@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
 from ....specimens import specimens
-from ...parts import box, button, empty, raw, refused, text
+from ...parts import box, button, call, empty, raw, refused, text
 from . import faces, work
 
 if TYPE_CHECKING:
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 def add(face: Face) -> None:
     """A list of what is not shown yet; a click on one adds it."""
-    from nicegui import ui
-
     with box("dialog", "compare-dialog") as one:
         one.props('aria-label="Add a column"')
         with box("div", "hd"):
@@ -54,7 +52,7 @@ def add(face: Face) -> None:
             text("h3", "Your own")
             for name in own:
                 button(name.removesuffix(".toml"), lambda n=name: take(n), quiet=True)
-    ui.run_javascript(f"getElement({one.id}).showModal()")
+    call("openDialog", one.id)
 
 
 def runs(face: Face) -> None:

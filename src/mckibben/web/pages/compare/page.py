@@ -13,7 +13,7 @@ from ....specimens import specimen
 from ....studies.comparison import FULL_PRESSURE, Column, Subject
 from ... import forms
 from ...laboratory import Laboratory
-from ...parts import box, button, download, empty, link, page, panel, raw, refused, segments, tell, text
+from ...parts import box, button, download, empty, link, on_value, page, panel, raw, refused, segments, tell, text
 from . import faces, work
 from .dialogs import add, runs
 from .grid import Grid
@@ -93,7 +93,7 @@ class Face:
                 )
                 self.typed.props(f'title="{html.escape(PRESSURE.doc)}"')
                 text("span", "bar", "u")
-        self.typed.on("change", lambda e: self._drive(str(e.args)[:80]), js_handler="(e) => emit(e.target.value)")
+        on_value(self.typed, "lab-change", lambda e: self._drive(str(e.args)[:80]))
 
     # ---- what a person does
 

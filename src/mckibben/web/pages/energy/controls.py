@@ -11,7 +11,7 @@ from ....analysis.energy.settings import SETTINGS, coulomb_friction, stretched_l
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si
 from ...forms import accept, field
-from ...parts import box, raw, refused, segments, select, text
+from ...parts import box, on_value, raw, refused, segments, select, text
 from .choice import Choice, conditions, resolved
 from .cycles import TITLES
 
@@ -75,7 +75,7 @@ class Controls:
                 'aria-label="Supply pressure, bar"'
             )
         self.track.props["data-spec"] = json.dumps(value)
-        dragged.on("input", self.dragged, throttle=0.08, js_handler="(e) => emit(e.target.value)")
+        on_value(dragged, "lab-input", self.dragged, throttle=0.08)
         with box("div", "number"):
             with box("div", "field P") as self.edge:
                 self.typed = box("input").props(
@@ -83,7 +83,7 @@ class Controls:
                 )
                 text("span", "bar", "u")
             self.said = box("div", "said").props("id=supply-said")
-        self.typed.on("change", self.entered, js_handler="(e) => emit(e.target.value)")
+        on_value(self.typed, "lab-change", self.entered)
 
     def dragged(self, event: Any) -> None:
         """The slider was moved."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError
-from ...parts import box, button, check, raw, refused, select, text
+from ...parts import box, button, check, on_value, raw, refused, select, text
 from .source import Asked, dimensions, specimen_of
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def words_field(
         edge.classes(add="bad" if wrong else "", remove="" if wrong else "bad")
         typed.props(f"aria-invalid={'true' if wrong else 'false'}")  # what was typed stays, to be put right
 
-    typed.on("change", came, js_handler="(e) => emit(e.target.value)")
+    on_value(typed, "lab-change", came)
 
 
 def given(asked: Callable[[], Asked], change: Change, branches: list[str]) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
-from ...parts import button, download, tell
+from ...parts import button, call, download, tell
 
 if TYPE_CHECKING:
     from .view import View
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 def buttons(view: View) -> None:
     """In the bar of the page."""
     button("Report as PDF", lambda: _pdf(view))
-    button("Open report").on("click", lambda: _open(view), js_handler="() => { window.fitReport.ask(); emit() }")
+    button("Open report", lambda: _open(view)).props("data-opens=report")  # by the click itself: see fit.js
     button("Save as specimen file", lambda: _specimen(view), primary=True)
 
 
@@ -51,20 +50,18 @@ async def _pdf(view: View) -> None:
 
 
 async def _open(view: View) -> None:
-    from nicegui import ui
-
     study = _study(view)
     if study is None:
-        ui.run_javascript("window.fitReport.drop()")
+        call("dropReport")
         return
     try:
         page = (await asyncio.to_thread(_document, study, "html")).decode()
     except MckibbenError as error:
         tell(str(error))
-        ui.run_javascript("window.fitReport.drop()")
+        call("dropReport")
         return
     name = f"{Path(study.points.name).stem}-fit.html"
-    ui.run_javascript(f"window.fitReport.show({json.dumps(page)}, {json.dumps(name)})")
+    call("showReport", page, name)
 
 
 def _document(study: Any, kind: str) -> bytes:

@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError, MckibbenError
-from ...parts import box, button, doing, download, link, note, raw, refused, segments, tell, text
+from ...parts import box, button, doing, download, link, note, on_value, raw, refused, segments, tell, text
 
 if TYPE_CHECKING:
     from nicegui.element import Element
@@ -86,7 +86,7 @@ class View:
             box("section", "panel p-sum").props('aria-label="Progress and verdicts"')
             self.root = box("section", "panel p-root").props("aria-label=Rows")
             self.root.props["data-fixed"] = json.dumps(fixed_document(), separators=(",", ":"))
-            self.root.on("pick", self.picked, js_handler="(e) => emit(e.detail)")
+            on_value(self.root, "pick", self.picked)
             with box("div", "p-right"):
                 with box("section", "panel p-figure"):
                     self.head = box("div", "hd")

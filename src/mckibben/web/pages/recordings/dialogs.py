@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import html
-import json
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
-from ...parts import box, button, refused, text, upload
+from ...parts import box, button, call, on_value, refused, text, upload
 from . import files
 
 if TYPE_CHECKING:
@@ -37,16 +36,12 @@ class Dialog:
 
     def open(self) -> None:
         """Show it."""
-        from nicegui import ui
-
         self.answer("")
-        ui.run_javascript(f"const d = getHtmlElement({self._one.id}); d.open || d.showModal()")
+        call("openDialog", self._one.id)
 
     def close(self) -> None:
         """Take it away."""
-        from nicegui import ui
-
-        ui.run_javascript(f"getHtmlElement({self._one.id}).close()")
+        call("closeDialog", self._one.id)
 
     def answer(self, words: str) -> None:
         """A sentence below its fields; nothing takes it away."""
@@ -78,7 +73,7 @@ class Typed:
                     text("span", unit, "u")
             if about:
                 text("span", about, "about")
-        self._box.on("input", self._came, js_handler="(e) => emit(e.target.value)")
+        on_value(self._box, "lab-input", self._came)
         if done is not None:
             self._box.on("keydown.enter", lambda: done())
 
@@ -87,11 +82,9 @@ class Typed:
 
     def set(self, value: str) -> None:
         """Put other words into it."""
-        from nicegui import ui
-
         self.value = value
         # as ``defaultValue`` above: a ``value`` that Vue knows would take back what is typed whenever it draws anything
-        ui.run_javascript(f"getHtmlElement({self._box.id}).value = {json.dumps(value)}")
+        call("setValue", self._box.id, value)
 
 
 class Importing:
@@ -112,7 +105,7 @@ class Importing:
         with self.dialog.body:
             endings = ", ".join(e.removeprefix(".").upper() for e in files.IMPORTED)
             drop = upload(f"Drop a recording or a file of others here: {endings}", self._came, files.IMPORTED)
-            self._taker = next(one.id for one in drop.descendants() if type(one).__name__ == "Upload")
+            self._picker = drop.props["data-takes"]
             self.dialog.place_for_answers()
             self._more = box("div", "stack")
             with self._more:
@@ -125,8 +118,7 @@ class Importing:
 
     def takes(self, place: Element) -> None:
         """Let files be dropped on another place too."""
-        add = f"(e) => {{ e.preventDefault(); getElement({self._taker}).addFiles(e.dataTransfer.files) }}"
-        place.on("drop", js_handler=add).on("dragover", js_handler="(e) => e.preventDefault()")
+        place.props(f"data-takes={self._picker}")
 
     async def _came(self, name: str, data: bytes) -> None:
         self._name, self._data = name, data

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from ...parts import SIGNS, box, raw, select
+from ...parts import SIGNS, box, on_value, raw, select
 from .entries import Entry
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def tools(words: dict[str, str], change: Callable[[str, str], Any]) -> Element:
                 'id=search type=search aria-label="Search" placeholder="Search name, muscle, protocol, note"'
             )
             typed.props(f'defaultValue="{html.escape(words.get("q", ""))}"')
-        typed.on("input", lambda e: change("q", str(e.args)), js_handler="(e) => emit(e.target.value)", throttle=0.2)
+        on_value(typed, "lab-input", lambda e: change("q", str(e.args)), throttle=0.2)
         return box("div", "row wrap")
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError, MckibbenError
 from ...charts import Chart
-from ...parts import box, button, empty, link, panel, raw, segments, select, text
+from ...parts import box, button, empty, link, on_value, panel, raw, segments, select, text
 from . import entries, files, measures, overlay
 from .dialogs import Dialog, Typed
 from .listing import LETTERS
@@ -47,9 +47,7 @@ class Pane:
                 with head:
                     segments(VIEWS, self._kind, self._look_at, "View")
                     note = button("Add note", key="N", small=True).props("id=note")
-                    note.on(
-                        "click", lambda e: self._open_note(e.args), js_handler="() => emit(window.atCursor ?? null)"
-                    )
+                    on_value(note, "lab-note", lambda e: self._open_note(e.args))
                 self._which = box("div", "row wrap")
                 self._charts = box("div", "overlay")
                 self._notes = box("div", "notes")

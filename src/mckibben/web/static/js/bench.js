@@ -42,9 +42,14 @@ function now () {
 events.addEventListener('epoch', () => { seen = { high: {}, low: {} } })
 events.addEventListener('frame', e => {
   const f = e.detail; const period = epochOf().epoch === f.epoch ? epochOf().period : 1e-3
-  if (f.epoch !== buffer.epoch) { strips.ranges = {}; fresh = true; begun = f.first * period }
+  if (f.server !== buffer.server || f.epoch !== buffer.epoch) { strips.ranges = {}; fresh = true; begun = f.first * period }
   buffer.add(f, factors, period)
   strips.dirty = loop.dirty = true
+})
+events.addEventListener('restart', () => {
+  buffer.clear('', 0, 1e-3); $('#log').replaceChildren(); $('#said').replaceChildren()
+  Object.assign(strips, { ranges: {}, held: null, cursor: null, pinned: false, dirty: true })
+  seen = { high: {}, low: {} }; extremes = {}; dry = shownDry = loop.dry = null; end = 0; fresh = true; loop.dirty = true
 })
 let fresh = true; let begun = 0; let extremes = {}
 events.addEventListener('part', e => {

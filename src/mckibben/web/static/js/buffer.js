@@ -6,14 +6,15 @@ export class Buffer {
   constructor () {
     this.t = new Float64Array(SIZE)
     this.c = Object.fromEntries(NAMES.map(n => [n, new Float32Array(SIZE)]))
-    this.clear(0, 1e-3)
+    this.clear('', 0, 1e-3)
   }
 
-  clear (epoch, period) { this.epoch = epoch; this.period = period; this.first = 0; this.n = 0; this.high = {}; this.low = {} }
+  /** Forget everything; an epoch is one of a server, and another server counts its own. */
+  clear (server, epoch, period) { this.server = server; this.epoch = epoch; this.period = period; this.first = 0; this.n = 0; this.high = {}; this.low = {} }
 
   /** Take a frame, in the units of the screen. */
-  add ({ epoch, first, n, values }, factors, period) {
-    if (epoch !== this.epoch || first > this.first + this.n || first + n < this.first) { this.clear(epoch, period); this.first = first }
+  add ({ server, epoch, first, n, values }, factors, period) {
+    if (server !== this.server || epoch !== this.epoch || first > this.first + this.n || first + n < this.first) { this.clear(server, epoch, period); this.first = first }
     let skip = this.first + this.n - first
     if (skip >= n) return
     if (n - skip > SIZE / 2) skip = n - SIZE / 2

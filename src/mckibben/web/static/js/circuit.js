@@ -1,5 +1,6 @@
 // The circuit page: parts are dragged, picked, put in by two keys, and taken out.
 import { act, key, tell } from './lab.js'
+import { calls } from './page.js'
 
 const host = () => document.getElementById('circuit-host')
 const say = (name, detail) => host()?.dispatchEvent(new CustomEvent(`circuit-${name}`, { detail }))
@@ -90,11 +91,11 @@ new MutationObserver(() => {
   refocus = ''
 }).observe(document.documentElement, { childList: true, subtree: true })
 
-window.circuitToBench = async steps => {
+calls.set('circuitToBench', async steps => {
   for (const [action, name] of steps) {
     const answer = await act(action, { name })
     if (!answer.ok) { tell(answer.said, 20); return }
   }
   const [[, rig], [, muscle]] = steps
   location.href = `/?muscle=${encodeURIComponent(muscle)}&rig=${encodeURIComponent(rig)}`
-}
+})

@@ -1,4 +1,5 @@
 // The pictures of the page Fit: a figure with data-fit becomes one. Every number comes from the laboratory; here it is only drawn.
+import { calls } from './page.js'
 import { nice } from './plot.js'
 import { TS, clamp, escape, fmt, mark } from './words.js'
 
@@ -180,13 +181,12 @@ look()
 
 // A report opens in a page of its own, which must be asked for by the click itself.
 let opened = null
-window.fitReport = {
-  ask () { opened = window.open('', '_blank'); if (opened) opened.document.title = 'Making the report ..' },
-  show (html, file) {
-    const url = URL.createObjectURL(new Blob([html], { type: 'text/html' }))
-    if (opened && !opened.closed) opened.location = url
-    else { const a = document.createElement('a'); a.href = url; a.download = file; a.click() }
-    opened = null
-  },
-  drop () { opened?.close(); opened = null }
-}
+const ask = () => { opened = window.open('', '_blank'); if (opened) opened.document.title = 'Making the report ..' }
+addEventListener('click', e => { if (e.target.closest?.('[data-opens=report]')) ask() }, true)
+calls.set('showReport', (html, file) => {
+  const url = URL.createObjectURL(new Blob([html], { type: 'text/html' }))
+  if (opened && !opened.closed) opened.location = url
+  else { const a = document.createElement('a'); a.href = url; a.download = file; a.click() }
+  opened = null
+})
+calls.set('dropReport', () => { opened?.close(); opened = null })

@@ -1,20 +1,33 @@
 // The line to the laboratory, and what stands on all pages: state block, emergency stop, keyboard, theme, toasts, footer.
-import { forget, say, words } from './words.js'
+import { fmt, forget, say, words } from './words.js'
 
 export const events = new EventTarget()
-export const lab = { status: null, parts: {}, log: [], open: false, lost: null, epoch: null, page: identity() }
+// `page` is the public name of this page, as everybody sees it; `server` the identity of the server that it speaks to
+export const lab = { status: null, parts: {}, log: [], open: false, lost: null, epoch: null, page: '', server: '' }
 const emit = (name, detail) => events.dispatchEvent(new CustomEvent(name, { detail }))
 const $ = s => document.querySelector(s)
 
-// The identity of this page, which a reload keeps.
-function identity () {
-  const key = 'mckibben-page'
-  const id = sessionStorage.getItem(key) ?? crypto.getRandomValues(new Uint32Array(3)).join('-')
-  sessionStorage.setItem(key, id)
-  return id
+// The secret of this page makes it the same page again after a reload or a lost line. It is nowhere but in this module, and for
+// the moment of a reload in the tab's storage: a tab that is duplicated copies that storage, but finds no secret in it.
+let secret = taken('mckibben-secret') ?? ''
+// What the page knew last, so that it can say after a restart of the server what is lost: {server, run, hand, file}
+let last = JSON.parse(sessionStorage.getItem('mckibben-last') ?? 'null')
+function taken (name) {
+  const value = sessionStorage.getItem(name)
+  sessionStorage.removeItem(name)
+  return value
+}
+/** Keep what was known of the machine, for when another server answers. */
+function remember () {
+  const s = lab.status
+  if (!lab.server || !s) return
+  const run = s.running ? { title: s.title, time: s.time } : null
+  last = { server: lab.server, run, hand: s.name === 'By hand', file: run ? s.file : s.ended?.file ?? '' }
+  sessionStorage.setItem('mckibben-last', JSON.stringify(last))
 }
 
 // ---------------------------------------------------------------- line
+const UNKNOWN = 4401; const CROWDED = 4429; const REPLACED = 4409 // why a line was closed: guard.py, live.py
 let socket = null; let waits = 0; let retry = null; let seen = { epoch: 0, count: 0 }
 const pending = new Map(); let asked = 0
 
@@ -25,19 +38,21 @@ function connect () {
   socket.onopen = () => {
     waits = 0
     socket.send(JSON.stringify({
-      page: lab.page, stream: document.body.dataset.stream === '1', epoch: seen.epoch, seen: seen.count,
-      log: lab.log.at(-1)?.number ?? 0
+      secret, stream: document.body.dataset.stream === '1', server: lab.server || last?.server, file: last?.file,
+      epoch: seen.epoch, seen: seen.count, log: lab.log.at(-1)?.number ?? 0
     }))
   }
   socket.onmessage = m => typeof m.data === 'string' ? heard(JSON.parse(m.data)) : frame(m.data)
   socket.onclose = gone
 }
 
-function gone () {
+function gone (closed) {
   socket = null
-  if (lab.open) { lab.open = false; lab.lost = lab.status?.time ?? 0; emit('lost') }
+  if (lab.open) { remember(); lab.open = false; lab.lost = lab.status?.time ?? 0; emit('lost') }
   for (const { no } of pending.values()) no(new Error('lost'))
   pending.clear()
+  if (closed?.code === REPLACED) secret = '' // somebody else is this page now
+  refusal(closed?.code === UNKNOWN || closed?.code === CROWDED ? closed.reason : '')
   waits = Math.min(waits + 1, 5)
   const at = performance.now() + waits * 1000
   const count = () => {
@@ -49,13 +64,65 @@ function gone () {
   count()
 }
 
+/** The server says who it is, and who this page is for it. */
+function hello (message) {
+  const before = lab.server || last?.server
+  lab.server = message.server; lab.page = message.page; secret = message.secret
+  socket.send(JSON.stringify({ kept: true }))
+  const e = $('#address')
+  if (e) e.textContent = `${message.address} \u00b7 v${message.version}`
+  refusal('')
+  if (before && before !== lab.server) restarted(message.saved)
+}
+/** Another server than before: nothing of the one before is shown any more, and the page says what is lost. */
+function restarted (saved) {
+  seen = { epoch: 0, count: 0 }
+  Object.assign(lab, { status: null, parts: {}, log: [], epoch: null, lost: null })
+  emit('restart')
+  const { run, hand, file } = last ?? {}
+  let text = 'The server was restarted.'
+  if (run) {
+    const what = `The run that was going on (${run.title}, at ${fmt(run.time ?? 0, 3)} s)`
+    if (!saved) text += ` ${what} is lost, and no recording of it was saved.`
+    else text += ` ${what} ended with it. What was recorded until then is kept as ${saved}.`
+  } else if (hand) text += ' The set-points by hand ended with it.'
+  text += ' Samples and messages of before are not shown any more.'
+  if (!run && file && saved) text += ` The last recording, ${saved}, is kept.`
+  last = null
+  sessionStorage.removeItem('mckibben-last')
+  sessionStorage.setItem('mckibben-news', text) // other parts of the page may load it anew
+  news()
+}
+/** What a person has to have read before it goes. */
+function news () {
+  const text = sessionStorage.getItem('mckibben-news')
+  $('#news')?.remove()
+  if (!text) return
+  const bar = toast(say(text))
+  bar.id = 'news'
+  bar.setAttribute('role', 'alert')
+  button(bar, 'Close', () => { sessionStorage.removeItem('mckibben-news'); bar.remove() })
+}
+/** Why the server does not let this page in; it stands until it does. */
+function refusal (text) {
+  const there = $('#refusal')
+  if ((there?.firstChild.textContent ?? '') === text) return
+  there?.remove()
+  if (!text) return
+  const bar = toast(text)
+  bar.id = 'refusal'
+  bar.setAttribute('role', 'alert')
+}
+
+const HEAD = 24
 function frame (data) {
-  const head = new Uint32Array(data, 0, 4)
-  const [epoch, first, n, m] = head
+  const server = [...new Uint8Array(data, 0, 8)].map(b => b.toString(16).padStart(2, '0')).join('')
+  if (server !== lab.server) return
+  const [epoch, first, n, m] = new Uint32Array(data, 8, 4)
   seen = { epoch, count: first + n }
   const values = []
-  for (let i = 0; i < m; i++) values.push(new Float32Array(data, 16 + 4 * i * n, n))
-  emit('frame', { epoch, first, n, values })
+  for (let i = 0; i < m; i++) values.push(new Float32Array(data, HEAD + 4 * i * n, n))
+  emit('frame', { server, epoch, first, n, values })
   // a machine waits for the page that can stop it
   if (lab.status?.running && lab.status.holder === lab.page) {
     socket.send(JSON.stringify({ epoch, shown: first + n }))
@@ -64,7 +131,8 @@ function frame (data) {
 
 function heard (message) {
   const { type } = message
-  if (type === 'status') {
+  if (type === 'hello') hello(message)
+  else if (type === 'status') {
     const before = lab.status
     lab.status = message.status
     if (!lab.open) { lab.open = true; const was = lab.lost; lab.lost = null; emit('back', was) }
@@ -77,7 +145,7 @@ function heard (message) {
     const one = pending.get(message.id)
     pending.delete(message.id)
     one?.yes(message)
-  } else if (type === 'served') served(message)
+  }
 }
 
 /** Ask the laboratory to do something; answers {ok, said, field}. */
@@ -165,7 +233,6 @@ function foot () {
   if (ask.textContent !== label) ask.textContent = label
   wanted(mine && status.wanted)
 }
-function served ({ address, version }) { const e = $('#address'); if (e) e.textContent = `${address} \u00b7 v${version}` }
 
 function wanted (by) {
   let bar = $('#wanted')
@@ -291,6 +358,7 @@ addEventListener('DOMContentLoaded', () => {
   const asked = new URLSearchParams(location.search).get('theme') ?? sessionStorage.getItem('mckibben-theme')
   if (asked === 'dark' || asked === 'light') theme(asked)
   document.body.append($('footer.foot'), $('#toasts'))
+  news()
   for (const b of document.querySelectorAll('.estop')) {
     b.addEventListener('click', () => emergency('the button on the screen was pressed'))
   }
@@ -317,7 +385,12 @@ addEventListener('focusin', e => {
   for (const name of ['change', 'blur']) field.addEventListener(name, () => { typing = false })
   Object.defineProperty(field, 'value', { configurable: true, get () { return own.get.call(this) }, set (v) { if (!typing) own.set.call(this, v) } })
 })
-addEventListener('pagehide', () => { socket?.close() })
+addEventListener('pagehide', () => {
+  remember()
+  if (secret) sessionStorage.setItem('mckibben-secret', secret)
+  socket?.close()
+})
+addEventListener('pageshow', e => { if (e.persisted) secret = taken('mckibben-secret') ?? '' }) // the tab has gone on meanwhile
 /** Let the line go, as a network does; for tests and for nobody else. */
 const drop = () => socket?.close()
 window.lab = { lab, events, act, link, tell, key, drop }
