@@ -45,7 +45,7 @@ def main(names: list[str]) -> None:
         assert server.stdout is not None
         try:
             line = next(x for x in server.stdout if "http://" in x)
-            address = next(w for w in line.split() if w.startswith("http://")).rstrip("/")
+            address = next(w for w in line.split() if w.startswith("http://"))
             with sync_playwright() as play:
                 browser = play.chromium.launch(executable_path=chromium, args=["--headless", "--no-sandbox", "--disable-gpu"])
                 recorded(browser, address)
@@ -58,12 +58,20 @@ def main(names: list[str]) -> None:
             server.wait(60)
 
 
+def opened(browser: Any, address: str, path: str, **options: Any) -> Any:
+    """A page in a browser of its own, which the token of the printed address lets in."""
+    home, _, token = address.partition("/?token=")
+    # playwright waits for text that it evaluates, which the policy of the pages forbids
+    page = browser.new_context(bypass_csp=True, **options).new_page()
+    page.set_default_timeout(180_000)
+    page.goto(f"{home}{path}{'&' if '?' in path else '?'}token={token}")
+    return page
+
+
 def recorded(browser: Any, address: str) -> None:
     """Do a work loop with two muscles, so that there are recordings to show."""
     for muscle in ("nylon", "fiberglass"):
-        page = browser.new_context().new_page()
-        page.set_default_timeout(180_000)
-        page.goto(f"{address}/?muscle={muscle}&protocol=work-loop")
+        page = opened(browser, address, f"/?muscle={muscle}&protocol=work-loop")
         page.wait_for_function("window.lab && window.lab.lab.open")
         page.evaluate("window.lab.act('ask_control')")
         page.evaluate("window.lab.act('pace', {name: 'simulated'})")
@@ -80,9 +88,7 @@ def recorded(browser: Any, address: str) -> None:
 def picture(browser: Any, address: str, name: str, scheme: str) -> None:
     """One page in one theme; the bench while it runs."""
     path, height, computes = PAGES[name]
-    page = browser.new_context(viewport={"width": 1440, "height": height}, color_scheme=scheme).new_page()
-    page.set_default_timeout(180_000)
-    page.goto(address + path)
+    page = opened(browser, address, path, viewport={"width": 1440, "height": height}, color_scheme=scheme)
     page.wait_for_function("window.lab && window.lab.lab.open")
     if scheme == "light":
         if name == "paper":

@@ -80,7 +80,7 @@ def test_a_link_restores_table_laws_and_view_and_a_report_opens(visit, table, co
     until(lambda: "view=errors" in page.url)
     with page.context.expect_page() as coming:
         page.get_by_role("button", name="Open report").click()
-    coming.value.wait_for_function("document.title.startsWith('Tension laws fitted')", timeout=60_000)
+    coming.value.wait_for_function("() => document.title.startsWith('Tension laws fitted')", timeout=60_000)
 
 
 def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_beside_them(visit, tmp_path):
