@@ -6,6 +6,7 @@ import os
 import socket
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -33,6 +34,16 @@ from mckibben.web.server import leading_to
 from mckibben.web.shelf import Shelf, plain
 from mckibben.web.stream import CHANNELS, Stream, unpacked
 from mckibben.web.toasts import LASTS, Toasts
+
+
+def completed(work):
+    """What a coroutine returns; in a thread of its own, for a loop of the browser's may run in this one."""
+
+    async def run():
+        return await work
+
+    with ThreadPoolExecutor(1) as one:
+        return one.submit(lambda: asyncio.run(run())).result(30.0)
 
 
 class Clock:
@@ -348,7 +359,7 @@ def test_the_sockets_of_a_server_are_bounded_and_the_one_that_is_too_many_hears_
         assert await line("a") == []  # there is room again
         return for_one, for_all, another
 
-    for_one, for_all, another = asyncio.run(go())
+    for_one, for_all, another = completed(go())
     for accepted, closed in (for_one, for_all):  # a browser hears a reason only on a line that was accepted
         assert accepted["type"] == "websocket.accept" and closed["code"] == CROWDED
     assert (
@@ -575,7 +586,7 @@ def test_what_a_page_draws_after_it_wanted_a_stop_lets_the_machine_go_no_further
             await asyncio.sleep(0.01)
         heard.cancel()
 
-    asyncio.run(asyncio.wait_for(go(), 20.0))
+    completed(asyncio.wait_for(go(), 20.0))
     assert told == [10, 95]
 
 

@@ -13,6 +13,9 @@ MAP = resources.files("mckibben.specimens") / "maps" / "DMSP-20-300_force_map.cs
 FEW = "ideal,linear_threshold"  # two laws that are soon fitted
 DONE = "document.querySelectorAll('.rank tr.pick').length === {n} && !document.querySelector('.going')"
 LONG = 180_000  # a slow machine compiles every law [ms]
+DROPPED = """([name, text]) => { const dataTransfer = new DataTransfer(); dataTransfer.items.add(new File([text], name))
+    const drop = new DragEvent('drop', { dataTransfer, bubbles: true, cancelable: true })
+    document.querySelector('[data-takes]').dispatchEvent(drop) }"""
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +91,8 @@ def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_besid
     lines = MAP.read_text().splitlines()
     path.write_text("\n".join(["way,air [kPa],load", *lines[1:]]))
     page = visit("/fit?laws=ideal")
-    page.set_input_files("input[type=file]", path)
+    page.wait_for_selector("[data-takes] input[type=file]", state="attached")
+    page.evaluate(DROPPED, [path.name, path.read_text()])
     wrong = page.locator(".fit .stack .err")
     wrong.wait_for()
     assert "pressure is 'no column'; the file has way, air [kPa], load" in wrong.inner_text()

@@ -202,3 +202,25 @@ def test_the_version_is_stated_once() -> None:
     text = (PACKAGE / "__init__.py").read_text(encoding="utf-8")
     assert len(re.findall(r"^__version__ = ", text, flags=re.MULTILINE)) == 1
     assert re.fullmatch(r"\d+\.\d+\.\d+", mckibben.__version__)
+
+
+def test_no_page_of_the_screen_has_the_browser_read_code_from_text() -> None:
+    """Elements of NiceGUI with templates, and handlers and calls as text, are refused by the policy of the pages."""
+    plain = {
+        "page",
+        "run_with",
+        "element",
+        "timer",
+        "download",
+        "navigate",
+        "context",
+        "add_head_html",
+        "add_body_html",
+    }
+    for path in (PACKAGE / "web").rglob("*.py"):
+        source = path.read_text(encoding="utf-8")
+        used = set(re.findall(r"\bui\.([a-z_]+)", source)) - plain
+        if path.name == "components.py":
+            assert used == {"html", "upload", "run_javascript"} and "js_handler" not in source
+        else:
+            assert not used and not re.search("js_handler|run_javascript", source), path

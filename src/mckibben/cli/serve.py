@@ -22,7 +22,7 @@ def add_to(app: typer.Typer) -> None:
 
 def serve(
     host: Annotated[
-        str, typer.Option(help="Address to listen on; another than this machine's own demands a token.")
+        str, typer.Option(help="Address to listen on; with another than this machine's own others can reach it.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Its port; 0 for a free one.")] = 8080,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open a browser.")] = True,

@@ -8,22 +8,35 @@ components with a render function, events that carry a value, and calls of funct
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
-
-from nicegui import ui
 
 if TYPE_CHECKING:
     from nicegui.element import Element
 
 
-class Markup(ui.html, component="static/components/markup.js"):
-    """HTML in an element of any tag."""
+@functools.cache
+def markup_type() -> type[Any]:
+    """HTML in an element of any tag; made when the first page is, since NiceGUI takes a while to load."""
+    from nicegui import ui
+
+    class Markup(ui.html, component="static/components/markup.js"):
+        pass
+
+    return Markup
 
 
-class FilePicker(ui.upload, component="static/components/file_picker.js"):
+@functools.cache
+def file_picker_type() -> type[Any]:
     """A place that uploads the files it is given."""
+    from nicegui import ui
+
+    class FilePicker(ui.upload, component="static/components/file_picker.js"):
+        pass
+
+    return FilePicker
 
 
 def on_value(element: Element, event: str, do: Callable[[Any], Any], throttle: float = 0.0) -> None:
@@ -44,4 +57,6 @@ def on_value(element: Element, event: str, do: Callable[[Any], Any], throttle: f
 
 def call(name: str, *given: Any) -> None:
     """Call a function of the page by its name in ``static/js/page.js``, with anything that JSON holds."""
+    from nicegui import ui
+
     ui.run_javascript(f"{name}({', '.join(json.dumps(one) for one in given)})")

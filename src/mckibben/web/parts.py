@@ -74,16 +74,16 @@ def box(tag: str, classes: str = "") -> Element:
 
 def text(tag: str, words: Any, classes: str = "") -> Element:
     """An element of text."""
-    from .components import Markup
+    from .components import markup_type
 
-    return Markup(html.escape(str(words)), tag=tag, sanitize=False).classes(classes)
+    return markup_type()(html.escape(str(words)), tag=tag, sanitize=False).classes(classes)
 
 
 def raw(markup: str, tag: str = "div", classes: str = "") -> Element:
     """HTML that this program wrote itself; never with anything of a user in it that is not escaped."""
-    from .components import Markup
+    from .components import markup_type
 
-    return Markup(markup, tag=tag, sanitize=False).classes(classes)
+    return markup_type()(markup, tag=tag, sanitize=False).classes(classes)
 
 
 @contextmanager
@@ -251,7 +251,7 @@ def refused(words: str) -> Element:
 
 def upload(words: str, take: Callable[[str, bytes], Any], endings: Sequence[str]) -> Element:
     """A place to drop a file, or to choose one; `take` is given its name and bytes, and may raise `InputError`."""
-    from .components import FilePicker
+    from .components import file_picker_type
     from .shelf import LARGEST, check_size
 
     too_large = (
@@ -261,7 +261,7 @@ def upload(words: str, take: Callable[[str, bytes], Any], endings: Sequence[str]
         with box("div", "grow"):
             text("span", words)
             said = box("div")
-        file = FilePicker(auto_upload=True, max_file_size=LARGEST, on_rejected=lambda: answer(too_large)).props(
+        file = file_picker_type()(auto_upload=True, max_file_size=LARGEST, on_rejected=lambda: answer(too_large)).props(
             f'accept="{",".join(endings)}"'
         )
         file.style("display:none")

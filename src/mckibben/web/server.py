@@ -114,7 +114,8 @@ def _routes(app: Any, lab: Laboratory, host: str, port: int) -> None:
         return HTMLResponse(bench_page.build(), headers={"cache-control": "no-store"})
 
     async def stop(request: Request) -> Response:
-        reason = (await request.body())[:80].decode("utf-8", "replace")
+        begun = await anext(request.stream(), b"")  # no stop waits for the rest of what is sent
+        reason = begun[:80].decode("utf-8", "replace")
         answer = await asyncio.to_thread(lab.act, "nobody", "emergency_stop", {"reason": reason})
         return PlainTextResponse(answer["said"])
 
