@@ -216,7 +216,9 @@ class _Reverse(Derived, Sums):
         if scope.around is not None and not any(isinstance(e, Loop) for e in entries):
             (loop,) = scope.loops
             kept = {loop.nexts[k] for k in self.plan.live.carried[loop]}
-            edges.shorten(kept | {e.value for e in entries if isinstance(e, Store)}, lambda node: {0})
+            kept |= {e.value for e in entries if isinstance(e, Store)}
+            kept |= {a for e in entries if isinstance(e, Node) and e.op == "table" for a in e.args}
+            edges.shorten(kept, lambda node: {0})
         return edges
 
     def _slopes(self, node: Node, scope: Scope) -> list[Node | None]:

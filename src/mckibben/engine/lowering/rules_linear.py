@@ -104,12 +104,13 @@ def _custom_linear_solve(t: Tracer, eqn: Any, *values: Any) -> Any:
         parts[name] = values[begin : begin + count]
         begin += count
     wanted = [solid(t.graph, v) for v in values[begin:]]
-    found = [unwrapped(v) for v in t.closed(jaxprs.solve, [*parts["solve"], *wanted])]
-    if any(kind_of(x) != "real" for x in found):
-        return found
+    if any(kind_of(x) != "real" for x in wanted):
+        return [unwrapped(v) for v in t.closed(jaxprs.solve, [*parts["solve"], *wanted])]
     # JAX's factors have no derivatives; those of the solution are those of what a correction by the residual would add
     g = t.graph
-    still = [each(g, lambda x: g.make("given", (x,), kind="real"), x) for x in found]
+    alone = lambda x: g.make("given", (x,), kind="real")  # noqa: E731
+    found = [unwrapped(v) for v in t.closed(jaxprs.solve, [*parts["solve"], *(each(g, alone, b) for b in wanted)])]
+    still = [each(g, alone, x) for x in found]
     left = t.closed(jaxprs.matvec, [*parts["matvec"], *still])
     rest = [each(g, lambda b, ax: g.make("sub", (b, ax)), *pair) for pair in zip(wanted, left, strict=True)]
     more = t.closed(jaxprs.solve, [*parts["solve"], *rest])

@@ -109,10 +109,10 @@ class _Forward(Derived):
         return self.changes.get((node, k)) or self.new.const(0.0)
 
     def block(self, entries: list[Entry], scope: Scope, leaf: bool) -> None:
-        """Write a block with its changes."""
+        """Write a block with its changes; in a leaf, a block without loops, they are shortened first."""
         later: list[Store] = []
-        edges = Edges(self.new)
-        for entry in entries:
+        edges, last = Edges(self.new), self._last_needed(entries) if leaf else {}
+        for place, entry in enumerate(entries):
             if isinstance(entry, Loop):
                 self.loop(entry, scope)
             elif isinstance(entry, Store):
@@ -122,8 +122,11 @@ class _Forward(Derived):
                     self.store(entry, scope)
             else:
                 made = self.replay.again(scope, entry)
-                if entry not in self.active.nodes:
+                if entry not in self.active.nodes or (leaf and entry not in last):
                     continue
+                if entry.op == "table" and leaf:  # puts the changes of its numbers into memory, so they must be there
+                    self._write_changes(edges, {n for n in edges.into if last[n] >= place})
+                    edges = Edges(self.new)
                 if entry.op in ("load", "table"):
                     self._memory(entry, scope)
                     continue
@@ -138,12 +141,26 @@ class _Forward(Derived):
                 else:
                     self._sum(entry, terms)
         if leaf:
-            kept = {s.value for s in later} | self._nexts
-            edges.shorten(kept, lambda n: {k for k in range(self.count) if not is_zero(self.change(n, k))})
-            for node, terms in edges.rest(kept):
-                self._sum(node, terms)
+            self._write_changes(edges, {n for n in edges.into if last[n] >= len(entries)})
             for store in later:
                 self.store(store, scope)
+
+    def _last_needed(self, entries: list[Entry]) -> dict[Node, int]:
+        """Place of the last entry of a leaf that needs the change of a node; the leaf's length where its end needs it."""
+        last = dict.fromkeys(self._nexts, len(entries))
+        for place, entry in reversed(list(enumerate(entries))):
+            if isinstance(entry, Store):
+                last[entry.value] = len(entries)
+            elif isinstance(entry, Node) and entry in last:
+                for argument in entry.args[1::2] if entry.op == "given" else entry.args:
+                    last.setdefault(argument, place)
+        return last
+
+    def _write_changes(self, edges: Edges, kept: set[Node]) -> None:
+        """Shorten the sums of a part of a leaf, and write the changes of the nodes that are needed after it."""
+        edges.shorten(kept, lambda n: {k for k in range(self.count) if not is_zero(self.change(n, k))})
+        for node, terms in edges.rest(kept):
+            self._sum(node, terms)
 
     _nexts: set[Node] = set()
 
