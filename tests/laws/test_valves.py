@@ -10,6 +10,7 @@ import pytest
 
 from mckibben.components.flow import GasState
 from mckibben.engine import held, integrate, march, ramped
+from mckibben.engine.integration import compiled_march
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.muscles import law_from_specimen
 from mckibben.pneumatics import AIR
@@ -346,11 +347,44 @@ def test_a_spool_follows_late_with_its_lag_and_no_faster_than_its_limit():
             {"supply": Reservoir(pressure_abs=7e5), "work": FixedVolume(size=1e-3), "room": Reservoir()},
             {"valve": Branch(valve, ("supply", "work", "room"), "u")},
         )
-        signals = system.commands({"u": held((samples >= 10).astype(float))})
+        signals = {"u": held((samples >= 10).astype(float))}
         run = integrate(system, system.initial({"work": P0}), signals, period=PERIOD)
         since = np.maximum(run.time - 10e-3 - 2e-3, 0.0)
         # fourth order, and the corner of the limit within one step of 50 us
         np.testing.assert_allclose(run.outputs["valve.position"], exact(since), atol=1e-5 if limit == 1e5 else 3e-3)
+
+
+def late_spool():
+    """A spool valve with a dead time of 2 ms on a vessel, and the command that opens it at sample 10."""
+    valve = SpoolValve(fill=WIDE, vent=WIDE, lag=5e-3, dead_time=2e-3)
+    nodes = {"supply": Reservoir(pressure_abs=7e5), "work": FixedVolume(size=1e-3), "room": Reservoir()}
+    return Circuit.of(nodes, {"valve": Branch(valve, ("supply", "work", "room"), "u")}), held(np.arange(31.0) >= 10)
+
+
+@pytest.mark.parametrize("way", ["integrate", "march", "compiled_march"])
+def test_a_dead_time_is_there_whichever_way_a_signal_comes_in(way):
+    system, command = late_spool()
+    start, raw = system.initial({"work": P0}), {"u": command}
+
+    def pressure(signals):
+        if way == "integrate":
+            return integrate(system, start, signals, period=PERIOD, method="rk4").outputs["work.pressure_abs"]
+        if way == "march":
+            return MARCH(system, start, (), signals, PERIOD, 20, 30, False)[1][2]["work.pressure_abs"]
+        run = compiled_march(system, start, (), signals, period=PERIOD, inner=20, outputs=["work.pressure_abs"])
+        return run(system, start, (), signals)["work.pressure_abs"]
+
+    found = np.asarray(pressure(raw))
+    rising = np.flatnonzero(found > found[0])
+    assert rising[0] == 13  # the first sample after 10 ms + 2 ms
+    np.testing.assert_array_equal(found, np.asarray(pressure(system.commands(raw))))  # and it is not late twice
+
+
+def test_no_signal_has_the_name_that_a_late_one_gets():
+    system, _ = late_spool()
+    branch = Branch(system.elements["valve"], ("supply", "work", "room"), "valve.command")
+    with pytest.raises(InputError, match=r"valve.command is .* kept for the signal as it is after the dead time"):
+        Circuit.of(system.nodes, {"valve": branch})
 
 
 # ---- regulator ----
@@ -371,8 +405,7 @@ def regulated(command, load=0.0, *, start=P0, supply=7e5, size=2e-4, **options):
     )
     begin = system.initial({"outlet": start})
     command = np.pad(np.asarray(command, float), (0, LONGEST - len(command)), mode="edge")
-    signals = system.commands({"set": held(command)})
-    run = integrate(system, begin, signals, period=PERIOD, memory=system.initial_memory(begin))
+    run = integrate(system, begin, {"set": held(command)}, period=PERIOD, memory=system.initial_memory(begin))
     return run
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -39,6 +40,13 @@ class System(Module):
     @abc.abstractmethod
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
         """What a recording shows, by name [SI]."""
+
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+        """The signals, and beside them the late ones of parts that have dead time; none of a system without such parts.
+
+        Every run calls this on the signals it is given. What is late already stays as it is.
+        """
+        return dict(signals)
 
     def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
         """A bound of the fastest mode that the system can have near a state [1/s].

@@ -82,7 +82,7 @@ def integrate(
     method: str = "auto",
     raises: bool = True,
 ) -> Run:
-    """Integrate over all samples of the signals.
+    """Integrate over all samples of the signals; parts with dead time see theirs late, as in `march`.
 
     Args:
         system: what to integrate.
@@ -99,6 +99,7 @@ def integrate(
         InputError: if the signals differ in length, or step or period are not positive.
         ConvergenceError: if the run failed; says why, and which step would be needed.
     """
+    signals = system.commands(signals)
     samples = _samples(signals, period, step_size, method)
     inner = max(1, round(np.ceil(period / step_size - 1e-9)))
     h = period / inner
@@ -159,7 +160,7 @@ def march(
         system: what to integrate.
         state: continuous state at the start.
         memory: memory at the start.
-        signals: inputs by name.
+        signals: inputs by name; parts with dead time see theirs late, see `System.commands`.
         period: of the samples [s].
         inner: steps per sample.
         samples: how many samples to go on for.
@@ -169,7 +170,7 @@ def march(
     Returns:
         (state, memory, integrals) at the end, and (states, memories, outputs) at all samples.
     """
-    h = period / inner
+    h, signals = period / inner, system.commands(signals)
     sums = nothing(system, state, memory, _inputs(signals, 0, 0.0, period)) if integrals else ()
 
     def sample(carry: Any, index: Any) -> tuple[Any, Any]:

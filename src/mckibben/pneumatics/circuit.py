@@ -97,9 +97,9 @@ class Circuit(System):
         return {name: memory for name, memory in kept.items() if jax.tree.leaves(memory)}
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
-        """The signals, and beside them the command of every element that has dead time, late by that.
+        """The signals, and beside them ``<element>.command`` of every element that has dead time, late by that.
 
-        A sampled loop that keeps its own delay line gives ``<element>.command`` itself.
+        A run does this itself. What is late already stays as it is.
         """
         late = {}
         for name, element in self.elements.items():

@@ -42,4 +42,9 @@ def _closed(name: str, branch: Branch, nodes: Mapping[str, Reservoir | Chamber])
         raise InputError(name, ", ".join(branch.ports), "two of its ports lead to the same node", where="circuit")
     if branch.element.commanded and branch.command is None:
         raise InputError(f"{name}.command", "missing", "a signal must drive it", where="circuit")
+    if branch.command == f"{name}.command" and branch.element.delay() is not None:
+        raise InputError(
+            f"{name}.command", "the name of its signal",
+            "this name is kept for the signal as it is after the dead time; give the signal another one", where="circuit",
+        )  # fmt: skip
     return branch.ports

@@ -10,7 +10,7 @@ that a small and a large muscle take the same number of steps. Range: as for the
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -113,6 +113,10 @@ class _Watched(System):
     def slide(self, memory: Any, start: Any, end: Any, duration: Any) -> Any:
         """Of the circuit."""
         return self.circuit.slide(memory, start, end, duration)
+
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+        """Of the circuit."""
+        return self.circuit.commands(signals)
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
         """Gauge pressure [Pa], static tension [N], and the bound of the fastest mode [1/s]."""

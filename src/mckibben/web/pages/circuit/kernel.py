@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import threading
 from collections import OrderedDict
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -62,6 +63,10 @@ class Watched(System):
     def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Of the circuit."""
         return self.circuit.slide(memory, start, end, duration)
+
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+        """Of the circuit."""
+        return self.circuit.commands(signals)
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
         """Of the circuit, and `RATE`."""
