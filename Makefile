@@ -8,6 +8,7 @@ BIN    := $(VENV)/Scripts
 endif
 RUN    := $(BIN)/python -m
 WORKERS ?= 2
+DATA   := $(or $(MCKIBBEN_DATA),../shared/data)
 
 .PHONY: demo test slow validation lint docs bench lock clean help
 
@@ -20,14 +21,14 @@ demo: $(VENV)/.run ## Fit every law to the two published force maps, and reprodu
 	$(RUN) mckibben reproduce --out $(OUT)/reproduction
 
 test: lint ## Run the whole suite
-	$(RUN) pytest -n $(WORKERS) -m "not slow and not validation"
+	$(RUN) pytest -n $(WORKERS) -m "not slow"
 
 slow: $(VENV)/.test ## Run the tests that take minutes
 	$(RUN) pytest -n $(WORKERS) -m slow
 
-validation: $(VENV)/.test ## Run the tests on measured data; MCKIBBEN_DATA must name their folder
-	@test -d "$$MCKIBBEN_DATA" || { echo "MCKIBBEN_DATA does not name a folder with the measured data"; exit 2; }
-	$(RUN) pytest -m validation -rA
+validation: $(VENV)/.test ## Run all tests on measured data, which must be in the folder MCKIBBEN_DATA or in ../shared/data
+	@test -d "$(DATA)" || { echo "No measured data: $(DATA) is no folder; name theirs in MCKIBBEN_DATA"; exit 2; }
+	MCKIBBEN_DATA="$(DATA)" $(RUN) pytest -m validation -rA
 
 lint: $(VENV)/.test ## Style, types and the import order of the house
 	$(RUN) ruff check .

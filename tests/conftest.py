@@ -1,4 +1,4 @@
-"""What all tests share: this folder on their path (`machine_records`), and compilations.
+"""What all tests share: this folder on their path (`machine_records`, `measured_data`), and compilations.
 
 Most of the suite's time is compilation, and every worker and every command line that a test starts would compile alike.
 """

@@ -1,27 +1,19 @@
 """One law for muscles of three rest lengths (10 mm fluidic muscles, isometric, public data of the AARL group).
 
-The data state no licence and do not ship: the folder is named by the environment variable MCKIBBEN_DATA.
+The data state no licence and do not ship, see `measured_data`.
 """
 
 import functools
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_data import FOLDER, needs
 
 from mckibben.identification import Fit, fit
 from mckibben.recordings import ForceMap, read_force_map
 
 FILE = "aarl_10mm_isometric/quasistatic_plateaus.csv"
-FOLDER = Path(os.environ.get("MCKIBBEN_DATA", ""))
-pytestmark = [
-    pytest.mark.validation,
-    pytest.mark.skipif(
-        not os.environ.get("MCKIBBEN_DATA") or not (FOLDER / FILE).is_file(),
-        reason=f"needs {FILE} in the folder named by MCKIBBEN_DATA",
-    ),
-]
+pytestmark = needs(FILE)
 REST_LENGTHS = (0.083, 0.182, 0.281)
 
 

@@ -1,16 +1,15 @@
 """Loop and creep of a Festo DMSP-10-250 (public data of tbazina/pam_lqi_pid), each predicted where the fit did not look.
 
-The data state no licence and do not ship: the folder is named by the environment variable MCKIBBEN_DATA. The sensor's
+The data state no licence and do not ship, see `measured_data`. The sensor's
 volts are read by its sheet (0.9 bar/V less 1 bar) and not cut off at zero, as the table's own pressures are.
 """
 
 import csv
 import functools
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_data import FOLDER, needs
 
 from mckibben.identification.creep_fit import LAWS, CreepFit, creep_half, fit_creep
 from mckibben.identification.hysteresis_fit import LoopFit, fit_loops
@@ -18,14 +17,7 @@ from mckibben.identification.path_record import PathRecord
 
 LOOP = "dmsp_10_250_hysteresis/pressure_stroke_loop.csv"
 STEPS = "dmsp_10_250_hysteresis/step_response_100hz.csv"
-FOLDER = Path(os.environ.get("MCKIBBEN_DATA", ""))
-pytestmark = [
-    pytest.mark.validation,
-    pytest.mark.skipif(
-        not os.environ.get("MCKIBBEN_DATA") or not (FOLDER / LOOP).is_file() or not (FOLDER / STEPS).is_file(),
-        reason=f"needs {LOOP} and {STEPS} in the folder named by MCKIBBEN_DATA",
-    ),
-]
+pytestmark = needs(LOOP, STEPS)
 LIMITS = ((0.124e-3, 0.310e-3), (0.148e-3, 0.449e-3))  # of each half: rms and largest error [m]
 BANDS = np.array([1.5, 2.0, 2.5, 2.7, 3.0, 3.5, 4.0, 4.5]) * 1e5
 

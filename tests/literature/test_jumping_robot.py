@@ -1,28 +1,21 @@
 """Blow-down of a tank into four muscles of a jumping robot (GTDynamics): fitted to three jumps, the fourth is predicted.
 
-The data do not ship: the folder is named by the environment variable MCKIBBEN_DATA.
+The data do not ship, see `measured_data`.
 """
 
-import os
-from pathlib import Path
-
 import pytest
+from measured_data import FOLDER, needs
 
 from mckibben.studies.jumping_robot import MUSCLES, read_trial, robot_study
 
-FOLDER = Path(os.environ.get("MCKIBBEN_DATA", "")) / "gtdynamics_jumping_robot"
+NAME = "gtdynamics_jumping_robot"
+JUMPS = FOLDER / NAME
 TRIALS = ("0p02_knee_80psi", "0p06_65psi", "0p09_65psi", "0p12_65psi")
-pytestmark = [
-    pytest.mark.validation,
-    pytest.mark.skipif(
-        not os.environ.get("MCKIBBEN_DATA") or not FOLDER.is_dir(),
-        reason="needs gtdynamics_jumping_robot in the folder named by MCKIBBEN_DATA",
-    ),
-]
+pytestmark = needs(NAME)
 
 
 def test_a_trial_is_read_with_its_valves_and_angles() -> None:
-    record = read_trial(FOLDER / "0p09_65psi")
+    record = read_trial(JUMPS / "0p09_65psi")
     assert record["tank.pressure"][0] == pytest.approx(466.1e3)
     for m in MUSCLES:
         # open for 90 ms of samples 2 ms apart
@@ -32,8 +25,8 @@ def test_a_trial_is_read_with_its_valves_and_angles() -> None:
 
 
 def test_a_jump_that_was_not_fitted_is_predicted() -> None:
-    fitted = [FOLDER / t for t in TRIALS if t != "0p09_65psi"]
-    found, trials = robot_study(fitted, [FOLDER / "0p09_65psi"], evaluations=20)
+    fitted = [JUMPS / t for t in TRIALS if t != "0p09_65psi"]
+    found, trials = robot_study(fitted, [JUMPS / "0p09_65psi"], evaluations=20)
     assert [t.name for t in trials][-1] == "0p09_65psi"
     # Measured when this was written: 6.1 kPa over all channels, of a swing of 260 kPa in the muscles and 140 in the tank;
     # the bound is that of the trial that was fitted worst.

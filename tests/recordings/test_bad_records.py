@@ -1,11 +1,11 @@
 """A measured record is read as SI, or refused in one line that names the file, the row, the value and what is allowed."""
 
 import gzip
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_data import FOLDER, measured
 
 from mckibben.errors import InputError
 from mckibben.recordings import Recording, read_record, read_recording
@@ -404,13 +404,11 @@ def test_a_record_of_others_survives_our_files(tmp_path: Path) -> None:
         assert read_recording(found.save(tmp_path / f"ours{suffix}")) == found
 
 
-@pytest.mark.validation
+@measured("gtdynamics_jumping_robot")
 def test_the_tanks_of_a_jumping_robot_are_read() -> None:
     # Headerless; time rounded to ms at 500 Hz, then kPa gauge. The first tank's supply is stated as 80 psi, the others' 65.
-    folder = Path(os.environ.get("MCKIBBEN_DATA", "")) / "gtdynamics_jumping_robot"
-    files = sorted(folder.glob("*/pres_filt.txt")) if os.environ.get("MCKIBBEN_DATA") else []
-    if not files:
-        pytest.skip("MCKIBBEN_DATA holds no gtdynamics_jumping_robot")
+    files = sorted((FOLDER / "gtdynamics_jumping_robot").glob("*/pres_filt.txt"))
+    assert files
     for file in files:
         found = read_record(
             file, columns={"time": 1, "tank.pressure": 2}, units={"tank.pressure": "kPa"}, required=["tank.pressure"]

@@ -1,15 +1,15 @@
 """The loops' study: known friction and creep are predicted where no fit looked, and a wrong width or order is called so.
 
-The synthetic records are written in the files' own format; the real ones do not ship (MCKIBBEN_DATA names their folder).
+The synthetic records are written in the files' own format; the real ones do not ship, see `measured_data`.
 """
 
 import dataclasses
 import json
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_data import FOLDER, measured
 
 from mckibben.cli import main
 from mckibben.cli.study_loops import limits
@@ -22,7 +22,7 @@ from mckibben.studies.muscle_loops import HOLD, SPACING, STAGES, TARGET, LoopStu
 STROKE = np.concatenate([np.linspace(0.0, 0.03, 41), np.linspace(0.03, 0.0, 41)[1:]])
 NOISE = 2e-5  # of the stroke [m], as of the real sensor
 TAU, CREPT = 0.1, 6e-4  # of the one element that creeps [s], [m]
-REAL = Path(os.environ.get("MCKIBBEN_DATA", "")) / "dmsp_10_250_hysteresis"
+REAL = FOLDER / "dmsp_10_250_hysteresis"
 
 
 def friction_along(stroke: np.ndarray) -> np.ndarray:
@@ -274,11 +274,7 @@ def test_a_step_whose_pressure_is_not_held_is_refused(folder: Path, tmp_path: Pa
         loop_study(tmp_path, frictions=("dahl",))
 
 
-@pytest.mark.validation
-@pytest.mark.skipif(
-    not os.environ.get("MCKIBBEN_DATA") or not REAL.is_dir(),
-    reason="needs dmsp_10_250_hysteresis in the folder named by MCKIBBEN_DATA",
-)
+@measured("dmsp_10_250_hysteresis")
 def test_the_measured_loop_and_creep_are_predicted_where_no_fit_looked() -> None:
     found = loop_study(REAL)
     print(

@@ -11,6 +11,7 @@ import numpy as np
 from ..analysis.timing import time_lead
 from ..engine import STEP, Run
 from ..errors import ConvergenceError, InputError
+from .checks import require_influence, require_progress
 from .circuit_problem import CircuitProblem
 from .trial import Trial, expand
 from .uncertainty import Estimate, uncertainty, widening
@@ -82,8 +83,8 @@ def fit_circuit(
         The fit. Intervals are linearised, 95 %, and widened for the correlation of neighbouring residuals.
 
     Raises:
-        InputError: for an unknown path, or trials that do not fit together.
-        ConvergenceError: if the circuit cannot be run with the first guesses.
+        InputError: for an unknown path, trials that do not fit together, or a parameter on which no record depends.
+        ConvergenceError: if the circuit cannot be run with the first guesses, or the fit ended where it began.
     """
     if not trials:
         raise InputError("trials", "none", "allowed is at least one record")
@@ -97,6 +98,10 @@ def fit_circuit(
     values = problem.values(found.x)
     jacobian = problem.jacobian(found.x)
     residual = problem.residual(found.x)
+    what = ", ".join(t.name for t in trials)
+    require_influence(jacobian, problem.names, what=what)
+    if evaluations > 1:  # with one it may not move
+        require_progress(problem.start, found.x, jacobian, residual, problem.bounds, what=what)
     known = uncertainty(jacobian, residual * widening(problem.split(residual)), problem.names)
     estimates, warnings = {}, list(known.warnings)
     for i, name in enumerate(problem.names):

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import ConvergenceError, InputError
 from ..muscles.build import build_law
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
 from ..recordings import ForceMap
+from .checks import require_influence, require_progress
 from .criterion import akaike
 from .problem import Problem
 from .solve import Solution, solve
@@ -109,12 +110,19 @@ def fit(
         progress: called with a few words after each piece of work.
 
     Raises:
-        InputError: if the table is too small or a needed parameter unknown.
+        InputError: if the table is too small, a needed parameter unknown, or the table does not depend on a free one.
+        ConvergenceError: the fit ended where it began.
     """
     tell = progress or (lambda _: None)
     problem = Problem.of(law, points, known=known, free=free, slack=slack)
     solution = solve(problem)
     tell(f"{law}: fitted")
+    what = f"{problem.points.name} by the law {law}"
+    require_influence(solution.jacobian, problem.free, what=what)
+    require_progress(
+        solution.start, solution.scaled, solution.jacobian, solution.tension - problem.points.tension, problem.bounds,
+        what=what,
+    )  # fmt: skip
     taut = problem.points.taut
     error = (solution.tension - problem.points.tension)[taut]
     spread = uncertainty(solution.jacobian[taut], error, problem.free)
@@ -152,7 +160,7 @@ def fit_all(
     Args:
         points: the measured table.
         laws: their names; all of them where left out, and then a law that the table cannot feed is passed over with its
-            reason in `skipped`.
+            reason in `skipped`. So is one whose fit fails.
         known: as for `fit`.
         skipped: filled with reasons by name.
         **options: as for `fit`.
@@ -162,7 +170,7 @@ def fit_all(
     for name in LAWS if laws is None else laws:
         try:
             found.append(fit(name, points, known=known, **options))
-        except InputError as error:
+        except (InputError, ConvergenceError) as error:
             if not every:
                 raise
             if skipped is not None:

@@ -24,6 +24,7 @@ import numpy as np
 from ..components import Hysteresis
 from ..errors import InputError
 from ..muscles.law import TensionLaw
+from .checks import require_influence, require_progress
 from .criterion import HalfSeen, akaike
 from .loop_models import MODELS, SMOOTH, TRAVEL, Free
 from .path_record import PathRecord
@@ -97,7 +98,8 @@ def fit_loop(
         knots: of the monotone curve.
 
     Raises:
-        InputError: names the field and what is allowed.
+        InputError: names the field and what is allowed; for a parameter on which no seen sample depends.
+        ConvergenceError: the fit ended where it began.
     """
     from scipy import optimize
 
@@ -115,11 +117,17 @@ def fit_loop(
     def misfit(x: np.ndarray) -> np.ndarray:
         return np.nan_to_num((predict(x) - record.stroke)[seen] / scale, nan=1e3)
 
+    def derivative(x: np.ndarray) -> np.ndarray:
+        return np.nan_to_num(slopes(x)[seen] / scale)
+
     def descend(x: np.ndarray) -> Any:
-        return optimize.least_squares(
-            misfit, np.clip(x, low + 1e-9, high - 1e-9), jac=lambda x: np.nan_to_num(slopes(x)[seen] / scale),
-            bounds=(low, high), x_scale="jac", max_nfev=150, ftol=1e-9, xtol=1e-9, gtol=1e-9,
+        start = np.clip(x, low + 1e-9, high - 1e-9)
+        found = optimize.least_squares(
+            misfit, start, jac=derivative, bounds=(low, high), x_scale="jac", max_nfev=150, ftol=1e-9, xtol=1e-9,
+            gtol=1e-9,
         )  # fmt: skip
+        found.start = start
+        return found
 
     # Dahl's contact has no kinks: where many contacts are to be found, it first says where the curve and the friction lie.
     shared = {n: v for n, v in (known or {}).items() if n not in TRAVEL}
@@ -129,6 +137,9 @@ def fit_loop(
     draw = np.random.default_rng(SEED)
     for _ in range(SHAKEN):
         best = min(best, descend(best.x + SHAKE * draw.standard_normal(len(best.x))), key=lambda f: f.cost)
+    what = f"the loop with {model}"
+    require_influence(derivative(best.x), names, what=what)
+    require_progress(best.start, best.x, derivative(best.x), misfit(best.x), (low, high), what=what)
     error = (predict(best.x) - record.stroke)[seen]
     spread = uncertainty(slopes(best.x)[seen], error, names)
     half = spread.quantile * spread.standard_error * widening(_runs(error, seen))

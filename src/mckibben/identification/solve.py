@@ -20,6 +20,7 @@ SAME = 1e-6
 class Solution:
     """The best solution of a multi-start search."""
 
+    start: np.ndarray
     scaled: np.ndarray
     tension: np.ndarray
     jacobian: np.ndarray
@@ -66,11 +67,13 @@ def solve(
     found = []
     for start in queue:
         found.append(descend(start))
+        found[-1].start = start
         if _agreeing(found) >= AGREE:
             break
     best = min(found, key=lambda f: (f.status <= 0, f.cost))
     pull = np.maximum(force(best.x), 0.0)
     return Solution(
+        start=best.start,
         scaled=best.x,
         tension=pull,
         jacobian=np.where(pull > 0.0, 1.0, 0.0)[:, None] * slopes(best.x),

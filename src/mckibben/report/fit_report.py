@@ -299,8 +299,6 @@ def _state(fit: Fit, size: float) -> Cell:
         words.append("parameters hard to tell apart")
     if any("bound" in w for w in fit.warnings):
         words.append("a parameter on its bound")
-    if any("do not contain" in w for w in fit.warnings):
-        words.append("a parameter not in the data")
     if fit.holdout and not fit.holdout.max_error < 0.2 * size:
         words.append("does not extrapolate in pressure")
     if any(c.failed for c in fit.cross.values()):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, MissingDataError
+from ..errors import ConvergenceError, InputError, MissingDataError
 from ..identification import Fit, fit, rank
 from ..identification.fit import SCHEMES, evaluate
 from ..muscles import law_from_specimen
@@ -186,7 +186,7 @@ def _static(
         tell(f"{one.name}, {law}")
         try:
             found = fit(law, points, known=one.known, schemes=_told(schemes, points), train_below=TRAINED_BELOW)
-        except InputError as error:
+        except (InputError, ConvergenceError) as error:
             skipped[law] = str(error)
             continue
         fits.append(found)
