@@ -16,6 +16,7 @@ from mckibben.identification.records import trial_from_record
 from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.heat import Isothermal
 from mckibben.pneumatics.leak import Leak
+from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import InertialTube, QuadraticTube
 from mckibben.pneumatics.volume import FixedVolume, Reservoir
 
@@ -216,6 +217,25 @@ def test_both_resistances_and_the_cross_section_of_a_tube_without_inertia_cannot
     found = fit_circuit([trial], free, step=STEP)
     assert any("cannot tell" in w and all(path in w for path in free) for w in found.warnings), found.warnings
     assert found.rms() == pytest.approx(known.rms(), rel=1e-6)  # the further freedom explains nothing
+
+
+def test_a_chain_of_three_volumes_is_found_by_the_stiff_method():
+    """Six states: their linear system goes through memory, where derivatives were once lost."""
+    names = ("first", "second", "third")
+    holes = zip(("p", *names), names, strict=False)
+    circuit = Circuit.of(
+        {"p": Reservoir(signal="p"), **{n: FixedVolume(size=1e-5, heat=Isothermal()) for n in names}},
+        {f"to_{b}": Branch(Orifice(conductance=1.5e-8, critical_ratio=0.28), (a, b)) for a, b in holes},
+    )
+    path, period, start = "elements.to_*.conductance", 2e-3, dict.fromkeys(names, ROOM)
+    wish = ROOM + 2e5 * (1.0 - np.cos(2.0 * np.pi * 10.0 * period * np.arange(61)))
+    trial = Trial("chain", circuit, {"p": ramped(wish)}, start, {"third.pressure_abs": wish}, period)
+    true = {f"elements.to_{n}.conductance": 1e-8 for n in names}
+    made = np.asarray(trial.run(true, step=4e-4, method="ros2").outputs["third.pressure_abs"])
+    noise = np.random.default_rng(29).normal(0.0, NOISE, made.size)
+    trial = trial.replace(measured={"third.pressure_abs": made + noise})
+    assert trial.run(true, step=4e-4).stiff
+    assert_found(fit_circuit([trial], [path], step=4e-4), {path: 1e-8}, within=0.05)
 
 
 def test_intervals_of_95_percent_hold_the_truth_in_95_percent_of_records():

@@ -7,13 +7,14 @@ import functools
 
 import numpy as np
 import pytest
-from measured_data import FOLDER, needs
 
 from mckibben.identification import Fit, fit
 from mckibben.recordings import ForceMap, read_force_map
+from measured_data import FOLDER, needs
 
 FILE = "aarl_10mm_isometric/quasistatic_plateaus.csv"
 pytestmark = needs(FILE)
+LATER = pytest.mark.slow  # half a minute of compilation: the law solves an equilibrium
 REST_LENGTHS = (0.083, 0.182, 0.281)
 
 
@@ -37,6 +38,7 @@ def test_the_table_holds_three_rest_lengths_and_both_branches() -> None:
     assert len(points) == 1418
 
 
+@LATER
 def test_one_law_covers_all_rest_lengths() -> None:
     law = found()
     assert law.converged
@@ -48,6 +50,7 @@ def test_one_law_covers_all_rest_lengths() -> None:
     assert law.max_error <= 0.058 * largest
 
 
+@LATER
 @pytest.mark.parametrize(("rest_length", "share"), [(0.083, 0.0575), (0.182, 0.0494), (0.281, 0.0531)])
 def test_a_rest_length_left_out_is_predicted(rest_length: float, share: float) -> None:
     law = found()
@@ -63,6 +66,7 @@ def test_a_rest_length_left_out_is_predicted(rest_length: float, share: float) -
     assert np.abs(error).max() <= 1.03 * share * largest
 
 
+@LATER
 def test_the_interval_of_the_seats_excludes_rigid_ends() -> None:
     seats = found().parameters["seat_compliance"]
     # End effects matter: without seats all three lengths would pull alike at rest length, but they pull 305 to 421 N.

@@ -9,11 +9,11 @@ import functools
 
 import numpy as np
 import pytest
-from measured_data import FOLDER, needs
 
 from mckibben.identification.creep_fit import LAWS, CreepFit, creep_half, fit_creep
 from mckibben.identification.hysteresis_fit import LoopFit, fit_loops
 from mckibben.identification.path_record import PathRecord
+from measured_data import FOLDER, needs
 
 LOOP = "dmsp_10_250_hysteresis/pressure_stroke_loop.csv"
 STEPS = "dmsp_10_250_hysteresis/step_response_100hz.csv"

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_data import FOLDER, measured
 
 from mckibben.errors import InputError
 from mckibben.recordings import Recording, read_record, read_recording
+from measured_data import FOLDER, measured
 
 N = 12
 BAR = 1e5

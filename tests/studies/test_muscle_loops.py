@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_data import FOLDER, measured
 
 from mckibben.cli import main
 from mckibben.cli.study_loops import limits
@@ -18,6 +17,7 @@ from mckibben.identification.hysteresis_fit import AREA
 from mckibben.muscles.hysteresis import Dahl, FrictionLimit
 from mckibben.studies.loop_records import LOOP, STEPS, read_loop, read_steps
 from mckibben.studies.muscle_loops import HOLD, SPACING, STAGES, TARGET, LoopStudy, Width, compared, loop_study
+from measured_data import FOLDER, measured
 
 STROKE = np.concatenate([np.linspace(0.0, 0.03, 41), np.linspace(0.03, 0.0, 41)[1:]])
 NOISE = 2e-5  # of the stroke [m], as of the real sensor

@@ -143,7 +143,8 @@ def validation(
 ) -> None:
     """Every tension law against every data set at hand: errors, cross-validation, numbers as published.
 
-    With all data it takes half an hour, most of it for the robot. What is not at hand is named, not passed over.
+    With all data it takes a quarter of an hour or more, two minutes of it for the robot. What is not at hand is named, not
+    passed over.
     """
     from ..studies import validation as rooms
     from .study_validation import show_validation, validation_json, write_page

@@ -95,9 +95,7 @@ def agree(program, places=(0, 1, 2)):
 
 
 STATES = [
-    pytest.param(n, stiff, marks=pytest.mark.slow if n in DEAR else ())
-    for stiff in (False, True)
-    for n in range(1, 13)
+    pytest.param(n, stiff, marks=pytest.mark.slow if n in DEAR else ()) for stiff in (False, True) for n in range(1, 13)
 ]
 
 
