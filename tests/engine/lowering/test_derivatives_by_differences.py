@@ -101,7 +101,7 @@ STATES = [
 
 @pytest.mark.parametrize(("count", "stiff"), STATES)
 def test_derivatives_of_a_chain_are_differences_however_many_states_it_has(count, stiff):
-    agree(run(count, stiff))
+    agree(run(count, stiff), places=(0, 2) if count > 6 else (0, 1, 2))  # every further direction costs compilation
 
 
 @pytest.mark.parametrize("stiff", [False, True])
