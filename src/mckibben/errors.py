@@ -37,6 +37,21 @@ class InputError(MckibbenError, ValueError):
         return InputError(self.field, self.value, self.allowed, where=place)
 
 
+class MissingLibraryError(InputError):
+    """What was asked for needs a library that comes with an extra and is not installed; says which, and how to get it."""
+
+    def __init__(self, purpose: str, library: str, extra: str, *, instead: str = "", where: str | None = None) -> None:
+        self.purpose, self.library, self.extra, self.instead = purpose, library, extra, instead
+        super().__init__(library, "not installed", f"pip install 'mckibben[{extra}]'", where=where)
+        sentence = f"{purpose} {library}, which is not installed: {self.allowed}"
+        self.args = (f"{where}: " * bool(where) + sentence + (f"; {instead}" if instead else ""),)
+
+    def at(self, where: str) -> MissingLibraryError:
+        """The same complaint with the place it comes from, the outermost first."""
+        place = f"{where}: {self.where}" if self.where else where
+        return MissingLibraryError(self.purpose, self.library, self.extra, instead=self.instead, where=place)
+
+
 class UnreachableError(MckibbenError):
     """No state satisfies the wish, for example a tension that no allowed pressure gives."""
 

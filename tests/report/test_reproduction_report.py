@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 
 import pytest
 
@@ -10,10 +11,10 @@ from mckibben.errors import InputError
 from mckibben.report import document_pdf, reproduction_report
 from mckibben.report.figures import style
 from mckibben.report.paper_figures import FIGURES, PaperFigure
-from mckibben.report.reproduction_report import Drawn, chosen_figures, difference, draw, tolerance
+from mckibben.report.reproduction_report import Drawn, chosen_figures, difference, draw
 from mckibben.report.reproduction_report import reproduction_report as report
 from mckibben.reproduction import Outcome, Row
-from mckibben.reproduction.rows import all_rows, judge
+from mckibben.reproduction.rows import accepted_band, all_rows, judge
 
 NASTY = r"<b>a</b> & #panic() $x$ @me \ "
 
@@ -83,7 +84,15 @@ def test_every_row_stands_in_both_files_with_verdict_and_note(document):
         )
         assert o.verdict.replace(" ", "\N{NO-BREAK SPACE}") in source
     assert "seen in code and \N{MINUS SIGN}3 ±2" in page
-    for words in ("1 of 8 numbers fall short", "N/(L₀ cm²)", "+5.0 %", "inside", "+902 %", "–"):
+    for words in (
+        "1 of 8 numbers fall short",
+        "9 printed numbers: 3 hold (0 to +5 %), 1 is calibrated (−5 %)",
+        "N/(L₀ cm²)",
+        "+5.0 %",
+        "inside",
+        "+902 %",
+        "–",
+    ):
         assert words in page, words
 
 
@@ -95,7 +104,7 @@ def test_every_figure_stands_in_both_files_and_rows_lead_to_theirs(document):
     assert page.count('href="#figure-3a"') == 1 and page.count('href="#figure-12c"') == 2
     assert "Fig.\N{NO-BREAK SPACE}5a of 1994" in page and "Table\N{NO-BREAK SPACE}1" in page
     drawn = sum(name != "main" for name in files)
-    gauges = sum(tolerance(o.row) is not None and o.ours is not None for o in [*OUTCOMES, SHORT])
+    gauges = sum(accepted_band(o.row) is not None and o.ours is not None for o in [*OUTCOMES, SHORT])
     assert drawn == len(KNOWN) + gauges == page.count("<svg")
 
 
@@ -131,7 +140,7 @@ def test_differences_are_in_percent_where_that_makes_sense(found, ours, said):
 
 def test_the_gauge_ends_where_the_verdict_turns():
     for one in all_rows():
-        allowed = tolerance(one)
+        allowed = accepted_band(one)
         if allowed is None:
             assert one.expect in ("erratum", "open", "synthetic")
             continue
@@ -187,13 +196,17 @@ def test_a_person_is_told_paper_ours_difference_verdict_and_note_of_every_row(ru
     for one in (r for r in all_rows() if r.part == "discussion"):
         (line,) = (line for line in lines if line.startswith(f"{one.id} "))
         assert line.rstrip().endswith("holds") and one.unit in line and "%" in line
-    assert lines[-1] == "6 of 6 rows computed, 0 fall short, 0 to come."
+    assert lines[-1] == "6 printed numbers: 6 hold (−3 to 0 %), none falls short."
 
 
 def test_rows_that_fall_short_give_exit_code_1_after_the_report_is_written(run, tmp_path, monkeypatch):
     monkeypatch.setattr("mckibben.reproduction.rows.judge", lambda row, ours: False)
     code, out, _ = run("--row", "valve.festo_power", "--report", str(tmp_path / "r.html"), "--json", "--no-recordings")
     found = json.loads(out)
+    assert found["kinds"] == {
+        "short": {"rows": 1, "lowest": found["rows"][0]["difference"], "highest": pytest.approx(0)}
+    }
+    assert found["headline"] == "1 printed number: 1 falls short (0 %)."
     assert code == 1 and found["failed"] == 1 and found["files"] == [str(tmp_path / "r.html")]
     assert "1 of 1 numbers fall short" in (tmp_path / "r.html").read_text(encoding="utf-8")
 
@@ -207,6 +220,27 @@ def test_out_takes_both_reports_or_single_figures(run, tmp_path):
     code, out, _ = run("--figure", "5a", "--out", str(tmp_path))
     assert code == 0 and "static.zero_force_angle" in out
     assert (tmp_path / "figure-5a.svg").read_text(encoding="utf-8").startswith("<?xml")
+
+
+def test_a_wide_tolerance_is_shown_with_its_reason(run):
+    code, out, _ = run("--row", "energy.maximal.zero_pressure")
+    assert code == 0 and "tolerance 15 %: no number is printed" in " ".join(out.split())
+    code, out, _ = run("--row", "energy.maximal.zero_pressure", "--json")
+    (row,) = json.loads(out)["rows"]
+    assert row["tolerance"] == pytest.approx(0.15) and row["reason"] in row["note"] and row["kind"] == "holds"
+
+
+def test_without_typst_out_is_refused_before_any_work_and_html_alone_is_offered(run, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "typst", None)
+    monkeypatch.setattr("mckibben.reproduction.reproduce", lambda *args, **options: pytest.fail("it computed first"))
+    folder = tmp_path / "new"
+    code, out, err = run("--out", str(folder))
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "typst" in err and "mckibben[report]" in err and "--no-pdf" in err and not folder.exists()
+    monkeypatch.undo()
+    monkeypatch.setitem(sys.modules, "typst", None)
+    assert run("--row", "static.zero_force_angle", "--no-recordings", "--out", str(folder), "--no-pdf")[0] == 0
+    assert [p.name for p in folder.iterdir()] == ["reproduction.html"]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import pytest
 
 from mckibben.reproduction import part1, reproduce, rows
-from mckibben.reproduction.rows import Row, all_rows, judge, reproduce_row, rounds_to
+from mckibben.reproduction.rows import Row, all_rows, decimals_of, judge, reproduce_row, rounds_to
 
 
 def test_static_rows_and_table_1_hold():
@@ -37,18 +37,21 @@ def test_every_row_is_listed_even_without_a_verdict(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("ours", "printed", "holds"),
+    ("ours", "printed", "decimals", "holds"),
     [
-        (54.7356, 54.7, True),
-        (54.76, 54.7, False),
-        (322.17, 322.0, True),
-        (322.6, 322.0, False),
-        (0.126, 0.13, True),
-        (0.1245, 0.13, False),
+        (54.7356, 54.7, 1, True),
+        (54.76, 54.7, 1, False),
+        (322.17, 322.0, 0, True),
+        (322.6, 322.0, 0, False),
+        (0.126, 0.13, 2, True),
+        (0.1245, 0.13, 2, False),
+        (0.206, 0.2, 2, False),
     ],
 )
-def test_printed_means_rounds_to(ours, printed, holds):
-    assert rounds_to(ours, printed) is holds
+def test_printed_means_rounds_to(ours, printed, decimals, holds):
+    row = Row("a", "I", "", printed, "N", "printed", decimals=2 if printed == 0.2 else None)
+    assert decimals_of(row) == decimals
+    assert rounds_to(ours, printed, decimals) is judge(row, ours) is holds
 
 
 def test_verdicts_of_the_other_kinds():

@@ -44,6 +44,7 @@ def reproduce(
         Path | None,
         typer.Option("--out", metavar="DIR", help="Write both reports there; with --figure the figures as SVG files."),
     ] = None,
+    pdf: Annotated[bool, typer.Option(help="Write the PDF report beside the HTML one into --out.")] = True,
     recordings: Annotated[
         bool, typer.Option(help="Leave out what needs recordings of the test machine, which take minutes.")
     ] = True,
@@ -57,7 +58,7 @@ def reproduce(
     from ..reproduction.rows import select
 
     select(part, row)  # refuses a wrong word before anything is loaded
-    places = _places(report, out, figures_only=bool(figure))
+    places = _places(report, out, pdf=pdf, figures_only=bool(figure))
     pictures = _pictures(figure, part, row, recordings) if figure or places else []
     rows = _rows(row, pictures) if figure else row
     outcomes, drawn = _done(part, rows, pictures, recordings)
@@ -66,29 +67,32 @@ def reproduce(
         written += _save(drawn, out or Path())
     failed = sum(o.ok is False for o in outcomes)
     if as_json:
-        found: dict[str, Any] = {"rows": [_as_json(o) for o in outcomes], "failed": failed}
-        print_json(found | ({"files": written} if written else {}))
+        print_json(_document(outcomes, failed) | ({"files": written} if written else {}))
     else:
-        _print(outcomes, failed)
+        _print(outcomes)
         for path in written:
             typer.echo(f"Written: {path}")
     if failed:
         raise typer.Exit(1)
 
 
-def _places(report: list[Path] | None, out: Path | None, *, figures_only: bool) -> list[Path]:
-    """Where reports go; refused before minutes of work are done."""
+def _places(report: list[Path] | None, out: Path | None, *, pdf: bool, figures_only: bool) -> list[Path]:
+    """Where reports go; refused before minutes of work are done, and before a folder is made."""
     from ..report.document import checked_place
 
+    named = [checked_place(path, field="--report") for path in report or []]
+    names = [] if out is None or figures_only else [name for name in REPORTS if pdf or not name.endswith(".pdf")]
+    if any(name.endswith(".pdf") for name in names):
+        from ..report.document_pdf import compiler
+
+        compiler("--no-pdf writes the HTML report alone")
     if out is not None:
         if out.exists() and not out.is_dir():
             raise InputError("--out", str(out), "it is a file; allowed is a folder")
         if not out.absolute().parent.is_dir():
             raise InputError("--out", str(out), "no such folder above it")
         out.mkdir(exist_ok=True)
-    both = [] if out is None or figures_only else [out / name for name in REPORTS]
-    named = [checked_place(path, field="--report") for path in report or []]
-    return named + [checked_place(path, field="--out") for path in both]
+    return named + [checked_place(out / name, field="--out") for name in names if out is not None]
 
 
 def _pictures(figure: list[str] | None, part: str | None, row: list[str] | None, recordings: bool) -> list[PaperFigure]:
@@ -153,7 +157,17 @@ def _save(drawn: list[Drawn], folder: Path) -> list[str]:
     return [str(path) for path in files]
 
 
+def _document(outcomes: list[Outcome], failed: int) -> dict[str, Any]:
+    from ..reproduction.verdicts import headline, tallies
+
+    kinds = {t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest} for t in tallies(outcomes)}
+    rows = [_as_json(o) for o in outcomes]
+    return {"headline": headline(outcomes), "kinds": kinds, "failed": failed, "rows": rows}
+
+
 def _as_json(o: Outcome) -> dict[str, Any]:
+    from ..reproduction.verdicts import kind_of, relative_difference, relative_tolerance
+
     return {
         "id": o.row.id,
         "paper": o.row.paper,
@@ -163,6 +177,10 @@ def _as_json(o: Outcome) -> dict[str, Any]:
         "ok": o.ok,
         "calibrated": o.row.calibrated,
         "verdict": o.verdict,
+        "kind": kind_of(o).key,
+        "difference": relative_difference(o.row, o.ours),
+        "tolerance": relative_tolerance(o.row),
+        "reason": o.row.reason,
         "note": o.note,
     }
 
@@ -170,8 +188,10 @@ def _as_json(o: Outcome) -> dict[str, Any]:
 # ---- for a person
 
 
-def _print(outcomes: list[Outcome], failed: int) -> None:
+def _print(outcomes: list[Outcome]) -> None:
     from rich.console import Console
+
+    from ..reproduction.verdicts import headline
 
     if not outcomes:
         typer.echo("No row is asked for.")
@@ -189,9 +209,9 @@ def _print(outcomes: list[Outcome], failed: int) -> None:
         typer.echo(_line(cells, widths))
         for line in textwrap.wrap(o.note, max(wide - 4, 40)):
             typer.echo(f"    {line}")
-    computed = sum(o.ours is not None for o in outcomes)
-    rest = len(outcomes) - computed
-    typer.echo(f"\n{computed} of {len(outcomes)} rows computed, {failed} fall short, {rest} to come.")
+    typer.echo("")
+    for line in textwrap.wrap(headline(outcomes), max(wide, 40)):
+        typer.echo(line)
 
 
 def _titled(part: str) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..citations import known_keys, reference
-from ..errors import InputError
+from ..extras import library
 from .document import (
     Block,
     Cell,
@@ -51,25 +51,20 @@ def pdf(document: Document) -> bytes:
     """The document as a PDF file.
 
     Raises:
-        InputError: typst is not installed.
+        MissingLibraryError: typst is not installed.
     """
     typst = compiler()
     files = sources(document)
     return bytes(typst.compile(files, format="pdf", font_paths=_fonts(), pdf_standards="ua-1"))
 
 
-def compiler() -> Any:
-    """The library that sets PDF files.
+def compiler(instead: str = "HTML reports do without it") -> Any:
+    """The library that sets PDF files; `instead` says what does without it.
 
     Raises:
-        InputError: it is not installed.
+        MissingLibraryError: it is not installed.
     """
-    try:
-        import typst
-    except ImportError:
-        allowed = "PDF reports need it: pip install 'mckibben[report]', or pip install typst; HTML reports do not"
-        raise InputError("library typst", "not installed", allowed) from None
-    return typst
+    return library("typst", "PDF reports need", instead=instead)
 
 
 def sources(document: Document) -> dict[str, bytes]:

@@ -6,13 +6,13 @@ The figures come from the registry `paper_figures.FIGURES`; each is drawn anew f
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from decimal import Decimal
 from typing import Any, NamedTuple
 
 from ..errors import InputError
 from ..reproduction import Outcome, Row
+from ..reproduction.rows import accepted_band, judge
+from ..reproduction.verdicts import REASONED, Kind, Tally, headline, kind_of, percent, relative_difference, tallies
 from .document import (
     Block,
     Cell,
@@ -41,17 +41,10 @@ PARTS = {
     "IV": "Part IV. Energy conversion and efficiency",
     "discussion": "Discussion",
 }
-# What a verdict says, the sign before it, and the order in which verdicts are counted.
-VERDICTS = {
-    "holds": ("✓", "ours agrees with the print as closely as the row asks"),
-    "holds, calibrated": ("(✓)", "agrees, but an input was inferred from this row or its companion: no prediction"),
-    "misprint": ("▲", "the printed value is wrong; ours is the corrected one"),
-    "open": ("○", "ours is told with the reason for the difference, and never tuned to the print"),
-    "synthetic": ("◇", "no measured curve is printed; ours is computed against the distributed reference"),
-    "falls short": ("■", "ours does not agree"),
-    "to come": ("…", "not computed yet"),
-}
-_LOOKS = {"misprint": "caution", "falls short": "stop"}
+_SIGNS = {
+    "holds": "✓", "calibrated": "(✓)", "misprint": "▲", "open": "○", "synthetic": "◇", "short": "■", "to come": "…",
+}  # fmt: skip
+_LOOKS: dict[str, Any] = {"misprint": "caution", "short": "stop"}
 _ENDS = 0.5  # place on a gauge where the tolerance ends
 
 
@@ -151,14 +144,12 @@ def difference(row: Row, ours: float | None) -> str:
     """How far ours lies from the print, or the nearer end of an interval: in per cent, or of a printed 0 in its unit."""
     if ours is None:
         return ""
-    paper = row.paper
-    if isinstance(paper, tuple):
-        if paper[0] <= ours <= paper[1]:
-            return "inside"
-        paper = min(paper, key=lambda end: abs(ours - end))
-    if not paper:
-        return _signed(ours - paper, 3)
-    share = 100.0 * (ours - paper) / abs(paper)
+    if isinstance(row.paper, tuple) and judge(row, ours):
+        return "inside"
+    relative = relative_difference(row, ours)
+    if relative is None:
+        return _signed(ours, 3)
+    share = 100.0 * relative
     digits = 0 if abs(share) >= 99.95 else 1 if abs(share) >= 0.95 else 2
     return f"{minus(f'{share:+.{digits}f}')}\N{THIN SPACE}%"
 
@@ -167,21 +158,8 @@ def _signed(value: float, digits: int) -> str:
     return ("+" if value > 0.0 else "") + significant(value, digits)
 
 
-def tolerance(row: Row) -> tuple[float, float] | None:
-    """Middle and half-width of what counts as agreement [the row's unit]; None where nothing does."""
-    if isinstance(row.paper, tuple):
-        low, high = row.paper
-        return 0.5 * (low + high), 0.5 * (high - low)
-    if row.expect == "near":
-        return row.paper, row.tolerance * abs(row.paper)
-    if row.expect == "printed":
-        exponent = Decimal(repr(row.paper).removesuffix(".0")).as_tuple().exponent
-        return row.paper, 0.5 * 10.0 ** int(exponent)
-    return None
-
-
 def _gauge(row: Row, ours: float | None) -> Gauge | str:
-    allowed = tolerance(row)
+    allowed = accepted_band(row)
     if allowed is None or ours is None or not allowed[1] > 0.0:
         return ""
     middle, half = allowed
@@ -196,36 +174,41 @@ def _gauge(row: Row, ours: float | None) -> Gauge | str:
 
 def _verdict(outcomes: Sequence[Outcome], drawn: Sequence[Drawn], left_out: str) -> Iterator[Block]:
     failed = [o for o in outcomes if o.ok is False]
-    done = sum(o.ours is not None for o in outcomes)
     if failed:
         names = tuple((Span(o.row.id, "code"), f" {o.row.what}") for o in failed)
-        yield Note(f"{len(failed)} of {done} numbers fall short", names, "stop")
-    elif outcomes:
-        few = f"{done} of {len(outcomes)} numbers were computed, and none of them falls short"
-        pictures = f"; {len(drawn)} figure{'s are' if len(drawn) != 1 else ' is'} drawn below" if drawn else ""
-        yield Paragraph(f"{few}{pictures}.", "lead")
+        yield Note(f"{len(failed)} of {sum(o.ours is not None for o in outcomes)} numbers fall short", names, "stop")
+    if outcomes:
+        pictures = f" {len(drawn)} figure{'s are' if len(drawn) != 1 else ' is'} drawn below." if drawn else ""
+        yield Paragraph(f"{headline(outcomes)}{pictures}", "lead")
     if left_out:
         yield Paragraph(left_out)
-    counts = Counter(o.verdict for o in outcomes)
-    rows = tuple(
-        TableRow((_mark(verdict), str(counts[verdict]), words))
-        for verdict, (_, words) in VERDICTS.items()
-        if counts[verdict]
-    )
+    rows = tuple(TableRow((_mark(t.kind), str(t.rows), _range(t), t.kind.meaning)) for t in tallies(outcomes))
     if rows:
-        yield Table((Column("Verdict"), Column("Rows", number=True), Column("What it says")), rows)
+        columns = (
+            Column("Verdict"), Column("Rows", number=True), Column("Difference from the print", number=True),
+            Column("What it says", wide=True),
+        )  # fmt: skip
+        yield Table(columns, rows)
         yield Paragraph(
             "A gauge beside a number shows the tolerance in grey, the print as a tick and ours as a dot; an arrow is a "
-            "number beyond twice the tolerance. No number is tuned to its row; what was inferred from the print is marked.",
+            "number beyond twice the tolerance. No number is tuned to its row; what was inferred from the print is marked. "
+            f"A tolerance above {100.0 * REASONED:g}\N{THIN SPACE}% is given with its reason.",
             "quiet",
         )
 
 
-def _mark(verdict: str) -> Cell:
-    sign, _ = VERDICTS[verdict]
-    look: Any = _LOOKS.get(verdict, "")
-    words = verdict.replace(" ", "\N{NO-BREAK SPACE}")
-    return Cell(words if look else f"{sign}\N{NO-BREAK SPACE}{words}", look)
+def _range(tally: Tally) -> str:
+    """The smallest and the largest difference of a kind, in per cent."""
+    if tally.lowest is None or tally.highest is None:
+        return ""
+    ends = dict.fromkeys(percent(end, 1) for end in (tally.lowest, tally.highest))
+    return f"{' to '.join(ends)}\N{THIN SPACE}%"
+
+
+def _mark(kind: Kind) -> Cell:
+    look = _LOOKS.get(kind.key, "")
+    words = kind.verdict.replace(" ", "\N{NO-BREAK SPACE}")
+    return Cell(words if look else f"{_SIGNS[kind.key]}\N{NO-BREAK SPACE}{words}", look)
 
 
 def _part(part: str, outcomes: Sequence[Outcome], drawn: Sequence[Drawn]) -> Section:
@@ -255,7 +238,7 @@ def _row(outcome: Outcome, drawn: Sequence[Drawn]) -> TableRow:
     named = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
     what = (named, " ", Span(row.id, "code"), *links)
     own = Cell(significant(ours) if ours is not None else "\N{EN DASH}", "best" if ours is not None else "")
-    cells = (_mark(outcome.verdict), what, theirs, own, unit_text(row.unit), difference(row, ours), _gauge(row, ours))
+    cells = (_mark(kind_of(outcome)), what, theirs, own, unit_text(row.unit), difference(row, ours), _gauge(row, ours))
     return TableRow(cells, note=_said(outcome.note))
 
 

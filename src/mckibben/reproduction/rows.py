@@ -16,7 +16,21 @@ Value = float | tuple[float, float]
 
 
 class Row(NamedTuple):
-    """One printed number: what it is, its value and unit in print, and what agreement with it means."""
+    """One printed number: what it is, its value and unit in print, and what agreement with it means.
+
+    Attributes:
+        id: its name.
+        part: of the paper.
+        what: it is.
+        paper: its value in print, or the two ends of an interval.
+        unit: of the value.
+        expect: what agreement means, as the head of ``rows.toml`` says.
+        tolerance: relative, for ``near``.
+        calibrated: an input was inferred from this row or its companion.
+        note: shown beside it.
+        reason: why the tolerance is as wide as it is; rows must have it above a tenth.
+        decimals: in print, where TOML drops a zero at the end.
+    """
 
     id: str
     part: str
@@ -27,6 +41,8 @@ class Row(NamedTuple):
     tolerance: float = 0.0
     calibrated: bool = False
     note: str = ""
+    reason: str = ""
+    decimals: int | None = None
 
 
 class Outcome(NamedTuple):
@@ -118,13 +134,26 @@ def select(part: str | None = None, identifiers: list[str] | None = None) -> lis
 def reproduce_row(row: Row) -> Outcome:
     """Compute one row and judge it."""
     if row.id not in _WAYS:
-        return Outcome(row, None, None, row.note)
+        return Outcome(row, None, None, said_of(row))
     way = _WAYS[row.id]
     computed = way.compute()
     value, found = computed if isinstance(computed, Found) else (computed, "")
     ours = from_si(value, way.si_unit, _plain_unit(row.unit))
-    note = "; ".join(filter(None, (row.note, way.note, found)))
+    note = "; ".join(filter(None, (row.note, way.note, found, _reasoned(row))))
     return Outcome(row, ours, judge(row, ours), note)
+
+
+def said_of(row: Row) -> str:
+    """What is said beside a row before it is computed: its note, and why its tolerance is wide."""
+    return "; ".join(filter(None, (row.note, _reasoned(row))))
+
+
+def _reasoned(row: Row) -> str:
+    if not row.reason:
+        return ""
+    return (
+        f"interval: {row.reason}" if row.expect == "range" else f"tolerance {100.0 * row.tolerance:g} %: {row.reason}"
+    )
 
 
 def needs_recording(row: Row) -> bool:
@@ -141,20 +170,36 @@ def judge(row: Row, ours: float) -> bool | None:
         return low <= ours <= high
     assert isinstance(row.paper, float)
     if row.expect == "printed":
-        return rounds_to(ours, row.paper)
+        return rounds_to(ours, row.paper, decimals_of(row))
     if row.expect == "near":
         return abs(ours - row.paper) <= row.tolerance * abs(row.paper)
     return abs(ours - row.paper) > 0.0  # erratum: the printed value is wrong, and ours must differ
 
 
-def rounds_to(ours: float, printed: float) -> bool:
-    """Whether a value rounds to a printed one, at the decimals in print."""
-    shown = Decimal(repr(printed))
-    exponent = shown.as_tuple().exponent
+def rounds_to(ours: float, printed: float, decimals: int) -> bool:
+    """Whether a value rounds to a printed one at so many decimals."""
+    return Decimal(repr(ours)).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP) == Decimal(repr(printed))
+
+
+def decimals_of(row: Row) -> int:
+    """Decimals of a row's value in print."""
+    if row.decimals is not None:
+        return row.decimals
+    exponent = Decimal(repr(row.paper).removesuffix(".0")).as_tuple().exponent  # a TOML integer has become a float
     assert isinstance(exponent, int)
-    if exponent == -1 and shown == shown.to_integral_value():
-        exponent = 0  # a TOML integer has become a float
-    return Decimal(repr(ours)).quantize(Decimal(1).scaleb(exponent), ROUND_HALF_UP) == shown
+    return -exponent
+
+
+def accepted_band(row: Row) -> tuple[float, float] | None:
+    """Middle and half-width of what counts as agreement [the row's unit]; None where nothing does."""
+    if isinstance(row.paper, tuple):
+        low, high = row.paper
+        return 0.5 * (low + high), 0.5 * (high - low)
+    if row.expect == "near":
+        return row.paper, row.tolerance * abs(row.paper)
+    if row.expect == "printed":
+        return row.paper, 0.5 * 10.0 ** -decimals_of(row)
+    return None
 
 
 def _row(entry: dict[str, Any]) -> Row:

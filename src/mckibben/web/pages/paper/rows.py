@@ -5,17 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from ....report.paper_figures import CONFERENCE, FIGURES, PaperFigure
-from ....report.reproduction_report import PARTS, difference, printed, tolerance
+from ....report.reproduction_report import PARTS, difference, printed
 from ....report.words import minus, significant, unit_text
 from ....reproduction import Outcome, Row
-from ....reproduction.rows import needs_recording
+from ....reproduction.rows import accepted_band, needs_recording, said_of
+from ....reproduction.verdicts import KINDS, headline, kind_of
 from .reproduction import Reproduction
 
-# Verdict of an outcome -> kind of sign. What a row is by its print alone shows before it is computed.
-KINDS = {
-    "holds": "holds", "holds, calibrated": "calibrated", "misprint": "misprint", "open": "open", "synthetic": "synthetic",
-    "falls short": "short", "to come": "to come",
-}  # fmt: skip
+# What a row is by its print alone shows before it is computed.
 EXPECTED = {"erratum": "misprint", "open": "open", "synthetic": "synthetic"}
 
 
@@ -24,6 +21,7 @@ def fixed_document() -> dict[str, Any]:
     from ....reproduction.rows import all_rows
 
     return {
+        "kinds": [{"key": k.key, "one": k.verdict, "many": k.count[1], "meaning": k.meaning} for k in KINDS.values()],
         "parts": [{"id": k, "title": v} for k, v in PARTS.items()],
         "rows": [_row(r) for r in all_rows()],
         "figures": [
@@ -40,17 +38,17 @@ def _row(row: Row) -> dict[str, Any]:
     return {
         "id": row.id, "part": row.part, "what": minus(what), "paper": printed(row.paper), "unit": unit_text(row.unit),
         "kind": EXPECTED.get(row.expect, ""), "recordings": needs_recording(row), "figures": figures,
-        "note": said(row.note),
+        "note": said(said_of(row)),
     }  # fmt: skip
 
 
 def outcome_document(outcome: Outcome) -> dict[str, Any]:
     """What was computed of a row; ``place`` is ours on its tolerance, from -1 to 1 between the ends."""
     row, ours = outcome.row, outcome.ours
-    found: dict[str, Any] = {"kind": KINDS[outcome.verdict], "note": said(outcome.note)}
+    found: dict[str, Any] = {"kind": kind_of(outcome).key, "note": said(outcome.note)}
     if ours is not None:
         found |= {"ours": significant(ours), "value": ours, "difference": difference(row, ours)}
-        allowed = tolerance(row)
+        allowed = accepted_band(row)
         if allowed is not None and allowed[1] > 0.0:
             found |= {"place": (ours - allowed[0]) / allowed[1], "half": significant(allowed[1], 2)}
     return found
@@ -67,6 +65,7 @@ def state_document(all_: Reproduction) -> dict[str, Any]:
     return {
         "outcomes": {k: outcome_document(v) for k, v in list(all_.outcomes.items())},
         "failed": dict(all_.failed), "wanted": list(all_.wanted), "now": all_.now, "words": all_.words,
+        "headline": headline(list(all_.outcomes.values())) if all_.outcomes else "",
         "left": None if left is None else round(left), "asked": dict(all_.asked),
     }  # fmt: skip
 

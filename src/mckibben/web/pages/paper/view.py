@@ -248,15 +248,16 @@ class View:
 
     def _row(self) -> None:
         """What is said of the chosen row, and the button that computes it."""
+        from ....reproduction.rows import said_of
         from .rows import said
 
         row, outcome = self.all.rows[self.row], self.all.outcomes.get(self.row)
         if self.row in self.all.failed:
             note(f"{row.what}: {self.all.failed[self.row]}", "stop")
-        words = said(outcome.note if outcome else row.note)
+        words = said(outcome.note if outcome else said_of(row))
         verdict = outcome.verdict if outcome else ""
         if verdict == "misprint" or row.expect == "erratum":
-            note(f"Misprint. {words[:1].upper()}{words[1:]}. Ours is the corrected value and the row counts as held.")
+            note(f"Misprint. {words[:1].upper()}{words[1:]}. Ours is the corrected value; misprints are counted apart.")
         elif verdict == "falls short":
             note(f"Falls short. {words}", "stop")
         elif words:

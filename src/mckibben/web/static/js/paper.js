@@ -12,11 +12,10 @@ const SIGNS = {
   'to come': '<path d="M1 7h2M6 7h2M11 7h2" stroke="var(--edge)" stroke-width="2.4"/>',
   running: '<path d="M3 1.500l9 5.500-9 5.500z" fill="var(--ink)"/>'
 }
-const NAMES = { holds: 'hold', calibrated: 'hold, calibrated', misprint: 'misprints', open: 'open', synthetic: 'synthetic', short: 'fall short', 'to come': 'to come' }
-const ONE = { holds: 'holds', calibrated: 'holds, calibrated: no prediction', misprint: 'misprint', open: 'open', synthetic: 'synthetic', short: 'falls short', 'to come': 'to come', running: 'running' }
-const sign = kind => `<svg width="14" height="14" viewBox="0 0 14 14" role="img" aria-label="${ONE[kind]}">${SIGNS[kind]}</svg>`
+const verdict = kind => fixed?.kinds.find(k => k.key === kind)?.one ?? kind
+const sign = kind => `<svg width="14" height="14" viewBox="0 0 14 14" role="img" aria-label="${escape(verdict(kind))}">${SIGNS[kind] ?? SIGNS['to come']}</svg>`
 const asked = new URLSearchParams(location.search)
-const view = { only: NAMES[asked.get('only')] ? asked.get('only') : '', search: (asked.get('search') ?? '').slice(0, 80), closed: new Set((asked.get('closed') ?? '').split(',').filter(Boolean)) }
+const view = { only: SIGNS[asked.get('only')] ? asked.get('only') : '', search: (asked.get('search') ?? '').slice(0, 80), closed: new Set((asked.get('closed') ?? '').split(',').filter(Boolean)) }
 let fixed = null; let state = { outcomes: {}, failed: {}, wanted: [], asked: {} }; let chosen = { row: '', figure: '' }
 const $ = s => document.querySelector(s)
 const narrow = matchMedia('(max-width:760px)')
@@ -47,7 +46,7 @@ function row (r) {
   const tolerance = o?.place !== undefined ? gauge(r, o) : now ? '<i class="busy"></i>' : k === 'misprint' ? '<span class="faint">corrected</span>' : ''
   const note = state.failed[r.id] ?? r.note
   const on = chosen.row === r.id
-  return `<tr tabindex="0" data-row="${escape(r.id)}"${o ? ` data-value="${o.value}" data-verdict="${escape(o.kind)}"` : ''}${on ? ' class="sel" aria-selected="true"' : ''} title="${escape(r.id)}"><td>${sign(k)}</td><td class="what">${escape(r.what)}</td><td class="num">${theirs}</td><td class="num ours">${ours}</td><td class="dim unit">${escape(r.unit)}</td><td class="tolcell">${tolerance}</td><td class="faint notecell">${escape(note)}</td></tr>`
+  return `<tr tabindex="0" data-row="${escape(r.id)}"${o ? ` data-value="${o.value}" data-verdict="${escape(o.kind)}"` : ''}${on ? ' class="sel" aria-selected="true"' : ''} title="${escape(r.id)}"><td>${sign(k)}</td><td class="what">${escape(r.what)}</td><td class="num">${theirs}</td><td class="num ours">${ours}</td><td class="dim unit">${escape(r.unit)}</td><td class="tolcell">${tolerance}</td><td class="faint notecell" title="${escape(note)}">${escape(note)}</td></tr>`
 }
 function rows () {
   const place = $('.p-root'); if (!place || !fixed) return
@@ -76,14 +75,15 @@ function summary () {
   const words = running ? `running: ${escape(say(state.words))}${left}` : done === n ? 'every row is computed' : done ? `computed so far; ${n - done} rows are to come` : 'nothing is computed yet; Run all takes minutes, for some rows need recordings of the simulated machine'
   const count = k => fixed.rows.filter(r => kind(r) === k).length
   if (!place.querySelector('.p-progress')) {
-    place.innerHTML = `<div class="p-progress"></div><div class="p-counts" role="group" aria-label="Show only">${Object.entries(NAMES).map(([k, w]) => `<button type="button" class="p-count" data-only="${k}"><span class="row">${sign(k)}<span class="n"></span></span><span>${w}</span></button>`).join('')}</div><div class="field s p-search"><input placeholder="Search rows" aria-label="Search rows" maxlength="80" value="${escape(view.search)}"><kbd>/</kbd></div>`
+    place.innerHTML = `<div class="p-progress"></div><div class="p-counts" role="group" aria-label="Show only">${fixed.kinds.map(k => `<button type="button" class="p-count" data-only="${escape(k.key)}"><span class="row">${sign(k.key)}<span class="n"></span></span><span>${escape(k.many)}</span></button>`).join('')}</div><div class="field s p-search"><input placeholder="Search rows" aria-label="Search rows" maxlength="80" value="${escape(view.search)}"><kbd>/</kbd></div><p class="p-headline"></p>`
   }
   place.querySelector('.p-progress').innerHTML = `<div class="row between small wrap"><b>${done} of ${n} rows done</b><span class="dim" role="status">${words}</span></div><svg height="8" width="100%" viewBox="0 0 ${n} 8" preserveAspectRatio="none" role="progressbar" aria-valuemin="0" aria-valuemax="${n}" aria-valuenow="${done}" aria-label="${done} of ${n} rows done"><rect width="${n}" height="8" fill="var(--sunken)"/><rect width="${done}" height="8" fill="var(--ink)"/>${running ? `<rect x="${done}" width="1" height="8" fill="var(--ink)" opacity=".4"/>` : ''}</svg>`
+  place.querySelector('.p-headline').textContent = state.headline ?? ''
   for (const b of place.querySelectorAll('.p-count')) {
     const k = b.dataset.only
     const expected = count(k) ? 0 : fixed.rows.filter(r => belongs(r, k)).length
     b.querySelector('.n').textContent = count(k)
-    b.title = expected ? `${expected} more to come` : ''
+    b.title = [fixed.kinds.find(a => a.key === k).meaning, expected && `${expected} more to come`].filter(Boolean).join('; ')
     b.setAttribute('aria-pressed', String(view.only === k))
   }
 }

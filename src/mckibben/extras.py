@@ -1,0 +1,47 @@
+"""Libraries that come with an extra: where one is missing, a sentence says which extra brings it.
+
+Ask before the work begins: a person who has waited for a minute does not want to hear of a library then.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from .errors import MissingLibraryError
+
+# Library in Python -> its extra, and its name for pip.
+LIBRARIES = {
+    "dask": ("sweep", "dask"),
+    "distributed": ("sweep", "distributed"),
+    "fastapi": ("web", "nicegui"),
+    "grpc": ("daq", "nidaqmx[grpc]"),
+    "nicegui": ("web", "nicegui"),
+    "nidaqmx": ("daq", "nidaqmx[grpc]"),
+    "nptdms": ("formats", "npTDMS"),
+    "polars": ("formats", "polars"),
+    "pymatreader": ("formats", "pymatreader"),
+    "serial": ("serial", "pyserial"),
+    "typst": ("report", "typst"),
+    "uvicorn": ("web", "nicegui"),
+    "zarr": ("sweep", "zarr"),
+}
+
+
+def library(module: str, purpose: str, *, instead: str = "", where: str | None = None) -> Any:
+    """Import a library that is no part of the plain installation, or a part of it.
+
+    Args:
+        module: its name in Python, such as ``"nidaqmx.errors"``; the first word must be in `LIBRARIES`.
+        purpose: what needs it, with the verb, such as ``"TDMS files need"``.
+        instead: what does without it, as an imperative.
+        where: the file or option that asks for it.
+
+    Raises:
+        MissingLibraryError: it is not installed.
+    """
+    extra, package = LIBRARIES[module.split(".")[0]]
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise MissingLibraryError(purpose, package, extra, instead=instead, where=where) from None

@@ -1,0 +1,63 @@
+"""Verdicts are counted by kind: what is calibrated, open or wide is never hidden in one word."""
+
+import pytest
+
+from mckibben.reproduction import Outcome, Row
+from mckibben.reproduction.rows import all_rows, judge, said_of
+from mckibben.reproduction.verdicts import KINDS, REASONED, headline, kind_of, relative_tolerance, tallies
+
+
+def outcome(ours: float | None, expect: str = "near", paper=2.0, **more) -> Outcome:
+    row = Row("a", "I", "", paper, "N", expect, **{"tolerance": 0.2, **more})
+    return Outcome(row, ours, None if ours is None else judge(row, ours), "")
+
+
+ALL = [
+    outcome(2.24), outcome(1.9), outcome(2.5, "range", (1.0, 3.0)), outcome(1.62, calibrated=True),
+    outcome(3.0, "open"), outcome(3.48, "open"), outcome(20.0, "erratum"), outcome(1.0, "synthetic"),
+]  # fmt: skip
+
+
+def test_the_headline_counts_every_kind_apart_with_its_differences():
+    assert headline(ALL) == (
+        "8 printed numbers: 3 hold (\N{MINUS SIGN}5 to +12 %), 1 is calibrated (\N{MINUS SIGN}19 %), "
+        "1 is synthetic (\N{MINUS SIGN}50 %), 2 are open (+50 to +74 %), 1 is a misprint, none falls short."
+    )
+
+
+def test_the_headline_names_what_falls_short_and_what_is_to_come():
+    found = headline([outcome(2.9), outcome(None), outcome(None)])
+    assert found == "3 printed numbers: 1 falls short (+45 %), 2 are to come."
+    assert headline([outcome(None)]) == "1 printed number: 1 is to come."
+    assert headline([]) == "No printed number was asked for."
+
+
+def test_every_outcome_is_of_one_kind_and_kinds_have_names_of_their_own():
+    assert sum(t.rows for t in tallies(ALL)) == len(ALL)
+    assert all(KINDS[o.verdict] is kind_of(o) for o in ALL)
+    assert len({k.key for k in KINDS.values()}) == len(KINDS)
+
+
+def test_a_number_inside_its_interval_differs_by_nothing():
+    (one,) = tallies([outcome(1.01, "range", (1.0, 3.0))])
+    assert (one.lowest, one.highest) == (0.0, 0.0)
+    (one,) = tallies([outcome(3.3, "range", (1.0, 3.0))])
+    assert one.kind.key == "short" and one.highest == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("row", all_rows(), ids=lambda row: row.id)
+def test_a_tolerance_above_a_tenth_has_its_reason(row):
+    wide = relative_tolerance(row)
+    if wide is not None and wide > REASONED * (1.0 + 1e-9):  # a tenth itself may round above it
+        assert len(row.reason) > 20, f"{row.id}: a tolerance of {100 * wide:.0f} % without a reason"
+    else:
+        assert not row.reason, f"{row.id}: a reason for a narrow tolerance"
+    assert row.reason in said_of(row)
+
+
+def test_a_zero_that_ends_a_printed_number_counts():
+    rows = {r.id: r for r in all_rows()}
+    efficiency = rows["energy.valve.efficiency"]  # printed 0.20
+    assert judge(efficiency, 0.1973) and not judge(efficiency, 0.206)
+    density = rows["biology.peak_power_density"]  # printed 0.70
+    assert judge(density, 0.7) and not judge(density, 0.71)
