@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 from ..errors import ConvergenceError, InputError
+from ..extras import library
 from .run import Results, Runner, Tell
 from .sweep import Sweep
 from .variants import Variants
@@ -27,7 +28,6 @@ ATTEMPTS = 4  # of a block whose workers die
 AHEAD = 2  # blocks per worker that wait for one
 PATIENCE = 10.0  # until a scheduler has answered [s]
 GATHERED = 300.0  # until a result that is there has come, or else is asked for again [s]
-HOME = "mckibben[sweep]"
 
 
 class Work(Protocol):
@@ -106,6 +106,15 @@ class Workers:
         if self.count < 0:
             raise InputError("--workers", self.count, "allowed is a whole number above 0")
         self.count = 1 if self.way == "serial" else self.count or cores()
+
+    def check_libraries(self) -> None:
+        """Refuse, before anything is computed, a way whose libraries are not installed.
+
+        Raises:
+            MissingLibraryError: one of them is not installed.
+        """
+        if self.way not in ("serial", "processes"):
+            _dask_libraries()
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Team]:
@@ -231,15 +240,14 @@ class Dask(Team):
             self.client.cancel([future for _, future in at_work.values()])
 
 
+def _dask_libraries() -> tuple[Any, Any]:
+    use, instead = "Sweeps on Dask need", "--scheduler processes does without it"
+    return library("dask", use, instead=instead), library("distributed", use, instead=instead)
+
+
 @contextlib.contextmanager
 def _client(way: str, count: int) -> Iterator[Any]:
-    try:
-        import dask
-        from distributed import Client, LocalCluster
-    except ImportError:
-        raise InputError(
-            "--scheduler", way, f"it needs the library distributed: pip install '{HOME}'; or choose processes"
-        ) from None
+    dask, distributed = _dask_libraries()
     settings = {
         "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
         "distributed.worker.memory.terminate": False,
@@ -248,7 +256,7 @@ def _client(way: str, count: int) -> Iterator[Any]:
     with dask.config.set(settings), _silent("distributed"):
         if way != "dask":
             try:
-                client = Client(way, timeout=PATIENCE)
+                client = distributed.Client(way, timeout=PATIENCE)
             except (OSError, ValueError, TimeoutError):
                 raise InputError(
                     "--scheduler", way, f"no Dask scheduler answered there within {PATIENCE:g} s"
@@ -257,14 +265,14 @@ def _client(way: str, count: int) -> Iterator[Any]:
                 yield client
             return
         with (
-            LocalCluster(
+            distributed.LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,
                 dashboard_address=None,
                 memory_limit=0,
                 env={"DASK_LOGGING__DISTRIBUTED": "critical"},
             ) as cluster,  # fmt: skip
-            Client(cluster) as client,
+            distributed.Client(cluster) as client,
         ):
             yield client
 

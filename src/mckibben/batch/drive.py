@@ -11,7 +11,7 @@ import numpy as np
 
 from .distribute import Block, Job, Workers
 from .outcome import Outcome
-from .store import opened
+from .store import opened, zarr_library
 from .sweep import Sweep, codes_of
 
 Progress = Callable[[float, int], None]  # variants that are done, of all
@@ -62,11 +62,14 @@ def run_sweep(
         progress: told how far it is.
 
     Raises:
+        MissingLibraryError: before anything is computed, if the extra ``sweep`` is not installed.
         InputError: as `Sweep.check` and `store.opened`; or a scheduler that does not answer, before anything runs.
         ConvergenceError: if some variants kill every worker.
     """
     begun = time.perf_counter()
     team_of = workers or Workers()
+    zarr_library()
+    team_of.check_libraries()
     first = sweep.check()
     block = sweep.sized(team_of.count, first.bench.plan.samples)
     new, simulated = 0, 0.0

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..extras import library
 from .outcome import Outcome
 from .outputs import TIME
 from .run import Results
@@ -91,7 +92,7 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
     Raises:
         InputError: if another sweep wrote it, somebody is writing to it, it cannot be read, or the disk has no room.
     """
-    zarr = _library()
+    zarr = zarr_library()
 
     place = Path(folder)
     try:
@@ -119,7 +120,7 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
 
 
 def _known(place: Path, sweep: Sweep) -> Store:
-    zarr = _library()
+    zarr = zarr_library()
 
     try:
         group = zarr.open_group(place / NAME, mode="r+")
@@ -177,7 +178,7 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
     Raises:
         InputError: if it is none.
     """
-    zarr = _library()
+    zarr = zarr_library()
 
     place = Path(path)
     place = place / NAME if (place / NAME).exists() else place
@@ -196,13 +197,13 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
     )
 
 
-def _library() -> Any:
-    try:
-        import zarr
-    except ImportError:
-        allowed = "results of sweeps need it: pip install 'mckibben[sweep]'"
-        raise InputError("library zarr", "not installed", allowed) from None
-    return zarr
+def zarr_library() -> Any:
+    """The library that stores results.
+
+    Raises:
+        MissingLibraryError: it is not installed.
+    """
+    return library("zarr", "Results of sweeps need")
 
 
 def _size(sweep: Sweep) -> float:

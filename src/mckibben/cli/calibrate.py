@@ -225,8 +225,9 @@ def _source(wanted: _Wanted, rig: Rig, reference: Reference | None) -> Iterator[
         raise InputError("terminal", "none", "nobody can be asked for the points; allowed is a terminal, or --simulate")
     from ..bench.calibrate.machine import HardwareReadings
     from ..bench.calibrate.sources import PERIOD, grids
-    from ..bench.hardware.connect import connected
+    from ..bench.hardware.connect import check_connection, connected
 
+    check_connection(wanted.machine)
     with connected(wanted.machine, rig, PERIOD) as hardware:
         assert hardware is not None
         with HardwareReadings(hardware, rig.converters(0.0), scales=grids(rig)) as readings:

@@ -60,7 +60,10 @@ def compare(
     from ..studies.comparison import compare as tabled
 
     writable("--figure", figure, ".svg", ".png")
-    writable("--report", report, ".html", ".pdf")
+    if report is not None:
+        from ..report.document import checked_place
+
+        checked_place(report, field="--report")
     full = parse(pressure, "Pa", field="--pressure")
     chosen = [subject(name, pressure=full) for name in muscles or []]
     target = None if match is None else _target(match)

@@ -56,9 +56,11 @@ def console(
 ) -> None:
     """Operate a test machine, simulated or real: set, run, watch and save; with a prompt, a script, or a pipe."""
     from ..bench.console import Console
+    from ..bench.hardware.connect import check_connection
     from ..bench.session import Session
     from ..quantities import parse
 
+    check_connection(machine)
     lines = None if script is None else _lines(script)
     if machine is not None and as_fast_as_it_goes:
         raise InputError("--as-fast-as-it-goes", f"with --on {machine}", "a real machine has its own time")

@@ -84,7 +84,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run a protocol on a test machine; nothing moves before the dry run has found nothing."""
-    from ..bench.hardware.connect import connected
+    from ..bench.hardware.connect import check_connection, connected
     from ..bench.software.emergency_stop import EmergencyStop
     from ..quantities import parse
 
@@ -95,6 +95,7 @@ def run(
         raise InputError("--log", str(log), "it is there already; a log is never written over")
     if lock_step and machine is None:
         raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
+    check_connection(machine)
     bench = prepared(
         protocol, muscle, rig, change, calibration, plumbing=plumbing, seed=seed,
         step=_step(parse(step, "s", field="--step")), accept_saturation=accept_saturation,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import functools
-import importlib.util
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..errors import InputError, MckibbenError
+from ..errors import InputError
+from ..extras import library
 from .run import CalibrationFile, On, chosen_rig
 
 NEEDED = ("nicegui", "uvicorn", "fastapi")
@@ -36,16 +36,16 @@ def serve(
     ] = False,
 ) -> None:
     """Open the laboratory's screen: bench, fits, comparisons, recordings, in a browser; nothing comes from the internet."""
-    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
-    if missing:
-        raise MckibbenError(f"serve needs {', '.join(missing)}, which come with: pip install 'mckibben[web]'")
-    from ..bench.hardware.connect import connected
+    for name in NEEDED:
+        library(name, "The laboratory's screen needs")
+    from ..bench.hardware.connect import check_connection, connected
     from ..bench.session.setup import RATE
     from ..web.bench import Bench, Real
     from ..web.laboratory import Laboratory
     from ..web.server import listen
     from ..web.server import serve as go
 
+    check_connection(machine)
     with listen(host, port) as line:  # an address that is taken is refused before anything is made ready
         first, real = chosen_rig(rig, {}, calibration), None
         if machine is not None:

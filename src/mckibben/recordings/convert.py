@@ -18,6 +18,7 @@ from typing import Any
 
 from ..documents import write_whole
 from ..errors import InputError
+from ..extras import library
 from .imports import Given, Imported, assembled
 from .matlab import matlab_names, read_matlab, write_matlab
 from .mcap_file import is_log, read_log, write_log
@@ -31,6 +32,9 @@ from .tdms import read_tdms, write_tdms
 _TEXTS = (".csv", ".txt", ".gz")
 READ = (".nc", ".csv", ".txt", ".csv.gz", ".txt.gz", ".mcap", ".mat", ".tdms", ".parquet")
 WRITTEN = (".nc", ".csv", ".mcap", ".mat", ".tdms", ".parquet")
+
+
+_NEEDED = {".tdms": ("nptdms", "TDMS files"), ".parquet": ("polars", "Parquet files")}  # to write
 
 
 def convert(
@@ -63,6 +67,9 @@ def convert(
         raise InputError("file", str(target), f"there is no folder {target.parent}")
     if target.exists() and Path(source).exists() and target.samefile(source):
         raise InputError("file", str(target), "it is the one to be read; say another name")
+    if target.suffix.lower() in _NEEDED:  # said before a long file is read
+        module, files = _NEEDED[target.suffix.lower()]
+        library(module, f"{files} need", where=str(target))
     read = read_any(source, columns=columns, units=units, period=period)
     return Imported(read.recording, [*read.remarks, *write(read.recording, target)])
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from .extras import needed
+from ..extras import library
 from .imports import Given
 from .outside import read_outside
 from .recording import Recording
@@ -68,7 +68,7 @@ def read_matlab(path: Path) -> Recording | tuple[list[Given], dict[str, Any], li
         InputError: the file cannot be read, or a newer version wrote it.
     """
     where = str(path)
-    needed("pymatreader", "pymatreader", "MATLAB files", where)
+    library("pymatreader", "MATLAB files need", where=where)
     try:
         if _checked(path):
             found, told_of = content(path)

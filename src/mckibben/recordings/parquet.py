@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from .extras import needed
+from ..extras import library
 from .imports import Given
 from .recording import Recording
 from .sidecar import KEY, one_line, retold, told
@@ -16,7 +16,7 @@ from .sidecar import KEY, one_line, retold, told
 
 def write_parquet(recording: Recording, path: Path) -> None:
     """Write a ``.parquet`` file."""
-    polars = needed("polars", "polars", "Parquet files", str(path))
+    polars = library("polars", "Parquet files need", where=str(path))
     columns = {f"{name} [{c.unit}]": c.values for name, c in recording.channels.items()}
     table = polars.DataFrame({"time [s]": recording.time, **columns})
     table.write_parquet(path, metadata={KEY: told(recording.channels, recording.meta)})
@@ -29,7 +29,7 @@ def read_parquet(path: Path) -> Recording | tuple[list[Given], dict[str, Any], l
         InputError: the file cannot be read, or a newer version wrote it.
     """
     where = str(path)
-    polars = needed("polars", "polars", "Parquet files", where)
+    polars = library("polars", "Parquet files need", where=where)
     try:
         line = polars.read_parquet_metadata(path).get(KEY)
         table = polars.read_parquet(path, glob=False)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from .extras import needed
+from ..extras import library
 from .imports import Given
 from .recording import Recording
 from .sidecar import KEY, one_line, retold, told
@@ -27,7 +27,7 @@ _UNITS = ("unit_string", "NI_UnitDescription", "NI_ChannelUnit", "unit")
 
 def write_tdms(recording: Recording, path: Path) -> None:
     """Write a ``.tdms`` file."""
-    nptdms = needed("nptdms", "npTDMS", "TDMS files", str(path))
+    nptdms = library("nptdms", "TDMS files need", where=str(path))
     root = {KEY: told(recording.channels, recording.meta)}
     title = recording.meta.get("title")
     if isinstance(title, str) and title:
@@ -52,7 +52,7 @@ def read_tdms(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list
         InputError: the file cannot be read, or a newer version wrote it.
     """
     where = str(path)
-    nptdms = needed("nptdms", "npTDMS", "TDMS files", where)
+    nptdms = library("nptdms", "TDMS files need", where=where)
     try:
         with open(path, "rb") as stream, _heard() as said:
             file = nptdms.TdmsFile.read(stream)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ...errors import InputError
+from ...extras import library
 from .border import Hardware
 
 if TYPE_CHECKING:
@@ -42,6 +43,27 @@ def connected(
         yield hardware
     finally:
         hardware.close()
+
+
+def check_connection(words: str | None) -> None:
+    """Refuse words that name no kind of machine, or one whose library is not installed; asked before any work begins.
+
+    Args:
+        words: ``serial:PORT`` or ``daq``; None for no machine.
+
+    Raises:
+        InputError: if they name no kind of machine.
+        MissingLibraryError: if the library that talks to it is not installed.
+    """
+    if words is None:
+        return
+    kind, _, place = words.partition(":")
+    if kind == "serial" and place:
+        library("serial", "Machines on a serial port need", where=place)
+    elif kind == "daq" and not place:
+        library("nidaqmx", "Data acquisition cards need")
+    else:
+        raise InputError("--on", words, ALLOWED)
 
 
 def _made(words: str, rig: Rig, period: float, lock_step: bool, silence: float) -> Hardware:

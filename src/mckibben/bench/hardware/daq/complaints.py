@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from .... import extras
 from ....errors import InputError, LineLostError
 from .terminals import GRPC
 
@@ -31,13 +31,9 @@ def library(module: str = "nidaqmx") -> Any:
     """The client, or a part of it.
 
     Raises:
-        InputError: it is not installed.
+        MissingLibraryError: it is not installed.
     """
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        allowed = "data acquisition cards need it: pip install 'mckibben[daq]', or pip install 'nidaqmx[grpc]'"
-        raise InputError(f"library {module.split('.')[0]}", "not installed", allowed) from None
+    return extras.library(module, "Data acquisition cards need")
 
 
 class Complaints:

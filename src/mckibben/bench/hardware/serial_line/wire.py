@@ -13,6 +13,7 @@ import time
 from typing import Any
 
 from ....errors import InputError
+from ....extras import library
 
 BITS_PER_SECOND = 1_000_000  # what a port is opened with; a USB port or a pseudo-terminal does not look at it
 _CHUNK = 4096  # [B]
@@ -26,11 +27,7 @@ def open_port(port: str, baud: int) -> Any:
     Raises:
         InputError: if there is none, or pyserial is not installed.
     """
-    try:
-        import serial
-    except ImportError:
-        allowed = "a serial port needs it: pip install 'mckibben[serial]', or pip install pyserial"
-        raise InputError("library pyserial", "not installed", allowed, where=port) from None
+    serial = library("serial", "Machines on a serial port need", where=port)
     alone: Any = {"exclusive": True} if os.name == "posix" else {}
     try:
         opened = serial.Serial(port, baud, timeout=_SLOW_READ, write_timeout=0.1, **alone)
