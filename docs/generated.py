@@ -291,10 +291,10 @@ def papers(_: Path) -> str:
     """The papers' rows that need no recording, beside ours."""
     from mckibben.reproduction import reproduce
     from mckibben.reproduction.rows import select
+    from mckibben.reproduction.verdicts import headline
 
     outcomes, printed = reproduce(recordings=False), select()
     done = [o for o in outcomes if o.ours is not None]
-    short = [o for o in done if o.ok is False]
     rows = []
     for o in done:
         paper = " to ".join(f"{v:g}" for v in o.row.paper) if isinstance(o.row.paper, tuple) else f"{o.row.paper:g}"
@@ -302,9 +302,9 @@ def papers(_: Path) -> str:
         rows.append([f"`{o.row.id}`", o.row.what, paper, ours, unit, o.verdict, o.note])
     return "---\nhide:\n  - toc\n---\n\n" + _page(
         "The papers, number by number",
-        f"{len(done)} of the {len(printed)} printed numbers that this package reproduces, {len(short)} of them fall short; the other "
-        f"{len(printed) - len(done)} come from recordings of the simulated test machine, which take minutes. *Calibrated* means that an input "
-        "was inferred from that row or its companion, so that agreement is no prediction. All rows, and every figure of the papers:",
+        f"{headline(done)} The other {len(printed) - len(done)} of the {len(printed)} that this package reproduces come from recordings of "
+        "the simulated test machine, which take minutes. *Calibrated* means that an input was inferred from that row or its companion, so "
+        "that agreement is no prediction. A tolerance above 10 % stands in the note with its reason. All rows, and every figure of the papers:",
         "```sh\n$ mckibben reproduce --out reproduction\n```",
         _table(["row", "what", "paper", "ours", "unit", "verdict", "note"], rows, right=(2, 3)),
     )
@@ -337,7 +337,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "energy": ("Energy of cycles", "Part IV of the paper: what goes in, what comes out, and where the rest goes.", ["analysis.energy.**"]),
     "specimens": ("specimens", "Published muscles as data.", ["specimens.**"]),
     "components": ("components", "Interfaces, and the environment.", ["components.*"]),
-    "edges": ("Edges", "Units, errors, citations and names.", ["quantities", "errors", "citations", "nomenclature", "documents"]),
+    "edges": ("Edges", "Units, errors, citations, names and extras.", ["quantities", "errors", "citations", "nomenclature", "documents", "extras"]),
     "reproduction": ("reproduction", "The papers' numbers.", ["reproduction.**"]),
     "report": ("report", "Reports and files for people.", ["report.*"]),
     "figures": ("Figures", "All that is drawn.", ["report.figures.**"]),

@@ -640,16 +640,20 @@ def _series(points: ForceMap) -> list[tuple[float, np.ndarray]]:
 
 @style.styled()
 def overview(studies: Iterable[Study]) -> Figure:
-    """One picture of up to two studies, 16 by 9 inch: the curves of the best law, and the ranking of all below them."""
+    """One picture of up to two studies, 14.4 inch wide: the curves of the best law, and the ranking of all.
+
+    Two studies stand side by side, each ranking below its curves; of a single one it stands beside them.
+    """
     found = list(studies)[:2]
-    fig = style.figure(14.4, 8.1)
+    single = len(found) == 1
+    fig = style.figure(14.4, 4.7 if single else 8.1)
     for i, study in enumerate(found):
         left = 0.045 + 0.5 * i
         best = study.fits[0]
         _, law, points = _muscles(best, study.points)[-1]
-        ax = fig.add_axes((left, 0.505, 0.405, 0.395))
+        ax = fig.add_axes((left, 0.15, 0.405, 0.66) if single else (left, 0.505, 0.405, 0.395))
         _draw_curves(ax, law, points, top=points.largest)
         style.heading(ax, study.title, f"▲ measured\N{EM SPACE}○ slack\N{EM SPACE}— {law_title(best)}", above=24.0)
-        ranks = fig.add_axes((left + 0.155, 0.07, 0.17, 0.295))
+        ranks = fig.add_axes((0.7, 0.15, 0.17, 0.6) if single else (left + 0.155, 0.07, 0.17, 0.295))
         _draw_ranking(ranks, _rows(study), study, names=0.155 * 72.0 * 14.4, brief=True)
     return fig

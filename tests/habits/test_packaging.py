@@ -1,0 +1,57 @@
+"""What a published package says of itself, and says the same everywhere."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import mckibben
+from mckibben.extras import LIBRARIES
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+WORKFLOW = (ROOT / ".github/workflows/test.yml").read_text(encoding="utf-8")
+
+
+def names(requirements: list[str]) -> set[str]:
+    return {re.split(r"[<>=;\[ ]", r)[0].lower().replace("_", "-") for r in requirements}
+
+
+def lines(name: str) -> list[str]:
+    return (ROOT / name).read_text(encoding="utf-8").splitlines()
+
+
+def test_the_version_is_the_same_in_package_citation_and_changelog() -> None:
+    assert f"version: {mckibben.__version__}" in lines("CITATION.cff")
+    assert re.search(rf"^## {re.escape(mckibben.__version__)}\b", "\n".join(lines("CHANGELOG.md")), flags=re.M)
+
+
+def test_the_package_says_that_it_is_typed() -> None:
+    assert Path(mckibben.__file__).with_name("py.typed").is_file()
+    assert "Typing :: Typed" in PROJECT["classifiers"]
+
+
+def test_every_python_that_is_promised_is_tried() -> None:
+    promised = [c.rsplit(" ", 1)[1] for c in PROJECT["classifiers"] if re.search(r"Python :: 3\.\d+$", c)]
+    assert re.search(r"python: \[(.*)\]", WORKFLOW).group(1).replace('"', "").split(", ") == promised
+    assert PROJECT["requires-python"] == f">={promised[0]}"
+
+
+def test_the_workflow_calls_what_continuous_integration_calls() -> None:
+    assert re.findall(r"^ +- run: (make \w+)$", WORKFLOW, flags=re.M) == re.findall(
+        r"^(make \w+)$", "\n".join(lines(".ci/run")), flags=re.M
+    )
+
+
+def test_the_demonstration_installs_what_the_package_needs_and_what_writes_pdf() -> None:
+    """`make demo` is the first command of the README; it has these requirements and no others."""
+    asked = names([line for line in lines("requirements/run.in") if line and not line.startswith("#")])
+    assert names(PROJECT["dependencies"]) | {"typst"} <= asked
+    pinned = names([line for line in lines("requirements/run.txt") if line and not line.startswith(" ")])
+    assert asked <= pinned
+
+
+def test_every_library_that_is_asked_for_comes_with_its_extra() -> None:
+    for module, (extra, package) in LIBRARIES.items():
+        assert names([package]) <= names(PROJECT["optional-dependencies"][extra]), module
+    brought = {n for extra, listed in PROJECT["optional-dependencies"].items() for n in names(listed)}
+    assert brought == {n for _, package in LIBRARIES.values() for n in names([package])}

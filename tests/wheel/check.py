@@ -1,0 +1,281 @@
+"""What a person gets who installs the wheel and nothing else: `make wheel`.
+
+Wheel and source archive are built, the wheel is installed without extras into an empty environment, and every command is
+called there. It works; or it says in one sentence, before it computes anything, which extra or which file it needs, and
+ends with exit code 2. A command that is not in `CALLS` is an error, so that a new one cannot be forgotten.
+
+Run by a Python that has hatchling; needs nothing else of the package.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tarfile
+import tempfile
+import time
+import zipfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+CIRCUITS = ROOT / "examples" / "circuits"
+AT_ONCE = 2  # commands that run beside each other
+LONGEST = 300.0  # after which a command is ended [s]
+# A refusal may import what it must, some 2 s of processor time on a slow machine, but not compile and run a model.
+BEFORE = 6.0  # [s]
+
+
+class Call(NamedTuple):
+    """One call of a command: its words after the name, what is piped in, which files it writes, and how it is to end.
+
+    Where `says` is empty, the command works; else it ends with exit code 2 and one sentence that has these words.
+    """
+
+    words: Sequence[str] = ()
+    writes: Sequence[str] = ()
+    says: Sequence[str] = ()
+    piped: str = ""
+    first: bool = False  # others read what it writes
+
+
+def needs(extra: str, *words: str) -> Call:
+    """A call for which an extra is missing."""
+    return Call(words, says=("not installed", f"pip install 'mckibben[{extra}]'"))
+
+
+def simulated(*words: str) -> Call:
+    """A calibration of simulated sensors."""
+    return Call((*words, "--rig", "modern", "--simulate", "--json"))
+
+
+TANK = """
+schema = 1
+title = "A tank that fills"
+[nodes.supply]
+kind = "reservoir"
+signal = "wish"
+[nodes.tank]
+kind = "volume"
+volume = "50 ml"
+[elements.hole]
+kind = "orifice"
+from = "supply"
+to = "tank"
+conductance = "6e-9 m^3/(s*Pa)"
+[signals.wish]
+kind = "steps"
+times = ["0 s", "10 ms"]
+values = ["1 bar", "5 bar"]
+[run]
+duration = "60 ms"
+step = "250 us"
+[fit]
+free = ["elements.hole.conductance"]
+start = { "elements.hole.conductance" = "9e-9 m^3/(s*Pa)" }
+"""
+MUSCLE, BENCH = "nylon", ("work-loop", "--muscle", "nylon")
+CALLS: dict[str, list[Call]] = {
+    "muscles": [Call()],
+    "show": [Call((MUSCLE, "--figure", "show.svg"), ["show.svg"])],
+    "tension": [Call((MUSCLE, "--length", "12 cm", "--pressure", "5 bar"))],
+    "fit": [
+        Call(("DMSP-20-300", "--law", "ideal", "--report", "fit.html", "--save", "fit.toml"), ["fit.html", "fit.toml"]),
+        needs("report", "DMSP-20-300", "--report", "fit.pdf"),
+    ],
+    "protocols": [Call()],
+    "run": [
+        Call((*BENCH, "--set", "cycles=1", "--out", "loop.nc", "--figure", "loop.svg"), ["loop.nc", "loop.svg"], first=True),
+        needs("serial", *BENCH, "--on", "serial:/dev/ttyACM0"),
+        needs("daq", *BENCH, "--on", "daq"),
+    ],
+    "console": [
+        Call(("--muscle", MUSCLE), piped="quit\n"),
+        needs("serial", "--muscle", MUSCLE, "--on", "serial:/dev/ttyACM0"),
+    ],
+    "device": [Call((*BENCH, "--for", "1"))],
+    "energy": [Call((MUSCLE, "--pressure", "5 bar", "--figure", "energy.svg"), ["energy.svg"])],
+    "compare": [Call((MUSCLE,)), needs("report", MUSCLE, "--report", "compare.pdf")],
+    "reproduce": [
+        Call(("--row", "valve.festo", "--out", "papers", "--no-pdf"), ["papers/reproduction.html"]),
+        needs("report", "--out", "papers"),
+    ],
+    "size": [Call(("--force", "50 N", "--stroke", "3 cm", "--pressure", "5 bar", "--no-lines"))],
+    "sweep": [
+        Call((str(ROOT / "examples" / "sweeps" / "tube-and-threshold.toml"), "--out", "sweep", "--dry-run")),
+        needs("sweep", str(ROOT / "examples" / "sweeps" / "tube-and-threshold.toml"), "--out", "sweep"),
+    ],
+    "serve": [needs("web", "--port", "0", "--no-open")],
+    "circuit show": [Call((str(CIRCUITS / "filling-a-tank.toml"), "--svg", "circuit.svg"), ["circuit.svg"])],
+    "circuit run": [Call(("tank.toml", "--out", "tank.nc", "--figure", "tank.svg"), ["tank.nc", "tank.svg"], first=True)],
+    "circuit fit": [Call(("tank.toml", "tank.nc", "--figure", "fit.svg"), ["fit.svg"])],
+    "record show": [Call(("loop.nc",))],
+    "record plot": [Call(("loop.nc", "--out", "plot.svg"), ["plot.svg"])],
+    "record convert": [
+        Call(("loop.nc", "loop.csv"), ["loop.csv"]),
+        Call(("loop.nc", "loop.mcap"), ["loop.mcap"], first=True),
+        needs("formats", "loop.nc", "loop.parquet"),
+        needs("formats", "loop.nc", "loop.tdms"),
+    ],
+    "record energy": [Call(("loop.nc", "--figure", "balance.svg"), ["balance.svg"])],
+    "record repair": [Call(("loop.mcap", "--out", "repaired.nc"), ["repaired.nc"])],
+    "record report": [
+        Call(("loop.nc", "--out", "loop.html"), ["loop.html"]),
+        needs("report", "loop.nc", "--out", "loop.pdf"),
+    ],
+    "calibrate zero": [simulated("--channel", "valve_pressure")],
+    "calibrate weights": [simulated("--masses", "0 kg,5 kg")],
+    "calibrate pressure": [simulated("--pressures", "0 bar,3 bar")],
+    "calibrate encoder": [
+        Call(
+            ("--travels", "0 mm,50 mm", "--rig", "paper", "--simulate", "--out", "span.toml"), ["span.toml"], first=True
+        )
+    ],
+    "calibrate skew": [simulated("--samples", "1000")],
+    "calibrate show": [Call(("span.toml",))],
+    "calibrate apply": [Call(("loop.nc", "--calibration", "span.toml", "--out", "applied.nc"), ["applied.nc"])],
+    "study tube": [Call(("--quick",))],
+    "study robot": [Call(("nothing",), says=("nothing: no pres_filt.txt",))],  # measured trials do not ship
+    "study loops": [Call(("nothing",), says=("nothing: no pressure_stroke_loop.csv",))],
+    "study validation": [Call(("--only", "DMSP-10-250", "--law", "ideal", "--out", "page.md"), ["page.md"])],
+}  # fmt: skip
+LIST = """
+import json, typer
+from mckibben.cli.app import app
+def names(command, path=()):
+    inner = getattr(command, "commands", None)
+    return [" ".join(path)] if inner is None else [n for k, c in inner.items() for n in names(c, (*path, k))]
+print(json.dumps(names(typer.main.get_command(app))))
+"""
+
+
+def main() -> int:
+    """Build, install, call; the exit code is 1 if anything is wrong."""
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="mckibben-wheel-") as name:
+        place = Path(name)
+        wheel, wrong = built(place)
+        python = installed(wheel, place / "venv")
+        print(f"Built {wheel.name} and installed it without extras: {time.monotonic() - began:.0f} s", flush=True)
+        wrong += called(python, place)
+    for line in wrong:
+        print(f"wrong: {line}")
+    print(f"{len(wrong)} things are wrong" if wrong else f"All right, after {time.monotonic() - began:.0f} s")
+    return 1 if wrong else 0
+
+
+# ---- what is built
+
+
+def built(place: Path) -> tuple[Path, list[str]]:
+    """The wheel, made of the source archive, and what is wrong with either."""
+    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-t", "wheel", "-d", str(place)],
+                   cwd=ROOT, check=True, stdout=subprocess.DEVNULL)  # fmt: skip
+    (wheel,), (archive,) = place.glob("*.whl"), place.glob("*.tar.gz")
+    with tarfile.open(archive) as tar:
+        tar.extractall(place / "source", filter="data")
+    (source,) = (place / "source").iterdir()
+    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(place / "again")],
+                   cwd=source, check=True, stdout=subprocess.DEVNULL)  # fmt: skip
+    (again,) = (place / "again").iterdir()
+    wrong = [
+        f"{what} is in the wheel of the tree or of the source archive only" for what in names(wheel) ^ names(again)
+    ]
+    shipped = {str(p.relative_to(ROOT / "src")) for p in (ROOT / "src" / "mckibben").rglob("*") if p.is_file()}
+    shipped = {p for p in shipped if "__pycache__" not in p}
+    wrong += [f"{p} is not in the wheel" for p in sorted(shipped - names(wheel))]
+    if "mckibben/py.typed" not in names(wheel):
+        wrong.append("py.typed is not in the wheel, so that its types count for nobody")
+    with tarfile.open(archive) as tar:
+        inside = {m.name.split("/", 1)[-1] for m in tar.getmembers()}
+    kept = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
+    return wheel, wrong + [f"{p} is not in the source archive" for p in kept if p not in inside]
+
+
+def names(wheel: Path) -> set[str]:
+    """Files of a wheel, without what pip writes of it."""
+    with zipfile.ZipFile(wheel) as packed:
+        return {n for n in packed.namelist() if not n.endswith("RECORD")}
+
+
+def installed(wheel: Path, place: Path) -> Path:
+    """The Python of a new environment that has the wheel and what it needs, at the versions of `requirements/run.txt`."""
+    subprocess.run([sys.executable, "-m", "venv", str(place)], check=True)
+    python = place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    pins = ROOT / "requirements" / "run.txt"
+    words = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-c", str(pins), str(wheel)]
+    subprocess.run([str(python), *words], check=True)
+    return python
+
+
+# ---- what is called
+
+
+def called(python: Path, place: Path) -> list[str]:
+    """Call every command; returns what is wrong."""
+    room = place / "room"
+    (room / "nothing").mkdir(parents=True)
+    (room / "tank.toml").write_text(TANK, encoding="utf-8")
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "MCKIBBEN", "JAX"))}
+    env = kept | {"XDG_CACHE_HOME": str(place / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
+    known = json.loads(subprocess.run([python, "-c", LIST], cwd=room, env=env, check=True, capture_output=True).stdout)
+    wrong = [f"{name}: no command of that name" for name in CALLS if name not in known]
+    wrong += [f"{name}: it is not called here; add it to CALLS" for name in known if name not in CALLS]
+    every = [(name, call) for name, calls in CALLS.items() if name in known for call in calls]
+
+    def one(job: tuple[str, Call]) -> list[str]:
+        return judged(*job, python=python, room=room, env=env)
+
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        for now in (True, False):
+            for found in pool.map(one, [job for job in every if job[1].first is now]):
+                wrong += found
+    return wrong
+
+
+def judged(name: str, call: Call, *, python: Path, room: Path, env: dict[str, str]) -> list[str]:
+    """Call a command once, say what it did, and return what is wrong with that."""
+    words, began = [str(python), "-m", "mckibben", *name.split(), *call.words], time.monotonic()
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err, tempfile.TemporaryFile() as piped:
+        piped.write(call.piped.encode())
+        piped.seek(0)
+        process = subprocess.Popen(words, cwd=room, env=env, stdin=piped, stdout=out, stderr=err)
+        code, used = waited(process)
+        out.seek(0)
+        err.seek(0)
+        printed, said = out.read().decode(errors="replace"), err.read().decode(errors="replace").strip()
+    shown = " ".join([name, *(w.rsplit("/", 1)[-1] if w.startswith(str(ROOT)) else w for w in call.words)])
+    took = f"{time.monotonic() - began:5.1f} s, {used:4.1f} s of processor time"
+    told = "works" if code == 0 else f"exit code {code}: {said.splitlines()[-1] if said else 'nothing said'}"
+    print(f"{took}  {shown}\n    {told}", flush=True)
+    wrong = ["a traceback"] if "Traceback" in said + printed else []
+    if call.says:
+        wrong += [] if code == 2 else [f"exit code {code} instead of 2"]
+        wrong += [] if "\n" not in said and not printed else ["more than one sentence"]
+        wrong += [f"it does not say: {part}" for part in call.says if part not in said]
+        wrong += [f"{used:.1f} s of processor time before it says so"] if used > BEFORE else []
+    else:
+        wrong += [] if code == 0 else [f"exit code {code}: {said[-300:]}"]
+        wrong += [f"{path} was not written" for path in call.writes if not (room / path).is_file()]
+    return [f"{shown}: {line}" for line in wrong]
+
+
+def waited(process: "subprocess.Popen[bytes]") -> tuple[int, float]:
+    """Exit code of a process and the processor time that it used [s]; one that does not end is ended."""
+    if not hasattr(os, "wait4"):
+        return process.wait(LONGEST), 0.0
+    until = time.monotonic() + LONGEST
+    while True:
+        found, status, usage = os.wait4(process.pid, os.WNOHANG)
+        if found:
+            process.returncode = os.waitstatus_to_exitcode(status)
+            return process.returncode, usage.ru_utime + usage.ru_stime
+        if time.monotonic() > until:
+            process.kill()
+        time.sleep(0.05)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
