@@ -10,18 +10,13 @@ RUN    := $(BIN)/python -m
 WORKERS ?= 2
 DATA   := $(or $(MCKIBBEN_DATA),../shared/data)
 
-.PHONY: demo wheel test slow validation lint docs bench lock clean help
+.PHONY: demo plan wheel test slow validation lint docs bench lock clean help
 
 help: ## Say what can be made
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 20
 
-demo: $(VENV)/.run ## Fit laws to measured force maps and reproduce the papers' numbers: a first picture at once, all in minutes
+demo: plan $(VENV)/.run ## Fit laws to measured force maps and reproduce the papers' numbers: a first picture at once, all in minutes
 	@mkdir -p $(OUT)
-	@printf '%s\n' "" "Four steps, some three minutes on two cores:" \
-	  "  1. one law, fitted to a measured force map and drawn                 10 s" \
-	  "  2. the papers: 69 numbers and their figures, without recordings      40 s" \
-	  "  3. figure 3a of the paper, recorded on the simulated test machine    30 s" \
-	  "  4. every law, fitted to two force maps and ranked                    80 s"
 	@printf '\n%s\n' "1. One law on one force map"
 	$(RUN) mckibben fit DMSP-20-300 --law hyperelastic_braid --train-below "4 bar" --figure $(OUT)/force-map.png
 	@printf '%s\n' "Look at $(OUT)/force-map.png while the rest is computed."
@@ -37,6 +32,14 @@ demo: $(VENV)/.run ## Fit laws to measured force maps and reproduce the papers' 
 	  "  $(OUT)/figure-3a.svg                        tension over length, as the simulated machine recorded it" \
 	  "  $(OUT)/force-maps.html                      every law, ranked, and how far to trust it" \
 	  "All of the papers, recordings and all, in a few minutes more: $(BIN)/mckibben reproduce --out $(OUT)/reproduction"
+
+plan:
+	@printf '%s\n' "On two cores this takes about three minutes:" \
+	  "  0. the first time, everything is installed into $(VENV)               1 min" \
+	  "  1. one law, fitted to a measured force map and drawn                 10 s" \
+	  "  2. the papers: the numbers and figures that need no recordings       40 s" \
+	  "  3. figure 3a of the paper, recorded on the simulated test machine    20 s" \
+	  "  4. every law, fitted to two force maps and ranked                    60 s"
 
 wheel: $(VENV)/.run ## Build wheel and source archive; call every command from a wheel without extras
 	$(BIN)/python tests/wheel/check.py
