@@ -4,11 +4,14 @@ import re
 import tomllib
 from pathlib import Path
 
+from packaging.specifiers import SpecifierSet
+
 import mckibben
 from mckibben.extras import LIBRARIES
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+BOUNDED = PROJECT["dependencies"]
 WORKFLOW = (ROOT / ".github/workflows/test.yml").read_text(encoding="utf-8")
 
 
@@ -55,3 +58,13 @@ def test_every_library_that_is_asked_for_comes_with_its_extra() -> None:
         assert names([package]) <= names(PROJECT["optional-dependencies"][extra]), module
     brought = {n for extra, listed in PROJECT["optional-dependencies"].items() for n in names(listed)}
     assert brought == {n for _, package in LIBRARIES.values() for n in names([package])}
+
+
+def test_bounds_of_the_package_hold_for_the_pinned_versions_on_every_python() -> None:
+    """Pins that differ between Pythons once gave 3.12 a JAX whose loops the native engine does not know."""
+    bounds = {r.split(">=")[0].lower().replace("_", "-"): SpecifierSet(r[len(r.split(">=")[0]) :]) for r in BOUNDED}
+    for name in ("run", "test", "docs"):
+        pins = [re.match(r"([\w.-]+)==([\w.]+)", line) for line in lines(f"requirements/{name}.txt")]
+        found = [(pin[1].lower(), pin[2]) for pin in pins if pin and pin[1].lower() in bounds]
+        assert {n for n, _ in found} == set(bounds)
+        assert not [f"{n} {v}" for n, v in found if v not in bounds[n]], name

@@ -172,14 +172,12 @@ def main() -> int:
 
 def built(place: Path) -> tuple[Path, list[str]]:
     """The wheel, made of the source archive, and what is wrong with either."""
-    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-t", "wheel", "-d", str(place)],
-                   cwd=ROOT, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+    hatch(ROOT, place, "sdist", "wheel")
     (wheel,), (archive,) = place.glob("*.whl"), place.glob("*.tar.gz")
     with tarfile.open(archive) as tar:
         tar.extractall(place / "source", filter="data")
     (source,) = (place / "source").iterdir()
-    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(place / "again")],
-                   cwd=source, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+    hatch(source, place / "again", "wheel")
     (again,) = (place / "again").iterdir()
     wrong = [
         f"{what} is in the wheel of the tree or of the source archive only" for what in names(wheel) ^ names(again)
@@ -193,6 +191,15 @@ def built(place: Path) -> tuple[Path, list[str]]:
         inside = {m.name.split("/", 1)[-1] for m in tar.getmembers()}
     kept = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
     return wheel, wrong + [f"{p} is not in the source archive" for p in kept if p not in inside]
+
+
+def hatch(source: Path, place: Path, *targets: str) -> None:
+    """Build targets of a source folder into another folder."""
+    words = [word for target in targets for word in ("-t", target)]
+    command = [sys.executable, "-m", "hatchling", "build", *words, "-d", str(place)]
+    done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(f"{source} cannot be built:\n{done.stdout}{done.stderr}")
 
 
 def names(wheel: Path) -> set[str]:
