@@ -31,6 +31,8 @@ def test_a_row_is_computed_as_the_command_does_and_shows_its_figure(visit):
     name = QUICK[2]
     found = CliRunner().invoke(app, ["reproduce", "--row", name, "--json"])
     (theirs,) = json.loads(found.stdout)["rows"]
+    headline = json.loads(found.stdout)["headline"]
+    assert headline == "1 printed number: 1 is a misprint, none falls short."
     page = open_page(visit)
     page.click(row(name))
     page.click("text=Compute this row")
@@ -38,10 +40,19 @@ def test_a_row_is_computed_as_the_command_does_and_shows_its_figure(visit):
     assert float(page.get_attribute(row(name), "data-value")) == theirs["ours"]
     assert page.get_attribute(row(name), "data-verdict") == theirs["verdict"] == "misprint"
     assert page.inner_text(f"{row(name)} s") == "0.49"  # theirs is struck out
+    says(page, ".p-headline", headline)
+    says(page, ".p-count[data-only=misprint]", "1", "are misprints")
     page.wait_for_selector(".p-svg svg", timeout=LONG)
     says(page, ".p-body .note", "Misprint. 0.470 from unrounded joules")
     page.click("text=Its numbers")
     assert page.locator(".p-numbers .sel s").inner_text() == "0.49"
+
+
+def test_a_row_with_a_wide_tolerance_says_why_before_it_is_computed(visit):
+    name = "energy.maximal.zero_pressure"
+    page = open_page(visit, f"?row={name}")
+    assert "tolerance 15 %: no number is printed" in page.get_attribute(f"{row(name)} .notecell", "title")
+    says(page, ".p-body", "tolerance 15 %: no number is printed")
 
 
 def test_filters_and_a_chosen_row_stand_in_the_link(visit, until):

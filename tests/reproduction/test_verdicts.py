@@ -1,8 +1,12 @@
 """Verdicts are counted by kind: what is calibrated, open or wide is never hidden in one word."""
 
+import re
+from collections import Counter
+from pathlib import Path
+
 import pytest
 
-from mckibben.reproduction import Outcome, Row
+from mckibben.reproduction import Outcome, Row, reproduce
 from mckibben.reproduction.rows import all_rows, judge, said_of
 from mckibben.reproduction.verdicts import KINDS, REASONED, headline, kind_of, relative_tolerance, tallies
 
@@ -61,3 +65,26 @@ def test_a_zero_that_ends_a_printed_number_counts():
     assert judge(efficiency, 0.1973) and not judge(efficiency, 0.206)
     density = rows["biology.peak_power_density"]  # printed 0.70
     assert judge(density, 0.7) and not judge(density, 0.71)
+
+
+def stated() -> str:
+    """The headline that the README states."""
+    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    found = re.search(r"^> (\d+ printed numbers: .*\.)$", text, flags=re.M)
+    assert found is not None
+    return found[1]
+
+
+def test_the_readme_counts_the_rows_as_they_are():
+    """By what their print alone says of them, for none falls short."""
+    kinds = {"erratum": "misprint", "open": "open", "synthetic": "synthetic"}
+    counts = Counter(kinds.get(r.expect, "calibrated" if r.calibrated else "holds") for r in all_rows())
+    words = [f"{n} {k.count[n != 1]}" for k in KINDS.values() if (n := counts[k.key])]
+    assert (
+        re.sub(r" \(.*?\)", "", stated()) == f"{len(all_rows())} printed numbers: {', '.join(words)}, none falls short."
+    )
+
+
+@pytest.mark.slow
+def test_the_readme_states_the_headline_of_the_reproduction():
+    assert stated() == headline(reproduce())
