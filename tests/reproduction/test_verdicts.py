@@ -79,7 +79,7 @@ def test_the_readme_counts_the_rows_as_they_are():
     """By what their print alone says of them, for none falls short."""
     kinds = {"erratum": "misprint", "open": "open", "synthetic": "synthetic"}
     counts = Counter(kinds.get(r.expect, "calibrated" if r.calibrated else "holds") for r in all_rows())
-    words = [f"{n} {k.count[n != 1]}" for k in KINDS.values() if (n := counts[k.key])]
+    words = [f"{n} {k.counted[n != 1]}" for k in KINDS.values() if (n := counts[k.key])]
     assert (
         re.sub(r" \(.*?\)", "", stated()) == f"{len(all_rows())} printed numbers: {', '.join(words)}, none falls short."
     )

@@ -20,13 +20,13 @@ class Kind(NamedTuple):
     Attributes:
         key: its name in files and on the screen.
         verdict: of one row.
-        count: what follows its number in the headline where that is one, and where it is more.
+        counted: what follows its number in the headline where that is one, and where it is more.
         meaning: what it says, a phrase.
     """
 
     key: str
     verdict: str
-    count: tuple[str, str]
+    counted: tuple[str, str]
     meaning: str
 
 
@@ -115,7 +115,7 @@ def tallies(outcomes: Iterable[Outcome]) -> list[Tally]:
 def headline(outcomes: Sequence[Outcome]) -> str:
     """One sentence: how many numbers there are, and how many of each kind, with their differences from the print."""
     counted = tallies(outcomes)
-    parts = [f"{t.rows} {t.kind.count[t.rows != 1]}{_between(t)}" for t in counted]
+    parts = [f"{t.rows} {t.kind.counted[t.rows != 1]}{_between(t)}" for t in counted]
     if not any(t.kind.key == "short" for t in counted) and any(t.kind.key != "to come" for t in counted):
         parts.append("none falls short")
     numbers = "1 printed number" if len(outcomes) == 1 else f"{len(outcomes)} printed numbers"

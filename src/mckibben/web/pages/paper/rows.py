@@ -21,7 +21,7 @@ def fixed_document() -> dict[str, Any]:
     from ....reproduction.rows import all_rows
 
     return {
-        "kinds": [{"key": k.key, "one": k.verdict, "many": k.count[1], "meaning": k.meaning} for k in KINDS.values()],
+        "kinds": [{"key": k.key, "one": k.verdict, "many": k.counted[1], "meaning": k.meaning} for k in KINDS.values()],
         "parts": [{"id": k, "title": v} for k, v in PARTS.items()],
         "rows": [_row(r) for r in all_rows()],
         "figures": [
