@@ -45,6 +45,8 @@ def fit_json(f: Fit) -> dict[str, Any]:
         "aicc": f.aicc,
         "n": len(f.points),
         "converged": f.converged,
+        "at_bound": list(f.at_bound),
+        "not_contained": list(f.not_contained),
         "warnings": list(f.warnings),
         "cross_validation": {
             k: {"groups": c.groups, "rmse": c.rmse, "max_error": c.max_error} for k, c in f.cross.items()
@@ -66,6 +68,8 @@ def _share(largest: float, newton: float | None) -> str:
 
 def show(study: Any) -> None:
     """Print the ranking of one table, the best law's parameters, and what is to be noted."""
+    from ..identification.fit import bound_of, degenerate_words
+
     largest = study.points.largest
     n = int(study.points.taut.sum())
     share = functools.partial(_share, largest)
@@ -82,7 +86,7 @@ def show(study: Any) -> None:
                 *(share(f.cross[s].max_error if s in f.cross else None) for s in ("length", "block", "rest_length")),
                 share(held),
                 f"{f.aicc:.1f}",
-                "" if f.converged else "did not converge",
+                "; ".join([*([] if f.converged else ["did not converge"]), *degenerate_words(f)]),
             ]
         )
     for title, error in study.published:
@@ -116,7 +120,8 @@ def show(study: Any) -> None:
     ]
     keep = [i for i in range(len(columns)) if i < 5 or any(r[i] not in ("-", "") for r in rows)]
     table(
-        f"{study.title}: {n} points with tension, largest {largest:.1f} N; errors are the largest, of that",
+        f"{study.title}: {n} points with tension, largest {largest:.1f} N; errors are the largest, of that; "
+        "ranked by AICc, without parameters at a bound",
         [columns[i] for i in keep],
         [[r[i] for i in keep] for r in rows],
         right=[j for j, i in enumerate(keep) if 0 < i < 10],
@@ -126,6 +131,9 @@ def show(study: Any) -> None:
 
     typer.echo(f"\n{best.law}:")
     for name, e in best.parameters.items():
+        if name in best.at_bound:
+            typer.echo(f"  {name} = {with_unit(bound_of(best, name), e.unit)}  (at its bound)")
+            continue
         typer.echo(
             f"  {name} = {with_unit(e.value, e.unit)}  (95 %: {with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)})"
         )

@@ -7,13 +7,15 @@ import abc
 import numpy as np
 
 
-def akaike(error: np.ndarray, parameters: int) -> float:
+def akaike(error: np.ndarray, parameters: int, *, resolution: float = 1e-15) -> float:
     """Akaike's criterion with the correction for small samples (AICc) of errors (n,); infinite where they are too few.
 
-    The noise level counts as a parameter, and belongs to `parameters`.
+    The noise level counts as a parameter, and belongs to `parameters`. Root mean square errors below `resolution` (in the
+    unit of the errors) count as that: what is left of an exact fit is rounding, whose size says nothing.
     """
     n, k = error.size, parameters
-    variance = max(float(np.mean(error**2)), 1e-30) if n else 1e-30
+    least = resolution**2
+    variance = max(float(np.mean(error**2)), least) if n else least
     return n * float(np.log(variance)) + 2.0 * k * n / (n - k - 1.0) if n > k + 1 else float("inf")
 
 

@@ -1,4 +1,9 @@
-"""Fitting tension laws to a force map, and ranking them by how well they predict what they were not shown."""
+"""Fitting tension laws to a force map, and ranking them by Akaike's criterion.
+
+A parameter that ended at a bound, or that the data do not contain, describes nothing: the law with it is the simpler law
+without it. Such parameters are counted out of the criterion, and the law that has them has to be better than a law with
+fewer parameters by more than the criterion can tell.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +17,7 @@ from ..errors import ConvergenceError, InputError
 from ..muscles.build import build_law
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
+from ..quantities import declared
 from ..recordings import ForceMap
 from .checks import require_influence, require_progress
 from .criterion import akaike
@@ -21,6 +27,10 @@ from .uncertainty import Estimate, Uncertainty, uncertainty
 from .validation import CrossValidation, cross_validate
 
 SCHEMES = ("pressure", "length", "block", "rest_length")
+# Share of the largest tension below which no sensor resolves an error: below it, laws differ by rounding only.
+RESOLUTION = 1e-6
+# A difference of AICc up to this does not tell two models apart (Burnham and Anderson, 2002).
+INDIFFERENT = 2.0
 
 
 class Errors:
@@ -41,7 +51,23 @@ class Errors:
 
 @dataclass(frozen=True)
 class Fit(Errors):
-    """What is known of one law after a fit; errors in newton, of the tension that a sensor would see."""
+    """What is known of one law after a fit; errors in newton, of the tension that a sensor would see.
+
+    Attributes:
+        law: its name.
+        parameters: that were fitted, with their intervals [SI].
+        known: that were not [SI].
+        points: with tension, to which it was fitted.
+        error: of the tension at them [N].
+        converged: whether the solver reached its tolerance.
+        message: of the solver.
+        warnings: in words.
+        cross: cross-validations by scheme.
+        correlation: of the parameters.
+        holdout: prediction of points above the pressures of a separate fit.
+        at_bound: parameters that ended at a bound.
+        not_contained: parameters without influence on the tension at any point.
+    """
 
     law: str
     parameters: dict[str, Estimate]
@@ -54,6 +80,13 @@ class Fit(Errors):
     cross: dict[str, CrossValidation] = field(default_factory=dict)
     correlation: np.ndarray | None = None
     holdout: Holdout | None = None
+    at_bound: tuple[str, ...] = ()
+    not_contained: tuple[str, ...] = ()
+
+    @property
+    def degenerate(self) -> tuple[str, ...]:
+        """Fitted parameters that describe nothing: at a bound, or without influence."""
+        return (*self.at_bound, *self.not_contained)
 
     @property
     def cv_rmse(self) -> float | None:
@@ -67,8 +100,12 @@ class Fit(Errors):
 
     @property
     def aicc(self) -> float:
-        """Akaike's criterion with the correction for small samples; the noise level counts as a parameter."""
-        return akaike(np.asarray(self.error), len(self.parameters) + 1)
+        """Akaike's criterion with the correction for small samples.
+
+        The noise level counts as a parameter; degenerate parameters do not.
+        """
+        counted = len(self.parameters) - len(self.degenerate)
+        return akaike(np.asarray(self.error), counted + 1, resolution=RESOLUTION * self.points.largest)
 
     def build(self, **changes: Any) -> TensionLaw:
         """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind."""
@@ -126,6 +163,7 @@ def fit(
     taut = problem.points.taut
     error = (solution.tension - problem.points.tension)[taut]
     spread = uncertainty(solution.jacobian[taut], error, problem.free)
+    bound, none = _degenerate(problem, solution, taut)
     crossed = {}
     for scheme in schemes:
         result = cross_validate(problem, solution, scheme) if solution.converged else None
@@ -140,10 +178,12 @@ def fit(
         error=error,
         converged=solution.converged,
         message=solution.message,
-        warnings=_warnings(problem, solution, spread),
+        warnings=_warnings(solution, spread, bound),
         cross=crossed,
         correlation=spread.correlation,
         holdout=_hold_out(law, points, train_below, known, slack),
+        at_bound=bound,
+        not_contained=none,
     )
 
 
@@ -186,8 +226,29 @@ def fit_all(
 
 
 def rank(fits: Iterable[Fit]) -> list[Fit]:
-    """Best first: by the error of points predicted with their pressure left out; a fit that did not converge comes last."""
-    return sorted(fits, key=lambda f: (not f.converged, f.cv_rmse if f.cv_rmse is not None else f.rmse))
+    """Best first: by AICc, degenerate parameters counted out; a fit that did not converge comes last.
+
+    A fit with degenerate parameters comes behind any other whose AICc is larger by `INDIFFERENT` or less, and of two that
+    are equal the one with fewer parameters comes first. Where points are too few for the criterion, the error of points
+    predicted with their pressure left out decides.
+    """
+
+    def key(f: Fit) -> tuple[bool, float, int, float]:
+        score = f.aicc + (INDIFFERENT if f.degenerate else 0.0)
+        return not f.converged, score, len(f.parameters), f.cv_rmse if f.cv_rmse is not None else f.rmse
+
+    return sorted(fits, key=key)
+
+
+def degenerate_words(fit: Fit) -> list[str]:
+    """What is to be said of the parameters that were counted out of the criterion, one phrase each."""
+    return [f"{name} at its bound" for name in fit.at_bound] + [f"{name} not in the data" for name in fit.not_contained]
+
+
+def bound_of(fit: Fit, name: str) -> float:
+    """The declared bound at which a parameter ended [SI]."""
+    value, bounds = fit.parameters[name].value, declared(law_type(fit.law))[name].bounds
+    return min(bounds, key=lambda b: abs(value - b))
 
 
 def evaluate(law: TensionLaw, points: ForceMap) -> np.ndarray:
@@ -205,15 +266,24 @@ def _estimates(problem: Problem, solution: Solution, spread: Uncertainty) -> dic
     }
 
 
-def _warnings(problem: Problem, solution: Solution, spread: Uncertainty) -> tuple[str, ...]:
+def _degenerate(problem: Problem, solution: Solution, taut: np.ndarray) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The parameters at a bound, and those without influence.
+
+    At a bound is also what could be moved there without changing any tension by more than `RESOLUTION`.
+    """
     low, high = problem.bounds
-    at_bound = [
-        f"{name} lies on its bound"
-        for name, v, a, b in zip(problem.free, solution.scaled, low, high, strict=True)
-        if min(v - a, b - v) < 1e-6 * max(abs(v), 1e-3)
-    ]
+    influence = np.abs(solution.jacobian[taut]).max(axis=0)
+    room = np.minimum(solution.scaled - low, high - solution.scaled)
+    close = room < 1e-6 * np.maximum(np.abs(solution.scaled), 1e-3)
+    close |= room * influence < RESOLUTION * problem.points.largest
+    none = influence == 0.0
+    named = np.array(problem.free)
+    return tuple(map(str, named[close & ~none])), tuple(map(str, named[none]))
+
+
+def _warnings(solution: Solution, spread: Uncertainty, at_bound: tuple[str, ...]) -> tuple[str, ...]:
     lost = [] if solution.converged else [f"did not converge: {solution.message}"]
-    return (*lost, *spread.warnings, *at_bound)
+    return (*lost, *spread.warnings, *(f"{name} lies on its bound" for name in at_bound))
 
 
 def _hold_out(

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..citations import reference
 from ..identification import Fit
+from ..identification.fit import INDIFFERENT, degenerate_words
 from ..muscles.laws import law_type
 from ..quantities import declared, from_si, shown_unit, with_unit
 from .document import (
@@ -225,8 +226,10 @@ def _table(study: Study, mark: str) -> list[Block]:
     columns += [Column("ΔAICc", number=True), Column("Verdict", wide=True)]
     largest = number(study.points.largest, 1)
     note = (
-        "Ranked by the root mean square error of points predicted with their pressure left out. Errors in N, the largest "
-        f"also in % of the largest tension, {largest} N; the best of each column is bold."
+        "Ranked by AICc, Akaike's criterion for small samples. A parameter that ended at a bound, or that the data do not "
+        "contain, is not counted there, and a law with one comes behind a law with fewer parameters unless its AICc is lower "
+        f"by more than {INDIFFERENT:g}. Errors in N, the largest also in % of the largest tension, {largest} N; the best of "
+        "each column is bold."
     )
     rows = tuple(_ranking_rows(study, mark, schemes, bool(held_out)))
     blocks: list[Block] = [Paragraph(note, "quiet"), Table(tuple(columns), rows, head=1)]
@@ -297,8 +300,7 @@ def _state(fit: Fit, size: float) -> Cell:
     words = []
     if any("apart" in w for w in fit.warnings):
         words.append("parameters hard to tell apart")
-    if any("bound" in w for w in fit.warnings):
-        words.append("a parameter on its bound")
+    words += [f"{word}, not counted" for word in degenerate_words(fit)]
     if fit.holdout and not fit.holdout.max_error < 0.2 * size:
         words.append("does not extrapolate in pressure")
     if any(c.failed for c in fit.cross.values()):
@@ -420,6 +422,13 @@ def cautions_of(fit: Fit, size: float) -> list[str]:
         )
     told = [w for w in fit.warnings if not w.startswith("did not converge")]
     found += [_sentence(w) for w in told]
+    if fit.degenerate:
+        rest = len(fit.parameters) - len(fit.degenerate)
+        found.append(
+            f"{listed(list(fit.degenerate))} {'describes' if len(fit.degenerate) == 1 else 'describe'} nothing here, so the "
+            f"criterion counts {rest} parameter{'' if rest == 1 else 's'} of {len(fit.parameters)}. A simpler law may say the "
+            "same."
+        )
     if any("apart" in w for w in told):
         found.append(
             "Where two parameters cannot be told apart, trust what the law predicts near the data, not these values."

@@ -54,8 +54,11 @@ def _law_table(f: Fit) -> Any:
     group = tomlkit.table()
     units = declared(law_type(f.law))
     for name, e in f.parameters.items():
-        entry: dict[str, Any] = {"value": e.value, "unit": e.unit, "note": f"fitted, rmse {f.rmse:.3g} N"}
-        if np.isfinite([e.low, e.high]).all():
+        note = f"fitted, rmse {f.rmse:.3g} N"
+        if name in f.degenerate:
+            note += "; at its bound" if name in f.at_bound else "; not in the data"
+        entry: dict[str, Any] = {"value": e.value, "unit": e.unit, "note": note}
+        if name not in f.degenerate and np.isfinite([e.low, e.high]).all():
             entry["range"] = [e.low, e.high]
         group[name] = entry
     for name, value in f.known.items():

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ConvergenceError, InputError, MissingDataError
-from ..identification import Fit, fit, rank
+from ..identification import Fit, fit
 from ..identification.fit import SCHEMES, evaluate
 from ..muscles import law_from_specimen
 from ..muscles.laws import LAWS, law_type
@@ -191,7 +191,12 @@ def _static(
             continue
         fits.append(found)
     unfitted = [_applied(a, one, points) for a in one.applied if not laws or a.law in laws]
-    return StaticResult(one, points, rank(fits), unfitted, skipped, branches_apart(points))
+    return StaticResult(one, points, _by_prediction(fits), unfitted, skipped, branches_apart(points))
+
+
+def _by_prediction(fits: Iterable[Fit]) -> list[Fit]:
+    """Best first: by the error of points predicted with their pressure left out, which is what this study asks."""
+    return sorted(fits, key=lambda f: (not f.converged, f.cv_rmse if f.cv_rmse is not None else f.rmse))
 
 
 def _told(schemes: Sequence[str], points: ForceMap) -> tuple[str, ...]:

@@ -299,7 +299,7 @@ class _Row(NamedTuple):
 
 @style.styled()
 def ranking(study: Study) -> Figure:
-    """Laws from best to worst by their errors of prediction, in % of the largest tension on a logarithmic axis.
+    """Laws in the order of their ranking with their errors of prediction, in % of the largest tension on a logarithmic axis.
 
     Root mean square and largest error of points whose pressure was left out; dashed, those above the training pressures.
     """

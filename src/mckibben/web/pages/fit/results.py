@@ -50,6 +50,7 @@ def ranking(study: Study, chosen: str, pick: Callable[[str], Any]) -> None:
 
 
 def _rows(study: Study) -> list[dict[str, Any]]:
+    from ....identification.fit import degenerate_words
     from ....report.figures.fit_figures import law_title
 
     lowest = min((f.aicc for f in study.fits if f.converged), default=math.nan)
@@ -60,12 +61,13 @@ def _rows(study: Study) -> list[dict[str, Any]]:
             "free": str(len(f.parameters)),
             "rmse": f.rmse, "most": f.max_error, "left": f.cv_rmse, "held": f.holdout.max_error if f.holdout else None,
             "aicc": f.aicc, "beyond": f.aicc - lowest, "converged": f.converged,
+            "degenerate": "; ".join(degenerate_words(f)),
         })  # fmt: skip
     for title, error in study.published:
         rmse, most = float((error**2).mean() ** 0.5), float(abs(error).max())
         more = dict.fromkeys(("left", "held", "aicc", "beyond"))
         rows.append({"law": "", "title": title, "place": "", "free": "published", "rmse": rmse, "most": most, **more,
-                     "converged": True})  # fmt: skip
+                     "converged": True, "degenerate": ""})  # fmt: skip
     return rows
 
 
@@ -81,7 +83,8 @@ def _row(
             line.on("click", lambda: pick(row["law"])).on("keydown.enter", lambda: pick(row["law"]))
         text("td", row["place"])
         title = html.escape(row["title"])
-        why = "" if row["converged"] else ' <span class="faint">did not converge</span>'
+        told = row["degenerate"] if row["converged"] else "did not converge"
+        why = f' <span class="faint">{html.escape(told)}</span>' if told else ""
         raw((f"<b>{title}</b>" if picked else title) + why, "td", "law-name")
         text("td", row["free"], "num" if row["law"] else "num faint")
         share = min(1.0, row["rmse"] / widest) if math.isfinite(row["rmse"]) else 1.0

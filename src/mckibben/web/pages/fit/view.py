@@ -63,7 +63,7 @@ class View:
                     self._place("laws")
                 self._place("cautions", "colx")
             with box("div", "colx"):
-                with panel("Ranking", "by the error of points whose pressure was left out; errors in N", step=3):
+                with panel("Ranking", "by AICc, without parameters at a bound; errors in N", step=3):
                     self._place("ranking")
                     self._place("going")
                 with panel("Measured and fitted", "points measured, lines the law") as head:

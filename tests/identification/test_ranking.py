@@ -1,0 +1,83 @@
+"""The order of fits: a parameter that describes nothing does not make a law better than the simpler law that it becomes."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+
+from mckibben.identification import fit, rank
+from mckibben.identification.criterion import akaike
+from mckibben.identification.fit import INDIFFERENT, bound_of, degenerate_words
+from mckibben.muscles.build import build_law
+from mckibben.recordings import ForceMap
+from mckibben.report.specimen_file import write_specimen
+from mckibben.specimens import specimen
+
+# Noise for which the thick wall of no thickness once came first: rounding made it the better predictor by 5e-11 N.
+SEED, NOISE = 5, 0.5
+
+
+@pytest.fixture(scope="module")
+def fits():
+    """The ideal law and the thick wall, fitted to a noisy table of an ideal braid."""
+    law = build_law("ideal", {"thread_length": 0.17, "turns": 3.0})
+    length, pressure = (a.ravel() for a in np.meshgrid(np.linspace(0.11, 0.15, 5), np.linspace(1e5, 5e5, 5), indexing="ij"))
+    tension = np.asarray(jax.jit(law.tension)(length, pressure))
+    noise = NOISE * np.random.default_rng(SEED).standard_normal(tension.size)
+    points = ForceMap(name="ideal braid", length=length, pressure=pressure, tension=tension + noise)
+    return [fit(name, points, schemes=("pressure",)) for name in ("thick_wall", "ideal")]
+
+
+def test_a_wall_of_no_thickness_comes_behind_the_law_without_a_wall(fits) -> None:
+    thick, ideal = fits
+    assert thick.parameters["wall_thickness"].value < 1e-12  # no wall: the ideal braid under another name
+    assert [f.law for f in rank(fits)] == ["ideal", "thick_wall"]
+    assert [f.law for f in rank(fits[::-1])] == ["ideal", "thick_wall"]
+
+
+def test_a_parameter_at_its_bound_is_not_counted_and_is_named(fits) -> None:
+    thick, ideal = fits
+    assert thick.at_bound == ("wall_thickness",) and thick.not_contained == ()
+    assert ideal.at_bound == () and ideal.degenerate == ()
+    # the same errors with the same number of parameters, to the rounding of the solver
+    assert thick.aicc == pytest.approx(ideal.aicc, abs=1e-6)
+    assert degenerate_words(thick) == ["wall_thickness at its bound"]
+    assert bound_of(thick, "wall_thickness") == 0.0
+
+
+def test_the_law_without_the_empty_parameter_is_the_one_that_is_saved_as_default(fits, tmp_path) -> None:
+    path = tmp_path / "saved.toml"
+    write_specimen(rank(fits), None, path)
+    saved = specimen(str(path))
+    assert saved.law == "ideal"
+    assert "at its bound" in saved.laws["thick_wall"]["wall_thickness"].note
+
+
+def test_a_better_law_keeps_its_place_in_spite_of_a_parameter_at_its_bound(fits) -> None:
+    thick, ideal = fits
+    n = len(ideal.error)
+    # errors so much smaller that the criterion falls by half as much again as it has to, or by half of it
+    for fall, first in ((1.5 * INDIFFERENT, "thick_wall"), (0.5 * INDIFFERENT, "ideal")):
+        better = replace(thick, error=ideal.error * np.exp(-0.5 * fall / n))
+        assert ideal.aicc - better.aicc == pytest.approx(fall, rel=1e-9)
+        assert rank([ideal, better])[0].law == first
+
+
+def test_a_parameter_without_influence_is_not_counted() -> None:
+    # Below the threshold nothing depends on what the gas does.
+    known = {"threshold_pressure": 3e5, "threshold_width": 1e2, "rest_length": 0.14, "upper_length": 0.16}
+    length, pressure = (a.ravel() for a in np.meshgrid(np.linspace(0.142, 0.154, 4), [0.5e5, 1e5, 1.5e5], indexing="ij"))
+    noise = np.random.default_rng(1).standard_normal(length.size)
+    points = ForceMap(name="slack", length=length, pressure=pressure, tension=392.0 * (length - 0.14) + 0.02 * noise)
+    free = ("stiffness_per_pressure", "passive_stiffness")
+    found = fit("linear_threshold", points, known=known | {"shortest_length": 0.0991}, free=free, schemes=())
+    assert found.not_contained == ("stiffness_per_pressure",)
+    assert found.aicc == akaike(found.error, 2)  # the passive stiffness, and the noise
+
+
+def test_an_exact_fit_is_not_judged_by_its_rounding(fits) -> None:
+    thick, ideal = fits
+    rounding = np.full(len(ideal.error), 1e-10)
+    exact = [replace(thick, error=0.1 * rounding, at_bound=()), replace(ideal, error=rounding)]
+    assert [f.law for f in rank(exact)] == ["ideal", "thick_wall"]
