@@ -4,7 +4,7 @@ import pytest
 
 from mckibben import quantities
 from mckibben.errors import InputError
-from mckibben.quantities import Quantity, from_si, parse, to_si, with_unit
+from mckibben.quantities import Quantity, from_si, has_dimension, parse, to_si, with_unit
 
 
 @pytest.mark.parametrize(
@@ -48,3 +48,18 @@ def test_the_usual_units_are_converted_as_pint_does_it(si_unit, unit, monkeypatc
     monkeypatch.setattr(quantities, "_USUAL", {})
     # to the last bit: a number of a file must not depend on which of the two has read it
     assert usual == [(to_si(x, unit, si_unit, field="x"), from_si(x, si_unit, unit)) for x in numbers]
+
+
+def test_a_comma_is_never_taken_for_a_point_nor_passed_over() -> None:
+    for text, says in (("0,12 m", "write '0.12 m'"), ("1,000,000 m", "nothing between thousands")):
+        with pytest.raises(InputError, match=says):
+            parse(text, "m", field="length")
+
+
+def test_a_flow_is_shown_as_catalogues_state_it() -> None:
+    assert with_unit(0.00158333, "m^3/s") == "95 l/min"
+
+
+def test_the_dimension_of_words_is_known_without_their_value() -> None:
+    assert has_dimension("12 mm", "m") and has_dimension("12 furlong", "m")
+    assert not any(has_dimension(text, "m") for text in ("12 Hz", "12", "0.9 L0", "sine", "12 s"))

@@ -56,6 +56,28 @@ def read_toml(path: str | os.PathLike[str], *, field: str = "file") -> dict[str,
     return parse_toml(read_text(path, field=field), where=os.fspath(path), field=field)
 
 
+def with_own_paths(document: Any, where: str | os.PathLike[str], key: str = "specimen") -> Any:
+    """The tables of a file with the files that they name under a key, found from the folder of the file itself.
+
+    Args:
+        document: the tables.
+        where: the file that they come from.
+        key: whose values that end in ``.toml`` are paths; others are names of what ships.
+    """
+    if isinstance(document, dict):
+        return {k: _own_path(v, where) if k == key else with_own_paths(v, where, key) for k, v in document.items()}
+    return [with_own_paths(v, where, key) for v in document] if isinstance(document, list) else document
+
+
+def _own_path(value: Any, where: str | os.PathLike[str]) -> Any:
+    return own_path(value, where) if isinstance(value, str) and value.lower().endswith(".toml") else value
+
+
+def own_path(path: str, where: str | os.PathLike[str]) -> str:
+    """A path that a file names, from the folder of that file; one that begins at the root stays."""
+    return str(Path(where).parent / path)
+
+
 def write_whole(path: str | os.PathLike[str], write: Callable[[Path], object], *, field: str = "file") -> Path:
     """Let `write` make a file beside its place, and move it there when it is complete and on the disk.
 

@@ -23,18 +23,21 @@ def _again(kind: type[MckibbenError], args: tuple[Any, ...]) -> MckibbenError:
 class InputError(MckibbenError, ValueError):
     """A value given by the user is not allowed.
 
-    The message names where the value comes from, the field, the value and what is allowed.
+    The message names where the value comes from, the field, the value and what is allowed; it is composed of these, or is a
+    whole `sentence` that says the same.
     """
 
-    def __init__(self, field: str, value: object, allowed: str, *, where: str | None = None) -> None:
-        self.field, self.value, self.allowed, self.where = field, value, allowed, where
+    def __init__(
+        self, field: str, value: object, allowed: str, *, where: str | None = None, sentence: str | None = None
+    ) -> None:
+        self.field, self.value, self.allowed, self.where, self.sentence = field, value, allowed, where, sentence
         place = f"{where}: " if where else ""
-        super().__init__(f"{place}{field} is {_shown(value)}; {allowed}")
+        super().__init__(place + (sentence or f"{field} is {_shown(value)}; {allowed}"))
 
     def at(self, where: str) -> InputError:
         """The same complaint with the place it comes from, the outermost first."""
         place = f"{where}: {self.where}" if self.where else where
-        return InputError(self.field, self.value, self.allowed, where=place)
+        return InputError(self.field, self.value, self.allowed, where=place, sentence=self.sentence)
 
 
 class MissingLibraryError(InputError):

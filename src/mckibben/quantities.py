@@ -20,7 +20,10 @@ import numpy as np
 from .errors import InputError
 
 # What a person reads; the SI unit on the left is what the package computes with.
-_SHOWN = {"m": "cm", "Pa": "bar", "m^3": "cm^3", "N/m": "N/cm", "rad": "deg", "m^2": "cm^2", "N/m^2": "N/cm^2"}
+_SHOWN = {
+    "m": "cm", "Pa": "bar", "m^3": "cm^3", "N/m": "N/cm", "rad": "deg", "m^2": "cm^2", "N/m^2": "N/cm^2",
+    "m^3/s": "l/min", "m^3/(s*Pa)": "l/min/bar", "Pa/s": "bar/s",
+}  # fmt: skip
 
 # Units that files and people use most, by SI unit: factor to it and factor back, as pint has them to the last bit. They
 # spare most processes pint, which takes half a second to begin with.
@@ -35,6 +38,7 @@ _USUAL: dict[str, dict[str, tuple[float, float]]] = {
     "s": {"us": (1e-6, 1e6), "ms": (1e-3, 1e3), "min": (60.0, 0.016666666666666666)},
     "kg": {"g": (1e-3, 1e3)},
     "Pa": {"bar": (1e5, 1e-5), "mbar": (1e2, 1e-2), "kPa": (1e3, 1e-3), "MPa": (1e6, 1e-6)},
+    "Pa/s": {"bar/s": (1e5, 1e-5), "kPa/s": (1e3, 1e-3)},
     "N/m": {"N/cm": (1e2, 1e-2), "N/mm": (1e3, 1e-3)},
     "N/m^2": {"N/cm^2": (1e4, 1e-4)},
     "m/s": {"mm/s": (1e-3, 1e3), "cm/s": (1e-2, 1e2)},
@@ -162,9 +166,10 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
         # A gauge pressure or a force has no offset; a temperature in degC does, and pint handles both this way.
         return float(registry.Quantity(value, _unit(unit)).to(_unit(si_unit)).magnitude)
     except pint.UndefinedUnitError:
-        raise InputError(
-            field, f"{value:g} {unit}", f"the unit is unknown; allowed is {_kind(si_unit)}", where=where
-        ) from None
+        known = (si_unit, *_USUAL.get(si_unit, {}), "psi" if si_unit == "Pa" else "")
+        near = next((k for k in known if k.lower() == unit.strip().lower()), "")
+        told = f"the unit is unknown; {f'did you mean {near}? ' if near else ''}allowed is {_kind(si_unit)}"
+        raise InputError(field, f"{value:g} {unit}", told, where=where) from None
     except pint.DimensionalityError:
         raise InputError(field, f"{value:g} {unit}", f"allowed is {_kind(si_unit)}", where=where) from None
     except (ArithmeticError, AssertionError, AttributeError, TypeError, ValueError, pint.PintError):
@@ -192,12 +197,16 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
 
     Returns:
         The value [si_unit].
+
+    Raises:
+        InputError: it is no number, has no unit or one of another dimension, or has a comma between digits.
     """
+    _refuse_comma(text, field=field, where=where, listed=False)
     words = text.strip().split(None, 1)
     try:
         number = float(words[0]) if words else math.nan
     except ValueError:
-        head = _leading_number(text)
+        head = leading_number(text)
         if head is None:
             raise InputError(field, text, f"allowed is {_kind(si_unit)}", where=where) from None
         number, words = float(head), [head, text.strip()[len(head) :]]
@@ -210,7 +219,55 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
     return to_si(number, words[1], si_unit, field=field, where=where)
 
 
-def _leading_number(text: str) -> str | None:
+def split_values(text: str, *, field: str, where: str | None = None) -> list[str]:
+    """The values of a list in words: ``"1 bar, 3 bar"`` or ``"1 bar; 3 bar"``; one value is a list of one.
+
+    A comma between two digits may be a decimal comma, may part thousands or may part values, so it is refused.
+
+    Args:
+        text: the list.
+        field: name used in the complaint.
+        where: place used in the complaint.
+
+    Raises:
+        InputError: says how the number, and how the list, is written.
+    """
+    _refuse_comma(text, field=field, where=where, listed=True)
+    return [word for part in text.replace(";", ",").split(",") if (word := part.strip())]
+
+
+def _refuse_comma(text: str, *, field: str, where: str | None, listed: bool) -> None:
+    import re
+
+    if "," not in text or not re.search(r"\d,\d", text):
+        return
+    apart, pointed = re.sub(r"(?<=\d),(?=\d)", "; ", text), re.sub(r"(?<=\d),(?=\d)", ".", text)
+    ways = [f"{pointed!r}{' for one number' if listed else ''}"] if pointed.count(".") == 1 else []
+    ways += [f"{apart!r} for a list"] if listed else []
+    allowed = f"write {' or '.join(ways) or 'a decimal point, and nothing between thousands'}"
+    said = f"{field} is {text!r}, which has a comma between two digits; {allowed}"
+    raise InputError(field, text, allowed, where=where, sentence=said)
+
+
+def has_dimension(text: str, si_unit: str) -> bool:
+    """Whether some words are a number with a unit of the dimension of an SI unit."""
+    head = leading_number(text)
+    unit = "" if head is None else text.strip()[len(head) :].strip()
+    if not unit:
+        return False
+    if _usual(unit, si_unit) is not None:
+        return True
+    if any(_usual(unit, other) is not None for other in _USUAL if other != si_unit):
+        return False  # asked without pint, which takes half a second to begin with
+    try:
+        to_si(1.0, unit, si_unit, field="")
+    except InputError:
+        return False
+    return True
+
+
+def leading_number(text: str) -> str | None:
+    """The number with which a text begins; None where it begins with something else."""
     import re
 
     match = re.match(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)", text)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import mckibben
 from mckibben.cli import main
 from mckibben.recordings import read_recording
 
@@ -133,3 +134,51 @@ def test_help_loads_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def copied(folder: Path, specimen: str) -> Path:
+    """The example with a muscle on a valve, and a specimen file beside it."""
+    shipped = Path(mckibben.__file__).parent / "specimens" / "data" / "nylon.toml"
+    folder.mkdir()
+    own = shipped.read_text(encoding="utf-8").replace('id = "nylon"', 'id = "own"')
+    (folder / "own.toml").write_text(own, encoding="utf-8")
+    text = (EXAMPLES / "muscle-on-a-valve.toml").read_text(encoding="utf-8")
+    (folder / "circuit.toml").write_text(
+        text.replace('specimen = "nylon"', f'specimen = "{specimen}"'), encoding="utf-8"
+    )
+    return folder / "circuit.toml"
+
+
+def test_a_specimen_is_looked_for_beside_the_file_that_names_it(run, tmp_path, monkeypatch):
+    path = copied(tmp_path / "here", "own.toml")
+    for folder, name in ((tmp_path, "here/circuit.toml"), (tmp_path / "here", "circuit.toml"), (Path("/"), str(path))):
+        monkeypatch.chdir(folder)
+        code, out, err = run("show", name)
+        assert code == 0 and "own by linear_threshold" in out, err
+    # what is typed is from where it is typed
+    monkeypatch.chdir(tmp_path)
+    assert run("show", "here/circuit.toml", "--set", "nodes.muscle.specimen=here/own.toml")[0] == 0
+    code, _, err = run("show", "here/circuit.toml", "--set", "nodes.muscle.specimen=own.toml")
+    assert code == 2 and "own.toml" in err
+
+
+def test_parameters_that_a_law_lacks_are_named_with_the_way_to_give_them(run, tmp_path):
+    path = copied(tmp_path / "here", "own.toml")
+    words = ["show", str(path), "--set", "nodes.muscle.law=hyperelastic_braid"]
+    needed = {
+        "rest_length": "14 cm", "rest_diameter": "1 cm", "rest_angle": "28 deg", "shear_modulus": "1 MPa",
+        "upper_length": "15.4 cm",
+    }  # fmt: skip
+    code, out, err = run(*words)
+    assert code == 2 and out == "" and err.count("\n") == 1
+    assert str(path) in err and "own states linear_threshold" in err and "missing'" not in err
+    for name in needed:
+        assert f"{name} (" in err and f"nodes.muscle.parameters.{name} = '.." in err
+    # part of it in the specimen: only the rest is asked for
+    partly = tmp_path / "here" / "own.toml"
+    partly.write_text(partly.read_text() + "\n[laws.hyperelastic_braid.rest_length]\nvalue = 14\nunit = 'cm'\n")
+    code, _, err = run(*words)
+    assert code == 2 and "own does not state all of it" in err and "parameters.rest_length" not in err
+    given = [word for name, value in needed.items() for word in ("--set", f"nodes.muscle.parameters.{name}={value}")]
+    code, out, _ = run(*words, *given)
+    assert code == 0 and "own by hyperelastic_braid" in out

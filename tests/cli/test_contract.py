@@ -61,8 +61,59 @@ def test_tension_takes_a_law_by_name_and_a_parameter_by_path(run):
 
 
 def test_a_law_without_a_volume_says_so(run):
-    _, out, _ = run("tension", "sarosi", "--length", "24 cm", "--pressure", "5 bar", "--json")
+    _, out, _ = run("tension", "DMSP-10-250", "--law", "sarosi", "--length", "24 cm", "--pressure", "5 bar", "--json")
     assert json.loads(out)["volume"] is None
+
+
+def test_a_law_by_name_takes_no_number_of_any_muscle(run):
+    words = ["tension", "ideal", "--length", "27 cm", "--pressure", "5 bar"]
+    for given, missing in (([], ("thread_length", "turns")), (["--set", "thread_length=30 cm"], ("turns",))):
+        code, out, err = run(*words, *given)
+        assert code == 2 and out == "" and err.count("\n") == 1
+        # each with its meaning and unit, how to give it, and what would do instead
+        assert all(f"{name} (" in err and f"--set {name}=" in err for name in missing)
+        assert "nylon" in err and ("in cm" in err) == ("thread_length" in missing)
+    code, out, _ = run(*words, "--set", "thread_length=30 cm", "--set", "turns=3", "--json")
+    found = json.loads(out)
+    assert code == 0 and found["specimen"] is None
+    assert found["parameters"]["turns"] == 3.0
+    assert found["defaults"] == ["threshold_width"]  # what was not given and has a value all the same is named
+
+
+def test_a_pressure_that_no_muscle_takes_is_said(run):
+    words = ["tension", "nylon", "--length", "12 cm", "--json", "--pressure"]
+    for pressure, meant in (("500 bar", "500 kPa"), ("72 bar", "72 psi"), ("5e5 bar", None), ("12 bar", None)):
+        code, out, err = run(*words, pressure)
+        if pressure == "5e5 bar":  # beyond what is computed at all
+            assert code == 2
+            continue
+        (said,) = json.loads(out)["warnings"]
+        assert code == 0 and said in err and "10 bar" in said
+        assert ("meant" in said) == (meant is not None) and (meant or "") in said
+    _, out, err = run(*words, "6 bar")
+    assert json.loads(out)["warnings"] == [] and err == ""
+
+
+def test_a_length_that_is_no_length_of_the_muscle_is_said(run):
+    _, out, err = run("tension", "nylon", "--length", "12 mm", "--pressure", "5 bar", "--json")
+    assert "was 12 cm meant?" in json.loads(out)["warnings"][0] and "12 cm" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("energy", "nylon", "--pressure", "500 bar", "--cycle", "maximal", "--json"), "was 500 kPa meant?"),
+        (("compare", "nylon", "--pressure", "500 bar", "--json"), "was 500 kPa meant?"),
+    ],
+)
+def test_other_commands_say_it_too(run, words, says):
+    code, out, err = run(*words)
+    assert code == 0 and says in err and says in json.loads(out)["warnings"][0]
+
+
+def test_sizing_names_the_unit_that_was_probably_meant(run):
+    code, _, err = run("size", "--force", "50 N", "--stroke", "3 cm", "--pressure", "500 bar")
+    assert code == 2 and "was 500 kPa meant?" in err
 
 
 def test_pressure_for_a_tension_inverts_it(run):
@@ -134,6 +185,9 @@ def test_bad_tables_give_one_line_and_write_nothing(run, tmp_path, rows, header,
     ("words", "says"),
     [
         (("tension", "nylon", "--length", "12", "--pressure", "5 bar"), "unit is missing"),
+        (("tension", "nylon", "--length", "0,12 m", "--pressure", "5 bar"), "write '0.12 m'"),
+        (("tension", "nylon", "--length", "12 cm", "--pressure", "5 Bar"), "did you mean bar?"),
+        (("protocols", "sinusoids", "--set", "amplitude=0,08 L0"), "write '0.08 L0' for one number or '0; 08 L0'"),
         (("tension", "nylon", "--length", "12 kg", "--pressure", "5 bar"), "allowed is a length"),
         (("tension", "nylon", "--length", "-12 cm", "--pressure", "5 bar"), "above 0"),
         (("tension", "nylon", "--length", "12 cm", "--pressure", "nan bar"), "finite"),

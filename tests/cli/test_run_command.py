@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from mckibben.cli import main
@@ -126,3 +127,54 @@ def test_a_waveform_of_another_file_becomes_part_of_the_protocol(run, tmp_path):
 def test_a_muscle_on_a_plate_is_mounted_where_the_protocol_says(run):
     code, out, err = run("isometric-step", "--muscle", "nylon", "--set", "span=0.9 L0", "--dry-run")
     assert (code, err) == (0, "")
+
+
+NO_VOLUME = """
+schema = 1
+id = "no-volume"
+kind = "mckibben"
+title = "A muscle whose volume nobody knows"
+sources = ["chou1996"]
+law = "gas_spring"
+[properties]
+rest_length = { value = 14, unit = "cm" }
+[laws.gas_spring]
+stiffness_per_pressure = { value = 0.2, unit = "cm" }
+shortest_length = { value = 9.9, unit = "cm" }
+rest_length = { value = 14, unit = "cm" }
+upper_length = { value = 15, unit = "cm" }
+"""
+
+
+def test_what_passes_the_dry_run_can_be_run(run, tmp_path):
+    path = tmp_path / "no-volume.toml"
+    path.write_text(NO_VOLUME)
+    words = ["isometric-step", "--muscle", str(path), "--set", "range=half", "--set", "cycles=1"]
+    code, out, err = run(*words, "--dry-run", "--json")
+    found = json.loads(out)
+    assert code == 2 and found["result"] == "refused"
+    assert "does not know the volume" in found["findings"][0]["sentence"] and "rest_volume" in err
+    path.write_text(NO_VOLUME + 'rest_volume = { value = 6, unit = "cm^3" }\n')
+    assert run(*words, "--dry-run")[0] == 0
+
+
+def test_a_figure_that_cannot_be_drawn_hides_nothing(run, tmp_path, monkeypatch):
+    from mckibben.bench import run as bench_run
+    from mckibben.errors import InputError
+    from mckibben.recordings.recording import Channel, Recording
+    from mckibben.report.figures import recording_figures
+
+    meta = {
+        "title": "Steps", "result": "stopped", "message": "The line was lost.", "specimen": "nylon", "rig": "paper",
+        "balance": {}, "saturation": {}, "events": [], "steps": [],
+    }  # fmt: skip
+    one = Recording(np.zeros(1), {"pressure": Channel(np.ones(1), "Pa", "measured")}, meta)
+
+    def refuse(*_, **__):
+        raise InputError("figure", "one", "it cannot be drawn")
+
+    monkeypatch.setattr(bench_run, "run", lambda *_, **__: one)
+    monkeypatch.setattr(recording_figures, "time_figure", refuse)
+    words = ["isometric-step", "--muscle", "nylon", "--figure", str(tmp_path / "one.svg")]
+    code, out, err = run(*words)
+    assert code == 2 and "The line was lost." in out and "it cannot be drawn" in err

@@ -13,12 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mckibben.errors import InputError
+from mckibben.experiments.amounts import read_amount
 from mckibben.experiments.library import protocol, protocol_names
 from mckibben.experiments.plan import Deferred
-from mckibben.experiments.read import build_protocol, parse_protocol, read_protocol, with_values
+from mckibben.experiments.read import build_protocol, parse_protocol, read_protocol, values_of, with_values
 from mckibben.experiments.steps import Phased
 from mckibben.experiments.until import read_until
 from mckibben.experiments.waveforms import Sine, Triangle
+from mckibben.quantities import from_si
 
 L0 = 0.14  # the nylon muscle
 CLASSICS = {
@@ -396,8 +398,8 @@ BAD = {
     "until channel": (HEAD + 'steps = [{until = "tensio >= 3 N", for = "1 s"}]', "did you mean tension"),
     "unknown name": (HEAD + 'steps = [{pressure = "$p", for = "1 s"}]', "steps.1.pressure"),
     "cycles of nothing": (HEAD + 'steps = [{pressure = "1 bar", cycles = 3}]', "steps.1.cycles"),
-    "mixed lengths": (
-        HEAD + 'steps = [{span = {kind="triangle", low="12 cm", high="1 L0", frequency="1 Hz"}, for="1 s"}]',
+    "mass among lengths": (
+        HEAD + 'steps = [{span = {kind="triangle", low="12 kg", high="1 L0", frequency="1 Hz"}, for="1 s"}]',
         "steps.1.span.low",
     ),
     "line with both": (HEAD + 'steps = [{pressure = {to="1 bar", in="1 s", at="1 bar/s"}}]', "steps.1.pressure.in"),
@@ -477,3 +479,50 @@ def test_nonsense_is_refused_and_never_crashes(value, key):
         p.expand(rest_length=L0)
     except InputError:
         pass
+
+
+def test_lengths_of_a_waveform_may_be_in_rest_lengths_and_not():
+    at = "0.25 s"  # a quarter of the period: at the top of the sine
+    text = HEAD + 'steps = [{{span = {{kind="sine", mean={}, amplitude={}, frequency="1 Hz"}}, for="{}"}}]'
+    for rest in (0.14, 0.3):
+        spans = [
+            made(text.format(f'"{mean}"', f'"{amplitude}"', at)).expand(rest_length=rest).steps[0].motor[-1]
+            for mean, amplitude in (
+                ("0.9 L0", "12 mm"),
+                ("0.9 L0", f"{0.012 / rest!r} L0"),
+                (f"{90.0 * rest!r} cm", "1.2 cm"),
+            )
+        ]
+        assert spans == pytest.approx([spans[0]] * 3, rel=1e-12)  # the same sine, to rounding
+    mixed = made(text.format('"0.9 L0"', '"12 mm"', at))
+    assert "mean 0.9 L0, amplitude 1.2 cm" in mixed.sentence()
+    assert mixed.digest == made(text.format('"0.9 L0"', '"1.2 cm"', at)).digest
+    assert mixed.digest != made(text.format('"0.9 L0"', '"13 mm"', at)).digest
+
+
+@pytest.mark.parametrize("name", protocol_names())
+def test_every_amount_of_a_protocol_may_be_in_any_unit_of_its_dimension(name):
+    p = protocol(name)
+    others = {"m": ("mm", "inch"), "Pa": ("kPa", "psi"), "s": ("ms",), "N": ("mN",), "m/s": ("mm/s",), "Hz": ("mHz",)}
+    for one in (q for q in p.parameters if q.unit in others):
+        amount = read_amount((one.values or [case[one.name] for case in p.cases()])[0], one.unit, field=one.name)
+        for unit in others[one.unit]:
+            value = from_si(amount.si(0.14), one.unit, unit)
+            changed = with_values(p, {one.name: f"{value!r} {unit}"})
+            (found,) = {read_amount(case[one.name], one.unit, field="").value for case in changed.cases()}
+            assert found == pytest.approx(amount.si(0.14), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("words", "values"), [("1 bar, 3 bar", 2), ("1 bar; 3 bar", 2), ("1 bar,3 bar", 2), ("2 bar", 1)]
+)
+def test_a_list_is_parted_by_semicolons_or_commas_that_stand_between_no_digits(words, values):
+    changed = with_values(protocol("quasi-static"), {"pressure": values_of("pressure", words, field="")})
+    assert len(changed.variables()["pressure"]) == values
+
+
+@pytest.mark.parametrize("words", ["0,08", "1,5 bar", "1,2,3", "1,000 N"])
+def test_a_comma_between_digits_is_refused(words):
+    with pytest.raises(InputError, match="comma between two digits"):
+        values_of("pressure", words, field="pressure")
+    assert values_of("title", words, field="title") == words  # a comma is a comma there

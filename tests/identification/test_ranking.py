@@ -22,7 +22,9 @@ SEED, NOISE = 5, 0.5
 def fits():
     """The ideal law and the thick wall, fitted to a noisy table of an ideal braid."""
     law = build_law("ideal", {"thread_length": 0.17, "turns": 3.0})
-    length, pressure = (a.ravel() for a in np.meshgrid(np.linspace(0.11, 0.15, 5), np.linspace(1e5, 5e5, 5), indexing="ij"))
+    length, pressure = (
+        a.ravel() for a in np.meshgrid(np.linspace(0.11, 0.15, 5), np.linspace(1e5, 5e5, 5), indexing="ij")
+    )
     tension = np.asarray(jax.jit(law.tension)(length, pressure))
     noise = NOISE * np.random.default_rng(SEED).standard_normal(tension.size)
     points = ForceMap(name="ideal braid", length=length, pressure=pressure, tension=tension + noise)
@@ -67,7 +69,9 @@ def test_a_better_law_keeps_its_place_in_spite_of_a_parameter_at_its_bound(fits)
 def test_a_parameter_without_influence_is_not_counted() -> None:
     # Below the threshold nothing depends on what the gas does.
     known = {"threshold_pressure": 3e5, "threshold_width": 1e2, "rest_length": 0.14, "upper_length": 0.16}
-    length, pressure = (a.ravel() for a in np.meshgrid(np.linspace(0.142, 0.154, 4), [0.5e5, 1e5, 1.5e5], indexing="ij"))
+    length, pressure = (
+        a.ravel() for a in np.meshgrid(np.linspace(0.142, 0.154, 4), [0.5e5, 1e5, 1.5e5], indexing="ij")
+    )
     noise = np.random.default_rng(1).standard_normal(length.size)
     points = ForceMap(name="slack", length=length, pressure=pressure, tension=392.0 * (length - 0.14) + 0.02 * noise)
     free = ("stiffness_per_pressure", "passive_stiffness")

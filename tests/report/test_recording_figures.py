@@ -143,3 +143,11 @@ def test_a_single_sample_and_a_recording_of_true_channels_are_drawn() -> None:
     fig = time_figure([record])
     assert list(axes(fig)) == ["Pressure, bar", "Mass flow, g/s"]
     assert set(lines(fig)) == {"tank", "tube"}
+
+
+def test_a_single_sample_in_a_step_is_drawn():
+    step = {"path": "steps.1", "label": "fill", "start": 0.0, "end": 1e-3, "period": 1e-3, "case": {}}
+    channels = {"pressure": Channel(np.array([1e5]), "Pa", "measured")}
+    fig = time_figure(Recording(np.zeros(1), channels, {"title": "Stopped", "steps": [step]}))
+    low, high = fig.axes[0].get_xlim()
+    assert low < 0.0 < high

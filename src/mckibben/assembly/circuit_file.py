@@ -20,7 +20,8 @@
 
 Valves name a signal as `command`, reservoirs and muscles as `signal`; [signals.NAME] is a waveform of
 `mckibben.experiments.waveforms`. The pressure of the [environment] is absolute. [fit] says how
-records of the circuit are read, and what is fitted to them.
+records of the circuit are read, and what is fitted to them. Files that are named, such as that of a specimen, are looked for
+beside this one.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from pathlib import Path
 from typing import Any
 
 from ..components import Environment
-from ..documents import parse_toml, read_text
+from ..documents import parse_toml, read_text, with_own_paths
 from ..engine import STEP
 from ..errors import InputError
 from ..experiments.waveforms import Waveform, near, read_waveform, time_words
@@ -63,7 +64,7 @@ def read_circuit(path: str | os.PathLike[str]) -> CircuitPlan:
     """
     where = os.fspath(path)
     text = read_text(path)
-    document = parse_toml(text, where=where)
+    document = with_own_paths(parse_toml(text, where=where), where)
     return build_plan(document, where=where, digest=hashlib.sha256(text.encode()).hexdigest())
 
 

@@ -11,12 +11,13 @@ from ..errors import InputError
 from ..experiments.waveforms import near
 from ..experiments.words import Entry
 from ..muscles import law_from_specimen
+from ..muscles.build import MissingParametersError, build_law, needed_words
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
 from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiabatic
 from ..pneumatics.volume import Chamber, CompliantVolume, FixedVolume, MovingVolume, Reservoir
-from ..quantities import declared, with_unit
-from ..specimens import specimen
+from ..quantities import declared, shown_unit, with_unit
+from ..specimens import Specimen, specimen
 
 KINDS = ("reservoir", "atmosphere", "volume", "compliant", "muscle", "junction")
 HEATS = ("isothermal", "adiabatic", "polytropic", "wall")
@@ -167,7 +168,9 @@ def _law(entry: Entry) -> tuple[TensionLaw, str]:
     changes.only(known, f"{name} has")
     values = {k: changes.number(k, known[k].unit, declared=known[k]) for k in changes.values}
     try:
-        law = law_from_specimen(spec, name, changes=values)
+        law = law_from_specimen(spec, name, changes=values) if name in spec.laws else build_law(name, values)
+    except MissingParametersError as error:
+        raise _missing(entry, changes, spec, error) from None
     except InputError as error:
         raise entry.fail("specimen" if spec.kind != "mckibben" else "law", error.value, error.allowed) from None
     if not law.has_volume():
@@ -175,6 +178,19 @@ def _law(entry: Entry) -> tuple[TensionLaw, str]:
             "law", name, "it does not know its volume; allowed is a law that does, such as linear_threshold"
         )
     return law, f"{spec.id} by {name}"
+
+
+def _missing(entry: Entry, changes: Entry, spec: Specimen, error: MissingParametersError) -> InputError:
+    """A complaint that names the parameters that neither the specimen nor the file states, and how they are given."""
+    has = f"states {', '.join(spec.laws)}" if error.law not in spec.laws else "does not state all of it"
+    paths = ", ".join(
+        f"{changes.path}.{key} = '.. {shown_unit(q.unit)}'".replace(" 1'", "'") for key, q in error.missing
+    )
+    said = (
+        f"{entry.field('law')} is '{error.law}', but the specimen {spec.id} {has}. Missing: {needed_words(error.missing)}. "
+        f"State them as {paths}"
+    )
+    return InputError(entry.field("law"), error.law, f"state {paths}", where=entry.where, sentence=said)
 
 
 def check_length(law: TensionLaw, length: float, field: str, where: str) -> None:

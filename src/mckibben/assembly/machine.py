@@ -52,9 +52,12 @@ class Machine(System):
                     where="machine",
                 )  # fmt: skip
             if not unit.law.has_volume():
+                law = law_name(unit.law)
                 raise InputError(
-                    f"{name}.law", law_name(unit.law), "allowed is a law that knows its volume", where="machine"
-                )
+                    f"{name}.law", law, "allowed is a law that knows its volume", where="machine",
+                    sentence=f"The law {law} of {name} does not know the volume of its gas, which a machine needs. "
+                    "State its rest_volume if it has one, or take another law",
+                )  # fmt: skip
         if sorted(load.muscles()) != sorted(units):
             raise InputError("load", ", ".join(load.muscles()), f"it must hold {', '.join(units)}", where="machine")
         return cls(circuit, dict(units), load, environment or Environment())

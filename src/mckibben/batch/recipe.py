@@ -21,13 +21,12 @@ from ..components import paths
 from ..engine import STEP
 from ..errors import InputError
 from ..experiments.protocol import Protocol
-from ..experiments.read import with_values
+from ..experiments.read import values_of, with_values
 from ..quantities import parse
 from ..specimens import Specimen, specimen
 from .outputs import USUAL, Output
 from .settings import Setting, setting
 
-TEXTS = ("title", "note", "order")  # settings of a protocol in which a comma is a comma
 KEPT = 32  # rigs and protocols that a process remembers, half a megabyte each
 
 
@@ -136,7 +135,7 @@ class Kitchen:
         return read_rig(document, where=_place(name))
 
     def _read_protocol(self, key: tuple[Any, ...]) -> Protocol:
-        values = {name: words if name in TEXTS else _several(words) for name, words in key}
+        values = {name: values_of(name, words, field=name) for name, words in key}
         return with_values(self.recipe.protocol, values) if values else self.recipe.protocol
 
 
@@ -166,11 +165,6 @@ def _key(given: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
 
 def _remembering(make: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return functools.lru_cache(maxsize=KEPT)(make)
-
-
-def _several(words: str) -> Any:
-    values = [w.strip() for w in words.split(",") if w.strip()]
-    return values if len(values) > 1 else words
 
 
 def _whole(field_: str, value: Any) -> int:

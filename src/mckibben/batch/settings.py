@@ -24,7 +24,7 @@ from ..experiments.read import SETTINGS
 from ..experiments.waveforms import near
 from ..experiments.words import shown
 from ..pneumatics.build import ELEMENTS, known_keys
-from ..quantities import Quantity, declared, parse
+from ..quantities import Quantity, declared, parse, split_values
 
 WORDS = ("muscle", "rig", "plumbing", "noise_seed")
 _ELEMENTS = ("valve", "tube", "shut_off", "leak")
@@ -50,9 +50,9 @@ class Setting(NamedTuple):
         if not self.unit:
             return text
         if self.quantity is None:  # of a protocol, whose lengths may be in rest lengths
-            several = "," in text
-            amount = None if several else read_amount(raw, self.unit, field=self.path, where=where)
-            return text if amount is None or amount.unit != self.unit else amount.value
+            values = split_values(text, field=self.path, where=where)
+            amounts = [read_amount(v, self.unit, field=self.path, where=where) for v in values or [text]]
+            return text if len(amounts) > 1 or amounts[0].unit != self.unit else amounts[0].value
         value = parse(text, self.unit, field=self.path, where=where)
         self.quantity.check(self.path, value, where=where)
         return value

@@ -133,9 +133,8 @@ def _protocol(name: str, folder: Path) -> Protocol:
 
 
 def _found(name: str, folder: Path) -> str:
-    """A file's name is looked for beside the sweep's file."""
-    beside = folder / name
-    return str(beside) if name.lower().endswith(".toml") and beside.is_file() else name
+    """A file that the sweep names is beside its own file; other names are of what ships."""
+    return str(folder / name) if name.lower().endswith(".toml") else name
 
 
 def _grid(top: Entry, known: Any) -> Variants | None:

@@ -10,12 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..assembly.accounts import Accounts, accounts
-from ..assembly.muscle_unit import MuscleUnit
 from ..engine import sampled
 from ..engine.native import called
-from ..errors import InputError
 from .hardware.in_process import SimulatedMachine
-from .prepare import Bench, Part
+from .prepare import Bench, Part, rubbed
 from .software.loop import BenchSoftware
 from .software.sequencer import Sequencer
 from .software.timing import Timing, configure
@@ -137,13 +135,3 @@ class Draws:
             "draws": dict(zip(self.names, draws, strict=True)),
             "lost": {n: np.where(times >= self.opened.get(n, np.inf), 1.0, 0.0) for n in self.lost},
         }
-
-
-def rubbed(unit: MuscleUnit, factor: float) -> MuscleUnit:
-    """The muscle with its friction times a factor."""
-    if factor == 1.0:
-        return unit
-    if unit.friction is None:
-        raise InputError("friction", factor, "the muscle has none that a lubricant could change")
-    rubbed: MuscleUnit = unit.replace(friction=unit.friction.lubricated(factor))
-    return rubbed

@@ -127,19 +127,23 @@ class Bench:
 
     def parts(self) -> Iterator[Part]:
         """The plan, divided where a person is asked to do something."""
-        steps: list[PlannedStep] = []
-        layout, friction, asked = self.layout, 1.0, ""
-        for step in self.plan.steps:
-            if step.step.ask:
-                if steps:
-                    yield Part(tuple(steps), layout, friction, asked)
-                    steps = []
-                asked = step.step.ask
-                hand = self.rig.hand(asked)
-                if hand is not None:
-                    layout, friction = hand.plumbing or layout, hand.friction
-            steps.append(step)
-        yield Part(tuple(steps), layout, friction, asked)
+        return _parts(self.rig, self.plan, self.layout)
+
+
+def _parts(rig: Rig, plan: Plan, layout: str) -> Iterator[Part]:
+    steps: list[PlannedStep] = []
+    friction, asked = 1.0, ""
+    for step in plan.steps:
+        if step.step.ask:
+            if steps:
+                yield Part(tuple(steps), layout, friction, asked)
+                steps = []
+            asked = step.step.ask
+            hand = rig.hand(asked)
+            if hand is not None:
+                layout, friction = hand.plumbing or layout, hand.friction
+        steps.append(step)
+    yield Part(tuple(steps), layout, friction, asked)
 
 
 def prepare(
@@ -189,11 +193,35 @@ def prepare(
     every = _every(wanted.sample_rate, plan) if not found else 1
     if every > 1:
         plan = _plan(dataclasses.replace(wanted, sample_rate=wanted.sample_rate * every), rest)
+    found += _not_built(on, unit, plan, layout) if not any(f.field == "sample_rate" for f in found) else []
     spared = [f for f in found if accept_saturation and f.field == "tension" and f.allowed.startswith(ON_THE_CELL)]
     return Bench(
         wanted, on, unit, plan, layout, spec, every, step, seed, tuple(faults),
         tuple(f for f in found if f not in spared), tuple(spared),
     )  # fmt: skip
+
+
+def _not_built(rig: Rig, unit: MuscleUnit, plan: Plan, layout: str) -> list[Finding]:
+    """Why the machine of a part of the run, or its loop, cannot be put together, where it cannot; each reason once."""
+    found: dict[str, Finding] = {}
+    for part in _parts(rig, plan, layout):
+        try:
+            rig.computer.period(plan.sample_rate)  # that of a loop with a motor is faster than the protocol's
+            rig.machine(part.layout, rubbed(unit, part.friction), start=part.start_span, moves=part.moves)
+        except InputError as error:
+            reason = Finding(0, "", "", error.field, str(error.value), error.allowed, str(error))
+            found.setdefault(reason.sentence, reason)
+    return list(found.values())
+
+
+def rubbed(unit: MuscleUnit, factor: float) -> MuscleUnit:
+    """The muscle with its friction times a factor."""
+    if factor == 1.0:
+        return unit
+    if unit.friction is None:
+        raise InputError("friction", factor, "the muscle has none that a lubricant could change")
+    rubbed: MuscleUnit = unit.replace(friction=unit.friction.lubricated(factor))
+    return rubbed
 
 
 def _plan(protocol: Protocol, rest: float) -> Plan:

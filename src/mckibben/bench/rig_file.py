@@ -16,7 +16,7 @@
     ...
 
 Every key is a declared parameter of the part that it belongs to; ``inferred`` lists the dotted paths of those that no source
-states.
+states. A specimen may be a file, and is looked for beside this one.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from importlib import resources
 from typing import Any
 
 from ..components import Environment
-from ..documents import parse_toml, read_toml
+from ..documents import parse_toml, read_toml, with_own_paths
 from ..errors import InputError
 from ..experiments.waveforms import near
 from ..experiments.words import Entry
@@ -78,7 +78,7 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
     """
     text = os.fspath(name)
     if text.lower().endswith(".toml") or os.sep in text:
-        document, where = read_toml(text, field="rig"), text
+        document, where = with_own_paths(read_toml(text, field="rig"), text), text
     else:
         if text not in rig_names():
             known = rig_names()

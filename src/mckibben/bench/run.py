@@ -20,8 +20,8 @@ from .about import StepTable, describe
 from .hardware.border import Hardware
 from .hardware.in_process import InProcess, SimulatedMachine
 from .keeping import Keeper
-from .part import PartMachine, rubbed, software_of, timing_of
-from .prepare import Bench, Fault, Part, prepare
+from .part import PartMachine, software_of, timing_of
+from .prepare import Bench, Fault, Part, prepare, rubbed
 from .rig import Rig
 from .software.emergency_stop import EmergencyStop, sentence
 from .software.interlocks import Trip

@@ -303,9 +303,9 @@ def _value(option: str, words: str | None, unit: str, low: float = 0.0, high: fl
 
 def _values(option: str, words: str, unit: str) -> Sequence[float]:
     """Several values as SI."""
-    from ..quantities import parse
+    from ..quantities import parse, split_values
 
-    found = [parse(word, unit, field=option) for word in words.split(",") if word.strip()]
+    found = [parse(word, unit, field=option) for word in split_values(words, field=option)]
     if not found:
         raise InputError(option, words, "allowed are two different ones or more, parted by commas")
     return found

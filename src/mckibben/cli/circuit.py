@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .words import Json, pairs, print_json, progress, table, writable
+from .words import Json, caution, pairs, print_json, progress, table, writable
 
 if TYPE_CHECKING:
     from ..assembly.circuit_plan import CircuitPlan
@@ -92,6 +92,7 @@ def run(
     plan = planned(file, change)
     with progress("running", chunks(plan)) as advance:
         recording = run_circuit(plan, progress=advance)
+    cautions = caution(*_cautions(plan, recording))
     if out is not None:
         recording.save(out)
     if figure is not None:
@@ -99,7 +100,8 @@ def run(
 
         style.save(circuit_figures.run_figure(recording), figure)
     if as_json:
-        print_json(_result(recording, out))
+        result = _result(recording, out)
+        print_json(result | {"warnings": result["warnings"] + cautions})
     else:
         _print(recording)
         for path in (out, figure):
@@ -107,6 +109,19 @@ def run(
                 typer.echo(f"Written: {path}")
     if recording.meta["result"] != "done":
         raise typer.Exit(130)
+
+
+def _cautions(plan: CircuitPlan, recording: Recording) -> list[str | None]:
+    """What is to be said of the highest pressure that each muscle took."""
+    from ..muscles.plausible import pressure_caution
+
+    found = []
+    for name, node in plan.nodes.items():
+        if node.law is not None:
+            highest = float(recording[f"{name}.pressure_abs"].max()) - float(plan.environment.pressure_abs)
+            said = pressure_caution(highest)
+            found.append(None if said is None else f"{name}: {said}")
+    return found
 
 
 def planned(file: Path, change: list[str] | None) -> CircuitPlan:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError
-from .words import Json, print_json, table, told, writable
+from .words import Json, caution, print_json, table, told, writable
 
 if TYPE_CHECKING:
     from ..studies.comparison import Subject, Table
@@ -55,6 +55,7 @@ def compare(
     as_json: Json = False,
 ) -> None:
     """Compare muscles by Table 1 of the paper, with what is published of biological muscle beside them."""
+    from ..muscles.plausible import pressure_caution
     from ..quantities import parse
     from ..studies.comparison import Table, subject
     from ..studies.comparison import compare as tabled
@@ -66,6 +67,8 @@ def compare(
         checked_place(report, field="--report")
     full = parse(pressure, "Pa", field="--pressure")
     chosen = [subject(name, pressure=full) for name in muscles or []]
+    braided = [s.spec for s in chosen if s.unit is not None]
+    warnings = caution(*dict.fromkeys(pressure_caution(full, spec, text=pressure) for spec in braided))
     target = None if match is None else _target(match)
     if match is not None and not any(s.unit is not None for s in chosen):
         raise InputError("--match", match, "needed is a McKibben muscle among those compared")
@@ -88,7 +91,7 @@ def compare(
 
         muscle_comparison(found, drawn, matches).write(report)
     if as_json:
-        print_json(_as_json(found, matches))
+        print_json(_as_json(found, matches) | {"warnings": warnings})
     else:
         _print(found, matches)
         for path in (figure, report):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from ..errors import InputError
-from .words import Json, Set, parameters, print_json, table, writable
+from .words import Json, Set, caution, parameters, print_json, table, writable
 
 if TYPE_CHECKING:
     from ..analysis.energy import Conditions, CycleMuscle, EnergyCurve, EnergyCycle
@@ -82,13 +82,28 @@ def energy(
     )  # fmt: skip
     asked = Asked(spec, chosen, muscles, which, between, _names(cycle))
     found = {n: {v: energy_cycle(m, n, between) for v, m in muscles.items()} for n in asked.names}
+    warnings = _cautions(spec, muscles[which], between, pressure, stretched)
     curves = {n: _curve(asked, n) for n in asked.names} if curve else {}
     if figure is not None:
         _draw(asked, curves, figure)
     if as_json:
-        print_json(_json(asked, found, curves))
+        print_json(_json(asked, found, curves) | {"warnings": warnings})
     else:
         _print(asked, found, curves)
+
+
+def _cautions(
+    spec: Specimen, muscle: CycleMuscle, between: Conditions, pressure: str, stretched: str | None
+) -> list[str]:
+    from ..muscles.plausible import length_caution, pressure_caution
+
+    longest = float(muscle.length_range()[1])
+    return caution(
+        pressure_caution(between.pressure, spec, text=pressure),
+        None if stretched is None else length_caution(
+            between.stretched_length, longest, text=stretched, name="stretched length"
+        ),
+    )  # fmt: skip
 
 
 def _names(cycle: list[str] | None) -> list[str]:

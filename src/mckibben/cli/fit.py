@@ -9,7 +9,7 @@ import typer
 
 from ..errors import InputError
 from . import ranking
-from .words import Json, Set, assignments, pairs, print_json, progress, writable
+from .words import Json, Set, assignments, caution, pairs, print_json, progress, writable
 
 if TYPE_CHECKING:
     from ..recordings import ForceMap
@@ -81,6 +81,7 @@ def fit(
         "pressure_zero": 0.0 if pressure_zero is None else parse(pressure_zero, "Pa", field="--pressure-zero"),
     }
     loaded = [_load(f, rest, like, reading) for f in files]
+    warnings = [_cautions(points, spec) for points, spec in loaded]
     studies = [_study(points, spec, law, change, below, slack) for points, spec in loaded]
     if report is not None:
         from ..report.fit_report import write_fit_report
@@ -95,7 +96,7 @@ def fit(
 
         write_specimen(studies[0].fits, studies[0].specimen, save)
     if as_json:
-        results = [ranking.as_json(s) for s in studies]
+        results = [ranking.as_json(s) | {"warnings": w} for s, w in zip(studies, warnings, strict=True)]
         print_json(results[0] if len(results) == 1 else {"maps": results})
         return
     for study in studies:
@@ -103,6 +104,14 @@ def fit(
     for path in (report, figure, save):
         if path is not None:
             typer.echo(f"Written: {path}")
+
+
+def _cautions(points: ForceMap, spec: Specimen | None) -> list[str]:
+    """What is to be minded of a table: pressures beyond those that muscles take, and rows that were left out."""
+    from ..muscles.plausible import pressure_caution
+
+    said = pressure_caution(float(points.pressure.max()), spec)
+    return caution(None if said is None else f"{points.name}: {said}")
 
 
 def _constraints(files: list[str], as_json: bool) -> None:

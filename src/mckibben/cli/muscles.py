@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError
-from .words import Json, Set, parameters, print_json, table
+from .words import Json, Set, caution, parameters, print_json, table
 
 if TYPE_CHECKING:
     from ..specimens import Parameter, Specimen
@@ -85,7 +85,7 @@ def tension(
     name: Name,
     length: Annotated[str, typer.Option(help="Distance between the anchors, such as '12 cm'.")],
     pressure: Annotated[str | None, typer.Option(help="Gauge pressure, such as '5 bar'.")] = None,
-    activation: Annotated[float | None, typer.Option(help="Activation of a biological muscle, 0 to 1.")] = None,
+    activation: Annotated[str | None, typer.Option(help="Activation of a biological muscle, 0 to 1.")] = None,
     wanted: Annotated[
         str | None, typer.Option("--for", help="Find the lowest pressure for this tension instead.")
     ] = None,
@@ -96,12 +96,15 @@ def tension(
     """Tension, volume and state of a muscle at one length and pressure."""
     import jax
 
-    from ..quantities import parse, with_unit
+    from ..muscles.plausible import length_caution, pressure_caution
+    from ..quantities import declared, parse, values, with_unit
 
     spec, chosen, built = _resolve(name, law, change)
+    biological = spec is not None and spec.kind == "biological"
     at = parse(length, "m", field="--length")
     _positive(at, "--length", length)
-    if spec.kind == "biological":
+    cautions = [] if biological else [length_caution(at, float(built.length_range()[1]), text=length)]
+    if spec is not None and biological:
         drive = _activation(activation, pressure, spec)
     elif wanted is not None:
         if pressure is not None:
@@ -115,7 +118,9 @@ def tension(
         drive = parse(pressure, "Pa", field="--pressure")
         if drive < -1.1e5 or drive > 1e8:
             raise InputError("--pressure", pressure, "allowed is -1.1 bar (vacuum) to 1000 bar gauge")
+        cautions.append(pressure_caution(drive, spec, text=pressure))
     state, free = jax.jit(lambda x, p: (built.state(x, p), built.free_length(p)))(at, drive)
+    warnings = caution(*cautions)
     found: dict[str, Any] = {
         "tension": float(state.tension),
         "passive": float(state.passive),
@@ -127,10 +132,14 @@ def tension(
         "stiffness": float(state.stiffness),
         "braid_length": float(state.braid_length),
         "free_length": float(free),
-        "specimen": spec.id,
+        "specimen": None if spec is None else spec.id,
         "length": at,
-        ("activation" if spec.kind == "biological" else "pressure"): drive,
+        ("activation" if biological else "pressure"): drive,
+        "warnings": warnings,
     }
+    defaults = [] if spec is not None else _defaults(built, change, chosen)
+    if spec is None:
+        found |= {"parameters": values(built), "defaults": defaults}
     if as_json:
         print_json(found)
         return
@@ -140,31 +149,62 @@ def tension(
         for k, u in shown.items()
     ]
     words = ["slack" if found["slack"] else "taut"] + (["overstretched"] if found["overstretched"] else [])
-    force = f"activation {drive:g}" if spec.kind == "biological" else with_unit(drive, "Pa")
-    table(f"{spec.title}, {chosen}, at {with_unit(at, 'm')} and {force}: {', '.join(words)}", ["", ""], rows, right=[1])
+    force = f"activation {drive:g}" if biological else with_unit(drive, "Pa")
+    title = f"{built.title} law" if spec is None else f"{spec.title}, {chosen}"
+    table(f"{title}, at {with_unit(at, 'm')} and {force}: {', '.join(words)}", ["", ""], rows, right=[1])
+    if defaults:
+        units = declared(type(built))
+        said = ", ".join(f"{n} = {with_unit(float(getattr(built, n)), units[n].unit)}" for n in defaults)
+        typer.echo(f"Not given, by default of the law: {said}.")
 
 
-def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Specimen, str, Any]:
+def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Specimen | None, str, Any]:
+    """The specimen, None where a law is named; the name of the law, and the muscle."""
     from ..muscles.laws import LAWS
-    from ..specimens import specimen, specimens
+    from ..specimens import specimen
 
     if name in LAWS:
-        spec = next((s for s in (specimen("nylon"), *specimens()) if name in s.laws), None)
-        if spec is None:
-            raise InputError(
-                "law",
-                name,
-                "no specimen states it; give a specimen file, for example one saved by `mckibben fit --save`",
-            )
-        law = name
-    else:
-        spec = specimen(name)
+        if law is not None:
+            raise InputError("--law", law, f"allowed with a specimen; {name} is a law itself")
+        return None, name, _named_law(name, parameters(change, name))
+    spec = specimen(name)
     if spec.kind == "valve":
         raise InputError("specimen", spec.id, "it is a valve and pulls nothing; allowed is a muscle")
     chosen = law or spec.law
     if spec.kind == "biological":
         return spec, chosen, _law(spec, chosen, {})
     return spec, chosen, _law(spec, chosen, parameters(change, chosen))
+
+
+def _named_law(name: str, given: dict[str, float]) -> Any:
+    """A law by its name, with the parameters that were given; nothing is taken from any muscle."""
+    from ..muscles.build import build_law, missing_parameters, needed_words
+    from ..specimens import specimens
+
+    missing = missing_parameters(name, given)
+    if missing:
+        words = " ".join(f"--set {key}={placeholder(q.unit)}" for key, q in missing)
+        stated = [s.id for s in specimens() if name in s.laws]
+        others = f" or name a specimen that states this law with --law {name}: {', '.join(stated)}" if stated else ""
+        needs = needed_words(missing)
+        sentence = f"The law {name} needs {needs}. Give {'it' if len(missing) == 1 else 'them'} with {words},{others}"
+        raise InputError(f"{name}.{missing[0][0]}", "not given", f"give {words}", sentence=sentence.rstrip(","))
+    return build_law(name, given)
+
+
+def placeholder(unit: str) -> str:
+    """What stands for a value that a person has to give: ``'.. cm'``."""
+    from ..quantities import shown_unit
+
+    return ".." if unit == "1" else f"'.. {shown_unit(unit)}'"
+
+
+def _defaults(built: Any, change: list[str] | None, law: str) -> list[str]:
+    """The parameters of a law that were not given and have a value all the same."""
+    from ..quantities import declared
+
+    given = parameters(change, law)
+    return [name for name in declared(type(built)) if name not in given]
 
 
 def _law(spec: Specimen, law: str, changes: dict[str, float]) -> Any:
@@ -174,14 +214,17 @@ def _law(spec: Specimen, law: str, changes: dict[str, float]) -> Any:
     return getattr(built, "law", built)
 
 
-def _activation(activation: float | None, pressure: str | None, spec: Specimen) -> float:
+def _activation(activation: str | None, pressure: str | None, spec: Specimen) -> float:
+    from ..quantities import parse
+
     if pressure is not None:
         raise InputError("--pressure", pressure, f"{spec.id} is a biological muscle; give --activation from 0 to 1")
     if activation is None:
         raise InputError("--activation", "not given", f"{spec.id} is a biological muscle; allowed is 0 to 1")
-    if not 0.0 <= activation <= 1.0:
+    value = parse(activation, "1", field="--activation")
+    if not 0.0 <= value <= 1.0:
         raise InputError("--activation", activation, "allowed is 0 to 1")
-    return activation
+    return value
 
 
 def _positive(value: float, field: str, text: str) -> None:

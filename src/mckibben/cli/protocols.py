@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from ..experiments.protocol import Choice, Parameter, Protocol
 
 REST_LENGTH = 0.14  # of the muscle for which a duration is told [m]
-_TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
 _EXAMPLE = "pressure='1 bar, 3 bar'"
 
 Name = Annotated[
@@ -61,10 +60,12 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
     """
     from ..bench.software.waveform_import import read_protocol
     from ..experiments.library import shipped
-    from ..experiments.read import with_values
+    from ..experiments.read import values_of, with_values
 
     found = read_protocol(name) if name.endswith(".toml") else shipped(name)
-    given = {key: _several(key, words) for key, words in pairs(change, "--set", _EXAMPLE).items()}
+    given = {
+        key: values_of(key, words, field=f"--set {key}") for key, words in pairs(change, "--set", _EXAMPLE).items()
+    }
     if not given:
         return found
     try:
@@ -73,11 +74,6 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
         # a parameter is called as it was typed; the path of a step that it spoils is not
         field = f"--set {error.field}" if error.field in given else error.field
         raise InputError(field, error.value, error.allowed, where=error.where) from None
-
-
-def _several(key: str, words: str) -> Any:
-    values = [w.strip() for w in words.split(",") if w.strip()] if key not in _TEXTS else []
-    return values if len(values) > 1 else words
 
 
 def _list(as_json: bool) -> None:

@@ -113,14 +113,16 @@ def run(
             recording = _run(bench, advance, button, real_time=real_time, hardware=hardware, log=log, ask=ask_person)
     if out is not None:
         recording.save(out)
-    if figure is not None:
-        from ..report.figures import recording_figures
-
-        recording_figures.write(recording_figures.time_figure(recording), figure)
+    # what became of the run is told before it is drawn, so that no drawing can hide it
     if as_json:
         print_json(_result(recording, out, log))
     else:
         _print(recording)
+    if figure is not None:
+        from ..report.figures import recording_figures
+
+        recording_figures.write(recording_figures.time_figure(recording), figure)
+    if not as_json:
         for path in (out, log, figure):
             if path is not None:
                 typer.echo(f"Written: {path}")

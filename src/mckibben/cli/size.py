@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError
-from .words import Json, print_json, table, told, writable
+from .words import Json, caution, print_json, table, told, writable
 
 if TYPE_CHECKING:
     from ..studies.sizing import Judged, LineFound, Sizing, Wish
@@ -47,6 +47,7 @@ def size(
     as_json: Json = False,
 ) -> None:
     """Find the muscle, the valve and tube, and the gas source for a force and a stroke; exit code 2 when nothing does it."""
+    from ..muscles.plausible import pressure_caution
     from ..studies.sizing import size as sized
 
     writable("--figure", figure, ".svg", ".png")
@@ -55,6 +56,7 @@ def size(
     wish = _wish(force, stroke, pressure, space, speed, cycles, tube)
     if speed is not None and no_lines:
         raise InputError("--speed", speed, "allowed without --no-lines: a speed takes a valve and a tube")
+    warnings = caution(pressure_caution(wish.pressure, text=pressure))
     with told("sizing") as tell:
         found = sized(wish, law=law, muscle=muscle, lines=not no_lines, progress=tell)
     if figure is not None:
@@ -63,7 +65,7 @@ def size(
 
         style.save(design_map(found, law=law), figure, dpi=130.0)
     if as_json:
-        print_json(_as_json(found, top))
+        print_json(_as_json(found, top) | {"warnings": warnings})
     else:
         _print(found, top)
         if figure is not None:
@@ -76,6 +78,7 @@ def size(
 def _wish(
     force: str, stroke: str, pressure: str, space: str | None, speed: str | None, cycles: str | None, tube: str
 ) -> Wish:
+    from ..muscles.plausible import likely_pressure
     from ..quantities import parse
     from ..studies.sizing import Wish
 
@@ -97,7 +100,8 @@ def _wish(
         )
     except InputError as error:
         option = _OPTIONS.get(error.field)
-        raise (InputError(option, error.value, error.allowed) if option else error) from None
+        slip = likely_pressure(pressure) if option == "--pressure" else ""
+        raise (InputError(option, error.value, error.allowed + slip) if option else error) from None
 
 
 _OPTIONS = {

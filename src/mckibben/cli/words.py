@@ -81,6 +81,18 @@ def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
     return found
 
 
+def caution(*sentences: str | None) -> list[str]:
+    """Print what is to be minded, on standard error; None is nothing.
+
+    Returns:
+        The sentences, for the ``warnings`` of the JSON object.
+    """
+    found = [sentence for sentence in sentences if sentence is not None]
+    for sentence in found:
+        typer.echo(f"mckibben: caution: {sentence}", err=True)
+    return found
+
+
 def table(title: str, columns: list[str], rows: Iterable[list[str]], *, right: Iterable[int] = ()) -> None:
     """A table that a person likes to read; `right` are the columns of numbers."""
     from rich.console import Console

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from ..errors import InputError
-from ..quantities import Quantity, parse
+from ..quantities import Quantity, has_dimension, parse
 from .waveforms.waveform import RELATIVE, words
 from .words import shown
 
@@ -68,21 +68,74 @@ def read_amount(
 
 
 def relative_unit(entry: Any, unit: str) -> tuple[Any, str]:
-    """A waveform's table whose lengths are in rest lengths, freed of them, and its unit; else both as they are."""
-    changed = False
-
-    def free(value: Any) -> Any:
-        nonlocal changed
-        if isinstance(value, Mapping):
-            return {k: free(v) for k, v in value.items()}
-        if isinstance(value, list | tuple):
-            return [free(v) for v in value]
-        match = _RELATIVE.fullmatch(value) if isinstance(value, str) else None
-        if match and RELATIVE[match[2]] == unit:
-            changed = True
-            return match[1]
-        return value
-
-    freed = free(entry)
+    """A waveform's table whose lengths are all in rest lengths, freed of them, and its unit; else both as they are."""
+    relative = [text for text in _texts(entry) if _is_relative(text, unit)]
+    if not relative or has_both(entry, unit):
+        return entry, unit
     own = {si: own for own, si in RELATIVE.items()}
-    return (freed, own[unit]) if changed else (entry, unit)
+
+    def write(text: str) -> str:
+        match = _RELATIVE.fullmatch(text)
+        return match[1] if match and RELATIVE[match[2]] == unit else text
+
+    return _rewritten(entry, write), own[unit]
+
+
+def has_both(entry: Any, unit: str) -> bool:
+    """Whether some values of a waveform's table are in rest lengths, and others have another unit of the same dimension."""
+    texts = _texts(entry)
+    relative = [text for text in texts if _is_relative(text, unit)]
+    return bool(relative) and any(has_dimension(text, unit) for text in texts if text not in relative)
+
+
+def in_metres(entry: Any, unit: str, rest_length: float) -> Any:
+    """A waveform's table with every value in rest lengths as one in `unit`, for a rest length [m]."""
+
+    def write(text: str) -> str:
+        match = _RELATIVE.fullmatch(text)
+        return f"{float(match[1]) * rest_length!r} {unit}" if match and RELATIVE[match[2]] == unit else text
+
+    return _rewritten(entry, write)
+
+
+def in_si(entry: Any, unit: str) -> Any:
+    """A waveform's table with every value of the dimension of `unit` in it; those in rest lengths stay."""
+
+    def write(text: str) -> str:
+        own = not _is_relative(text, unit) and has_dimension(text, unit)
+        return f"{parse(text, unit, field=''):.12g} {unit}" if own else text
+
+    return _rewritten(entry, write)
+
+
+def table_words(entry: Any, unit: str) -> str:
+    """A waveform's table as a person reads it: ``sine, amplitude 1.2 cm, mean 0.9 L0``; numbers are in `unit` or named."""
+    if isinstance(entry, Mapping):
+        named = [f"{key.replace('_', ' ')} {table_words(value, unit)}" for key, value in entry.items() if key != "kind"]
+        return ", ".join([str(entry["kind"]), *named] if "kind" in entry else named)
+    if isinstance(entry, list | tuple):
+        return f"({'; '.join(table_words(value, unit) for value in entry)})"
+    own = isinstance(entry, str) and not _is_relative(entry, unit) and has_dimension(entry, unit)
+    return words(parse(entry, unit, field=""), unit) if own else str(entry)
+
+
+def _texts(entry: Any) -> list[str]:
+    if isinstance(entry, Mapping):
+        return [text for value in entry.values() for text in _texts(value)]
+    if isinstance(entry, list | tuple):
+        return [text for value in entry for text in _texts(value)]
+    return [entry] if isinstance(entry, str) else []
+
+
+def _is_relative(text: str, unit: str) -> bool:
+    match = _RELATIVE.fullmatch(text)
+    return match is not None and RELATIVE[match[2]] == unit
+
+
+def _rewritten(entry: Any, write: Callable[[str], str]) -> Any:
+    """A table with its texts written anew."""
+    if isinstance(entry, Mapping):
+        return {key: _rewritten(value, write) for key, value in entry.items()}
+    if isinstance(entry, list | tuple):
+        return [_rewritten(value, write) for value in entry]
+    return write(entry) if isinstance(entry, str) else entry

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ..errors import InputError
-from .amounts import CHANNELS, Amount, read_amount, relative_unit
-from .steps import MODES, Follow, Go, Phased, Shut, Step
+from .amounts import CHANNELS, Amount, has_both, in_metres, in_si, read_amount, relative_unit
+from .steps import MODES, USUAL_REST_LENGTH, Follow, Go, Phased, Shut, Step
 from .until import read_until
 from .waveforms import near, read_waveform
 from .words import Entry
@@ -174,12 +174,15 @@ def _command(entry: Entry, channel: str) -> Any:
         return _go(Entry(raw, place, entry.where), unit)
     if channel == "pressure" and isinstance(raw, Mapping) and "shortening" in raw:
         return _phased(Entry(raw, place, entry.where))
+    if has_both(raw, unit):
+        usual = read_waveform(in_metres(raw, unit, USUAL_REST_LENGTH), unit, field=place, where=where)
+        return Follow(usual, unit, _frozen(in_si(raw, unit)), place)
     freed, own = relative_unit(raw, unit)
     try:
         return Follow(read_waveform(freed, unit if own == unit else "1", field=place, where=where), own)
     except InputError as error:
         if own != unit and "pure number" in error.allowed:
-            allowed = f"allowed is a value in {own}, as the others of this waveform are"
+            allowed = f"allowed is a value in {own} or {unit}, or another unit of that dimension"
             raise InputError(error.field, error.value, allowed, where=where) from None
         raise
 

@@ -178,8 +178,12 @@ def _plain(value: Any) -> Any:
     """A value as JSON has it; numbers with 12 digits, so that the way through a unit leaves no trace."""
     if is_dataclass(value) and not isinstance(value, type):
         kind = getattr(value, "kind", "")
-        named = {f.name: getattr(value, f.name) for f in fields(value)}
+        # what only some have, such as lengths in two units, leaves the hash of the others as it was
+        named = {f.name: getattr(value, f.name) for f in fields(value) if f.compare}
+        named = {k: v for k, v in named.items() if not (k == "mixed" and v is None)}
         return [type(value).__name__, str(kind), {k: _plain(v) for k, v in named.items()}]
+    if isinstance(value, Mapping):
+        return {k: _plain(v) for k, v in value.items()}
     if isinstance(value, tuple | list):
         return [_plain(v) for v in value]
     if isinstance(value, bool) or value is None or isinstance(value, str):

@@ -29,12 +29,14 @@ from typing import Any
 
 from ..documents import parse_toml, read_text
 from ..errors import InputError
+from ..quantities import split_values
 from .amounts import read_amount
 from .bind import Part, names_in, whole
 from .protocol import ORDERS, SCHEMA, Choice, Parameter, Protocol
 from .waveforms import near
 from .words import Entry, shown
 
+TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
 SETTINGS = ("title", "note", "sample_rate", "order", "seed", "repeat")
 SECTIONS = ("schema", "name", "source", "needs", "parameters", "choices", "first", "steps", "last", *SETTINGS)
 NEEDS = (
@@ -117,6 +119,18 @@ def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | No
         choices.append(dataclasses.replace(c, values=values, options=kept))
     changed = dataclasses.replace(protocol, parameters=parameters, choices=tuple(choices))
     return checked(_set(changed, {k: given[k] for k in SETTINGS if k in given}, top), where)
+
+
+def values_of(name: str, words: str, *, field: str, where: str | None = None) -> str | list[str]:
+    """The values of a parameter, choice or setting as a person writes them: a list where there are several.
+
+    Raises:
+        InputError: a comma stands between two digits.
+    """
+    if name in TEXTS:
+        return words.strip()
+    values = split_values(words, field=field, where=where)
+    return values if len(values) > 1 else words.strip()
 
 
 def checked(protocol: Protocol, where: str | None) -> Protocol:

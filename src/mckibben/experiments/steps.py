@@ -3,33 +3,46 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-from .amounts import Amount
+from .amounts import Amount, in_metres, table_words
 from .until import Until
-from .waveforms import Constant, Sine, Table, Triangle, Waveform, time_words
+from .waveforms import Constant, Sine, Table, Triangle, Waveform, read_waveform, time_words
 from .waveforms.waveform import RELATIVE
 
 MOST_CYCLES = 100_000
+USUAL_REST_LENGTH = 0.14  # [m]
 MODES = ("span", "velocity", "tension")
 
 
 @dataclass(frozen=True)
 class Follow:
-    """Follow a waveform from the beginning of the step; its unit is SI, ``L0`` or ``L0/s``."""
+    """Follow a waveform from the beginning of the step; its unit is SI, ``L0`` or ``L0/s``.
+
+    Some values may be in rest lengths and others not. `mixed` then has the waveform's table, and `waveform` is that of a
+    muscle of `USUAL_REST_LENGTH`, whose kind and times are those of any other.
+    """
 
     waveform: Waveform
     unit: str
+    mixed: Any = None
+    place: str = field(default="", compare=False)
 
     def at(self, times: np.ndarray, rest_length: float) -> np.ndarray:
         """Set-points [SI] at times [s] from the beginning of the step, shape of the times."""
+        if self.mixed is not None:
+            table = in_metres(self.mixed, self.unit, rest_length)
+            return read_waveform(table, self.unit, field=self.place, where=None).at(times)
         return self.waveform.at(times) * (rest_length if self.unit in RELATIVE else 1.0)
 
     def sentence(self, channel: str) -> str:
         """Such as ``span as triangle from 0.75 L0 to 1 L0 at 1 Hz``, ``pressure 5 bar``."""
+        if self.mixed is not None:
+            return f"{channel} as {table_words(self.mixed, self.unit)}"
         joint = "" if isinstance(self.waveform, Constant) else "as "
         return f"{channel} {joint}{self.waveform.sentence(self.unit)}"
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ..components import Hysteresis
 from ..errors import InputError
-from ..quantities import declared
+from ..quantities import Quantity, declared, shown_unit
 from ..specimens import Specimen
 from .biological import BiologicalMuscle
 from .hysteresis import HYSTERESES, FrictionLimit, MaxwellSlip
@@ -52,12 +52,34 @@ def build_law(name: str, parameters: Mapping[str, Any], *, where: str | None = N
     for key in parameters:
         if key not in known:
             raise InputError(f"{name}.{key}", "unknown", f"{name} has {', '.join(known)}", where=where)
-    required = [name for name in required_fields(kind) if name not in parameters]
-    if required:
-        raise InputError(f"{name}.{required[0]}", "missing", f"it is {known[required[0]].doc}", where=where)
+    missing = missing_parameters(name, parameters)
+    if missing:
+        said = f"the law {name} needs {needed_words(missing)}"
+        raise MissingParametersError(name, missing, f"it is the {missing[0][1].doc}", where=where, sentence=said)
     for key, value in parameters.items():
         known[key].check(f"{name}.{key}", value, where=where)
     return construct(kind, parameters)
+
+
+class MissingParametersError(InputError):
+    """A law lacks parameters that it cannot do without; `missing` has them with their declarations."""
+
+    def __init__(self, law: str, missing: list[tuple[str, Quantity]], allowed: str, **more: Any) -> None:
+        super().__init__(f"{law}.{missing[0][0]}", "missing", allowed, **more)
+        self.law, self.missing = law, missing
+
+
+def missing_parameters(name: str, given: Iterable[str]) -> list[tuple[str, Quantity]]:
+    """The parameters without a default that a law needs and that are not given, with their declarations."""
+    kind, present = law_type(name), set(given)
+    known = declared(kind)
+    return [(key, known[key]) for key in required_fields(kind) if key not in present]
+
+
+def needed_words(missing: Sequence[tuple[str, Quantity]]) -> str:
+    """Parameters with their meanings and units: ``thread_length (length of one thread, in cm) and turns (..)``."""
+    said = [f"{key} ({q.doc}, {'a number' if q.unit == '1' else f'in {shown_unit(q.unit)}'})" for key, q in missing]
+    return said[0] if len(said) == 1 else f"{', '.join(said[:-1])} and {said[-1]}"
 
 
 def construct(kind: type[TensionLaw], parameters: Mapping[str, Any]) -> TensionLaw:

@@ -227,9 +227,9 @@ def _table(study: Study, mark: str) -> list[Block]:
     largest = number(study.points.largest, 1)
     note = (
         "Ranked by AICc, Akaike's criterion for small samples. A parameter that ended at a bound, or that the data do not "
-        "contain, is not counted there, and a law with one comes behind a law with fewer parameters unless its AICc is lower "
-        f"by more than {INDIFFERENT:g}. Errors in N, the largest also in % of the largest tension, {largest} N; the best of "
-        "each column is bold."
+        "contain, is not counted there, and a law with one comes behind any other unless its AICc is lower by more than "
+        f"{INDIFFERENT:g}. Errors in N, the largest also in % of the largest tension, {largest} N; the best of each column "
+        "is bold."
     )
     rows = tuple(_ranking_rows(study, mark, schemes, bool(held_out)))
     blocks: list[Block] = [Paragraph(note, "quiet"), Table(tuple(columns), rows, head=1)]
@@ -423,11 +423,10 @@ def cautions_of(fit: Fit, size: float) -> list[str]:
     told = [w for w in fit.warnings if not w.startswith("did not converge")]
     found += [_sentence(w) for w in told]
     if fit.degenerate:
-        rest = len(fit.parameters) - len(fit.degenerate)
+        rest, verb = len(fit.parameters) - len(fit.degenerate), "describes" if len(fit.degenerate) == 1 else "describe"
         found.append(
-            f"{listed(list(fit.degenerate))} {'describes' if len(fit.degenerate) == 1 else 'describe'} nothing here, so the "
-            f"criterion counts {rest} parameter{'' if rest == 1 else 's'} of {len(fit.parameters)}. A simpler law may say the "
-            "same."
+            f"{listed(fit.degenerate)} {verb} nothing here, so the criterion counts {rest} of {len(fit.parameters)} "
+            "parameters. A simpler law may say the same."
         )
     if any("apart" in w for w in told):
         found.append(

@@ -13,7 +13,7 @@ from ...errors import InputError
 from ...experiments.dry_run import check
 from ...experiments.library import protocol_names, shipped
 from ...experiments.protocol import Protocol
-from ...experiments.read import SETTINGS, with_values
+from ...experiments.read import SETTINGS, values_of, with_values
 from ...experiments.waveforms import near
 from ...quantities import parse, with_unit
 from ...recordings.convert import write
@@ -26,7 +26,6 @@ from ..session import Session
 from .commands import COMMANDS, FORMATS, LISTS, complete, usage, words_of
 from .load import loaded
 
-TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
 LONGEST = 86400.0  # that `wait` waits [s]
 
 
@@ -145,7 +144,7 @@ class Console:
                 raise usage("set", words)
         if not given or not all(v.strip() for v in given.values()):
             raise usage("set", words)
-        self.protocol = with_values(protocol, {name: _several(name, v) for name, v in given.items()})
+        self.protocol = with_values(protocol, {name: values_of(name, v, field=name) for name, v in given.items()})
         return self._short(self.protocol)
 
     def _short(self, protocol: Protocol) -> str:
@@ -240,11 +239,6 @@ def _some(name: str, words: list[str]) -> str:
 def _none(name: str, words: list[str]) -> None:
     if words:
         raise usage(name, words)
-
-
-def _several(name: str, words: str) -> str | list[str]:
-    values = [] if name in TEXTS else [w.strip() for w in words.split(",") if w.strip()]
-    return values if len(values) > 1 else words.strip()
 
 
 def _columns(rows: list[tuple[str, str]]) -> str:

@@ -62,13 +62,13 @@ def time_figure(
     heights = [0.75 * each if p.quantity == "valve" else each for p in drawn]
     height = top + sum(heights) + gap * (len(drawn) - 1) + foot
     fig = style.figure(WIDTH, height)
-    limits = (float(parts[0].time[0]), float(parts[-1].time[-1]))
+    limits = _time_limits(parts)
     y = height - top
     for i, (panel, own) in enumerate(zip(drawn, heights, strict=True)):
         ax = fig.add_axes((0.065, (y - own) / height, 0.715, own / height))
         y -= own + gap
         _draw(ax, parts, panel)
-        ax.set_xlim(*limits if limits[1] > limits[0] else (limits[0] - 0.5, limits[1] + 0.5))
+        ax.set_xlim(*limits)
         last = i == len(drawn) - 1
         style.quantity_axes(ax, x=("Time, s" if last else "", None), y=(panel.heading, panel.quantity))
         if not last:
@@ -197,6 +197,12 @@ def _key_words(record: Recording, name: str) -> str:
     words = words.replace("_", " ").replace(".", " ")
     words = words if kind == "measured" or kind in words else f"{words}, {kind}"
     return _cut(words, MOST_LETTERS)
+
+
+def _time_limits(parts: Sequence[Recording]) -> tuple[float, float]:
+    """Of the axis [s]; around a single sample it is as wide as one second."""
+    low, high = float(parts[0].time[0]), float(parts[-1].time[-1])
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
 
 
 def _lane(ax: Axes, steps: Sequence[tuple[float, float, list[str]]], limits: tuple[float, float]) -> None:

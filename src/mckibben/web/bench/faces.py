@@ -9,6 +9,7 @@ from ...errors import InputError, MckibbenError
 from ...experiments.protocol import Parameter, Protocol
 from ...experiments.read import with_values
 from ...experiments.sentence import clauses, is_inferred
+from ...quantities import split_values
 
 COLOURS = {"Pa": "pressure", "N": "tension", "m": "length"}  # of a number, by its unit
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
@@ -126,6 +127,6 @@ def changed(protocol: Protocol, name: str, words: str) -> Protocol:
     if not given:
         raise InputError(name, "empty", "allowed is a value")
     unit = next((_value(p)[1] for p in protocol.parameters if p.name == name), "")
-    listed = [w.strip() for w in given.split(",") if w.strip()]
+    listed = split_values(given, field=name)
     full = [f"{w} {unit}" if unit and (m := _NUMBER.fullmatch(w)) and not m[2] else w for w in listed]
     return with_values(protocol, {name: full if len(full) > 1 else full[0] if full else given})
