@@ -24,20 +24,29 @@ class InputError(MckibbenError, ValueError):
     """A value given by the user is not allowed.
 
     The message names where the value comes from, the field, the value and what is allowed; it is composed of these, or is a
-    whole `sentence` that says the same.
+    whole `sentence` that says the same. `remedy` is what the caller could state to put it right, such as ``column
+    pressure``, for an edge that has words of its own for it.
     """
 
     def __init__(
-        self, field: str, value: object, allowed: str, *, where: str | None = None, sentence: str | None = None
-    ) -> None:
-        self.field, self.value, self.allowed, self.where, self.sentence = field, value, allowed, where, sentence
+        self, field: str, value: object, allowed: str, *,
+        where: str | None = None, sentence: str | None = None, remedy: str = "",
+    ) -> None:  # fmt: skip
+        self.field, self.value, self.allowed, self.where = field, value, allowed, where
+        self.sentence, self.remedy = sentence, remedy
         place = f"{where}: " if where else ""
         super().__init__(place + (sentence or f"{field} is {_shown(value)}; {allowed}"))
 
     def at(self, where: str) -> InputError:
         """The same complaint with the place it comes from, the outermost first."""
         place = f"{where}: {self.where}" if self.where else where
-        return InputError(self.field, self.value, self.allowed, where=place, sentence=self.sentence)
+        return self.changed(where=place)
+
+    def changed(self, **parts: Any) -> InputError:
+        """The same complaint with some of its parts replaced."""
+        names = ("field", "value", "allowed", "where", "sentence", "remedy")
+        kept = {name: getattr(self, name) for name in names} | parts
+        return InputError(kept.pop("field"), kept.pop("value"), kept.pop("allowed"), **kept)
 
 
 class MissingLibraryError(InputError):

@@ -176,7 +176,7 @@ def test_a_toast_waits_while_somebody_points_at_it():
 
 
 BAD = ["../x.nc", "a/b.nc", "/etc/passwd", "..", ".nc", ".hidden.nc", "x.exe", "x.nc\n", "a\0.nc", "x..nc", "",
-       "x" * 200 + ".nc", "con\\x.nc", "x.nc.", "C:x.nc", "~x.nc"]  # fmt: skip
+       "x" * 200 + ".nc", "\u6d4b" * 80 + ".nc", "\u202ecn.nc", "con\\x.nc", "x.nc.", "C:x.nc", "~x.nc"]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -202,6 +202,15 @@ def test_nothing_is_written_over_and_links_are_no_files(tmp_path):
     for size in (0, 11):
         with pytest.raises(InputError, match="nothing was stored"):
             shelf.store("big.nc", b"x" * size, largest=10)
+
+
+def test_a_name_may_have_letters_of_any_language(tmp_path):
+    shelf = Shelf(tmp_path / "shelf", (".csv",))
+    for name in ("Me\u00dfwerte L\u00e4nge.csv", "\u6d4b\u8bd5-2.csv", "\u0434\u043b\u0438\u043d\u0430.csv"):
+        assert shelf.store(name, b"1").name == name
+        assert shelf.found(name).read_bytes() == b"1" and name in shelf.names()
+    # two codes for one letter, as other systems write it, are one name
+    assert shelf.path("a\u0308.csv") == shelf.path("\u00e4.csv")
 
 
 def test_any_name_of_a_protocol_becomes_a_name_of_a_file(tmp_path):

@@ -69,7 +69,7 @@ def test_a_table_of_others_needs_its_units(run, tmp_path):
     code, out, err = run(*words)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert f"{table}: unit of tank.pressure is 'no unit'" in err
-    assert "--unit tank.pressure=kPa" in err
+    assert "--unit tank.pressure=UNIT" in err
     assert not out_file.exists()
     code, _, _ = run(*words, "--unit", "tank.pressure=bar", "--unit", "time=ms")
     found = read_recording(out_file)
@@ -131,7 +131,7 @@ def test_repair_opens_what_kill_9_left(run, tmp_path):
         (("convert", "missing.mat", "a.nc"), "no such file"),
         (("convert", "a.nc", "a.doc"), "known are .nc, .csv"),
         (("convert", "a.nc", "none/a.csv"), "there is no folder"),
-        (("convert", "a.nc", "b.csv", "--unit", "valve=bar"), "--unit"),
+        (("convert", "a.nc", "b.csv", "--unit", "valve=bar"), "unit is"),
         (("convert", "a.nc", "b.csv", "--unit", "valve"), "NAME=VALUE"),
         (("convert", "a.nc", "b.csv", "--period", "1 bar"), "--period"),
         (("convert", "text.mcap", "b.csv"), "text.mcap"),

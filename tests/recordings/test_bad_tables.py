@@ -1,6 +1,7 @@
 """A force map that is wrong is refused in one line that names the file, the field, the value and what is allowed."""
 
 import gzip
+import re
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +110,7 @@ def test_hysteresis_and_noise_are_not_mistaken_for_a_wrong_sign(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("column", "name"), [(0, "length_mm"), (1, "pressure_bar_gauge"), (2, "force_N")])
-@pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "", "n/a", "12,5"])
+@pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "n/a", "12,5"])
 def test_a_cell_that_is_no_finite_number_is_named_with_its_row(
     tmp_path: Path, column: int, name: str, cell: str
 ) -> None:
@@ -243,10 +244,79 @@ def test_a_broken_gzip_file_is_refused(tmp_path: Path) -> None:
     assert "CSV" in refusal(path)
 
 
+def german(path: Path, encoding: str = "cp1252", mark: str = ";", change=None) -> Path:
+    """The table as a spreadsheet of another country writes it."""
+    table = [[cell.replace(".", ",") for cell in row] for row in rows(change)]
+    lines = ["L\u00e4nge [mm],Druck [bar],Kraft [N]".replace(",", mark), *(mark.join(row) for row in table), mark * 2]
+    path.write_bytes(("\r\n".join(lines) + "\r\n").encode(encoding))
+    return path
+
+
+NAMED = {"length": "L\u00e4nge [mm]", "pressure": "Druck [bar]", "tension": "Kraft [N]"}
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_tables_of_other_countries_are_read(tmp_path: Path, encoding: str, mark: str) -> None:
+    good = read_force_map(write(tmp_path / "good.csv", GOOD, rows()))
+    found = read_force_map(german(tmp_path / "Me\u00dfwerte \u6d4b.csv", encoding, mark), columns=NAMED)
+    for name in ("length", "pressure", "tension"):
+        assert getattr(found, name).tolist() == getattr(good, name).tolist()
+    assert found.remarks == ()
+
+
+def test_a_letter_with_an_accent_is_the_same_in_one_code_or_two(tmp_path: Path) -> None:
+    path = german(tmp_path / "map.csv", "utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace("\u00e4", "a\u0308"), encoding="utf-8")
+    assert len(read_force_map(path, columns=NAMED)) == 15
+
+
+def test_rows_with_a_blank_cell_are_left_out_and_named(tmp_path: Path) -> None:
+    table = rows()
+    table[6][2] = ""
+    table[8][0] = "  "
+    table[9].append("a note")
+    for row in table:
+        row.extend([""] * (4 - len(row)))
+    found = read_force_map(write(tmp_path / "holes.csv", f"{GOOD},note", table))
+    # a blank in a column that is not used is no matter
+    assert len(found) == 13
+    assert found.remarks == ("row 8 is left out: force_N is blank", "row 10 is left out: length_mm is blank")
+    assert found.select(found.taut).remarks == found.remarks
+
+
+def test_a_column_that_is_mostly_blank_is_refused(tmp_path: Path) -> None:
+    table = rows()
+    for row in table[1:]:
+        row[2] = ""
+    assert "blank in 14 of 15 rows" in refusal(write(tmp_path / "empty.csv", GOOD, table))
+
+
+def test_no_reader_speaks_of_options_of_the_command_line() -> None:
+    import ast
+
+    import mckibben.identification
+    import mckibben.recordings
+
+    spoken = []
+    for package in (mckibben.recordings, mckibben.identification):
+        for path in Path(package.__file__).parent.glob("*.py"):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            documents = {id(n.body[0].value) for n in ast.walk(tree) if hasattr(n, "body") and isinstance(n.body, list)
+                         and n.body and isinstance(n.body[0], ast.Expr)}  # fmt: skip
+            spoken += [
+                f"{path.name}: {n.value}"
+                for n in ast.walk(tree)
+                if isinstance(n, ast.Constant) and isinstance(n.value, str) and id(n) not in documents
+                and re.search(r"(?:^|[\s`'])--[a-z]|`mckibben ", n.value)
+            ]  # fmt: skip
+    assert not spoken, spoken
+
+
 def test_two_columns_of_one_kind_must_be_chosen_between(tmp_path: Path) -> None:
     table = [[*row, row[2]] for row in rows()]
     path = write(tmp_path / "two.csv", "length_mm,pressure_bar_gauge,force_N,force_kN", table)
-    assert "--column" in refusal(path)
+    assert "say which one is" in refusal(path)
     assert len(read_force_map(path, columns={"tension": "force_N"})) == 15
 
 

@@ -411,7 +411,7 @@ def broken(path: Path, change) -> Path:
         (lambda s: s.replace("# schema: 1", "# schema: one"), "allowed is JSON"),
         (lambda s: s.replace("# schema: 1", '# schema: "1"'), "whole number"),
         (lambda s: s.replace("# schema: 1", "# schema: 0"), "whole number"),
-        (lambda s: s.replace("# mckibben recording\n", ""), "read_record reads tables of others"),
+        (lambda s: s.replace("# mckibben recording\n", ""), "a table of others is converted into one first"),
         (lambda s: s.replace('"result": "DONE"', '"result": DONE'), "meta is"),
         (lambda s: s.replace("time [s],", "t [s],"), "header is 't [s]'"),
         (lambda s: s.replace("tank.pressure [Pa]", "tank.tension [Pa]"), "header is 'tank.tension [Pa]'"),

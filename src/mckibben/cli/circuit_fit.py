@@ -9,7 +9,7 @@ import typer
 
 from ..errors import InputError
 from .circuit import Change, File, circuit, planned
-from .words import Json, pairs, print_json, table, told, writable
+from .words import Json, caution, options_named, pairs, print_json, table, told, writable
 
 if TYPE_CHECKING:
     from ..assembly.circuit_plan import CircuitPlan
@@ -90,7 +90,9 @@ def _trial(plan: CircuitPlan, path: Path, reading: dict[str, Any]) -> Trial:
     if own:
         record = read_recording(path)
     else:
-        record = read_record(path, ambient=float(plan.environment.pressure_abs), **reading)
+        with options_named():
+            record = read_record(path, ambient=float(plan.environment.pressure_abs), **reading)
+        caution(*(f"{path}: {said}" for said in record.meta["source"].get("left_out", [])))
     return trial_from_record(plan, record, name=str(path))
 
 

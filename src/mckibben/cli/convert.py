@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError
-from .words import Json, pairs, print_json
+from .words import Json, options_named, pairs, print_json
 
 if TYPE_CHECKING:
     from ..recordings import Recording
@@ -38,13 +38,13 @@ def convert(
     places: dict[str, str | int] = {}
     for name, place in pairs(column, "--column", "tank.pressure=2").items():
         places[name] = int(place) if place.isdecimal() else place
-    read = convert(
-        source,
-        target,
-        columns=places or None,
-        units=pairs(unit, "--unit", "tank.pressure=bar") or None,
-        period=None if period is None else parse(period, "s", field="--period", bare=True),
-    )
+    asked: dict[str, Any] = {
+        "columns": places or None,
+        "units": pairs(unit, "--unit", "tank.pressure=bar") or None,
+        "period": None if period is None else parse(period, "s", field="--period", bare=True),
+    }
+    with options_named():
+        read = convert(source, target, **asked)
     if as_json:
         print_json({**_said(source, target, read.recording), "warnings": read.remarks})
         return

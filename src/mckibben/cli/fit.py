@@ -9,7 +9,7 @@ import typer
 
 from ..errors import InputError
 from . import ranking
-from .words import Json, Set, assignments, caution, pairs, print_json, progress, writable
+from .words import Json, Set, assignments, caution, options_named, pairs, print_json, progress, writable
 
 if TYPE_CHECKING:
     from ..recordings import ForceMap
@@ -80,9 +80,10 @@ def fit(
         "branch": branch,
         "pressure_zero": 0.0 if pressure_zero is None else parse(pressure_zero, "Pa", field="--pressure-zero"),
     }
-    loaded = [_load(f, rest, like, reading) for f in files]
-    warnings = [_cautions(points, spec) for points, spec in loaded]
-    studies = [_study(points, spec, law, change, below, slack) for points, spec in loaded]
+    with options_named(rest_length="--rest-length '300 mm'"):
+        loaded = [_load(f, rest, like, reading) for f in files]
+        warnings = [_cautions(points, spec) for points, spec in loaded]
+        studies = [_study(points, spec, law, change, below, slack) for points, spec in loaded]
     if report is not None:
         from ..report.fit_report import write_fit_report
 
@@ -111,7 +112,7 @@ def _cautions(points: ForceMap, spec: Specimen | None) -> list[str]:
     from ..muscles.plausible import pressure_caution
 
     said = pressure_caution(float(points.pressure.max()), spec)
-    return caution(None if said is None else f"{points.name}: {said}")
+    return caution(*(None if s is None else f"{points.name}: {s}" for s in (*points.remarks, said)))
 
 
 def _constraints(files: list[str], as_json: bool) -> None:

@@ -81,6 +81,24 @@ def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
     return found
 
 
+_OPTIONS = {"column": "--column {}=COLUMN", "unit": "--unit {}=UNIT", "parameter": "--set {}=VALUE"}
+
+
+@contextmanager
+def options_named(**more: str) -> Iterator[None]:
+    """Add the option of the command line to a complaint that says what could be stated.
+
+    Args:
+        more: options by the first word of the remedy, beside ``--column``, ``--unit`` and ``--set``.
+    """
+    try:
+        yield
+    except InputError as error:
+        kind, _, name = error.remedy.partition(" ")
+        option = (more | _OPTIONS).get(kind, "").format(name)
+        raise (error.changed(allowed=f"{error.allowed}, with {option}", remedy="") if option else error) from None
+
+
 def caution(*sentences: str | None) -> list[str]:
     """Print what is to be minded, on standard error; None is nothing.
 

@@ -59,12 +59,8 @@ class Problem:
         free = free or _freed(kind, given, points)
         if "rest_length" in fields and "rest_length" not in given and "rest_length" not in free:
             if points.rest_length is None:
-                raise InputError(
-                    "rest_length",
-                    "not given",
-                    f"the law {law} needs --rest-length or a column rest_length",
-                    where=points.name,
-                )
+                allowed = f"the law {law} needs the rest length, or a column rest_length"
+                raise InputError("rest_length", "not given", allowed, where=points.name, remedy="rest_length")
             given["rest_length"] = points.rest_length
         if "upper_length" in fields:
             # Every measured point has to lie in the working range, each muscle in its own.
@@ -75,8 +71,9 @@ class Problem:
                 raise InputError(
                     name,
                     "not known",
-                    f"the law {law} needs it ({fields[name].doc}); give --set {name}=VALUE",
+                    f"the law {law} needs it ({fields[name].doc})",
                     where=points.name,
+                    remedy=f"parameter {name}",
                 )
         taut = int(points.taut.sum())
         if taut < len(free) + 2:

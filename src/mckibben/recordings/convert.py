@@ -90,7 +90,8 @@ def read_any(
         raise InputError("file", where, "no such file")
     asked: dict[str, Any] = {"columns": columns, "units": units, "period": period}
     if suffix in _TEXTS and not _is_own_text(path):
-        return Imported(read_record(path, **asked), [])
+        record = read_record(path, **asked)
+        return Imported(record, list(record.meta["source"].get("left_out", [])))
     if suffix == ".mcap":
         if not is_log(path):
             return _foreign(path, asked)
@@ -108,7 +109,7 @@ def read_any(
     for option, value in asked.items():
         if value:
             allowed = "a recording of mckibben says these itself; they are for files of others"
-            raise InputError(f"--{option.removesuffix('s')}", str(value), allowed, where=where)
+            raise InputError(option.removesuffix("s"), str(value), allowed, where=where)
     return found
 
 

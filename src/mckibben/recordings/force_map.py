@@ -24,6 +24,7 @@ class ForceMap:
     rest_length: np.ndarray | None = None
     branch: np.ndarray | None = None
     diameter: np.ndarray | None = None
+    remarks: tuple[str, ...] = ()  # what was left out on reading, in words
 
     def __len__(self) -> int:
         return len(self.length)
@@ -56,7 +57,7 @@ class ForceMap:
     def select(self, keep: np.ndarray, name: str | None = None) -> ForceMap:
         """The points where `keep` is true."""
         some = {k: None if getattr(self, k) is None else getattr(self, k)[keep] for k in _ARRAYS}
-        return ForceMap(name=name or self.name, **some)  # type: ignore[arg-type]
+        return ForceMap(name=name or self.name, remarks=self.remarks, **some)  # type: ignore[arg-type]
 
     def with_rest_length(self, rest_length: float) -> ForceMap:
         """The same with one rest length for all points [m]."""
@@ -66,7 +67,10 @@ class ForceMap:
     def contraction(self) -> np.ndarray:
         """(L0 - L)/L0; raises `InputError` where the rest length is not known."""
         if self.rest_length is None:
-            raise InputError("rest_length", "not given", "give --rest-length or a column rest_length", where=self.name)
+            raise InputError(
+                "rest_length", "not given", "give the rest length, or a column rest_length", where=self.name,
+                remedy="rest_length",
+            )  # fmt: skip
         return 1.0 - self.length / self.rest_length
 
 

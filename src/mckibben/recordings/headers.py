@@ -80,8 +80,8 @@ def choose(
         where: how complaints name the file.
     """
     if header is None and not columns:
-        allowed = "a file without a header needs them, such as {'time': 1, 'tank.pressure': 2}"
-        raise InputError("columns", "not given", allowed, where=where)
+        allowed = "a file without a header needs the number of each column, such as time 1 and tank.pressure 2"
+        raise InputError("columns", "not given", allowed, where=where, remedy="column time")
     known = [described(i, cell) for i, cell in enumerate(header or [""] * width)]
     found: dict[str, Column] = {}
     for name, wanted in columns.items():
@@ -95,7 +95,9 @@ def choose(
         name = "time" if stem in TIMES else stem
         if name in found:
             told = f"{found[name].label}, {column.label}"
-            raise InputError(name, told, f"two columns; name one with columns={{'{name}': ..}}", where=where)
+            raise InputError(
+                name, told, "two columns have this name; say which one is meant", where=where, remedy=f"column {name}"
+            )
         if name != "time":
             check_name(name, where)
         found[name] = column

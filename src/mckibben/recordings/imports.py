@@ -137,8 +137,8 @@ def _clock(found: dict[str, Column], given: Sequence[Given], chosen: bool, where
         told = "; ".join(
             f"{clock}: {', '.join(n for n, c in found.items() if given[c.at].clock == clock)[:80]}" for clock in clocks
         )
-        allowed = "a recording has one time; choose columns that share theirs with --column NAME=COLUMN"
-        raise InputError("columns", f"of {len(clocks)} clocks ({told})", allowed, where=where)
+        allowed = "a recording has one time; choose columns that share theirs"
+        raise InputError("columns", f"of {len(clocks)} clocks ({told})", allowed, where=where, remedy="column NAME")
     kept = given[found["time"].at].clock
     others = [name for name, column in found.items() if given[column.at].clock != kept]
     lines = [f"{given[found[n].at].label} is left out: its samples are not those of the time" for n in others]
@@ -167,8 +167,8 @@ def _time(
     if column is None:
         if implied is not None:
             return implied, None
-        allowed = f"known are columns named {', '.join(TIMES)}; name it with --column time=.., or give --period"
-        raise InputError("time", "no column", allowed, where=where)
+        allowed = f"known are columns named {', '.join(TIMES)}; say which one it is, or state the period of the samples"
+        raise InputError("time", "no column", allowed, where=where, remedy="column time")
     values = given[column.at].values
     if values.dtype.kind == "M":
         return _seconds(values), str(values[0]) if len(values) else None
@@ -189,13 +189,13 @@ def _seconds(dates: np.ndarray) -> np.ndarray:
 def _channel(name: str, column: Column, given: Given, unit: str | None, where: str) -> Channel:
     values = given.values
     if values.dtype.kind == "M":
-        allowed = f"only the time is a date; name it with --column time='{given.label}'"
-        raise InputError(f"{name} ({given.label})", "dates", allowed, where=where)
+        allowed = "only the time is a date; read the column as the time"
+        raise InputError(f"{name} ({given.label})", "dates", allowed, where=where, remedy="column time")
     if unit is None and values.dtype.kind == "b":
         unit = "1"
     if unit is None:
-        allowed = f"say it with --unit {name}=bar, or kPa, N, mm, V, 1, .."
-        raise InputError(f"unit of {name} ({given.label})", "no unit", allowed, where=where)
+        allowed = "say it: bar, kPa, N, mm, V, 1, .."
+        raise InputError(f"unit of {name} ({given.label})", "no unit", allowed, where=where, remedy=f"unit {name}")
     si, scale, offset = si_of(unit, field=f"unit of {name} ({given.label})", where=where)
     numbers = values.astype(float)
     if scale != 1.0 or offset:

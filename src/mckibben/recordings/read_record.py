@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..quantities import with_unit
 from .headers import Column, check_vacuum, choose
 from .recording import Channel, Recording
-from .text import Rows, check_width, is_number, read_rows, to_numbers
+from .text import Rows, check_width, is_number, plain_text, read_rows, to_numbers, without_blanks
 from .units import is_pressure, si_of
 
 # Between samples; more, and samples were lost. Stamps rounded to the last digit reach 1.5 to 2 times the median.
@@ -37,7 +37,8 @@ def read_record(
 ) -> Recording:
     """Read a measured record from a text table (``.csv``, ``.txt``, also ``.gz``).
 
-    Commas, semicolons, tabs or blanks part the cells; lines that begin with # are skipped. With a header such as
+    It is read as `text.read_rows` does; rows with a blank cell in a column that is read are left out, and named in the meta
+    under ``source.left_out``. With a header such as
     ``time [s], tank.pressure_abs [kPa]`` or ``t,pressure_bar_gauge,valve.command_V`` every column becomes a channel of that
     name in lower case. A pressure is gauge unless its name ends in ``_abs``.
 
@@ -62,7 +63,9 @@ def read_record(
     if not (math.isfinite(ambient) and ambient > 0.0):
         raise InputError("ambient", ambient, "allowed is a pressure above 0 Pa", where=where)
     header, rows = _table(Path(path), where)
-    found = choose(header, len(rows[0][1]), dict(columns or {}), period is None, where)
+    places = {n: plain_text(c) if isinstance(c, str) else c for n, c in (columns or {}).items()}
+    found = choose(header, len(rows[0][1]), places, period is None, where)
+    rows, left_out = without_blanks(rows, {column.at: column.label for column in found.values()}, where)
     for field, named in (("units", units), ("pressure_zero", zeros if isinstance(zeros, Mapping) else {})):
         for name in named:
             if name not in found:
@@ -73,7 +76,8 @@ def read_record(
             raise InputError(name, "no column", f"it is required, and the file has {has}", where=where)
     time = _time(found.pop("time", None), units.get("time"), period, rows, where)
     channels = _channels(found, units, zeros, ambient, rows, where)
-    return Recording(time, channels, {"title": Path(path).name, "source": _source(path, found, units, zeros)})
+    source = _source(path, found, units, zeros) | ({"left_out": left_out} if left_out else {})
+    return Recording(time, channels, {"title": Path(path).name, "source": source})
 
 
 def _channels(
@@ -100,14 +104,14 @@ def _channels(
 
 def _table(path: Path, where: str) -> tuple[list[str] | None, Rows]:
     """The header, if there is one, and the rows of numbers."""
-    rows = read_rows(path, where, sniff=True)
+    rows = read_rows(path, where)
     if not rows:
         raise InputError("file", "empty", f"allowed are {FEWEST} samples or more", where=where)
     number, first = rows[0]
     header = None
     words = [cell for cell in first if not is_number(cell)]
     if len(words) == len(first):
-        header, rows = [cell.strip() for cell in first], rows[1:]
+        header, rows = [plain_text(cell) for cell in first], rows[1:]
     elif words:
         allowed = "allowed is a row of names, or one of numbers where there is no header"
         raise InputError(f"row {number}", words[0], allowed, where=where)
@@ -129,10 +133,8 @@ def _values(name: str, column: Column, given: str | None, rows: Rows, where: str
     """The numbers of a column and their SI unit."""
     unit = given or column.unit
     if unit is None:
-        allowed = (
-            f"write it into the header, such as '{name} [kPa]', or give units={{'{name}': ..}} or --unit {name}=kPa"
-        )
-        raise InputError(f"unit of {name}", "no unit", allowed, where=where)
+        allowed = f"write it into the header, such as '{name} [kPa]', or say it"
+        raise InputError(f"unit of {name}", "no unit", allowed, where=where, remedy=f"unit {name}")
     si, scale, offset = si_of(unit, field=f"unit of {name} ({column.label})", where=where)
     numbers = to_numbers([row[column.at] for _, row in rows], [n for n, _ in rows], column.label, where)
     return numbers * scale + offset, si
@@ -149,8 +151,8 @@ def _time(column: Column | None, given: str | None, period: float | None, rows: 
             raise InputError("period", period, "allowed is a time above 0 s", where=where)
         return np.arange(len(rows)) * float(period)
     if column is None:
-        allowed = "name it with columns={'time': ..}, or give the period [s] of the samples"
-        raise InputError("time", "no column", allowed, where=where)
+        allowed = "say which column it is, or state the period of the samples"
+        raise InputError("time", "no column", allowed, where=where, remedy="column time")
     time, unit = _values("time", column, given or column.unit or "s", rows, where)
     if unit != "s":
         raise InputError(column.label, given or column.unit, "allowed is a time such as s or ms", where=where)

@@ -82,7 +82,7 @@ def retold(text: Any, where: str | None = None) -> Sidecar:
 def check_schema(schema: Any, where: str | None = None) -> None:
     """Refuse what no version of mckibben wrote, and what a newer one wrote."""
     if schema is None:
-        allowed = "this is no recording of mckibben; read_record and `mckibben record convert` read tables of others"
+        allowed = "this is no recording of mckibben; a table of others is converted into one first"
         raise InputError("schema", "not given", allowed, where=where)
     if not isinstance(schema, int | np.integer) or isinstance(schema, bool) or schema < 1:
         raise InputError("schema", str(schema), f"allowed is a whole number from 1 to {SCHEMA}", where=where)

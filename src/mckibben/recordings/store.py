@@ -187,7 +187,7 @@ def _csv_head(stream: io.TextIOBase) -> tuple[dict[str, str], list[str]]:
     for number, line in enumerate(stream):
         line = line.rstrip("\r\n")
         if number == 0 and line != CSV_HEAD:
-            allowed = f"a recording begins with {CSV_HEAD!r}; read_record reads tables of others"
+            allowed = f"a recording begins with {CSV_HEAD!r}; a table of others is converted into one first"
             raise InputError("first line", line[:60], allowed)
         if not line.startswith("#"):
             return head, next(csv.reader([line]), [""])

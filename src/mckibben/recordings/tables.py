@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..quantities import to_si, with_unit
 from .force_map import ForceMap
 from .table_files import OTHERS, table_of
-from .text import Rows, check_width, is_number, read_rows, split_header, to_numbers
+from .text import Rows, check_width, is_number, plain_text, read_rows, split_header, to_numbers, without_blanks
 
 # Names under which the columns are known; the first that a header holds is taken.
 COLUMNS = {
@@ -69,7 +69,8 @@ def read_force_map(
     """Read a force map from a CSV file (``.csv``, ``.csv.gz``), a MATLAB or TDMS file, or a recording (``.nc``, ``.mcap``).
 
     Args:
-        path: the file; lines of a CSV file that begin with # are skipped.
+        path: the file, as `text.read_rows` takes it; rows of a CSV file with a blank cell in a column that is used are left
+            out, and named in the remarks.
         rest_length: one rest length for all points [m], over a column of the file.
         columns: column names for ``length``, ``pressure``, ... where the header uses others; ``-`` where a column that the
             header names so shall not be read.
@@ -83,7 +84,8 @@ def read_force_map(
     """
     where = str(path)
     header, rows = rows_of(Path(path), where)
-    chosen = _choose(header, dict(columns or {}), where)
+    chosen = _choose(header, {what: plain_text(column) for what, column in (columns or {}).items()}, where)
+    rows, remarks = without_blanks(rows, {header.index(column): column for column in chosen.values()}, where)
     data: dict[str, np.ndarray] = {}
     for what, column in chosen.items():
         cells = [row[header.index(column)] for _, row in rows]
@@ -101,15 +103,16 @@ def read_force_map(
     if "length" not in data:
         if "rest_length" not in data:
             raise InputError(
-                "rest_length", "not given", "a contraction needs --rest-length or a column rest_length", where=where
-            )
+                "rest_length", "not given", "a contraction needs the rest length, or a column rest_length", where=where,
+                remedy="rest_length",
+            )  # fmt: skip
         _check_plausible("contraction", data["contraction"], chosen["contraction"], where)
         data["length"] = data["rest_length"] * (1.0 - data["contraction"])
     data.pop("contraction", None)
     for what in ("length", "rest_length", "diameter", "pressure", "tension"):
         if what in data:
             _check_plausible(what, data[what], chosen.get(what, what), where)
-    found = ForceMap(name=Path(path).name, **data)
+    found = ForceMap(name=Path(path).name, remarks=tuple(remarks), **data)
     found = _keep_branch(found, branch, where)
     _check_direction(found, where)
     return found
@@ -124,7 +127,7 @@ def rows_of(path: Path, where: str) -> tuple[list[str], Rows]:
         raise InputError(
             "file", f"{max(len(lines) - 1, 0)} rows", "allowed is a header and at least one row", where=where
         )
-    header = [cell.strip() for cell in lines[0][1]]
+    header = [plain_text(cell) for cell in lines[0][1]]
     if all(is_number(cell) for cell in header):
         raise InputError(
             "header", ",".join(header), "the first row must name the columns, such as length_mm", where=where
@@ -141,21 +144,23 @@ def _choose(header: list[str], columns: dict[str, str], where: str) -> dict[str,
             raise InputError("column", column, f"the file has {', '.join(header)}", where=where)
     for what, match in recognised(header).items():
         if len(match) > 1 and what not in columns:
-            raise InputError(what, ", ".join(match), f"name one with --column {what}=NAME", where=where)
+            allowed = f"several columns may be the {what}; say which one is"
+            raise InputError(what, ", ".join(match), allowed, where=where, remedy=f"column {what}")
         columns.setdefault(what, match[0])
     columns = {what: column for what, column in columns.items() if column != LEFT_OUT}
     for what in ("pressure", "tension"):
         if what not in columns:
-            raise InputError(
-                what, "no column", f"the file has {', '.join(header)}; name it with --column {what}=NAME", where=where
-            )
+            raise _no_column(what, header, where)
     if "length" not in columns and "contraction" not in columns:
-        raise InputError(
-            "length", "no column", f"the file has {', '.join(header)}; name it with --column length=NAME", where=where
-        )
+        raise _no_column("length", header, where)
     if "length" in columns:
         columns.pop("contraction", None)
     return columns
+
+
+def _no_column(what: str, header: list[str], where: str) -> InputError:
+    allowed = f"the file has {', '.join(header)}; say which one it is"
+    return InputError(what, "no column", allowed, where=where, remedy=f"column {what}")
 
 
 def recognised(header: list[str]) -> dict[str, list[str]]:
@@ -190,9 +195,9 @@ def _unit(column: str, given: str | None, what: str, where: str) -> tuple[str, b
         raise InputError(
             column,
             "no unit",
-            f"write it into the header, such as {what}_{'bar' if what == 'pressure' else UNITS[what]}, "
-            f"or give --unit {what}=UNIT",
+            f"write it into the header, such as {what}_{'bar' if what == 'pressure' else UNITS[what]}, or say it",
             where=where,
+            remedy=f"unit {what}",
         )
     return unit, absolute
 

@@ -190,6 +190,7 @@ def _facts(study: Study) -> list[tuple[str, str]]:
         ("Points", f"{len(points)}, of them {taut} with tension; {len(points) - taut} hung slack {used}"),
         ("Length", _range(points.length, "m")),
         ("Pressure, gauge", _range(points.pressure, "Pa")),
+        *[("Left out", f"{remark[0].upper()}{remark[1:]}") for remark in points.remarks],
         ("Largest tension", f"{_newton(points.largest, 1)}; errors in % refer to it"),
     ]
     if points.rest_length is not None:

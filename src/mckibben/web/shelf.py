@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import secrets
+import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from ..documents import write_whole
 from ..errors import InputError
 
 LARGEST = 200 * 2**20  # of an upload [B]
-WELL_NAMED = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._()+-]{0,119}")
+WELL_NAMED = re.compile(r"[^\W_][\w ._()+-]{0,119}")
+LONGEST = 200  # bytes of a name; file systems end at 255
 ALLOWED = "allowed is a plain name of letters, digits, dots, dashes and spaces, without a folder"
 _NUMBERED = re.compile(r"-(\d{4})$")
 _TRASH = ".deleted"
@@ -42,7 +44,9 @@ class Shelf:
         Raises:
             InputError: if the name has a path in it, or another ending.
         """
-        if not isinstance(name, str) or not WELL_NAMED.fullmatch(name) or ".." in name or name.endswith((" ", ".")):
+        name = unicodedata.normalize("NFC", name) if isinstance(name, str) else name
+        plain = isinstance(name, str) and WELL_NAMED.fullmatch(name) and len(name.encode()) <= LONGEST
+        if not plain or ".." in name or name.endswith((" ", ".")):
             raise InputError("file", str(name)[:200], ALLOWED)
         if Path(name).suffix.lower() not in self.endings:
             kinds = ", ".join(self.endings)

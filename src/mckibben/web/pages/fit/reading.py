@@ -45,7 +45,7 @@ def read(lab: Laboratory, asked: Asked) -> Reading:
     try:
         look = preview(path)
     except InputError as error:
-        raise InputError(error.field, error.value, error.allowed, where=path.name) from None
+        raise error.changed(where=path.name) from None
     if asked.kind == "recording":
         asked = _of_recording(lab, asked, look)
     try:
@@ -71,10 +71,12 @@ def used(points: ForceMap, asked: Asked) -> str:
     """Which rows count, in words."""
     taut = int(points.taut.sum())
     slack, told = len(points) - taut, int(points.told_slack.sum())
+    left = "".join(f" {remark[0].upper()}{remark[1:]}." for remark in points.remarks)
     if not slack:
-        return f"{taut} rows used."
+        return f"{taut} rows used.{left}"
     what = "row reads" if slack == 1 else "rows read"
     use = f"; {told} of them ask the laws for zero tension" if asked.slack and told else ""
     return (
         f"{taut} rows used. {slack} {what} zero tension: the muscle is slack there, so errors do not count them{use}."
+        + left
     )

@@ -127,7 +127,7 @@ def read(lab: Laboratory, asked: Asked) -> ForceMap:
             pressure_zero=zero,
         )  # fmt: skip
     except InputError as error:  # the file by its name, not by where the laboratory keeps it
-        raise InputError(error.field, error.value, error.allowed, where=path.name) from None
+        raise error.changed(where=path.name) from None
 
 
 def known(asked: Asked) -> dict[str, float]:
