@@ -108,11 +108,37 @@ def cli(_: Path) -> str:
         parts += [f"## `mckibben{' ' if name else ''}{name}`", f"```text\n{text}```"]
     return _page(
         "Command line",
-        "Every command takes `--json` and then prints one JSON object in SI units and nothing else. Exit codes: 0 done, 1 a "
+        f"Every command but {_listed(without_json())}, which go on until they are ended, takes `--json` and then prints one "
+        "JSON object in SI units and nothing else on standard output. Exit codes: 0 done, 1 a "
         "comparison fell short or a fit did not converge, 2 the input is wrong (one line on standard error that names the "
         "field, the value and what is allowed).",
+        "A value has its unit behind it, any one of its dimension: `12 cm`, `120 mm`, `5 bar`, `500 kPa`. Numbers have a decimal "
+        "point. Values of a list are parted by `, ` or `;`; a comma between two digits could mean either and is refused. What is "
+        "unusual but possible is said on standard error, and under `warnings` in the JSON object.",
         *parts,
     )
+
+
+def without_json() -> list[str]:
+    """Names of the commands that take no ``--json``."""
+    import typer
+
+    from mckibben.cli.app import app
+
+    command: Any = typer.main.get_command(app)
+    found = []
+    for name in commands():
+        one = command
+        for word in name.split():
+            one = one.commands[word]
+        if not hasattr(one, "commands") and not any("--json" in p.opts for p in one.params):
+            found.append(name)
+    return found
+
+
+def _listed(names: list[str]) -> str:
+    named = [f"`{name}`" for name in names]
+    return f"{', '.join(named[:-1])} and {named[-1]}"
 
 
 def commands() -> list[str]:

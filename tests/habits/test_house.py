@@ -224,3 +224,18 @@ def test_no_page_of_the_screen_has_the_browser_read_code_from_text() -> None:
             assert used == {"html", "upload", "run_javascript"} and "js_handler" not in source
         else:
             assert not used and not re.search("js_handler|run_javascript", source), path
+
+
+def test_contributing_names_every_room_and_their_order() -> None:
+    import tomllib
+
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^      ([a-z_]+(?:/|\.py)) {2,}\S", text, re.M)
+    there = [p.name + ("/" if p.is_dir() else "") for p in PACKAGE.iterdir() if p.is_dir() or p.suffix == ".py"]
+    assert len(listed) == len(set(listed))
+    assert set(listed) == {name for name in there if not name.startswith("_")}
+    (order,) = re.findall(r"^    (cli > .*\n(?: {6}> .*\n)*)", text, re.M)
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    assert " ".join(order.split()) == " > ".join(contracts[0]["layers"])

@@ -21,7 +21,7 @@ Name = Annotated[
 ]
 Values = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="PARAMETER=VALUE", help=f"Other values, several by commas, such as {_EXAMPLE}."),
+    typer.Option("--set", metavar="PARAMETER=VALUE", help=f"Other values, several by ', ' or ';', such as {_EXAMPLE}."),
 ]
 
 

@@ -120,8 +120,7 @@ def show(study: Any) -> None:
     ]
     keep = [i for i in range(len(columns)) if i < 5 or any(r[i] not in ("-", "") for r in rows)]
     table(
-        f"{study.title}: {n} points with tension, largest {largest:.1f} N; errors are the largest, of that; "
-        "ranked by AICc, without parameters at a bound",
+        f"{study.title}: {n} points with tension, largest {largest:.1f} N; errors are the largest, of that",
         [columns[i] for i in keep],
         [[r[i] for i in keep] for r in rows],
         right=[j for j, i in enumerate(keep) if 0 < i < 10],
@@ -144,4 +143,6 @@ def show(study: Any) -> None:
         typer.echo(f"left out: {name}: {why}")
     if study.specimen is not None and "martens2017" in study.specimen.sources:
         typer.echo("data: M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0")
+    if len(study.fits) > 1:
+        typer.echo("ranked by AICc; a parameter at its bound, or not in the data, is not counted")
     typer.echo("")

@@ -31,7 +31,7 @@ Change = Annotated[
     list[str] | None,
     typer.Option(
         "--set", metavar="PATH=VALUE",
-        help=f"A value of the protocol (several by commas), of rig.* or muscle.*: {_EXAMPLE}.",
+        help=f"A value of the protocol (several by ', ' or ';'), of rig.* or muscle.*: {_EXAMPLE}.",
     ),
 ]  # fmt: skip
 On = Annotated[

@@ -4,7 +4,7 @@
 |---|---|---|---|
 | ``.nc`` | of mckibben | all that a recording holds | |
 | ``.csv`` | of mckibben and others | all | |
-| ``.mcap`` | logs of mckibben, closed or not; others | all | |
+| ``.mcap`` | logs of mckibben, closed or not; JSON, and ROS 2 messages of plain numbers, of others | all | |
 | ``.mat`` | of mckibben and others, versions 5 and 7.3 | all, version 5 | pymatreader to read |
 | ``.tdms`` | of mckibben and others | all | npTDMS |
 | ``.parquet`` | of mckibben and others | all | polars |

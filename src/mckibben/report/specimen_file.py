@@ -1,4 +1,4 @@
-"""A fit saved as a specimen file, which every command then takes by its path."""
+"""A fit saved as a specimen file, which commands that take a muscle then take by its path."""
 
 from __future__ import annotations
 
