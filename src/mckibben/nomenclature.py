@@ -38,6 +38,7 @@ TERMS: dict[str, Term] = {
     "threshold_pressure": Term("Pth", "Pa", "gauge pressure at which the bladder reaches the braid"),
     "friction": Term("Fc", "N", "friction force", "positive while lengthening"),
     "velocity": Term("v", "m/s", "dL/dt", "positive while lengthening"),
+    "work": Term("W", "J", "-(integral of F dL) over a cycle", "positive where the muscle does work on its load"),
     "activation": Term("a", "1", "activation of a biological muscle, 0 to 1"),
     "free_length": Term("Lf", "m", "length at which the unloaded muscle settles at a pressure"),
 }

@@ -6,6 +6,7 @@ With the turns and paths of `cycles` and `paths`, of one cycle:
     area       integral of F dL around the closed cycle, the polygon through its samples (shoelace) [J]
     stiffness  mean of the two paths' least-squares slopes over the middle half of the length range [N/m]
 All three are positive where the muscle takes work in, as friction does, and change their sign with the direction of time.
+The work of a cycle is what the muscle does, -area: whatever is shown to a person as work has that sign (`nomenclature`).
 The mid-range lies halfway between the largest and the smallest sample. A polygon of n samples loses (2 pi/n)^2/6 of the
 area of an ellipse: 1 % at 25 samples in a cycle. Half the height is the friction by which C.-P. Chou and B. Hannaford, IEEE
 Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753, describe their muscles.
@@ -37,6 +38,11 @@ class Loop(NamedTuple):
     tension_low: float  # [N]
     tension_high: float  # [N]
     closure: float  # tension at the end less that at the beginning [N]
+
+    @property
+    def work(self) -> float:
+        """Work that the muscle does in the cycle, as work loops count it: positive where the muscle gives it [J]."""
+        return -self.area
 
     @property
     def friction(self) -> float:

@@ -93,21 +93,21 @@ def _word(name: str) -> str:
 
 
 def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) -> list[Block]:
-    """Width, height, area and stiffness of the mean loop of each part."""
+    """Width, height, work and stiffness of the mean loop of each part."""
     rows = []
     for part in parts:
         try:
             found = loop(part, length=length, tension=tension)
         except InputError:
             continue
-        values = (1e3 * found.width, found.height, found.area, 1e-2 * found.stiffness, found.friction)
+        values = (1e3 * found.width, found.height, found.work, 1e-2 * found.stiffness, found.friction)
         count = len(find_cycles(part[length]))
         rows.append(Row((_case(part, apart), str(count), *(significant(v) for v in values))))
     if not rows:
         return []
     columns = (
         Column("Case"), Column("Cycles", number=True), Column("Width", "mm", True), Column("Height", "N", True),
-        Column("Area", "J", True), Column("Stiffness", "N/cm", True), Column("Friction", "N", True),
+        Column("Work", "J", True), Column("Stiffness", "N/cm", True), Column("Friction", "N", True),
     )  # fmt: skip
     words = (
         f"Mean loop of each part, {_word(tension)} over {_word(length)}. Width at mid-range of the tension, height at "
@@ -116,7 +116,8 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
         Table(
             columns,
             tuple(rows),
-            words + "that of the length; friction is half of it. Positive where work is taken in",
+            words + "that of the length, both positive where the muscle takes work in; friction is half the height. "
+            "Work per cycle is positive where the muscle does it",
         )
     ]
 

@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import asyncio
 import html
+import shutil
+import tempfile
+import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import MckibbenError
@@ -17,6 +21,8 @@ from .shell import PAGES, frame
 if TYPE_CHECKING:
     from nicegui.element import Element
 
+PROGRESS = 0.25  # time between two words on how far a file is read [s]
+AWAY = 5.0  # time for which a page may lose its line before what it reads is stopped [s]
 SIGNS = {
     "caution": '<svg width="14" height="13" viewBox="0 0 12 11" aria-hidden="true"><path d="M6 .5l5.500 10H.500z" '
     'fill="var(--caution-edge)"/></svg>',
@@ -249,10 +255,76 @@ def refused(words: str) -> Element:
     return one
 
 
-def upload(words: str, take: Callable[[str, bytes], Any], endings: Sequence[str]) -> Element:
-    """A place to drop a file, or to choose one; `take` is given its name and bytes, and may raise `InputError`."""
+async def read_with_progress(
+    place: Element, words: str, work: Callable[..., Any], path: Path, *given: Any, passes: int = 1
+) -> Any:
+    """Read a file, in a process of its own where it is large; `place` says how far it is, and has a button that stops it.
+
+    A page that is left for longer than `AWAY` stops it too.
+
+    Args:
+        place: keeps its size; empty afterwards.
+        words: that say what is done.
+        work: function of a module that is given the path and `given`.
+        path: the file.
+        given: further arguments.
+        passes: how often the function reads the file.
+
+    Raises:
+        MckibbenError: as `work` does, or that it was stopped.
+    """
+    from nicegui import context
+
+    from .reader import ReaderProcess, is_small
+
+    place.clear()
+    if is_small(path):
+        with place, box("div", "loading").props("role=status"), box("div"):
+            text("span", words)
+            raw("<i></i>", "div", "line")
+        try:
+            return await asyncio.to_thread(work, path, *given)
+        finally:
+            place.clear()
+    one, client = ReaderProcess(work, path, *given, passes=passes), context.client
+    with place, box("div", "reading").props("role=status"):
+        said = raw(html.escape(words), "span")
+        line = raw("<i></i>", "div", "line")
+        button("Stop reading", one.stop, small=True)
+    done = asyncio.ensure_future(asyncio.to_thread(one.result))
+    away = 0.0
+    try:
+        while not (await asyncio.wait({done}, timeout=PROGRESS))[0]:
+            away = 0.0 if client.has_socket_connection else away + PROGRESS
+            if away > AWAY or client.is_deleted:
+                one.stop()
+                continue
+            left = "" if one.left is None else f", about {one.left:.0f}\u2009\u2060s left"
+            said.set_content(html.escape("Waiting for another file" if one.waits else f"{words}{left}"))  # type: ignore[attr-defined]
+            line.set_content(f'<i style="width:{100.0 * one.share:.0f}%"></i>')  # type: ignore[attr-defined]
+        return done.result()
+    finally:
+        one.stop()
+        if not client.is_deleted:
+            place.clear()
+
+
+class Incoming:
+    """A file that a page sent: its name and a copy of its own, which is there until `close`, or until nobody has it."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.name, self.path = name, folder / f"given{Path(name).suffix.lower()}"
+        self.close = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+
+    def bytes(self) -> bytes:
+        """All of it; for small ones."""
+        return self.path.read_bytes()
+
+
+def upload(words: str, take: Callable[[Incoming], Any], endings: Sequence[str]) -> Element:
+    """A place to drop a file, or to choose one; `take` is given it, and may raise `InputError`."""
     from .components import file_picker_type
-    from .shelf import LARGEST, check_size
+    from .shelf import LARGEST, check_size, fitting
 
     too_large = (
         f"the file has another ending than {', '.join(endings)}, or more than {LARGEST >> 20} MB; nothing was stored"
@@ -276,7 +348,10 @@ def upload(words: str, take: Callable[[str, bytes], Any], endings: Sequence[str]
         said.clear()
         try:
             check_size(event.file.name, event.file.size(), LARGEST)
-            done = take(event.file.name, await event.file.read())
+            one = Incoming(fitting(event.file.name), Path(tempfile.mkdtemp(prefix="mckibben-")))
+            await event.file.save(one.path)
+            event.file = None  # the copy that the framework keeps goes
+            done = take(one)
             if asyncio.iscoroutine(done):
                 await done
         except MckibbenError as error:

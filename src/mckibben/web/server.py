@@ -20,6 +20,7 @@ from ..errors import InputError
 from .guard import Guard, is_loopback
 from .laboratory import Laboratory
 from .live import Lines
+from .reader import return_large_blocks
 from .shell import HOME, PAGES, TITLE, Page
 
 AWAY = 30.0  # time for which a page that lost the line finds its state again [s]
@@ -165,6 +166,7 @@ def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: 
     """
     import uvicorn
 
+    return_large_blocks()
     port = line.getsockname()[1]
     app = build(lab, host, port)
     shown = f"[{host}]" if ":" in host else host

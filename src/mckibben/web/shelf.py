@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import secrets
+import shutil
 import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
@@ -83,16 +84,20 @@ class Shelf:
             path = path.with_name(f"{stem}-{number}{ending}")
         return path.name
 
-    def store(self, name: str, data: bytes, largest: int = LARGEST) -> Path:
-        """Keep what was uploaded under a name like its own; nothing is written over.
+    def store(self, name: str, data: bytes | Path, largest: int = LARGEST) -> Path:
+        """Keep what was uploaded, bytes or a file, under a name like its own; nothing is written over.
 
         Raises:
             InputError: if the name is not allowed, or the file is empty or too large.
         """
         self.path(name)
-        check_size(name, len(data), largest)
+        check_size(name, data.stat().st_size if isinstance(data, Path) else len(data), largest)
         self.ready()
-        return write_whole(self.path(self.free(name)), lambda part: part.write_bytes(data))
+
+        def write(part: Path) -> object:
+            return shutil.copyfile(data, part) if isinstance(data, Path) else part.write_bytes(data)
+
+        return write_whole(self.path(self.free(name)), write)
 
     def rename(self, name: str, to: str) -> Path:
         """Give a file another name; the ending stays."""
@@ -132,6 +137,15 @@ def plain(words: str, otherwise: str = "run") -> str:
     """A stem for a file's name from any words."""
     found = re.sub(r"[^A-Za-z0-9_-]+", "-", words).strip("-_")[:80]
     return found or otherwise
+
+
+def fitting(name: str) -> str:
+    """The name of a file from elsewhere as a shelf takes it: letters of any script stay, other signs become dashes."""
+    path = Path(unicodedata.normalize("NFC", name))
+    stem = re.sub(r"[^\w .()+-]|\.(?=\.)", "-", path.stem).strip(" .-_") or "file"
+    while len(f"{stem}{path.suffix}") > 120 or len(f"{stem}{path.suffix}".encode()) > LONGEST:
+        stem = stem[:-1]
+    return f"{stem}{path.suffix}"
 
 
 def check_size(name: str, size: int, largest: int = LARGEST) -> None:

@@ -293,7 +293,7 @@ def _read_velocity(muscle: Subject, record: Recording) -> Read:
 
 def _read_loop(muscle: Subject, record: Recording) -> Read:
     part = segments(record, "cycles")[0]
-    work = -loop(part, length="span", tension="tension").area
+    work = loop(part, length="span", tension="tension").work
     last = part.select(part.time[0] + (CYCLES - 1) / FREQUENCY, None)
     pull = smoothed(last["tension"], period=last.period, window=_SLOW)
     curve = last["span"] / muscle.rest_length, pull / muscle.full_tension

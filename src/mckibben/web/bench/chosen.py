@@ -14,7 +14,9 @@ from ...bench.rig_file import rig as rig_of
 from ...bench.rig_file import rig_names
 from ...documents import write_text
 from ...errors import InputError, MckibbenError
+from ...experiments.checks_parameters import check_lengths
 from ...experiments.library import protocol_names, shipped
+from ...experiments.limits import Limits
 from ...experiments.protocol import Protocol
 from ...experiments.read import parse_protocol
 from ...quantities import with_unit
@@ -108,17 +110,24 @@ class Chosen:
 
     def value(self, name: str, words: str) -> str:
         """Other words of a parameter or choice of the protocol."""
-        self.protocol = changed(self.protocol, str(name), str(words)[:2000])
-        self._renew()
+        self._take(changed(self.protocol, str(name), str(words)[:2000]))
         return ""
 
     def text(self, text: str) -> str:
         """The protocol as the text of a file says it."""
         if len(text) > LONGEST:
             raise InputError("text", f"{len(text)} characters", f"allowed are {LONGEST}")
-        self.protocol = parse_protocol(str(text), where="text")
-        self._renew()
+        self._take(parse_protocol(str(text), where="text"))
         return f"{self.protocol.name}: {self.protocol.title}"
+
+    def _take(self, protocol: Protocol) -> None:
+        """Another protocol, where its lengths are some that this machine could have."""
+        check_lengths(protocol, self._limits(), drawing.rest_length(self.spec))
+        self.protocol = protocol
+        self._renew()
+
+    def _limits(self) -> Limits:
+        return self.rig.limits(next(iter(self.rig.plumbing)))
 
     def save(self, name: str) -> str:
         """Keep the protocol among the user's, under a plain name."""
@@ -201,7 +210,7 @@ class Chosen:
         return found + [{"name": n.removesuffix(".toml"), "title": n.removesuffix(".toml")} for n in self.own.names()]
 
     def _setup(self) -> dict[str, Any]:
-        limits = self.rig.limits(next(iter(self.rig.plumbing)))
+        limits = self._limits()
         rest = drawing.rest_length(self.spec)
         return {
             "muscles": [drawing.plain(s) for s in self.muscles.values()], "muscle": self.spec.id, "rest_length": rest,
@@ -217,7 +226,7 @@ class Chosen:
     def _laws(self, unit: Any) -> dict[str, Any]:
         import numpy as np
 
-        rest, limits = drawing.rest_length(self.spec), self.rig.limits(next(iter(self.rig.plumbing)))
+        rest, limits = drawing.rest_length(self.spec), self._limits()
         free = float(np.asarray(unit.law.free_length(limits.pressure[1])))
         upper = self.spec.properties.get("upper_length")
         longest = max(rest, self.spec.property_si("upper_length", "m") if upper is not None else rest)

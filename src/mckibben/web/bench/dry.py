@@ -21,6 +21,7 @@ from ...specimens import Specimen
 
 SEEN, FINE, POINTS = 12.0, 3000, 1500  # the first seconds have so many points, the rest so many
 CYCLES = 400  # drawn one by one
+FAR = 10.0  # times a limit of the machine, beyond which nothing is drawn
 TRIES = 9  # values that the search for a cure looks at
 CAUSES = {
     "pressure": ("Pa",),
@@ -73,8 +74,8 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig) -> D
         "plumbing": bench.layout, "rest_length": bench.plan.rest_length, "lane": lane(bench),
     }  # fmt: skip
     curves = _curves(bench)
-    plain["curves"] = {n: _plain(v) for n, v in curves.items()}
     plain["limits"] = _limits(bench, curves)
+    plain["curves"] = {n: _plain(v) for n, v in _drawable(bench, curves).items()}
     plain["cure"] = _cure(bench) if found else None
     return Dry(bench, plain)
 
@@ -126,6 +127,21 @@ def _curves(bench: Prepared) -> dict[str, np.ndarray]:
         "valve": values["pressure"] / float(bench.rig.valve_out.high),
         "flow": _flow(bench, at / rate, values["span"], values["pressure"]),
     }  # fmt: skip
+
+
+def _drawable(bench: Prepared, curves: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The curves without what is far beyond the machine, which a finding says in words: NaN there."""
+    limits = bench.rig.limits(bench.layout)
+    tops = {
+        "pressure": limits.pressure[1],
+        "tension": min(limits.tension, limits.motor_force),
+        "length": limits.span[1],
+    }
+    far = np.zeros(curves["time"].shape, bool)
+    for name, top in tops.items():
+        if math.isfinite(top):
+            far |= np.abs(np.nan_to_num(curves[name])) > FAR * top
+    return {n: v if n == "time" else np.where(far, np.nan, v) for n, v in curves.items()}
 
 
 def _flow(bench: Prepared, time: np.ndarray, span: np.ndarray, pressure: np.ndarray) -> np.ndarray:

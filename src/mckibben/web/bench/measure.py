@@ -24,14 +24,15 @@ def of_cycle(columns: dict[str, np.ndarray], period: float, frequency: float) ->
         frequency: of the cycles [Hz].
 
     Returns:
-        Name, value, unit and places of each number that could be had; nothing where the cycle has too few samples.
+        Name, value, unit and places of each number that could be had; nothing where the cycle has too few samples. The
+        work is positive where the muscle does it.
     """
     n = round(1.0 / (frequency * period))
     length, tension = columns["length"].astype(float), columns["tension"].astype(float)
     if n < LEAST or len(length) < n or not (np.isfinite(length).all() and np.isfinite(tension).all()):
         return []
     work = -closed_area(length[-n:], tension[-n:])
-    found = [_row("Work per cycle", abs(work), "J", 2)]
+    found = [_row("Work per cycle", work, "J", 2)]
     try:
         record = Recording(
             period * np.arange(len(length)),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....documents import write_text
 from ....errors import InputError
-from ...parts import box, button, call, download, link, on_value, refused, tell, text, upload
+from ...parts import Incoming, box, button, call, download, link, on_value, refused, tell, text, upload
 from ...shelf import Shelf
 from .document import LARGEST, read_text, starts, text_of
 from .onto_bench import muscle_of, rig_text
@@ -54,7 +54,8 @@ def load(face: Face) -> None:
         for file in saved:
             button(file.removesuffix(".toml"), lambda f=file: _read(face, f, take, said), quiet=True)
 
-        def came(name: str, data: bytes) -> None:
+        def came(one: Incoming) -> None:
+            name, data = one.name, one.bytes()
             if len(data) > LARGEST:
                 raise InputError("file", f"{len(data) >> 10} kB", f"allowed are {LARGEST >> 10} kB; nothing was stored")
             if not name.lower().endswith(".toml"):

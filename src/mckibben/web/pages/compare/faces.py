@@ -40,23 +40,27 @@ def bar(row: Row, i: int, largest: float, paper: float | None, living: bool) -> 
     tick = (
         ""
         if paper is None
-        else f'<path d="M{min(paper * share, 99.5):.2f} 0v10" stroke="var(--ink)" stroke-width="1.5"/>'
+        else f'<path d="M{_within(paper * share, 99.5):.2f} 0v10" stroke="var(--ink)" stroke-width="1.5"/>'
     )
     band = ""
     if living and ends is not None and ends[0] * share < 100.0:
-        wide = max((min(ends[1] * share, 100.0) - ends[0] * share), 0.8)
-        band = (
-            f'<rect x="{ends[0] * share:.2f}" y="0" width="{wide:.2f}" height="10" fill="none" stroke="var(--ink-3)"/>'
-        )
+        begins = _within(ends[0] * share)
+        wide = max(_within(ends[1] * share) - begins, 0.8)
+        band = f'<rect x="{begins:.2f}" y="0" width="{wide:.2f}" height="10" fill="none" stroke="var(--ink-3)"/>'
     drawn = (
         '<svg height="10" viewBox="0 0 100 10" preserveAspectRatio="none" aria-hidden="true"><rect y="3" width="100" '
-        f'height="4" fill="var(--sunken)"/><rect y="3" width="{value * share:.2f}" height="4" fill="var(--ink-2)"/>'
+        f'height="4" fill="var(--sunken)"/><rect y="3" width="{_within(value * share):.2f}" height="4" fill="var(--ink-2)"/>'
         f"{band}{tick}</svg>"
     )
     said = f'<span class="pp">{"" if paper is None else f"paper {number(paper)}"}</span>'
     if living and ends is not None:
         said = f'<span class="pp">{published(row)}</span>'
     return f"<b>{number(value)}</b>{drawn}{said}"
+
+
+def _within(share: float, most: float = 100.0) -> float:
+    """A place on a bar that begins at zero; below zero nothing of it is drawn, and the number stands above."""
+    return min(max(share, 0.0), most) if share == share else 0.0
 
 
 def published(row: Row) -> str:
@@ -76,13 +80,14 @@ def range_bar(one: Column, low: float, high: float, paper: float | None) -> str:
         return f'<b class="none">{DASH}</b>'
 
     def at(x: float) -> float:
-        return (x - low) / (high - low) * 100.0
+        return _within((x - low) / (high - low) * 100.0) if high > low else 0.0
 
     said = "" if paper is None else f'<span class="pp" title="its width">paper {number(paper)}</span>'
     return (
         f'<b class="wide">{ends[0]:.2f}{DASH}{ends[1]:.2f}</b><svg height="14" viewBox="0 0 100 14" '
         'preserveAspectRatio="none" aria-hidden="true"><rect y="5" width="100" height="4" fill="var(--sunken)"/>'
-        f'<rect x="{at(ends[0]):.2f}" y="5" width="{at(ends[1]) - at(ends[0]):.2f}" height="4" fill="var(--q-length)"/>'
+        f'<rect x="{at(ends[0]):.2f}" y="5" width="{max(at(ends[1]) - at(ends[0]), 0.0):.2f}" height="4" '
+        f'fill="var(--q-length)"/>'
         f'<path d="M{at(1.0):.2f} 1v12" stroke="var(--ink)"/></svg>{said}'
     )
 

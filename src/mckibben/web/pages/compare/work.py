@@ -16,6 +16,7 @@ from ....studies.comparison import PROPERTIES, Column, Subject, Table, subject
 from ....studies.comparison.protocols import Trials, trials
 from ....studies.comparison.recorded import LENGTHS, TENSIONS, column_of
 from ....studies.comparison.table import Row, law_column
+from ...reader import read_outside
 
 FIRST = ("nylon", "fiberglass", "bridgestone", "fast-fibre")
 PROTOCOLS = ("isometric-step", "isokinetic")  # what the charts at the side need
@@ -150,7 +151,7 @@ def loop_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
     from ....recordings import read_recording
 
     def read() -> tuple[np.ndarray, np.ndarray]:
-        record = read_recording(path)
+        record = read_outside(read_recording, path)
         names = [next((n for n in known if n in record), None) for known in (LENGTHS, TENSIONS)]
         if names[0] is None or names[1] is None:
             raise InputError("channel", "missing", "needed are a length and a tension", where=path.name)

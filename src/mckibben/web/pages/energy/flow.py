@@ -17,6 +17,7 @@ from ....errors import InputError
 from ....quantities import with_unit
 from ....recordings import read_recording
 from ....report.figures.energy_flow_figures import IN_MUSCLE, LEAST, Streams, streams
+from ...reader import read_outside
 
 _ONE = threading.Lock()
 KINDS = ("simulated", "measured")
@@ -31,7 +32,7 @@ ORIGINS = {
 
 @functools.lru_cache(maxsize=6)
 def _account(path: str, changed: int, kind: str, muscle: str) -> tuple[EnergyAccount, str, bool]:
-    record = read_recording(path)
+    record = read_outside(read_recording, Path(path))
     simulated = bool(record.meta.get("energy"))
     measured = kind == "measured"
     options: dict[str, Any] = {"muscle": muscle} if muscle and (measured or not simulated) else {}

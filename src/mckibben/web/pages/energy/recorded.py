@@ -6,7 +6,7 @@ import asyncio
 from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError, MckibbenError
-from ...parts import box, doing, empty, link, refused, select, upload
+from ...parts import Incoming, box, doing, empty, link, refused, select, upload
 
 if TYPE_CHECKING:
     from nicegui.element import Element
@@ -53,9 +53,10 @@ class Recorded:
         with self.view.bar:  # what clears its own place would end the timer with it
             ui.timer(0.01, self.load, once=True)
 
-    async def dropped(self, name: str, data: bytes) -> None:
+    async def dropped(self, one: Incoming) -> None:
         """A file came; it is kept with the recordings."""
-        path = await asyncio.to_thread(self.view.lab.recordings.store, name, data)
+        path = await asyncio.to_thread(self.view.lab.recordings.store, one.name, one.path)
+        one.close()
         self.name = path.name
         self.view.lab.changed()
         await self.load()

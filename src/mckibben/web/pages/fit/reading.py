@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ....errors import InputError
-from ...laboratory import Laboratory
+from ...reader import check_rows
 from . import source
 from .source import Asked
 
@@ -33,35 +34,35 @@ class Reading(NamedTuple):
     asked: Asked
 
 
-def read(lab: Laboratory, asked: Asked) -> Reading:
-    """Look into a file and read it.
+def read(path: Path, asked: Asked) -> Reading:
+    """Look into a file, of `source.file_of`, and read it.
 
     Raises:
-        InputError: it is no table at all.
+        InputError: it is no table at all, or has more rows than a fit takes.
     """
     from ....recordings.table_preview import preview
 
-    path = source.file_of(lab, asked)
+    check_rows(path, source.MOST_ROWS, "a fit")
     try:
         look = preview(path)
     except InputError as error:
         raise error.changed(where=path.name) from None
     if asked.kind == "recording":
-        asked = _of_recording(lab, asked, look)
+        asked = _of_recording(path, asked, look)
     try:
-        return Reading(look, path.stat().st_size, source.read(lab, asked), None, asked)
+        return Reading(look, path.stat().st_size, source.read(path, asked), None, asked)
     except InputError as error:
         return Reading(look, path.stat().st_size, None, error, asked)
 
 
-def _of_recording(lab: Laboratory, asked: Asked, look: Any) -> Asked:
+def _of_recording(path: Path, asked: Asked, look: Any) -> Asked:
     """A recording says its rest length, and a real machine's span stands for the length, where nothing else is said."""
     from ....recordings.convert import read_any
 
     spans = [c for c in look.header if c.split(" [")[0] in ("span", "muscle.span")]
     if not {"length", "contraction"} & {*look.meant, *dict(asked.columns)} and spans:
         asked = asked.with_pair("columns", "length", spans[0])
-    rest = read_any(source.file_of(lab, asked)).recording.meta.get("rest_length")
+    rest = read_any(path).recording.meta.get("rest_length")
     if not asked.rest and isinstance(rest, float):
         asked = dataclasses.replace(asked, rest=f"{100.0 * rest:.10g} cm")
     return asked

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import filecmp
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError
 from ...laboratory import Laboratory
+from ...reader import check_rows
 
 if TYPE_CHECKING:
     from ....recordings import ForceMap
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
 KINDS = ("table", "recording", "map")  # an uploaded file, one of the recordings, a specimen that ships with a map
 WORDS = ("rest", "like", "branch", "zero", "below")
+MOST_ROWS = 50_000  # of a table that is fitted
 LINK = (*KINDS, "columns", "units", "known", *WORDS, "slack", "laws", "law", "view")
 
 
@@ -84,10 +87,15 @@ def _pairs(text: str) -> tuple[tuple[str, str], ...]:
     return tuple(sorted((str(k), str(v)) for k, v in found.items())) if isinstance(found, dict) else ()
 
 
-def stored(lab: Laboratory, name: str, data: bytes) -> Path:
-    """Keep an uploaded file; one that is there already, byte for byte, is taken as it is."""
+def stored(lab: Laboratory, name: str, data: Path) -> Path:
+    """Keep an uploaded file; one that is there already, byte for byte, is taken as it is.
+
+    Raises:
+        InputError: if it has more rows than a fit takes, or the name is not allowed; nothing is stored then.
+    """
     path = lab.uploads.path(name)
-    return path if path.is_file() and path.read_bytes() == data else lab.uploads.store(name, data)
+    check_rows(data, MOST_ROWS, "a fit")
+    return path if path.is_file() and filecmp.cmp(path, data, shallow=False) else lab.uploads.store(name, data)
 
 
 def specimen_of(asked: Asked) -> Specimen | None:
@@ -107,8 +115,8 @@ def file_of(lab: Laboratory, asked: Asked) -> Path:
     return (lab.uploads if asked.kind == "table" else lab.recordings).found(asked.name)
 
 
-def read(lab: Laboratory, asked: Asked) -> ForceMap:
-    """The table as a force map, as the command ``fit`` reads it.
+def read(path: Path, asked: Asked) -> ForceMap:
+    """The table of a file as a force map, as the command ``fit`` reads it.
 
     Raises:
         InputError: names file, column, value and what is allowed.
@@ -116,7 +124,7 @@ def read(lab: Laboratory, asked: Asked) -> ForceMap:
     from ....quantities import parse
     from ....recordings import read_force_map
 
-    path, rest = file_of(lab, asked), parse(asked.rest, "m", field="rest length") if asked.rest else None
+    rest = parse(asked.rest, "m", field="rest length") if asked.rest else None
     spec = specimen_of(asked)
     if asked.kind == "map" and spec is not None:
         rest = rest or spec.property_si("rest_length", "m")

@@ -11,7 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
 from ...laboratory import UPLOADS, Laboratory
-from ...parts import box, button, check, doing, empty, link, panel, refused, segments, text, upload
+from ...parts import (
+    Incoming,
+    box,
+    button,
+    check,
+    empty,
+    link,
+    panel,
+    read_with_progress,
+    refused,
+    segments,
+    text,
+    upload,
+)
 from . import columns, files, reading, results, source
 from .going import Going, stop_at_the_end
 from .shown import VIEWS, Shown
@@ -106,8 +119,9 @@ class View:
 
     # ---- what a person does
 
-    async def _came(self, name: str, data: bytes) -> None:
-        path = await asyncio.to_thread(source.stored, self.lab, name, data)
+    async def _came(self, one: Incoming) -> None:
+        path = await asyncio.to_thread(source.stored, self.lab, one.name, one.path)
+        one.close()
         self.law = ""
         await self.ask(Asked("table", path.name), fresh=True)
 
@@ -182,11 +196,17 @@ class View:
             self._nothing()
             return
         place = self._places["mapping"]
-        found = await doing(place, f"Reading {asked.name}", reading.read, self.lab, asked)
-        if mine != self._loading or found is None:
+        try:
+            path = source.file_of(self.lab, asked)
+            found = await read_with_progress(place, f"Reading {asked.name}", reading.read, path, asked, passes=2)
+        except MckibbenError as error:
             if mine == self._loading:
+                with place:
+                    refused(str(error))
                 self.points = None
-                self._leave("The table could not be read: see above.")
+                self._leave("The table was not read: see File and columns.")
+            return
+        if mine != self._loading:
             return
         look, size, points, wrong, self.asked = found
         self.points = points

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from ....errors import InputError, MckibbenError
-from ...parts import box, button, download, tell
+from ...parts import Incoming, box, button, download, read_with_progress, tell
 from . import files
 from .dialogs import Dialog, Importing, Typed
 
 if TYPE_CHECKING:
+    from nicegui.element import Element
+
     from .view import View
 
 
@@ -97,10 +99,18 @@ class Actions:
 
     # ---- import and repair
 
-    def _take(
-        self, name: str, data: bytes, columns: Mapping[str, str], units: Mapping[str, str], period: str
+    async def _take(
+        self, one: Incoming, place: Element, columns: Mapping[str, str], units: Mapping[str, str], period: str
     ) -> tuple[str, list[str]]:
-        return files.imported(self._view.lab, name, data, columns, units, period)
+        """Make a recording of a file that came; its name, and remarks."""
+        files.check_kind(one.name)
+        shelf, target = self._view.lab.recordings, one.path.with_name("taken.nc")
+        words = f"Reading {one.name}"
+        read = await read_with_progress(
+            place, words, files.imported, one.path, one.name, target, columns, units, period
+        )
+        plain, data = (one.name, one.path) if read.own else (f"{Path(one.name).stem}.nc", target)
+        return (await asyncio.to_thread(shelf.store, plain, data)).name, read.remarks
 
     async def _taken(self, name: str, remarks: list[str]) -> None:
         self._view.lab.toasts.tell(f"Imported {Path(name).stem}.")

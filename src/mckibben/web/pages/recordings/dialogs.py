@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 import html
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
-from ...parts import box, button, call, on_value, refused, text, upload
+from ...parts import Incoming, box, button, call, on_value, refused, text, upload
+from ...reader import is_small
 from . import files
 
 if TYPE_CHECKING:
     from nicegui.element import Element
 
-HELP = "Of a file of others, where its header does not say it: as the command line takes it."
+HELP = "Of a file of others, where its header does not say it."
 
 
 class Dialog:
@@ -91,22 +91,24 @@ class Importing:
     """Import a file: dropped or chosen; where a header does not say enough, its columns and units are asked for.
 
     Args:
-        take: given name, bytes, columns, units and period; gives name and remarks, or raises why it is refused.
+        take: given the file, a place for its progress, columns, units and period; gives name and remarks, or raises why it
+            is refused.
         done: told the name of what is there now, and remarks.
     """
 
     def __init__(
-        self, take: Callable[[str, bytes, Mapping[str, str], Mapping[str, str], str], Any],
+        self, take: Callable[[Incoming, Element, Mapping[str, str], Mapping[str, str], str], Any],
         done: Callable[[str, list[str]], Any],
     ) -> None:  # fmt: skip
         self._take, self._done = take, done
-        self._name, self._data = "", b""
+        self._file: Incoming | None = None
         self.dialog = Dialog("Import a file")
         with self.dialog.body:
             endings = ", ".join(e.removeprefix(".").upper() for e in files.IMPORTED)
             drop = upload(f"Drop a recording or a file of others here: {endings}", self._came, files.IMPORTED)
             self._picker = drop.props["data-takes"]
             self.dialog.place_for_answers()
+            self._progress = box("div")
             self._more = box("div", "stack")
             with self._more:
                 text("p", HELP, "small dim")
@@ -120,25 +122,27 @@ class Importing:
         """Let files be dropped on another place too."""
         place.props(f"data-takes={self._picker}")
 
-    async def _came(self, name: str, data: bytes) -> None:
-        self._name, self._data = name, data
+    async def _came(self, one: Incoming) -> None:
+        self._file = one
+        if not is_small(one.path):
+            self.dialog.open()  # where it is said how far it is read
         await self._again()
 
     async def _again(self) -> None:
-        if not self._name:
+        one = self._file
+        if one is None:
             self.dialog.answer("There is no file yet: drop one first, or choose it.")
             return
         self.dialog.answer("")
         try:
             columns = files.pairs(self._columns.value, "columns", "tank.pressure=2")
             units = files.pairs(self._units.value, "units", "tank.pressure=bar")
-            found = await asyncio.to_thread(
-                self._take, self._name, self._data, columns, units, self._period.value.strip()
-            )
+            found = await self._take(one, self._progress, columns, units, self._period.value.strip())
         except MckibbenError as error:
             self.dialog.open()  # it is closed where the file was dropped on the list
             self.dialog.answer(str(error))
             return
-        self._name, self._data = "", b""
+        one.close()
+        self._file = None
         self.dialog.close()
         await self._done(*found)

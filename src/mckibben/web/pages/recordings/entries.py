@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import weakref
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,16 +14,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....errors import MckibbenError
+from ...reader import read_outside
 
 if TYPE_CHECKING:
     from ....recordings import Recording
 
 KEPT, WHOLE = 2000, 6  # entries, and whole recordings, that are kept
+WHOLE_BYTES = 32 * 2**20  # of the channels of these; a larger one is there as long as a page shows it [B]
 STILL = 0.002  # share of its largest value by which a length must vary to be driven
 WIDE, HIGH = 122, 34  # of a thumbnail [px]
 COLOURS = {"pressure": "pressure", "length": "length", "tension": "tension"}
 _entries: OrderedDict[Any, Entry] = OrderedDict()
 _whole: OrderedDict[Any, Recording] = OrderedDict()
+_used: weakref.WeakValueDictionary[Any, Recording] = weakref.WeakValueDictionary()  # by pages
 _lock = threading.Lock()
 
 
@@ -78,19 +82,29 @@ def whole(path: Path) -> Recording:
     Raises:
         InputError: it cannot be read; says why.
     """
-    from ....recordings.convert import read_any
-
     key = key_of(path)
     with _lock:
         if key in _whole:
             _whole.move_to_end(key)
             return _whole[key]
-    found = read_any(path).recording
+        if (used := _used.get(key)) is not None:
+            return used
+    found = read_outside(_read, path)
     with _lock:
-        _whole[key] = found
-        while len(_whole) > WHOLE:
+        _used[key] = _whole[key] = found
+        while len(_whole) > WHOLE or sum(map(_size, _whole.values())) > WHOLE_BYTES:
             _whole.popitem(last=False)
     return found
+
+
+def _read(path: Path) -> Recording:
+    from ....recordings.convert import read_any
+
+    return read_any(path).recording
+
+
+def _size(record: Recording) -> int:
+    return sum(int(c.values.nbytes) for c in record.channels.values())
 
 
 def known(path: Path) -> Entry | None:

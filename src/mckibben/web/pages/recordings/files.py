@@ -6,12 +6,15 @@ import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from ....errors import InputError, MckibbenError
 from ...laboratory import RECORDINGS, Laboratory
+from ...reader import check_rows
 
 FORMATS = {".nc": "netCDF", ".csv": "CSV", ".parquet": "Parquet", ".mat": "MAT", ".mcap": "MCAP", ".tdms": "TDMS"}
 IMPORTED = (*RECORDINGS, ".txt")
+MOST_ROWS = 5_000_000  # of a table that becomes a recording: more than an hour at 1 kHz
 
 
 def said_of(error: MckibbenError, path: Path, name: str) -> str:
@@ -19,46 +22,59 @@ def said_of(error: MckibbenError, path: Path, name: str) -> str:
     return str(error).replace(str(path), name)
 
 
-def imported(
-    lab: Laboratory, name: str, data: bytes, columns: Mapping[str, str], units: Mapping[str, str], period: str
-) -> tuple[str, list[str]]:
-    """Take over a file: one of mckibben as it is, one of others as a recording; its name, and remarks.
+class Read(NamedTuple):
+    """What came of a file of others.
+
+    Attributes:
+        own: it is a recording of mckibben, and is taken as it is.
+        remarks: a line for each thing that was not taken over as it is.
+    """
+
+    own: bool
+    remarks: list[str]
+
+
+def imported(path: Path, name: str, target: Path, columns: Mapping[str, str], units: Mapping[str, str],
+             period: str) -> Read:  # fmt: skip
+    """Make a recording of a file, in a process of its own where the file is large.
+
+    Args:
+        path: the file.
+        name: as whoever sent it calls it.
+        target: that the recording is written to, if the file is none already.
+        columns: channel name -> label or number of the column, in words.
+        units: channel name -> unit in words.
+        period: interval of the samples in words, where the file has no time.
 
     Raises:
-        InputError: names column, value and what is allowed; nothing is stored then.
+        InputError: names column, value and what is allowed.
     """
     from ....quantities import parse
     from ....recordings.convert import read_any
 
-    suffix = Path(name).suffix.lower()
-    if suffix not in IMPORTED:
-        raise InputError(
-            "file", name[:120], f"allowed is a name that ends in {', '.join(IMPORTED)}; nothing was stored"
-        )
+    check_kind(name)
+    check_rows(path, MOST_ROWS, "a recording")
     places = {k: int(v) if v.isdecimal() else v for k, v in columns.items()}
     step = parse(period, "s", field="period", bare=True) if period else None
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"given{suffix}"
-        path.write_bytes(data)
-        try:
-            read = read_any(path, columns=places or None, units=dict(units) or None, period=step)
-        except MckibbenError as error:
-            raise MckibbenError(said_of(error, path, name)) from None
-        own = suffix in (".nc", ".mcap") and not read.recording.meta.get("source")
-        if own:
-            return lab.recordings.store(name, data).name, read.remarks
-        meta = {
-            "title": Path(name).name
-            if read.recording.meta.get("title") == path.name
-            else read.recording.meta.get("title")
-        }
-        source = read.recording.meta.get("source")
-        if isinstance(source, Mapping):
-            meta["source"] = {**source, "file": name}
-        place = Path(folder) / "taken.nc"
-        read.recording.with_meta(meta).save(place)
-        plain = f"{Path(name).stem}.nc"
-        return lab.recordings.store(plain, place.read_bytes()).name, read.remarks
+    try:
+        read = read_any(path, columns=places or None, units=dict(units) or None, period=step)
+    except MckibbenError as error:
+        raise MckibbenError(said_of(error, path, name)) from None
+    if path.suffix.lower() in (".nc", ".mcap") and not read.recording.meta.get("source"):
+        return Read(True, read.remarks)
+    meta = {"title": name if read.recording.meta.get("title") == path.name else read.recording.meta.get("title")}
+    source = read.recording.meta.get("source")
+    if isinstance(source, Mapping):
+        meta["source"] = {**source, "file": name}
+    read.recording.with_meta(meta).save(target)
+    return Read(False, read.remarks)
+
+
+def check_kind(name: str) -> None:
+    """Refuse a file whose name says that it holds something else."""
+    if Path(name).suffix.lower() not in IMPORTED:
+        allowed = f"allowed is a name that ends in {', '.join(IMPORTED)}; nothing was stored"
+        raise InputError("file", name[:120], allowed)
 
 
 def exported(path: Path, suffix: str) -> tuple[str, bytes, list[str]]:

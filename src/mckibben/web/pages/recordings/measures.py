@@ -29,7 +29,7 @@ def measures(parts: Sequence[Part]) -> list[Measure]:
         Measure(name, unit, digits, [scale * getattr(s, key) if s is not None else math.nan for s in shapes])
         for name, unit, digits, key, scale in (
             ("Loop width at mid-range", "cm", 3, "width", 1e2), ("Loop height at mid-range", "N", 2, "height", 1.0),
-            ("Loop area", "mJ", 1, "area", 1e3), ("Stiffness", "N/cm", 2, "stiffness", 1e-2),
+            ("Work per cycle", "J", 3, "work", 1.0), ("Stiffness", "N/cm", 2, "stiffness", 1e-2),
         )
     ]  # fmt: skip
     for name, unit, digits, what, best in (

@@ -67,6 +67,11 @@ class Pane:
             with box("div", "row"):
                 button("Add note", self._add, primary=True)
 
+    def forget(self) -> None:
+        """The page is gone: let go of what it showed."""
+        self._asking += 1
+        self._parts = []
+
     def _format(self, suffix: str) -> None:
         self._view.actions.format = suffix
 

@@ -61,6 +61,7 @@ class View:
             self.pane.build()
         self.actions.build()
         self.actions.importing.takes(whole)
+        ui.context.client.on_delete(self.pane.forget)
         # once the page is there: nobody waits for files that are read slowly
         ui.timer(0.0, self.begin, once=True)
         ui.timer(LOOKS, self.look)

@@ -6,7 +6,7 @@ import { LoopPlot } from './loop.js'
 import { braid, drawStage } from './muscle.js'
 import { asks, dryRun, hand, idle, machine, mine, protocol } from './setup.js'
 import { Strips } from './strips.js'
-import { Q, TS, clamp, escape, fmt, keySign, say, token } from './words.js'
+import { Q, TS, clamp, escape, fmt, keySign, row, say, token } from './words.js'
 
 const $ = s => document.querySelector(s)
 const phone = () => innerWidth <= 760
@@ -172,6 +172,7 @@ function spoken () {
   const n = now(); const m = muscle(); const b = m ? braid(m, n.length) : {}
   return `length ${fmt(n.length, 2)} cm, diameter ${fmt(b.diameter, 2)} cm, braid angle ${fmt(b.angle, 1)} degrees, pressure ${fmt(n.pressure, 2)} bar, tension ${fmt(n.tension, 1)} N`
 }
+const CUTS = 400 // of the bar of a run, beyond which they would cover it
 function put (e, text) { if (e.textContent !== text) e.textContent = text }
 function runBar () {
   const s = status(); const d = lab.parts.dry ?? {}; const title = s.title ?? lab.parts.protocol?.title ?? ''
@@ -190,7 +191,7 @@ function runBar () {
   if ($('#prog').dataset.key !== key) {
     $('#prog').dataset.key = key; $('#prog').setAttribute('aria-valuenow', String(Math.round(share * 100)))
     const cuts = []
-    for (const one of d.lane ?? []) { cuts.push(one.start); if (one.period && (one.end - one.start) / one.period < 120) for (let t = one.start + one.period; t < one.end - 1e-6; t += one.period) cuts.push(t) }
+    for (const one of d.lane ?? []) if (cuts.length < CUTS) cuts.push(one.start, ...((one.end - one.start) / one.period < 120 ? row(one.start + one.period, one.period, one.end - 1e-6) : []))
     $('#prog').innerHTML = `<svg height="10" viewBox="0 0 1000 10" preserveAspectRatio="none" aria-hidden="true"><rect y="2" width="1000" height="6" fill="var(--sunken)"/><rect y="2" width="${share * 1000}" height="6" fill="var(${shape() === 'tripped' ? '--stop' : '--ink'})"/>${total ? cuts.map(t => `<path d="M${(t / total * 1000).toFixed(1)} 0v10" stroke="var(--panel)" stroke-width="2"/>`).join('') : ''}</svg>`
   }
   for (const b of document.querySelectorAll('#pace button')) { const on = String(b.dataset.pace === s.pace); if (b.getAttribute('aria-pressed') !== on) b.setAttribute('aria-pressed', on) }

@@ -2,7 +2,7 @@
 // since a loop is no function of x.
 import uPlot from '../uplot/uPlot.esm.js'
 import { events } from './lab.js'
-import { Q, TS, clamp, digits, escape, fmt, mark, token } from './words.js'
+import { Q, TS, clamp, digits, ends, escape, fmt, mark, token } from './words.js'
 
 const charts = new Map() // figure -> {plot, spec}
 
@@ -21,8 +21,9 @@ function range (lines, of, given) {
   for (const l of lines) for (const v of l[of]) if (v !== null) { if (v < low) low = v; if (v > high) high = v }
   if (low > high) { low = 0; high = 1 }
   const room = (high - low) * 0.05 || Math.abs(high) * 0.05 || 1
-  return [given.low ?? low - (of === 'y' ? room : 0), given.high ?? high + (of === 'y' ? room : 0)]
+  return ends(given.low ?? low - (of === 'y' ? room : 0), given.high ?? high + (of === 'y' ? room : 0))
 }
+const FAR = 1e5 // pixels from a canvas's corner beyond which nothing is drawn: a dashed line takes as long as it is long
 /** Draw a line through points of a plot, in pixels of its canvas. */
 export function stroke (ctx, xs, ys, { colour, width = 1.75, dash = [], fill = null, opacity = 1, close = false }, px = devicePixelRatio) {
   ctx.save()
@@ -32,7 +33,8 @@ export function stroke (ctx, xs, ys, { colour, width = 1.75, dash = [], fill = n
   let pen = false
   for (let i = 0; i < xs.length; i++) {
     if (Number.isNaN(xs[i]) || Number.isNaN(ys[i])) { pen = false; continue }
-    if (pen) ctx.lineTo(xs[i], ys[i]); else { ctx.moveTo(xs[i], ys[i]); pen = true }
+    const x = clamp(xs[i], -FAR, FAR); const y = clamp(ys[i], -FAR, FAR)
+    if (pen) ctx.lineTo(x, y); else { ctx.moveTo(x, y); pen = true }
   }
   if (fill) { ctx.fillStyle = fill; ctx.fill() }
   if (close) ctx.closePath()

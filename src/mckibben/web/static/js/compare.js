@@ -1,7 +1,8 @@
 // The comparison: muscles to one scale, and surfaces of tension over length and drive.
 import { events } from './lab.js'
 import { drawMuscle, fitting, sharp, braid, PX } from './muscle.js'
-import { TS, clamp, fmt, token } from './words.js'
+import { nice } from './plot.js'
+import { TS, clamp, fmt, row, token } from './words.js'
 
 const H = 74
 function drawings () {
@@ -41,26 +42,25 @@ function fibre (g, w, r, y) {
 }
 
 const points = l => 'M' + l.map(p => `${p[0].toFixed(1)} ${p[1].toFixed(1)}`).join('L')
-const nice = top => { const raw = top / 3; const p = 10 ** Math.floor(Math.log10(raw)); return [1, 2, 5, 10].map(f => f * p).find(s => s >= raw) }
 function surface (place) {
   const s = JSON.parse(place.dataset.surface)
   const W = place.clientWidth; const h = place.clientHeight
   if (W < 60) return
   const back = -Math.min(46, W * 0.2); const up = -58; const x0 = 34 - back; const y0 = h - 26
-  const sx = (W - x0 - 24) / (s.scale.high - s.scale.low); const step = nice(s.scale.top); const top = Math.ceil(s.scale.top / step) * step
+  const sx = (W - x0 - 24) / (s.scale.high - s.scale.low); const { step, places } = nice(0, s.scale.top, 3); const top = Math.max(step, Math.ceil(s.scale.top / step) * step)
   const sz = (y0 + up - 14) / top; const full = s.drives.at(-1)
   const at = (x, d, f) => [x0 + (x - s.scale.low) * sx + back * d / full, y0 + up * d / full - f * sz]
   const blue = s.of === 'pressure' ? 'var(--q-pressure)' : 'var(--ink)'
   const { low, high } = s.scale
   let o = `<path d="${points([at(low, 0, 0), at(high, 0, 0), at(high, full, 0), at(low, full, 0)])}z" fill="var(--sunken)" stroke="var(--rule)"/>`
-  for (let x = Math.ceil(low * 10) / 10; x < high; x += 0.1) {
+  for (const x of row(Math.ceil(low * 10) / 10, 0.1, high - 1e-9, 60)) {
     o += `<path d="${points([at(x, 0, 0), at(x, full, 0)])}" stroke="var(--rule)"/>`
     if (Math.round(x * 10) % 2 === 0) { const a = at(x, 0, 0); o += `<text class="tick" x="${a[0]}" y="${a[1] + 13}" text-anchor="middle">${fmt(x, 1)}</text>` }
   }
   const e = at(high, 0, 0); o += `<text class="tick" x="${W - 2}" y="${e[1] + 13}" text-anchor="end">L/L\u2080</text>`
-  for (let f = 0; f <= top + 1e-9; f += step) {
+  for (const f of row(0, step, top, 20)) {
     const a = at(low, full, f)
-    o += `<path d="${points([a, at(high, full, f)])}" stroke="var(--grid)"/><text class="tick" x="${a[0] - 4}" y="${a[1] + 4}" text-anchor="end">${fmt(f, 0)}</text>`
+    o += `<path d="${points([a, at(high, full, f)])}" stroke="var(--grid)"/><text class="tick" x="${a[0] - 4}" y="${a[1] + 4}" text-anchor="end">${fmt(f, places)}</text>`
   }
   o += `<path d="${points([at(low, full, 0), at(low, full, top)])}" stroke="var(--edge)"/>`
   const z = s.tension; const n = s.lengths.length; const m = s.drives.length

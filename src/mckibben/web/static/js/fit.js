@@ -21,7 +21,7 @@ class Plot {
     const xs = nice(...this.x, Math.max(2, (this.w - l - r) / 70)); const ys = nice(...this.y, Math.max(2, (this.h - t - b) / 44))
     for (const v of xs.ticks) this.s += `<path d="M${this.X(v).toFixed(1)} ${t}V${this.h - b}" stroke="var(--grid)"/><text class="tick" x="${this.X(v).toFixed(1)}" y="${this.h - b + 14}" text-anchor="middle">${fmt(v, xs.places)}</text>`
     for (const v of ys.ticks) this.s += `<path d="M${l} ${this.Y(v).toFixed(1)}H${this.w - r}" stroke="var(--grid)"/><text class="tick" x="${l - 6}" y="${(this.Y(v) + 4).toFixed(1)}" text-anchor="end">${words ? words(v) : fmt(v, ys.places)}</text>`
-    return this.add(`<rect x="${l}" y="${t}" width="${this.w - l - r}" height="${this.h - t - b}" fill="none" stroke="var(--rule)"/>`)
+    return this.add(`<rect x="${l}" y="${t}" width="${Math.max(0, this.w - l - r)}" height="${Math.max(0, this.h - t - b)}" fill="none" stroke="var(--rule)"/>`)
   }
 
   line (pts, width = 1.75, opacity = 1) { return this.add(`<path d="${path(pts.map(p => [this.X(p[0]), this.Y(p[1])]))}" fill="none" stroke="${F}" stroke-width="${width}" stroke-linejoin="round" opacity="${opacity}"/>`) }
@@ -57,7 +57,7 @@ function tension (d, w, h) {
 function errors (d, w, h) {
   const most = Math.max(...d.points.map(q => Math.abs(q.e)), d.percent) * 1.12
   const p = new Plot(w, h, d.x, [-most, most], { l: 52, b: 38 })
-  p.add(`<rect x="52" y="${p.Y(d.percent)}" width="${w - 66}" height="${p.Y(-d.percent) - p.Y(d.percent)}" fill="var(--tint)"/>`).grid(v => (v > 0 ? '+' : '') + fmt(v, most < 5 ? 1 : 0))
+  p.add(`<rect x="52" y="${p.Y(d.percent)}" width="${Math.max(0, w - 66)}" height="${Math.max(0, p.Y(-d.percent) - p.Y(d.percent))}" fill="var(--tint)"/>`).grid(v => (v > 0 ? '+' : '') + fmt(v, most < 5 ? 1 : 0))
   p.add(`<path d="M52 ${p.Y(0)}H${w - 14}" stroke="var(--edge)"/><text class="tick" x="${w - 18}" y="${p.Y(d.percent) - 4}" text-anchor="end">1${TS}% of the largest tension</text>`)
   const spots = d.points.map(q => [p.X(q.L), p.Y(q.e), told(d, q)])
   for (const s of spots) p.add(triangle(s[0], s[1]))

@@ -1,7 +1,7 @@
 // Tension against length, live: the loop of the last cycle filled, the present one growing, the law behind it.
 import uPlot from '../uplot/uPlot.esm.js'
 import { axis, dot, stroke } from './charts.js'
-import { TS, fmt, token } from './words.js'
+import { TS, ends, fmt, token } from './words.js'
 
 export class LoopPlot {
   constructor (place, buffer) {
@@ -31,6 +31,7 @@ export class LoopPlot {
       const [low, high] = this.reach
       if (Number.isFinite(low)) this.x = [Math.min(this.x[0], low - 0.3), Math.max(this.x[1], high + 0.3)]
     }
+    this.x = ends(...this.x)
     const top = Math.max(20, Math.min(highest * 1.2, limit * 1.25))
     if (Math.abs(top - this.y[1]) > 0.2 * this.y[1] || top > this.y[1]) this.y = [0, top]
   }

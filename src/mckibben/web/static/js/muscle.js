@@ -1,8 +1,8 @@
 // The muscle to scale: braid angle and diameter move with the length, by the table that came with it.
-import { TS, clamp, fmt, token } from './words.js'
+import { TS, clamp, fmt, row, token } from './words.js'
 
 export const PX = 37.8 // of a centimetre on the screen
-const SCALES = [1, 0.75, 0.5, 0.4, 1 / 3, 0.25, 0.2]
+const SCALES = [1, 0.75, 0.5, 0.4, 1 / 3, 0.25, 0.2, 0.1, 0.05, 0.02]
 
 /** Angle [deg] and diameter [cm] of a braid at a length [cm]; without a braid a tube of a tenth of its length. */
 export function braid (m, length) {
@@ -18,7 +18,7 @@ export function braid (m, length) {
 /** Draw it from x to the right, `px` a centimetre. */
 export function drawMuscle (g, m, length, px, x, y, { pressure = 0, top = 6, threads = 14, thin = 0.9 } = {}) {
   const { diameter } = braid(m, length)
-  const R = diameter / 2 * px; const W = length * px; const r0 = Math.min(R * 0.8, 0.34 * px)
+  const R = diameter / 2 * px; const W = clamp(length * px, 0, 4000); const r0 = Math.min(R * 0.8, 0.34 * px)
   const taper = Math.min(W * 0.12, Math.max(R * 1.1, 0.5 * px))
   const radius = t => { const a = clamp(Math.min(t, W - t) / taper, 0, 1); return r0 + (R - r0) * a * a * (3 - 2 * a) }
   const out = new Path2D()
@@ -29,7 +29,7 @@ export function drawMuscle (g, m, length, px, x, y, { pressure = 0, top = 6, thr
   g.fillStyle = token('--raised'); g.fill(out)
   const full = clamp(pressure / top, 0, 1)
   if (full > 0.002) { g.globalAlpha = 0.06 + 0.5 * full; g.fillStyle = token('--q-pressure'); g.fill(out); g.globalAlpha = 1 }
-  const turns = m.braid ? m.braid.turns : 2.5; const n = Math.max(24, Math.round(W / 7)); const lines = new Path2D()
+  const turns = m.braid ? m.braid.turns : 2.5; const n = clamp(Math.round(W / 7), 24, 400); const lines = new Path2D()
   for (const hand of [1, -1]) {
     for (let j = 0; j < threads; j++) {
       let pen = false; const phase = 2 * Math.PI * j / threads
@@ -91,8 +91,9 @@ function line (g, colour, width, ...points) {
 export function drawStage (canvas, W, phone, { muscle, now, limits, range, dry, old }) {
   const H = phone ? 150 : 196; const g = sharp(canvas, W, H)
   const x0 = phone ? 40 : 112; const y = phone ? 70 : 88; const room = W - x0 - (phone ? 62 : 66)
-  const rest = muscle.rest_length * 100; const L = Number.isFinite(now.length) ? now.length : rest
-  const far = Math.max(rest * 1.1, range ? range[1] : 0, L)
+  const rest = muscle.rest_length * 100; const most = room / PX / SCALES.at(-1) // what no stage holds is drawn as far as it goes
+  const L = clamp(Number.isFinite(now.length) ? now.length : rest, 0, most)
+  const far = Math.min(most, Math.max(rest * 1.1, range ? range[1] : 0, L))
   const scale = SCALES.find(s => far * PX * s <= room) ?? SCALES.at(-1)
   const k = PX * scale; const xe = x0 + L * k; const yr = phone ? 112 : 148
   const P = now.pressure; const top = limits.pressure
@@ -158,13 +159,12 @@ function lens (g, muscle, L, mx, y, phone) {
   words(g, `\u03b8${TS}${fmt(angle, 1)}\u00b0`, phone ? mx + l + 3 : mx, phone ? y - 22 : y - l - 7, { size: 12, weight: 600, colour: '--ink', align: phone ? 'left' : 'center' })
 }
 function ruler (g, { x0, yr, xe, y, k, far, rest, L, range, phone }) {
-  if (range) { g.fillStyle = token('--q-length'); g.globalAlpha = 0.35; g.fillRect(x0 + range[0] * k, yr, Math.max(1, (range[1] - range[0]) * k), 7); g.globalAlpha = 1 }
+  if (range) { g.fillStyle = token('--q-length'); g.globalAlpha = 0.35; const a = clamp(range[0], 0, far); g.fillRect(x0 + a * k, yr, Math.max(1, (clamp(range[1], 0, far) - a) * k), 7); g.globalAlpha = 1 }
   const end = Math.ceil(far * 1.02 * 2) / 2
   line(g, '--ink-2', 1, [x0, yr], [x0 + end * k, yr])
-  const fine = k / 10 >= 3
-  const every = k >= 30 ? 1 : k >= 14 ? 2 : 5
-  for (let i = 0; i <= Math.round(end * 10); i++) {
-    if ((phone || !fine) && i % 5) continue
+  const step = [1, 5, 10, 50, 100, 500].find(s => s * k / 10 >= 3 && !(phone && s < 5)) ?? 1000 // between two marks [mm]
+  const every = [1, 2, 5, 10, 20, 50, 100].find(e => e * k >= 28) ?? 200 // between two numbers [cm]
+  for (const i of row(0, step, Math.round(end * 10), 1000)) {
     const X = x0 + i * k / 10
     line(g, '--ink-2', i % 10 ? 0.7 : 1, [X, yr], [X, yr + (i % 10 ? i % 5 ? 4 : 6 : 9)])
     if (i % (10 * every) === 0) words(g, String(i / 10), X, yr + 21, { align: 'center' })

@@ -1,11 +1,11 @@
 // Small drawings in SVG with words where they belong, for pages whose pictures are more than lines: axes, paths, corners, a value under the pointer.
-import { TS, clamp, digits, escape, fmt } from './words.js'
+import { TS, clamp, digits, ends, escape, fmt, row } from './words.js'
 
 export const nice = (low, high, count = 6) => {
-  const raw = (high - low) / count || 1; const size = 10 ** Math.floor(Math.log10(raw))
+  [low, high] = ends(low, high)
+  const raw = (high - low) / Math.max(1, count); const size = 10 ** Math.floor(Math.log10(raw))
   const step = [1, 2, 2.5, 5, 10].find(m => m * size >= raw * 0.999) * size
-  const ticks = []
-  for (let v = Math.ceil(low / step - 1e-9) * step; v <= high + step * 1e-9; v += step) ticks.push(Math.abs(v) < step * 1e-9 ? 0 : v)
+  const ticks = row(Math.ceil(low / step - 1e-9) * step, step, high, 100).map(v => Math.abs(v) < step * 1e-9 ? 0 : v)
   return { step, ticks, places: digits(step) }
 }
 const pathOf = points => points.length ? 'M' + points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join('L') : ''
@@ -42,7 +42,7 @@ export class Plot {
   }
 
   frame (yTitle, xTitle) {
-    return this.add(`<rect x="${this.m.l}" y="${this.m.t}" width="${this.w - this.m.l - this.m.r}" height="${this.h - this.m.t - this.m.b}" fill="none" stroke="var(--rule)"/><text class="tick" x="${this.m.l}" y="${this.m.t - 9}">${yTitle}</text><text class="tick" x="${this.w - this.m.r}" y="${this.h - 4}" text-anchor="end">${xTitle}</text>`)
+    return this.add(`<rect x="${this.m.l}" y="${this.m.t}" width="${Math.max(0, this.w - this.m.l - this.m.r)}" height="${Math.max(0, this.h - this.m.t - this.m.b)}" fill="none" stroke="var(--rule)"/><text class="tick" x="${this.m.l}" y="${this.m.t - 9}">${yTitle}</text><text class="tick" x="${this.w - this.m.r}" y="${this.h - 4}" text-anchor="end">${xTitle}</text>`)
   }
 
   /** Put it into a place, with a summary, a table of its values, and the value under the pointer or the arrows. */

@@ -121,7 +121,7 @@ export function dryRun () {
   if (d.pending) { box.innerHTML = '<h2>Dry run <span class="faint plain">is being made</span></h2><div class="loading"><div class="line"><i></i></div></div>'; return }
   const rows = d.limits.map(l => {
     const k = factor(l.name); const places = l.name === 'pressure' ? 2 : 1; const over = l.peak > l.limit
-    return `<span class="${Q[l.name].sign}">${Q[l.name].name}</span><span class="share ${Q[l.name].sign}"><i style="width:${Math.min(100, l.share * 100)}%"></i></span><span class="num ${over ? 'over' : ''}">${fmt(l.peak * k, places)} / ${fmt(l.limit * k, l.name === 'pressure' ? 2 : l.name === 'tension' ? 0 : 1)}${TS}${Q[l.name].unit}</span>`
+    return `<span class="${Q[l.name].sign}">${Q[l.name].name}</span><span class="share ${Q[l.name].sign}"><i style="width:${Math.min(100, l.share * 100)}%"></i></span><span class="num ${over ? 'over' : ''}">${l.peak > 100 * l.limit ? 'over 100 times' : fmt(l.peak * k, places)} / ${fmt(l.limit * k, l.name === 'pressure' ? 2 : l.name === 'tension' ? 0 : 1)}${TS}${Q[l.name].unit}</span>`
   }).join('')
   const first = d.findings[0]
   box.innerHTML = `<h2 class="${d.passed ? '' : 'fails'}">Dry run ${d.passed ? 'passed' : 'fails'} <span class="faint plain">peaks against limits</span>${d.cure && idle() ? `<button class="btn s" id="cure">Use ${escape(say(d.cure.words))}</button>` : ''}</h2><div class="lim">${rows}</div>${first ? `<div class="err" style="margin-top:4px">${SIGN}<span>${escape(say(first.sentence))}${d.cure ? `. ${escape(say(d.cure.sentence))}` : ''}</span></div>` : ''}`

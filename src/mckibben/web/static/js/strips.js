@@ -1,7 +1,7 @@
 // Strip charts: five lanes over one time axis, with what is asked, what is allowed, the newest value, and one cursor.
 import uPlot from '../uplot/uPlot.esm.js'
 import { axis, dot, stroke } from './charts.js'
-import { Q, TS, clamp, fmt, keySign, token } from './words.js'
+import { Q, TS, clamp, ends, fmt, keySign, row, token } from './words.js'
 
 const LANES = ['valve', 'flow', 'pressure', 'tension', 'length']
 const HIGH = { valve: 52, flow: 68, pressure: 82, tension: 100, length: 82 }
@@ -77,7 +77,7 @@ export class Strips {
     const limit = this.limits[q]
     if (limit && limit > low && limit <= high * 1.3 && q !== 'length') high = Math.max(high, limit * 1.06)
     if (before && before[0] <= low && before[1] >= high && (before[1] - before[0]) < 1.8 * (high - low)) return
-    this.ranges[q] = [low, high]
+    this.ranges[q] = ends(low, high)
   }
 
   /** What is drawn now: the stream, or what the dry run expects. */
@@ -138,7 +138,7 @@ export class Strips {
       for (let k = i; k < j; k++) {
         const value = values[k]
         if (value === null || value !== value) { if (pen) flush(); pen = false; continue }
-        const x = bbox.left + (t[k] - this.view.a) * kx; const y = bbox.top + bbox.height - (value - low) * ky
+        const x = bbox.left + (t[k] - this.view.a) * kx; const y = clamp(bbox.top + bbox.height - (value - low) * ky, -1e5, 1e5)
         const c = x | 0
         if (!pen) { ctx.moveTo(x, y); pen = true; column = c; least = most = y } else if (c !== column) { flush(); column = c; least = most = y } else { if (y < least) least = y; if (y > most) most = y }
         lastX = x; lastY = y
@@ -194,7 +194,7 @@ export class Strips {
       if (end < a || s.start > b) continue
       if (!s.period || (end - s.start) / s.period > 400) { put(s.start, end, s.label, s.label.slice(0, 6)); continue }
       const first = Math.max(0, Math.floor((a - s.start) / s.period))
-      for (let i = first; s.start + i * s.period < Math.min(end, b); i++) put(s.start + i * s.period, Math.min(end, s.start + (i + 1) * s.period), `cycle ${i + 1}`, String(i + 1))
+      for (const i of row(first, 1, (Math.min(end, b) - s.start) / s.period - 1e-9)) put(s.start + i * s.period, Math.min(end, s.start + (i + 1) * s.period), `cycle ${i + 1}`, String(i + 1))
     }
     if (this.trip && this.trip.time >= a && this.trip.time <= b) {
       g.fillStyle = token('--stop'); g.fillRect(x(this.trip.time) - 2, 0, 96, 18); g.fillStyle = token('--on-stop'); g.font = `600 11px ${token('--font')}`

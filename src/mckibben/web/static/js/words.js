@@ -19,6 +19,17 @@ export function digits (step) {
   while (d < 6 && Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) > 1e-6 * Math.abs(step) * 10 ** d) d++
   return d
 }
+/** Numbers from one to another, evenly apart: never more than `most`, none where the three say no finite row. */
+export function row (first, step, last, most = 400) {
+  const n = Math.floor((last - first) / step + 1e-9) + 1
+  return step > 0 && Number.isFinite(n) ? Array.from({ length: Math.max(0, Math.min(n, most)) }, (_, i) => first + i * step) : []
+}
+/** Ends of an axis between which numbers can be told apart, so that whoever steps from one to the other gets there. */
+export function ends (low, high) {
+  if (!Number.isFinite(low) || !Number.isFinite(high)) return [0, 1]
+  const least = 1e-9 * Math.max(Math.abs(low), Math.abs(high))
+  return high - low > least ? [low, high] : [low - (least || 0.5), high + (least || 0.5)]
+}
 export const clamp = (v, a, b) => Math.max(a, Math.min(b, v))
 export const escape = text => String(text).replace(/[&<>"']/g, c => `&#${c.charCodeAt(0)};`)
 /** What a quantity looks like, on every page. */

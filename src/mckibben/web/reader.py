@@ -1,0 +1,222 @@
+"""Large files are read in a process of their own, so that neither the emergency stop nor memory depends on them.
+
+Whoever reads in the server holds its interpreter: a stop waits for it, and what a hundred megabytes of cells took is not
+given back. Here the server only waits at a pipe; the process ends with its answer, when somebody stops it, when it takes too
+long, and with the server. One file is read at a time, for two would take the processor from the bench.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError, MckibbenError
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+SMALL = 2 * 2**20  # up to so much is read in the server, sooner than a process begins [B]
+SMALL_ARRAYS = 32 * 2**20  # the same of a netCDF file, whose numbers need not be made from words [B]
+PATIENCE = 60.0  # longest time of a reader for a small file [s]
+SPEED = 0.4 * 2**20  # least that it reads beyond that [B/s]
+LOOK = 0.05  # time between two looks at whether somebody stopped it [s]
+OFTEN = 0.25  # time between two words on how far it is [s]
+LATER = 10  # how much less pressing it is than the bench, see `os.nice`
+BLOCK = 2**20  # [B]
+MMAP_THRESHOLD = -3  # the number by which `mallopt` knows it
+STOPPED = "Reading was stopped."
+_one = threading.Lock()
+
+
+class ReadingStopped(MckibbenError):  # noqa: N818 - nothing went wrong
+    """Somebody did not want to wait for a file, or left the page."""
+
+
+class ReaderProcess:
+    """One function of a module, called with a file in a process of its own.
+
+    Args:
+        function: is given `path` and `given`; all of these, and what it returns, must be picklable.
+        path: the file.
+        given: further arguments.
+        passes: how often the function reads the file, for `share`.
+    """
+
+    def __init__(self, function: Callable[..., Any], path: Path, *given: Any, passes: int = 1) -> None:
+        self._function, self._path, self._given, self._passes = function, path, given, passes
+        self._stop, self._begun = threading.Event(), 0.0
+        self._share = 0.0
+
+    @property
+    def share(self) -> float:
+        """Of the file that has been read."""
+        return min(self._share, 1.0)
+
+    @property
+    def waits(self) -> bool:
+        """Whether another file is read first."""
+        return not self._begun
+
+    @property
+    def left(self) -> float | None:
+        """Time that reading will still take [s], once that can be said."""
+        gone = time.monotonic() - self._begun
+        return gone * (1.0 - self.share) / self.share if self._begun and self.share > 0.05 and gone > 1.0 else None
+
+    def stop(self) -> None:
+        """End it; whoever waits for the result hears of it."""
+        self._stop.set()
+
+    def result(self) -> Any:
+        """What the function returns; waits for it.
+
+        Raises:
+            MckibbenError: as the function does; or the process died, took too long, or was stopped.
+        """
+        while not _one.acquire(timeout=LOOK):
+            self._check()
+        try:
+            return self._read()
+        finally:
+            _one.release()
+
+    def _check(self) -> None:
+        if self._stop.is_set():
+            raise ReadingStopped(STOPPED)
+
+    def _read(self) -> Any:
+        self._check()
+        context = multiprocessing.get_context("spawn")
+        line, other = context.Pipe()
+        args = (other, self._function, self._path, self._given, self._passes)
+        process = context.Process(target=_serve, args=args, daemon=True, name="reader")
+        self._begun = time.monotonic()
+        patience = PATIENCE + self._passes * self._path.stat().st_size / SPEED
+        process.start()
+        other.close()
+        try:
+            while True:
+                self._check()
+                if time.monotonic() - self._begun > patience:
+                    allowed = f"reading it took longer than {patience:.0f} s and was stopped"
+                    raise InputError("file", self._path.name, allowed)
+                if line.poll(LOOK):
+                    kind, found = line.recv()
+                    if kind == "done":
+                        return found
+                    if kind == "refused":
+                        raise found
+                    self._share = found
+        except (EOFError, OSError):
+            raise InputError("file", self._path.name, "the process that read it ended before it was done") from None
+        finally:
+            process.kill()
+            process.join()
+            process.close()
+            line.close()
+
+
+def return_large_blocks() -> None:
+    """Let large arrays go back to the system as soon as nobody has them, where the C library is glibc.
+
+    Otherwise it keeps blocks of up to 32 MB for later as soon as one such block was freed.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).mallopt(MMAP_THRESHOLD, ctypes.c_int(BLOCK))
+
+
+def read_outside(function: Callable[..., Any], path: Path, *given: Any) -> Any:
+    """What a function makes of a file: in a process of its own where the file is large, else at once.
+
+    Raises:
+        MckibbenError: as the function and `ReaderProcess` do.
+    """
+    if is_small(path):
+        return function(path, *given)
+    return ReaderProcess(function, path, *given).result()
+
+
+def is_small(path: Path) -> bool:
+    """Whether a file is read sooner than a process begins."""
+    return path.stat().st_size <= (SMALL_ARRAYS if path.suffix.lower() == ".nc" else SMALL)
+
+
+def check_rows(path: Path, most: int, use: str) -> None:
+    """Refuse a text file with more than so many lines, without reading its cells.
+
+    Args:
+        path: a file; one that is no text has no lines.
+        most: that are allowed.
+        use: what they are for, in words.
+
+    Raises:
+        MckibbenError: says how many there are and how many are allowed.
+    """
+    if path.suffix.lower() not in (".csv", ".txt"):
+        return
+    count = 0
+    with open(path, "rb") as stream:
+        while block := stream.read(BLOCK):
+            count += block.count(b"\n")
+    if count > most:
+        has = f"The file has {count:,} rows; {use} takes up to {most:,}".replace(",", "\u2009")
+        raise MckibbenError(f"{has}. Keep every {-(-count // most)}th of them, or a part of the file.")
+
+
+def _serve(line: Connection, function: Callable[..., Any], path: Path, given: tuple[Any, ...], passes: int) -> None:
+    """Read, and answer with what was found or why it was refused."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
+    with contextlib.suppress(OSError, AttributeError):
+        os.nice(LATER)
+    gc.disable()  # of millions of cells none is garbage before the end, and looking takes as long as reading
+    lock = threading.Lock()
+    threading.Thread(target=_tell, args=(line, lock, path, passes), daemon=True).start()
+    try:
+        answer: tuple[str, Any] = ("done", function(path, *given))
+    except MckibbenError as error:
+        answer = ("refused", error)
+    except MemoryError:
+        answer = ("refused", InputError("file", path.name, "there is not enough memory to read it"))
+    except Exception as error:  # whatever a reader makes of a damaged file, the page hears of it
+        answer = (
+            "refused",
+            InputError("file", path.name, f"it cannot be read ({type(error).__name__}: {error})"[:300]),
+        )
+    with lock, contextlib.suppress(OSError):
+        line.send(answer)
+    os._exit(0)  # giving back millions of cells one by one takes longer than the end of the process
+
+
+def _tell(line: Connection, lock: threading.Lock, path: Path, passes: int) -> None:
+    """Say how much of the file has been read, as far as the system knows; end with the server."""
+    server, size, done, before = os.getppid(), max(path.stat().st_size, 1), 0, 0.0
+    while os.getppid() == server:
+        at = _place(path)
+        if at is not None:
+            done += before > 0.5 > at / size  # it is read once more
+            before = at / size
+            with lock, contextlib.suppress(OSError):
+                line.send(("share", (min(done, passes - 1) + before) / passes))
+        time.sleep(OFTEN)
+    os._exit(1)
+
+
+def _place(path: Path) -> int | None:
+    """How far this process has read a file that it has open [B]; None where that is not known."""
+    whole = str(path.resolve())
+    with contextlib.suppress(OSError, ValueError):
+        for number in os.listdir("/proc/self/fd"):
+            with contextlib.suppress(OSError):
+                if os.readlink(f"/proc/self/fd/{number}") == whole:
+                    text = Path(f"/proc/self/fdinfo/{number}").read_text()
+                    return int(text.split("pos:", 1)[1].split(None, 1)[0])
+    return None
