@@ -80,6 +80,25 @@ def run(
     return going.go()
 
 
+def compile_run(bench: Bench, wanted: Callable[[], bool] = lambda: True) -> None:
+    """Compile what a run of the simulated machine by the wall clock needs, so that it begins at once.
+
+    Args:
+        bench: what is going to be run.
+        wanted: asked before each part whether somebody still wants it.
+    """
+    timing = timing_of(bench)
+    for number, part in enumerate(bench.parts()):
+        if not wanted():
+            return
+        own = PartMachine(bench, number, part, timing)
+        machine, software = own.at_border(), software_of(bench, part, timing)
+        Loop(
+            InProcess(machine), bench.rig.converters(part.start_span), software, outputs=own.machine.signals(),
+            period=timing.period, longest=1, stop=lambda: False,
+        )  # fmt: skip
+
+
 class Run:
     """The state of one run while it goes on."""
 

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..engine import sampled
-from ..engine.packed import Packed
+from ..engine.packed import compile_once
 from ..errors import InputError, LineLostError
 from .hardware.border import Hardware
 from .hardware.converters import SPAN, Converters
@@ -92,23 +92,13 @@ class Loop:
         self.hardware, self.period, self.longest, self.stop = hardware, period, longest, stop
         self.names = tuple(hardware.analog_in.names)
         inputs = (*self.names, *([SPAN] if converters.encoder is not None else []))
-        counts, shows = np.zeros(len(inputs)), frozenset(outputs)
-        self._outputs, self.source, told = shows, source, () if source is None else tuple(source.names)
-
-        def read(seen: Any) -> dict[str, Any]:
-            return converters.read({name: seen[i] for i, name in enumerate(inputs)})
-
-        def think(state: Any, seen: Any, pressed: Any, *asked: Any) -> tuple[Any, ...]:
-            measured, row = read(seen), {name: asked[0][i] for i, name in enumerate(told)}
-            state, commands, shown = software.step(state, measured, {"stop": pressed, **row}, period)
-            out = converters.write(commands)
-            held = {n: v for n, v in converters.held(out).items() if n in shows}
-            return state, jnp.stack([out[n] for n in ("valve", "motor", "open")]), measured, held, shown
-
-        self._begin = Packed(lambda seen: (software.initial(read(seen)),), counts)
+        counts, shows = np.zeros(len(inputs)), tuple(sorted(set(outputs)))
+        self._outputs, self.source, told = frozenset(shows), source, () if source is None else tuple(source.names)
+        self._begin = compile_once(_begin, (software, converters, inputs), counts)
         (begun,) = self._begin(counts)
         state, rows = self._begin.tree(0, begun), [] if source is None else [np.zeros(len(told))]
-        self._think = Packed(think, state, counts, np.zeros(()), *rows)
+        constants = software, converters, inputs, told, shows, period
+        self._think = compile_once(_think, constants, state, counts, np.zeros(()), *rows)
         self._think(begun, counts, np.zeros(1), *rows)  # the first call of all is slow
         leaves, shape = jax.tree.flatten(state)
         self.places: dict[str, Any] = jax.tree.unflatten(shape, list(range(len(leaves))))
@@ -125,7 +115,8 @@ class Loop:
     def run(self) -> None:
         """All samples by the clock of the machine."""
         interval = sys.getswitchinterval()
-        gc.collect()
+        if not isinstance(self.hardware, InProcess):  # which has no deadline, and begins sooner without it
+            gc.collect()
         gc.disable()
         sys.setswitchinterval(1e-4)
         try:
@@ -211,6 +202,27 @@ class Loop:
 
     def _nothing(self) -> list[np.ndarray]:
         return [np.zeros((0, self._think.size(i))) for i in (2, 3, 4)]
+
+
+def _begin(software: BenchSoftware, converters: Converters, inputs: tuple[str, ...], counts: Any) -> tuple[Any]:
+    """State of the software at the first sample, for counts of the inputs."""
+    return (software.initial(_measured(converters, inputs, counts)),)
+
+
+def _think(
+    software: BenchSoftware, converters: Converters, inputs: tuple[str, ...], told: tuple[str, ...],
+    shows: tuple[str, ...], period: float, state: Any, counts: Any, pressed: Any, *asked: Any,
+) -> tuple[Any, ...]:  # fmt: skip
+    """The software's step: state, counts of the outputs, measured channels, held outputs, and what is shown."""
+    measured, row = _measured(converters, inputs, counts), {name: asked[0][i] for i, name in enumerate(told)}
+    state, commands, shown = software.step(state, measured, {"stop": pressed, **row}, period)
+    out = converters.write(commands)
+    held = {n: v for n, v in converters.held(out).items() if n in shows}
+    return state, jnp.stack([out[n] for n in ("valve", "motor", "open")]), measured, held, shown
+
+
+def _measured(converters: Converters, inputs: tuple[str, ...], counts: Any) -> dict[str, Any]:
+    return converters.read({name: counts[i] for i, name in enumerate(inputs)})
 
 
 def clocked(loop: Loop) -> Generator[Chunk, None, None]:

@@ -7,7 +7,11 @@ be none. The arithmetic is that of the function; whole numbers and truth values 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from typing import Any
 
 import jax
@@ -15,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from . import program_key
 from .native import compiled
 
 
@@ -62,6 +67,43 @@ class Packed:
         structure: Any = self._structures[index]
         places = jax.tree.unflatten(structure, list(range(structure.num_leaves)))
         return int(places[name])
+
+
+_compiled: OrderedDict[str, Future[Packed]] = OrderedDict()
+_lock = threading.Lock()
+MOST_COMPILED = 24  # that are remembered
+
+
+def compile_once(function: Callable[..., tuple[Any, ...]], constants: Sequence[Any], *examples: Any) -> Packed:
+    """A function with its first arguments fixed, compiled when it is first asked for with such values.
+
+    Concurrent requests for the same share one compilation. What `program_key` cannot name is compiled every time.
+
+    Args:
+        function: a module's own, of `constants` and then arguments like the examples; returns a tuple of trees.
+        constants: trees and plain values, which become part of the program.
+        *examples: trees like the other arguments.
+    """
+    fixed = functools.partial(function, *constants)
+    key = program_key.key(fixed, examples)
+    if key is None:
+        return Packed(fixed, *examples)
+    with _lock:
+        known = _compiled.get(key)
+        mine = known is None
+        if known is None:
+            known = _compiled[key] = Future()
+            while len(_compiled) > MOST_COMPILED:
+                _compiled.popitem(last=False)
+        _compiled.move_to_end(key)
+    if mine:
+        try:
+            known.set_result(Packed(fixed, *examples))
+        except BaseException as error:
+            with _lock:
+                _compiled.pop(key, None)
+            known.set_exception(error)
+    return known.result()
 
 
 def pack(tree: Any) -> np.ndarray:

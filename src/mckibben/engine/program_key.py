@@ -130,7 +130,8 @@ class _Name:
             array = np.asarray(value)
             if array.dtype.kind not in "biufc":
                 raise Unnamed
-            self.word("array", array.shape, array.dtype.str, array.tobytes())
+            self.word("array", array.shape, array.dtype.str)
+            self.digest.update(np.ascontiguousarray(array).data)  # shape and type say where it ends
         elif isinstance(value, jax.tree_util.PyTreeDef):
             self.word("structure")
             self.tree(jax.tree.unflatten(value, [0] * value.num_leaves))

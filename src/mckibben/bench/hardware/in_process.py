@@ -14,7 +14,7 @@ import jax
 import numpy as np
 
 from ...engine import sampled
-from ...engine.packed import Packed, pack
+from ...engine.packed import compile_once, pack
 from ...errors import LineLostError
 from .converters import SPAN
 from .lines import AnalogInputs, EdgeCounter, MotorOutput, ValveOutput
@@ -56,13 +56,8 @@ class SimulatedMachine:
         self._rows = rows
         self._drawn: deque[np.ndarray] = deque()
         physics, row = carry._replace(software=()), jax.tree.map(lambda x: x[0], self._draw())
-        self._observe = Packed(lambda c, r: sampled.observe(plant, c, r, period=period, latency=latency), physics, row)
-
-        def act(c: sampled.Carry, u: Any) -> tuple[sampled.Carry, ...]:
-            commands = plant.converters.held({"valve": u[0], "motor": u[1], "open": u[2]})
-            return sampled.act(plant, c, commands, period=period, inner=inner, latency=latency, stiff=False)[:1]
-
-        self._act = Packed(act, physics, np.zeros(3))
+        self._observe = compile_once(_observe, (plant, period, latency), physics, row)
+        self._act = compile_once(_act, (plant, period, inner, latency), physics, np.zeros(3))
         self._physics = pack(physics)
         self._places = [self._observe.index(0, f"{n}.code") for n in self.names]
         self._span = None if plant.converters.encoder is None else self._observe.index(0, f"{SPAN}.code")
@@ -121,6 +116,19 @@ class SimulatedMachine:
         table = np.stack(rows) if rows else np.zeros((0, self._observe.size(1)))
         found: sampled.Look = self._observe.columns(1, table)
         return found
+
+
+def _observe(plant: Rigged, period: float, latency: float, carry: sampled.Carry, row: Any) -> tuple[Any, ...]:
+    """Counts of the inputs, and what is true at a sample."""
+    return sampled.observe(plant, carry, row, period=period, latency=latency)
+
+
+def _act(
+    plant: Rigged, period: float, inner: int, latency: float, carry: sampled.Carry, counts: Any
+) -> tuple[sampled.Carry, ...]:
+    """The machine at the next sample, with counts of the outputs ``valve``, ``motor`` and ``open``."""
+    commands = plant.converters.held({"valve": counts[0], "motor": counts[1], "open": counts[2]})
+    return sampled.act(plant, carry, commands, period=period, inner=inner, latency=latency, stiff=False)[:1]
 
 
 class InProcess:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -12,6 +13,7 @@ from ...bench.prepare import Bench as Prepared
 from ...bench.rig import Rig
 from ...bench.rig_file import rig as rig_of
 from ...bench.rig_file import rig_names
+from ...bench.run import compile_run
 from ...documents import write_text
 from ...errors import InputError, MckibbenError
 from ...experiments.checks_parameters import check_lengths
@@ -51,6 +53,7 @@ class Chosen:
         self.rigs = Shelf(own.folder.parent / "rigs", (".toml",))  # such as the circuit page makes of a circuit
         self._lock, self._number = threading.RLock(), 0
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="dry run")
+        self._warming, self._closed = ThreadPoolExecutor(1, thread_name_prefix="compile"), False
         self.muscles = {s.id: s for s in drawing.muscles()}
         self.spec = self._muscle(muscle)
         self.rig = self._first = rig_of(rig) if isinstance(rig, str) else rig
@@ -204,6 +207,13 @@ class Chosen:
             self.parts = {**self.parts, "dry": dry.plain}
         self.told(dry)
         self._news()
+        if dry.bench is not None and dry.passed and not self.machine:
+            self._warming.submit(self._warm, number, dry.bench)
+
+    def _warm(self, number: int, bench: Prepared) -> None:
+        """Compile what a start of this choice needs, beside whatever else is done."""
+        with contextlib.suppress(MckibbenError):  # the run will say it
+            compile_run(bench, lambda: number == self._number and not self._closed)
 
     def _known(self) -> list[dict[str, str]]:
         found = [{"name": n, "title": shipped(n).title} for n in protocol_names()]
@@ -242,4 +252,6 @@ class Chosen:
 
     def close(self) -> None:
         """No more of it."""
-        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._closed = True
+        for pool in (self._pool, self._warming):
+            pool.shutdown(wait=True, cancel_futures=True)

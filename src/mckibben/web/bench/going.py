@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     from .by_hand import ByHand
 
 SHOWN = 1000.0  # samples that pages get of a second
+CAUSES = {
+    "emergency_stop": "the emergency stop", "lost_line": "the loss of the machine", "missed": "a test that did not come true"
+}  # fmt: skip
 
 
 class RealMachine(NamedTuple):
@@ -153,6 +156,12 @@ class Going:
         return self.tripped or ("" if session is None else session.why)
 
     @property
+    def cause(self) -> str:
+        """What stopped it, as the end of "ended by ..."; nothing where nothing did, or an ordinary stop."""
+        coded = [] if self._run is None else [str(e["code"]) for e in self._run.events if "code" in e]
+        return "" if not coded or self.stopping else CAUSES.get(coded[-1], "an interlock")
+
+    @property
     def when(self) -> float:
         """When it was stopped, or how far it is [s]."""
         coded = [] if self._run is None else [e for e in self._run.events if "code" in e]
@@ -209,9 +218,9 @@ class Going:
         self._follow()
 
     def _follow(self) -> None:
-        """Say which cycle it is in, and measure the one that has ended."""
+        """Say which cycle it is in, and measure the one that has ended; after a stop no cycle begins."""
         step = self.steps[-1] if self.steps else None
-        if step is None:
+        if step is None or self.button() or (self._run is not None and self._run.result == "stopped"):
             return
         planned = self.bench.plan.steps[step["index"] - 1]
         frequency, label = planned.step.frequency(), step["label"] or f"step {step['index']}"

@@ -10,8 +10,14 @@ from .going import Going
 from .log import Log
 
 
-def kept(going: Going, shelf: Shelf, log: Log) -> dict[str, Any]:
+def kept(going: Going, shelf: Shelf, log: Log, why: str = "") -> dict[str, Any]:
     """Save what was recorded, and say so.
+
+    Args:
+        going: the run, which has ended.
+        shelf: of the recordings.
+        log: that is told.
+        why: what stopped it, where the log knows that already.
 
     Returns:
         ``file``, the name of the recording or None, and ``said``.
@@ -34,6 +40,8 @@ def kept(going: Going, shelf: Shelf, log: Log) -> dict[str, Any]:
         log.say(str(error), "stop", going.time)
         return {"file": None, "said": str(error)}
     done = going.record.meta["result"] == "done" or bool(going.stopping)
-    told = message[:1].upper() + message[1:].rstrip(".")
-    log.say(f"{told}. Recorded as {name}.", "done" if done else "stop", going.time)
+    if why:
+        log.say(f"Recorded as {name}, up to the stop.", "done", going.time)
+    else:
+        log.say(f"{message[:1].upper()}{message[1:].rstrip('.')}. Recorded as {name}.", "done" if done else "stop", going.time)
     return {"file": name, "said": message}

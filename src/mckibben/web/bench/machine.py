@@ -150,11 +150,12 @@ class Bench(Refusing):
 
     def _over(self, going: Going) -> None:
         """After the last sample of a run, from its thread."""
-        said = kept(going, self.lab.recordings, self.messages)
         with self._lock:
             why = going.over()
             if why and not self.why:
                 self._trip(why, short(why), going.when)
+        said = kept(going, self.lab.recordings, self.messages, why)
+        with self._lock:
             self.ended = ended(going, said, why)
             self.going = None
             self.pace.halt(False)
@@ -235,7 +236,9 @@ class Bench(Refusing):
             kind = "stop" if message.kind == "stop" else "note"
             if kind == "stop" and session.why and not self.why and self.going is None:
                 self._trip(message.text, short(message.text), message.time)
-            elif message.kind != "done":  # of which the recording is told
+            elif message.kind == "done" or (kind == "stop" and session.why and (self.why or self.going is not None)):
+                continue  # the recording says so, or the stop of the machine
+            else:
                 self.messages.say(message.text, kind, message.time)
         if session.gone == LOST and not self.why and self.going is None:  # its process cannot say so any more
             self._trip(session.why, short(session.why), hand.time)

@@ -72,7 +72,7 @@ def short(why: str) -> str:
 def ended(going: Going, said: dict[str, Any], why: str) -> dict[str, Any]:
     """What is told of the last run until the next one."""
     return {
-        **said, "time": going.time, "title": going.bench.protocol.title, "stopped": bool(why),
+        **said, "time": going.time, "title": going.bench.protocol.title, "stopped": bool(why), "why": why, "by": going.cause,
         "trip": going.when if why else None, "steps": steps_of(going), "duration": going.bench.plan.duration,
         "measured": going.measured,
     }  # fmt: skip

@@ -4,7 +4,7 @@ import './edit.js'
 import { act, emergency, events, key, lab, link, rate, shape, tell } from './lab.js'
 import { LoopPlot } from './loop.js'
 import { braid, drawStage } from './muscle.js'
-import { asks, dryRun, hand, idle, machine, mine, protocol } from './setup.js'
+import { FAR, asks, dryRun, hand, idle, machine, mine, protocol } from './setup.js'
 import { Strips } from './strips.js'
 import { Q, TS, clamp, escape, fmt, keySign, row, say, token } from './words.js'
 
@@ -138,25 +138,29 @@ function ends (q) {
 function picture () {
   const m = muscle(); const place = $('#stage')
   if (!m || !place.offsetParent) return
-  const c = strips.cursor; const at = c !== null && (status().paused || mode !== 'live') && Number.isFinite(strips.value('length', c)) ? Object.fromEntries(Object.keys(Q).map(q => [q, strips.value(q, c)])) : now()
+  const shown = now(); const c = strips.cursor; const at = c !== null && (status().paused || mode !== 'live') && Number.isFinite(strips.value('length', c)) ? Object.fromEntries(Object.keys(Q).map(q => [q, strips.value(q, c)])) : shown
   if (!Number.isFinite(at.valve)) at.valve = 0
   if (!Number.isFinite(at.tension)) at.tension = 0
   const range = Number.isFinite(extremes.length?.[0]) && (mode === 'dry' || epochOf().kind === 'run') ? extremes.length : null
-  drawStage(place.querySelector('canvas'), place.clientWidth, phone(), { muscle: m, now: at, limits: { pressure: strips.limits.pressure, tension: strips.limits.tension }, range: range && range[1] - range[0] > 0.01 ? range : null, dry: mode === 'dry' })
+  drawStage(place.querySelector('canvas'), place.clientWidth, phone(), { muscle: m, now: at, told: at === shown ? strips.told ?? at : at, limits: { pressure: strips.limits.pressure, tension: strips.limits.tension }, range: range && range[1] - range[0] > 0.01 ? range : null, dry: mode === 'dry' })
 }
 function trip () {
   const s = status()
   if (mode === 'dry' || !(shape() === 'tripped' || s.ended?.stopped)) return null
   const time = s.trip ?? s.ended?.trip
   if (!Number.isFinite(time)) return null
-  const quantity = /pressure/.test(s.why) ? 'pressure' : /tension|force/.test(s.why) ? 'tension' : ''
-  return { time, quantity: /emergency/.test(s.why) ? '' : quantity, word: /emergency/.test(s.why) ? 'stop' : 'trip' }
+  const why = s.why || s.ended?.why || '' // a reset changes nothing of what ended the run
+  const quantity = /pressure/.test(why) ? 'pressure' : /tension|force/.test(why) ? 'tension' : ''
+  return { time, quantity: /emergency/.test(why) ? '' : quantity, word: /emergency/.test(why) ? 'stop' : 'trip' }
 }
 
 // ---------------------------------------------------------------- ten times a second
 const READ = [['pressure', 0, 7], ['tension', 0, 110], ['length', 10, 16]]
 function numbers () {
-  runBar(); banner(); reads(); protocol(); hand(now()); measured(); buttons()
+  const told = now()
+  if (mode !== 'dry' && Object.keys(Q).some(q => told[q] !== strips.told?.[q])) strips.dirty = true
+  strips.told = told
+  runBar(); banner(); reads(); protocol(); hand(strips.told); measured(); buttons()
   document.documentElement.classList.toggle('old', !lab.open && Boolean(lab.status))
   const late = strips.frames; strips.frames = 0
   drawn.push(late); if (drawn.length > 10) drawn.shift()
@@ -184,7 +188,7 @@ function runBar () {
   if (s.name === 'By hand') { left = 'By hand'; right = '' } else if (s.running) {
     left = `${title} \u00b7 ${s.paused ? `paused in ${cycles}` : cycles}`
     right = `${fmt(Math.max(0, total - s.time), 1)}${TS}s left of ${fmt(total, 1)}${TS}s`
-  } else if (shape() === 'tripped' && epochOf().kind === 'hand') { left = `By hand \u00b7 ${s.vented ? 'ended by the emergency stop' : 'ended by an interlock'}`; right = '' } else if (mode === 'done') { left = `${s.ended?.title ?? title} \u00b7 ${s.ended?.stopped ? (s.vented ? 'ended by the emergency stop' : 'ended by an interlock') : 'ended'}`; right = s.ended?.file ? 'recorded and kept' : 'nothing was recorded' }
+  } else if (shape() === 'tripped' && epochOf().kind === 'hand') { left = `By hand \u00b7 ${s.vented ? 'ended by the emergency stop' : 'ended by an interlock'}`; right = '' } else if (mode === 'done') { left = `${s.ended?.title ?? title} \u00b7 ${s.ended?.by ? `ended by ${s.ended.by}` : 'ended'}`; right = s.ended?.file ? 'recorded and kept' : 'nothing was recorded' }
   put($('#pl'), left); put($('#pr'), right)
   const share = total && (s.running || epochOf().kind === 'run') && mode !== 'dry' ? clamp((time ?? 0) / total, 0, 1) : 0
   const key = [share.toFixed(3), total, shape() === 'tripped', d === lab.parts.dry].join()
@@ -244,7 +248,7 @@ const cap = t => t ? t[0].toUpperCase() + t.slice(1) : ''
 function reads () {
   const setup = lab.parts.setup
   if (!setup) return
-  const n = now(); const m = muscle(); const run = mode !== 'dry'
+  const n = strips.told; const m = muscle(); const run = mode !== 'dry'
   const rest = m.rest_length * 100; const L = strips.ranges.length ?? [rest * 0.7, rest * 1.1]
   const spans = { pressure: [0, strips.limits.pressure * 1.16], tension: [0, strips.limits.tension * 1.1], length: [Math.min(L[0], rest * 0.7), Math.max(L[1], rest * 1.12)] }
   const box = $('#reads')
@@ -255,7 +259,7 @@ function reads () {
     put(e.querySelector('.val'), fmt(v, Q[q].places))
     put(e.querySelector('.word'), v > limit ? 'over range' : q === 'tension' && run && v < 0.2 && n.pressure < 0.05 ? 'slack' : '')
     let words = 'at rest'
-    const lim = `limit ${fmt(limit, q === 'tension' ? 0 : 2)}`
+    const lim = `limit ${fmt(limit, Q[q].limit)}`
     if (run) words = q === 'pressure' ? (Number.isFinite(set) ? `set ${fmt(set, 2)} \u00b7 ${lim}` : lim) : q === 'tension' ? `peak ${fmt(high, 1)} \u00b7 ${lim}` : `seen ${fmt(low, 2)} to ${fmt(high, 2)} \u00b7 ${lim}`
     if (run && shape() === 'tripped' && q === 'pressure') words = `highest ${fmt(high, 2)} \u00b7 ${lim}`
     put(e.querySelector('.set'), words)
@@ -279,7 +283,7 @@ function measured () {
   const kind = mode === 'dry' ? 'dry' : 'run'; const key = JSON.stringify([kind, list, lab.parts.dry?.limits, loop.laws?.lines.length])
   if (key === shownMeasured) return
   shownMeasured = key
-  const rows = kind === 'run' ? list.map(m => [m.name, `${fmt(m.value, m.places)}${TS}${m.unit}`]) : (lab.parts.dry?.limits ?? []).map(l => [`Highest ${Q[l.name].name.toLowerCase()}`, `${fmt(l.peak * (factors[l.name] ?? 1), Q[l.name].places)}${TS}${Q[l.name].unit}`])
+  const rows = kind === 'run' ? list.map(m => [m.name, `${fmt(m.value, m.places)}${TS}${m.unit}`]) : (lab.parts.dry?.limits ?? []).map(l => [`Highest ${Q[l.name].name.toLowerCase()}`, l.peak > FAR * l.limit ? `over ${FAR} times the limit` : `${fmt(l.peak * (factors[l.name] ?? 1), Q[l.name].places)}${TS}${Q[l.name].unit}`])
   const title = kind === 'dry' ? 'The dry run expects' : 'Measured on the last cycle'
   $('#meas').innerHTML = `<h2>${title}</h2>${rows.length ? `<dl class="meas">${rows.map(([n, v]) => `<dt>${escape(n)}</dt><dd>${v}</dd>`).join('')}</dl>` : '<p class="small faint">Nothing yet: a cycle has to end first.</p>'}`
   $('.plotc .cap')?.remove()

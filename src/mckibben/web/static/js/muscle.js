@@ -88,7 +88,7 @@ function line (g, colour, width, ...points) {
 }
 
 /** The machine: wall, cell, muscle, rod; every value where it lives. */
-export function drawStage (canvas, W, phone, { muscle, now, limits, range, dry, old }) {
+export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, range, dry, old }) {
   const H = phone ? 150 : 196; const g = sharp(canvas, W, H)
   const x0 = phone ? 40 : 112; const y = phone ? 70 : 88; const room = W - x0 - (phone ? 62 : 66)
   const rest = muscle.rest_length * 100; const most = room / PX / SCALES.at(-1) // what no stage holds is drawn as far as it goes
@@ -116,7 +116,7 @@ export function drawStage (canvas, W, phone, { muscle, now, limits, range, dry, 
   if (!phone) {
     words(g, 'valve', 14, y - 50)
     g.fillStyle = token('--panel'); g.strokeStyle = token('--q-valve'); g.lineWidth = 1.5; g.beginPath(); g.roundRect(46, y - 68, 46, 28, 2); g.fill(); g.stroke()
-    words(g, `${fmt(now.valve, 0)}${TS}%`, 69, y - 50, { size: 12, weight: 600, colour: '--q-valve', align: 'center' })
+    words(g, `${fmt(told.valve, 0)}${TS}%`, 69, y - 50, { size: 12, weight: 600, colour: '--q-valve', align: 'center' })
   }
   fitting(g, x0, y, k, -1)
   const r = drawMuscle(g, muscle, L, k, x0, y, { pressure: P, top })
@@ -128,13 +128,13 @@ export function drawStage (canvas, W, phone, { muscle, now, limits, range, dry, 
   const force = clamp(now.tension / limits.tension, 0, 1.2) * (phone ? 40 : 62)
   const ax = xe + 1.05 * k
   if (force > 2) { line(g, '--q-tension', 4, [ax, y], [ax + force, y]); g.fillStyle = token('--q-tension'); g.beginPath(); g.moveTo(ax + force + 9, y); g.lineTo(ax + force - 2, y - 6.5); g.lineTo(ax + force - 2, y + 6.5); g.fill() }
-  if (now.tension > 0.05) words(g, `${fmt(now.tension, 1)}${TS}N`, Math.min(ax + Math.max(force, 30) / 2, W - 34), y - 12, { size: 12, weight: 600, colour: '--q-tension', align: 'center' })
+  if (now.tension > 0.05) words(g, `${fmt(told.tension, 1)}${TS}N`, Math.min(ax + Math.max(force, 30) / 2, W - 34), y - 12, { size: 12, weight: 600, colour: '--q-tension', align: 'center' })
   lens(g, muscle, L, x0 + L * k * 0.64, y, phone)
   const dx = x0 + L * k * (phone ? 0.14 : 0.3)
   line(g, '--ink', 1, [dx, y - r - 16], [dx, y - r]); line(g, '--ink', 1, [dx, y + r], [dx, y + r + 14])
   g.fillStyle = token('--ink'); g.beginPath(); g.moveTo(dx, y - r); g.lineTo(dx - 3, y - r - 6); g.lineTo(dx + 3, y - r - 6); g.moveTo(dx, y + r); g.lineTo(dx - 3, y + r + 6); g.lineTo(dx + 3, y + r + 6); g.fill()
   words(g, `D${TS}${fmt(braid(muscle, L).diameter, 2)}${TS}cm`, dx + 7, y - r - 8, { size: 12, weight: 600, colour: '--ink' })
-  ruler(g, { x0, yr, xe, y, k, far, rest, L, range, phone })
+  ruler(g, { x0, yr, xe, y, k, far, rest, L: Number.isFinite(told.length) ? told.length : rest, range, phone })
   if (!phone) {
     const ratio = scale === 1 ? `1${TS}:${TS}1` : `1${TS}:${TS}${fmt(1 / scale, (1 / scale) % 1 > 0.01 ? 2 : 0)}`
     words(g, `drawn ${ratio}`, W - 12, H - 6, { align: 'right' })

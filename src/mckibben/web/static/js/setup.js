@@ -6,6 +6,7 @@ import { Q, TS, clamp, escape, fmt, keySign, say } from './words.js'
 const $ = s => document.querySelector(s)
 const LOCK = '<svg class="lock" width="12" height="13" viewBox="0 0 12 13" aria-hidden="true"><path d="M3 6V4a3 3 0 016 0v2" fill="none" stroke="currentColor" stroke-width="1.500"/><rect x="1" y="6" width="10" height="7" rx="1" fill="currentColor"/></svg>'
 const SIGN = '<svg width="13" height="13" aria-hidden="true"><circle cx="6.500" cy="6.500" r="6" fill="none" stroke="currentColor" stroke-width="1.300"/><path d="M6.500 3v4.500M6.500 9v1.500" stroke="currentColor" stroke-width="1.500"/></svg>'
+export const FAR = 10 // times a limit, beyond which only that is said
 export const idle = () => shape() === 'idle' || lab.status?.name === 'By hand'
 const setup = () => lab.parts.setup
 const factor = q => setup()?.units[q]?.factor ?? 1
@@ -120,8 +121,8 @@ export function dryRun () {
   const box = $('#dry')
   if (d.pending) { box.innerHTML = '<h2>Dry run <span class="faint plain">is being made</span></h2><div class="loading"><div class="line"><i></i></div></div>'; return }
   const rows = d.limits.map(l => {
-    const k = factor(l.name); const places = l.name === 'pressure' ? 2 : 1; const over = l.peak > l.limit
-    return `<span class="${Q[l.name].sign}">${Q[l.name].name}</span><span class="share ${Q[l.name].sign}"><i style="width:${Math.min(100, l.share * 100)}%"></i></span><span class="num ${over ? 'over' : ''}">${l.peak > 100 * l.limit ? 'over 100 times' : fmt(l.peak * k, places)} / ${fmt(l.limit * k, l.name === 'pressure' ? 2 : l.name === 'tension' ? 0 : 1)}${TS}${Q[l.name].unit}</span>`
+    const k = factor(l.name); const over = l.peak > l.limit
+    return `<span class="${Q[l.name].sign}">${Q[l.name].name}</span><span class="share ${Q[l.name].sign}"><i style="width:${Math.min(100, l.share * 100)}%"></i></span><span class="num ${over ? 'over' : ''}">${l.peak > FAR * l.limit ? `>${FAR}\u00d7` : fmt(l.peak * k, Q[l.name].places)} / ${fmt(l.limit * k, Q[l.name].limit)}${TS}${Q[l.name].unit}</span>`
   }).join('')
   const first = d.findings[0]
   box.innerHTML = `<h2 class="${d.passed ? '' : 'fails'}">Dry run ${d.passed ? 'passed' : 'fails'} <span class="faint plain">peaks against limits</span>${d.cure && idle() ? `<button class="btn s" id="cure">Use ${escape(say(d.cure.words))}</button>` : ''}</h2><div class="lim">${rows}</div>${first ? `<div class="err" style="margin-top:4px">${SIGN}<span>${escape(say(first.sentence))}${d.cure ? `. ${escape(say(d.cure.sentence))}` : ''}</span></div>` : ''}`

@@ -102,7 +102,7 @@ export class Strips {
     if (limit && limit < high && limit > low) {
       const red = this.trip?.quantity === q
       stroke(ctx, [left, right], [y(limit), y(limit)], { colour: token(red ? '--stop' : '--ink-2'), width: red ? 1.5 : 1, dash: red ? [] : [1, 3] })
-      if (!this.phone) { ctx.fillStyle = token(red ? '--stop-ink' : '--ink-3'); ctx.fillText(red ? `interlock ${fmt(limit, 2)}${TS}${Q[q].unit}` : q === 'tension' ? 'limit of the load cell' : 'limit', left + 6 * px, y(limit) + (red ? -7 : 8) * px) }
+      if (!this.phone) { ctx.fillStyle = token(red ? '--stop-ink' : '--ink-3'); ctx.fillText(red ? `interlock ${fmt(limit, Q[q].limit)}${TS}${Q[q].unit}` : q === 'tension' ? 'limit of the load cell' : 'limit', left + 6 * px, y(limit) + (red ? -7 : 8) * px) }
     }
     if (q === 'flow') stroke(ctx, [left, right], [y(0), y(0)], { colour: token('--edge'), width: 1 })
     this.lines(u, q, low, high)
@@ -112,7 +112,8 @@ export class Strips {
         const yy = clamp(y(clamp(v, low, high)), bbox.top + 5 * px, bbox.top + bbox.height - 3 * px)
         dot(ctx, q, x(t), yy, 4)
         ctx.font = `600 ${(this.phone ? 13 : 15) * px}px ${token('--font')}`; ctx.fillStyle = this.old ? token('--ink-2') : token(`--q-${q}`)
-        ctx.fillText(fmt(v, Q[q].places), right + 10 * px, yy)
+        // the newest value is that of the read-outs, ten times a second; an older stretch has none, but under the cursor
+        if ((!this.held && !this.trip) || this.buffer.end <= this.view.b + 1e-9) ctx.fillText(fmt(this.told?.[q] ?? v, Q[q].places), right + 10 * px, yy)
       }
     }
     if (this.trip) stroke(ctx, [x(this.trip.time), x(this.trip.time)], [0, ctx.canvas.height], { colour: token('--stop'), width: 2 })

@@ -34,9 +34,9 @@ export const clamp = (v, a, b) => Math.max(a, Math.min(b, v))
 export const escape = text => String(text).replace(/[&<>"']/g, c => `&#${c.charCodeAt(0)};`)
 /** What a quantity looks like, on every page. */
 export const Q = {
-  pressure: { name: 'Pressure', sign: 'P', unit: 'bar', places: 2, mark: 'c', dash: [] },
-  tension: { name: 'Tension', sign: 'F', unit: 'N', places: 1, mark: 't', dash: [14, 3] },
-  length: { name: 'Length', sign: 'L', unit: 'cm', places: 2, mark: 's', dash: [7, 4] },
+  pressure: { name: 'Pressure', sign: 'P', unit: 'bar', places: 2, limit: 2, mark: 'c', dash: [] },
+  tension: { name: 'Tension', sign: 'F', unit: 'N', places: 1, limit: 0, mark: 't', dash: [14, 3] },
+  length: { name: 'Length', sign: 'L', unit: 'cm', places: 2, limit: 1, mark: 's', dash: [7, 4] },
   flow: { name: 'Flow', sign: 'q', unit: 'L/min', places: 1, mark: 'd', dash: [2, 3] },
   valve: { name: 'Valve', sign: 'u', unit: '%', places: 0, mark: 'v', dash: [9, 3, 2, 3] }
 }
