@@ -248,13 +248,13 @@ def _check_direction(found: ForceMap, where: str) -> None:
     names = np.zeros(len(found), dtype=int) if found.branch is None else np.unique(found.branch, return_inverse=True)[1]
     for fixed, moving, over in (("length", "pressure", "Pa"), ("pressure", "length", "m")):
         groups = np.stack([getattr(found, fixed), rest, names], axis=1)
-        for key in np.unique(groups, axis=0):
-            member = np.all(groups == key, axis=1)
-            order = np.argsort(getattr(found, moving)[member], kind="stable")
-            tension, at = found.tension[member][order], getattr(found, moving)[member][order]
+        group = np.unique(groups, axis=0, return_inverse=True)[1].ravel()
+        order = np.lexsort((getattr(found, moving), group))
+        for member in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+            tension, at = found.tension[member], getattr(found, moving)[member]
             fall = np.maximum.accumulate(tension) - tension
             if len(tension) > 1 and fall.max() > room:
-                i = int(fall.argmax())
+                i, key = int(fall.argmax()), groups[member[0]]
                 raise InputError(
                     "tension",
                     f"{tension[i]:.4g} N at {with_unit(float(at[i]), over)}",

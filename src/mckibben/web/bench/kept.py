@@ -43,5 +43,9 @@ def kept(going: Going, shelf: Shelf, log: Log, why: str = "") -> dict[str, Any]:
     if why:
         log.say(f"Recorded as {name}, up to the stop.", "done", going.time)
     else:
-        log.say(f"{message[:1].upper()}{message[1:].rstrip('.')}. Recorded as {name}.", "done" if done else "stop", going.time)
+        log.say(
+            f"{message[:1].upper()}{message[1:].rstrip('.')}. Recorded as {name}.",
+            "done" if done else "stop",
+            going.time,
+        )
     return {"file": name, "said": message}

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from ....report.study import Study
 
 STRONG = 7  # curves that are drawn heavy and have their pressure beside them
+SLACK = 400  # lengths without tension that are marked
+MOST_POINTS = 3000  # of a table that are drawn
 GRID = (13, 17)  # pressures and lengths of the surface
 
 
@@ -51,7 +53,7 @@ def drawn(fit: Fit, study: Study, rest: float | None) -> dict[str, Any]:
     heights = np.maximum(tension_grid(law, surface[0], surface[1]), 0.0)
     return {
         "points": _points(fit, taut, cm, bar),
-        "slack": sorted({_short(v * cm) for v in some.length[~some.taut]}),
+        "slack": sorted({_short(v * cm) for v in some.length[~some.taut]})[:: max(1, int((~some.taut).sum()) // SLACK)],
         "curves": [
             {"P": _short(p * bar), "x": _rounded(x * cm), "y": _rounded(y)}
             for p, (x, y) in zip(levels, pulls, strict=True)
@@ -102,9 +104,14 @@ def _law(fit: Fit, taut: np.ndarray) -> Any:
 
 
 def _points(fit: Fit, taut: np.ndarray, cm: float, bar: float) -> list[dict[str, float]]:
-    """Length [cm], pressure [bar], tension and measured less fitted [N] of every taut point."""
-    rows = zip(fit.points.length * cm, fit.points.pressure * bar, fit.points.tension, -fit.error, taut, strict=True)
-    return [{"L": _short(x), "P": _short(p), "F": _short(f), "e": _short(e)} for x, p, f, e, one in rows if one]
+    """Length [cm], pressure [bar], tension and measured less fitted [N] of every taut point, of `MOST_POINTS` at most."""
+    at = np.flatnonzero(taut)
+    if len(at) > MOST_POINTS:  # evenly some, and those with the largest errors
+        worst = at[np.argsort(-np.abs(fit.error[at]))[: MOST_POINTS // 10]]
+        at = np.union1d(at[np.linspace(0, len(at) - 1, MOST_POINTS - len(worst)).astype(int)], worst)
+    columns = (fit.points.length * cm, fit.points.pressure * bar, fit.points.tension, -fit.error)
+    rows = zip(*(column[at] for column in columns), strict=True)
+    return [{"L": _short(x), "P": _short(p), "F": _short(f), "e": _short(e)} for x, p, f, e in rows]
 
 
 def _left(fit: Fit, taut: np.ndarray, cm: float, bar: float) -> list[dict[str, float]]:

@@ -218,7 +218,12 @@ class View:
         with place:
             columns.mapping(self.asked, look, self._change, wrong)
             if wrong is not None:
-                refused(str(wrong))
+                where = (
+                    " Choose it in the table above."
+                    if getattr(wrong, "remedy", "").startswith(("column", "unit"))
+                    else ""
+                )
+                refused(f"{str(wrong).rstrip('.')}.{where}")
             elif points is not None:
                 text("p", reading.used(points, self.asked), "small dim")
         if fresh:

@@ -187,6 +187,9 @@ def _sign(meta: Mapping[str, Any]) -> tuple[str, str]:
     if energy is not None and is_number(energy):
         return "check", f"energy closes, {significant(float(energy), 1)}"
     source = mapping(mapping(meta.get("source")).get("columns"))
+    left = mapping(meta.get("source")).get("left_out")
+    if isinstance(left, list) and left:
+        return "caution", "; ".join(map(str, left))[:300]
     if source:
         return "check", f"{len(source)} channel{'s' if len(source) != 1 else ''} mapped"
     return "check", str(meta.get("message") or "complete")

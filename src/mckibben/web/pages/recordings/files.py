@@ -59,7 +59,7 @@ def imported(path: Path, name: str, target: Path, columns: Mapping[str, str], un
     try:
         read = read_any(path, columns=places or None, units=dict(units) or None, period=step)
     except MckibbenError as error:
-        raise MckibbenError(said_of(error, path, name)) from None
+        raise MckibbenError(f"{said_of(error, path, name).rstrip('.')}.{_hint(error)}") from None
     if path.suffix.lower() in (".nc", ".mcap") and not read.recording.meta.get("source"):
         return Read(True, read.remarks)
     meta = {"title": name if read.recording.meta.get("title") == path.name else read.recording.meta.get("title")}
@@ -75,6 +75,16 @@ def check_kind(name: str) -> None:
     if Path(name).suffix.lower() not in IMPORTED:
         allowed = f"allowed is a name that ends in {', '.join(IMPORTED)}; nothing was stored"
         raise InputError("file", name[:120], allowed)
+
+
+def _hint(error: MckibbenError) -> str:
+    """Where a person can say on the page what the file does not."""
+    what, _, name = str(getattr(error, "remedy", "")).partition(" ")
+    if what == "column":
+        return f" Say it under Columns, such as {name}=2."
+    if what == "unit":
+        return f" Say it under Units, such as {name}=bar."
+    return ""
 
 
 def exported(path: Path, suffix: str) -> tuple[str, bytes, list[str]]:

@@ -4,7 +4,7 @@ import './edit.js'
 import { act, emergency, events, key, lab, link, rate, shape, tell } from './lab.js'
 import { LoopPlot } from './loop.js'
 import { braid, drawStage } from './muscle.js'
-import { FAR, asks, dryRun, hand, idle, machine, mine, protocol } from './setup.js'
+import { asks, dryRun, hand, idle, machine, mine, protocol } from './setup.js'
 import { Strips } from './strips.js'
 import { Q, TS, clamp, escape, fmt, keySign, row, say, token } from './words.js'
 
@@ -280,14 +280,16 @@ function bar (svg, q, v, a, b, set, low, high, limit) {
 let shownMeasured = null
 function measured () {
   const s = status(); const list = s.measured ?? s.ended?.measured ?? []
-  const kind = mode === 'dry' ? 'dry' : 'run'; const key = JSON.stringify([kind, list, lab.parts.dry?.limits, loop.laws?.lines.length])
+  const kind = mode === 'dry' ? 'dry' : 'run'; const key = JSON.stringify([kind, list, lab.parts.dry?.passed, loop.laws?.lines.length])
   if (key === shownMeasured) return
   shownMeasured = key
-  const rows = kind === 'run' ? list.map(m => [m.name, `${fmt(m.value, m.places)}${TS}${m.unit}`]) : (lab.parts.dry?.limits ?? []).map(l => [`Highest ${Q[l.name].name.toLowerCase()}`, l.peak > FAR * l.limit ? `over ${FAR} times the limit` : `${fmt(l.peak * (factors[l.name] ?? 1), Q[l.name].places)}${TS}${Q[l.name].unit}`])
-  const title = kind === 'dry' ? 'The dry run expects' : 'Measured on the last cycle'
-  $('#meas').innerHTML = `<h2>${title}</h2>${rows.length ? `<dl class="meas">${rows.map(([n, v]) => `<dt>${escape(n)}</dt><dd>${v}</dd>`).join('')}</dl>` : '<p class="small faint">Nothing yet: a cycle has to end first.</p>'}`
+  // before a run what is expected, then what was measured; a protocol that does not pass says so in either case
+  $('#meas').hidden = kind === 'dry'
+  $('#dry').hidden = kind === 'run' && lab.parts.dry?.passed === true
+  const rows = list.map(m => [m.name, `${fmt(m.value, m.places)}${TS}${m.unit}`])
+  $('#meas').innerHTML = `<h2>Measured on the last cycle</h2>${rows.length ? `<dl class="meas">${rows.map(([n, v]) => `<dt>${escape(n)}</dt><dd>${v}</dd>`).join('')}</dl>` : '<p class="small faint">Nothing yet: a cycle has to end first.</p>'}`
   $('.plotc .cap')?.remove()
-  $('.plotc').insertAdjacentHTML('afterbegin', `<div class="cap"><span><b class="F">Tension</b>, N, against <b class="L">length</b>, cm</span><span class="faint">thin: the law at ${loop.laws?.lines.length ? `1 to ${loop.laws.lines.length}${TS}bar` : 'each bar'}</span></div>`)
+  $('.plotc').insertAdjacentHTML('afterbegin', `<div class="cap"><span><b class="F">Tension</b>, N, against <b class="L">length</b>, cm</span><span class="faint">thin: the law${loop.laws?.lines.length ? `, 1 to ${loop.laws.lines.length}${TS}bar` : ''}</span></div>`)
 }
 function table () {
   const { a, b } = strips.view; const rows = []; const order = Object.keys(Q)

@@ -6,7 +6,7 @@ import { Q, TS, clamp, escape, fmt, keySign, say } from './words.js'
 const $ = s => document.querySelector(s)
 const LOCK = '<svg class="lock" width="12" height="13" viewBox="0 0 12 13" aria-hidden="true"><path d="M3 6V4a3 3 0 016 0v2" fill="none" stroke="currentColor" stroke-width="1.500"/><rect x="1" y="6" width="10" height="7" rx="1" fill="currentColor"/></svg>'
 const SIGN = '<svg width="13" height="13" aria-hidden="true"><circle cx="6.500" cy="6.500" r="6" fill="none" stroke="currentColor" stroke-width="1.300"/><path d="M6.500 3v4.500M6.500 9v1.500" stroke="currentColor" stroke-width="1.500"/></svg>'
-export const FAR = 10 // times a limit, beyond which only that is said
+const FAR = 10 // times a limit, beyond which only that is said
 export const idle = () => shape() === 'idle' || lab.status?.name === 'By hand'
 const setup = () => lab.parts.setup
 const factor = q => setup()?.units[q]?.factor ?? 1
@@ -28,9 +28,9 @@ export function machine () {
   drawn = key
   const box = $('#muscle')
   if (free) {
-    box.innerHTML = `<h2>Muscle <span class="faint plain">all drawn to one scale, at rest</span></h2><div role="radiogroup" aria-label="Muscle" class="muscles">${s.muscles.map(m => `<label class="sp"><input type="radio" name="muscle" value="${escape(m.id)}" ${m.id === s.muscle ? 'checked' : ''}><span><b>${escape(brief(m))}</b><span class="faint">${fmt(m.rest_length * 100, 1)}${TS}cm</span></span><canvas aria-hidden="true"></canvas></label>`).join('')}</div>`
+    box.innerHTML = `<h2>Muscle <span class="faint plain">all drawn to one scale, at rest</span></h2><div role="radiogroup" aria-label="Muscle" class="muscles">${s.muscles.map(m => `<label class="sp"><input type="radio" name="muscle" value="${escape(m.id)}" ${m.id === s.muscle ? 'checked' : ''}><b>${escape(brief(m))}</b><canvas aria-hidden="true"></canvas><span class="faint">${fmt(m.rest_length * 100, 1)}${TS}cm</span></label>`).join('')}</div>`
     const longest = Math.max(...s.muscles.map(m => m.rest_length * 100))
-    box.querySelectorAll('canvas').forEach((c, i) => small(c, s.muscles[i], 207 / longest, 234))
+    box.querySelectorAll('canvas').forEach((c, i) => small(c, s.muscles[i], 50 / longest, 68))
     box.querySelectorAll('input').forEach(i => { i.onchange = async () => { const a = await asks('muscle', { name: i.value }); if (!a.ok) { drawn = ''; machine() } } })
   } else {
     const m = s.muscles.find(m => m.id === s.muscle); const b = m.braid
@@ -38,14 +38,14 @@ export function machine () {
     small(box.querySelector('canvas'), m, Math.min(15.5, 220 / (m.rest_length * 100)), 258)
   }
   const c = $('#circuit')
-  c.innerHTML = `<h2>${free ? '' : LOCK} Circuit and rig</h2>${picture(s)}${s.machine ? `<p class="small">The real machine at <b>${escape(s.machine)}</b></p>` : ''}${free && !s.machine ? `<div class="field s"><select aria-label="Rig">${s.rigs.map(r => `<option value="${escape(r.name)}" ${r.name === s.rig ? 'selected' : ''}>${escape(r.title)}</option>`).join('')}</select></div>` : `<p class="small dim">${escape(s.rig_title)}.</p>`}`
+  c.innerHTML = `<h2>${free ? '' : LOCK} Circuit and rig ${picture(s)}</h2>${s.machine ? `<p class="small">The real machine at <b>${escape(s.machine)}</b></p>` : ''}${free && !s.machine ? `<div class="field s"><select aria-label="Rig">${s.rigs.map(r => `<option value="${escape(r.name)}" ${r.name === s.rig ? 'selected' : ''}>${escape(r.title)}</option>`).join('')}</select></div>` : `<p class="small dim">${escape(s.rig_title)}.</p>`}`
   const select = c.querySelector('select')
   if (select) select.onchange = async () => { const a = await asks('rig', { name: select.value }); if (!a.ok) { drawn = ''; machine() } }
 }
-const brief = m => m.title.replace(/ of Chou and Hannaford$/, '').replace(/ muscle$/, '').replace(/^Festo (DMSP\S+) fluidic$/, '$1').replace(/ fluidic muscle, any rest length$/, ' fluidic')
+const brief = m => m.title.replace(/ of Chou and Hannaford$/, '').replace(/ muscle$/, '').replace(/^Festo (DMSP\S+) fluidic$/, '$1').replace(/^(Festo .*) fluidic(?: muscle, any rest length)?$/, '$1')
 const picture = s => {
   const plumbing = lab.parts.dry?.plumbing ?? s.plumbing[0]
-  return `<svg width="258" height="34" viewBox="0 0 258 34" role="img" aria-label="Supply, proportional valve, tube, muscle; plumbing ${escape(plumbing)}"><g fill="none" stroke="var(--ink)" stroke-width="1.200"><circle cx="12" cy="17" r="8"/><path d="M12 12l4 7H8z" fill="var(--ink)"/><path d="M20 17H54M102 17h24M218 17h14"/><rect x="54" y="8" width="24" height="18"/><rect x="78" y="8" width="24" height="18"/><path d="M58 22L74 12m0 0l-5 .500m5-.500l-2 4.500M90 26v-8m-4 0h8"/><path d="M126 17c6-10 10 10 16 0s10 10 16 0 10 10 16 0 10 10 16 0 10 10 16 0 6-5 12 0" stroke="var(--q-pressure)" stroke-width="2"/>${plumbing === 'accumulators' ? '<path d="M112 17v9"/><ellipse cx="112" cy="29" rx="8" ry="4"/>' : ''}<rect x="232" y="13" width="22" height="8" rx="3" fill="var(--sunken)"/></g></svg>`
+  return `<svg width="137" height="18" viewBox="0 0 258 34" role="img" aria-label="Supply, proportional valve, tube, muscle; plumbing ${escape(plumbing)}"><g fill="none" stroke="var(--ink)" stroke-width="1.200"><circle cx="12" cy="17" r="8"/><path d="M12 12l4 7H8z" fill="var(--ink)"/><path d="M20 17H54M102 17h24M218 17h14"/><rect x="54" y="8" width="24" height="18"/><rect x="78" y="8" width="24" height="18"/><path d="M58 22L74 12m0 0l-5 .500m5-.500l-2 4.500M90 26v-8m-4 0h8"/><path d="M126 17c6-10 10 10 16 0s10 10 16 0 10 10 16 0 10 10 16 0 10 10 16 0 6-5 12 0" stroke="var(--q-pressure)" stroke-width="2"/>${plumbing === 'accumulators' ? '<path d="M112 17v9"/><ellipse cx="112" cy="29" rx="8" ry="4"/>' : ''}<rect x="232" y="13" width="22" height="8" rx="3" fill="var(--sunken)"/></g></svg>`
 }
 
 // ---------------------------------------------------------------- protocol
