@@ -1,5 +1,6 @@
 """The page Bench in a real Chromium: runs by clicks, stops, set-points by hand, watchers, refusals."""
 
+import re
 import subprocess
 import sys
 
@@ -42,6 +43,8 @@ def bench(visit, status, until):
             assert page.evaluate("window.lab.act('reset')")["ok"]
         until(lambda: status(page)["shape"] == "idle")
         assert page.evaluate("([t]) => window.lab.act('text', {text: t})", [text])["ok"]
+        name = re.search(r'name = "(\w+)"', text)[1]
+        until(lambda: page.evaluate("window.lab.lab.parts.protocol?.name") == name)
         checked = "window.lab.act('say', {line: 'check'}).then(a => a.said.text)"
         until(lambda: "nothing speaks" in page.evaluate(checked), 60.0, "the dry run did not pass")
         until(lambda: page.evaluate("window.lab.lab.parts.dry?.passed === true"))
@@ -284,6 +287,76 @@ def test_a_link_waits_for_the_controls_that_a_page_which_vanished_still_holds(be
     page.context.close()
     other.wait_for_function("window.lab.lab.parts.setup?.muscle === 'fiberglass'")
     assert other.evaluate("window.lab.act('muscle', {name: 'nylon'})")["ok"]
+
+
+def test_a_stop_is_told_once_and_stays_what_ended_the_run_after_a_reset(bench, until, status):
+    page = bench(LONG)
+    clicked(page, until, status, 1.0)
+    page.keyboard.press("Escape")
+    until(lambda: status(page)["shape"] == "tripped" and not status(page).get("running"), 30.0)
+    says(page, "#log", "Recorded as long-", "up to the stop")
+    log = page.evaluate("window.lab.lab.log.map(m => ({time: m.time, text: m.text, number: m.number}))")
+    begun = max(m["number"] for m in log if m["text"].startswith("Started"))
+    run = [m for m in log if m["number"] >= begun]
+    (stop,) = [m for m in run if "emergency stop at" in m["text"].lower()]
+    assert not [m for m in run if "began" in m["text"] and m["number"] > stop["number"]]
+    says(page, "#pl", "ended by the emergency stop")
+    assert page.evaluate("window.lab.act('reset')")["ok"]
+    until(lambda: status(page)["shape"] == "idle")
+    says(page, "#pl", "ended by the emergency stop")
+    # the read-outs, the lanes and the drawing tell the same sample, with the same places
+    shown = page.eval_on_selector_all(
+        "#reads .read", "all => all.map(e => [e.dataset.q, e.querySelector('.val').textContent])"
+    )
+    told = page.evaluate("window.lab.bench.strips.told")
+    for (name, words), places in zip(shown, (2, 1, 2), strict=True):
+        assert float(words) == pytest.approx(told[name], abs=0.5001 * 10.0**-places), name
+
+
+def test_no_number_however_large_stops_a_page_from_answering(bench, visit, status, until):
+    page = bench(
+        SHORT.replace('"0.5 cm"', '"$way"').replace(
+            "[[steps]]", '[parameters.way]\nunit = "m"\nvalue = "0.5 cm"\n[[steps]]', 1
+        )
+    )
+    answer = page.evaluate("window.lab.act('value', {name: 'way', words: '1e9'})")
+    assert not answer["ok"] and "the longest span of the rig" in answer["said"]
+    until(lambda: status(page)["by_hand"] == "ready", 60.0)
+    said = page.evaluate("window.lab.act('set', {length: '1e9 cm'})")
+    assert not said["ok"] and "5 cm to 40 cm" in said["said"]
+    page.evaluate("([t]) => window.lab.act('text', {text: t})", [SHORT.replace("0.5 cm", "1e9 cm")])
+    until(lambda: page.evaluate("window.lab.lab.parts.dry?.passed === false"), 30.0)
+    says(page, "#dry", "span is 1e+09", "the rig allows up to 40")
+    lengths = page.evaluate("window.lab.lab.parts.dry.curves.length")
+    assert max(v for v in lengths if v is not None) < 4.0  # ten times what the rig holds [m]
+    drawn = page.evaluate("window.lab.bench.strips.total")
+    # whatever a server says: one that sends such numbers all the same does not stop the drawing either
+    page.evaluate("""() => { const d = structuredClone(window.lab.lab.parts.dry)
+        d.curves.length = d.curves.length.map(() => 1e7)
+        d.curves.tension = d.curves.tension.map((v, i) => 1e20 * Math.sin(i))
+        d.curves.flow = d.curves.flow.map((v, i) => 1e17 + i * 1e-3)
+        for (const s of d.lane) s.period = 1e-7
+        window.lab.lab.parts.dry = d; window.lab.events.dispatchEvent(new CustomEvent('part', {detail: 'dry'})) }""")
+    until(lambda: page.evaluate("window.lab.bench.strips.total") > drawn)
+    other = visit("/")
+    other.wait_for_function("window.lab.bench && window.lab.bench.strips.total > 0")
+
+
+def test_the_sentence_of_the_longest_protocols_is_wholly_visible(bench, until):
+    page = bench()
+    for name in ("lubricant-test", "work-loop"):
+        page.evaluate("([n]) => window.lab.act('protocol', {name: n})", [name])
+        until(lambda name=name: page.evaluate("window.lab.lab.parts.protocol.name") == name)
+        until(lambda: page.evaluate("window.lab.lab.parts.dry?.passed") is not None, 60.0)
+        says(page, "#sent", "Vent")
+        over = "document.querySelector('#sent').scrollHeight - document.querySelector('#sent').clientHeight"
+        assert page.evaluate(over) <= 0
+        assert (
+            page.evaluate(
+                "document.querySelector('#setup').scrollHeight - document.querySelector('#setup').clientHeight"
+            )
+            <= 0
+        )
 
 
 def test_every_chart_and_control_has_a_name(bench, until):

@@ -116,7 +116,7 @@ def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_besid
     [
         ("pump.exe", b"MZ", "another ending"),
         ("broken.mat", b"MATLAB 5.0 MAT-file" + b"\x07" * 300, "allowed is a MATLAB file"),
-        ("<img src=x onerror=alert(1)>.csv", b"length_m,pressure_bar,force_N\n0.2,1,1\n", "allowed is a plain name"),
+        ("<img src=x onerror=alert(1)>.csv", b"length_m,pressure_bar,force_N\n0.2,1,x\n", "img src-x onerror-alert(1).csv"),
     ],
 )  # fmt: skip
 def test_a_broken_or_foreign_file_is_refused_with_a_sentence(visit, tmp_path, name, data, said):

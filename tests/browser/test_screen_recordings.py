@@ -1,6 +1,7 @@
 """The page Recordings: what it shows is what the recordings hold, and what it does can be undone."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -48,15 +49,15 @@ def test_two_clicks_overlay_two_recordings_with_the_numbers_of_the_analysis(visi
     page = visit("/recordings")
     ready(page)
     line(page, "wide").click()
-    page.wait_for_selector("text=Loop area")
+    page.wait_for_selector("text=Work per cycle")
     line(page, "narrow").click()
     page.wait_for_function("document.querySelectorAll('[aria-label=\"Measured properties\"] th').length === 5")
     until(lambda: page.url.endswith("a=wide.nc&b=narrow.nc"))
     shown = page.eval_on_selector_all(
-        "tbody tr:has-text('Loop area') td[data-value]", "all => all.map(c => +c.dataset.value)"
+        "tbody tr:has-text('Work per cycle') td[data-value]", "all => all.map(c => +c.dataset.value)"
     )
     for value, name in zip(shown, ("wide", "narrow"), strict=True):  # exact: the same function on the same file
-        assert value == 1e3 * loops(read_recording(folder / f"{name}.nc"), length="length", tension="tension")[-1].area
+        assert value == -loops(read_recording(folder / f"{name}.nc"), length="length", tension="tension")[-1].area
     page.wait_for_selector("figure.chart canvas")
     spec = json.loads(page.locator("figure.chart").first.get_attribute("data-chart"))
     assert [one["label"] for one in spec["lines"]] == ["A", "B"] and [one["dash"] for one in spec["lines"]] == [
@@ -108,7 +109,7 @@ def test_a_deleted_recording_comes_back_and_a_renamed_one_keeps_its_kind(visit, 
     made(folder, "spare", 0.005)
     page = visit("/recordings?a=spare.nc")
     ready(page, 4)
-    page.wait_for_selector("text=Loop area")
+    page.wait_for_selector("text=Work per cycle")
     page.keyboard.press("Delete")
     until(lambda: not (folder / "spare.nc").exists())
     page.wait_for_function("!document.querySelector(\"tr[data-name='spare.nc']\")")
@@ -128,7 +129,7 @@ def test_a_deleted_recording_comes_back_and_a_renamed_one_keeps_its_kind(visit, 
 @pytest.mark.parametrize("kind", ["CSV", "MAT"])
 def test_an_exported_recording_reads_back_as_it_was(visit, folder, tmp_path, kind):
     page = visit("/recordings?a=narrow.nc")
-    page.wait_for_selector("text=Loop area")
+    page.wait_for_selector("text=Work per cycle")
     page.get_by_role("group", name="Format").get_by_role("button", name=kind, exact=True).click()
     with page.expect_download(timeout=60_000) as coming:
         page.get_by_role("button", name="Export", exact=True).click()
@@ -151,3 +152,61 @@ def test_a_file_of_others_is_taken_over_once_its_columns_are_named(visit, folder
     until(lambda: (folder / "cell.nc").exists())
     assert read_recording(folder / "cell.nc")["load"][3] == 13.0
     page.wait_for_selector("tr[data-name='cell.nc'].sel")
+
+
+def long_table(path, rows):
+    """Lines of a table as a logger writes it, with a name that is not ASCII."""
+    t = np.arange(rows) * 1e-3
+    columns = (t, 130.0 + 10.0 * np.cos(6.2832 * t), 60.0 + 40.0 * np.sin(6.2832 * t))
+    with open(path, "w") as stream:
+        stream.write("time_s,length_mm,tension_N\n")
+        for part in np.array_split(np.stack(columns, axis=1), max(1, rows // 100_000)):
+            stream.write("\n".join(f"{a:.3f},{b:.5f},{c:.6f}" for a, b, c in part.tolist()) + "\n")
+    return path
+
+
+def test_a_large_file_is_read_beside_the_server_and_can_be_stopped(visit, folder, tmp_path, until):
+    path = long_table(tmp_path / "Kr\u00e4fte.csv", 120_000)  # 3 MB
+    page = visit("/recordings")
+    ready(page)
+    page.get_by_role("button", name="Import file").first.click()
+    page.set_input_files("dialog[open] input[type=file]", path)
+    page.locator("dialog[open] .reading button", has_text="Stop reading").click()
+    page.wait_for_selector("dialog[open] .err:has-text('Reading was stopped.')")
+    assert not (folder / "Kr\u00e4fte.nc").exists()
+    page.locator("dialog[open]").get_by_role("button", name="Import", exact=True).click()
+    until(lambda: (folder / "Kr\u00e4fte.nc").exists(), 60.0)
+    assert len(read_recording(folder / "Kr\u00e4fte.nc")) == 120_000
+    page.wait_for_selector("tr[data-name='Kr\u00e4fte.nc'].sel")
+
+
+def resident(process):
+    """Memory of a process [MB]."""
+    with open(f"/proc/{process}/status") as stream:
+        return next(int(line.split()[1]) / 1024.0 for line in stream if line.startswith("VmRSS"))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="memory is looked up as Linux tells it")
+def test_while_a_file_of_100_mb_is_read_the_stop_answers_at_once_and_memory_comes_back(
+    visit, served, folder, tmp_path, until
+):
+    path = long_table(tmp_path / "long.csv", 3_600_000)
+    bench, page = visit("/", control=True), visit("/recordings")
+    bench.wait_for_function("window.lab.lab.status.by_hand === 'ready'", timeout=120_000)
+    ready(page)
+    stop = """async () => { const t = performance.now(); await window.lab.act('emergency_stop', {reason: 'test'})
+        const ms = performance.now() - t; await window.lab.act('reset'); return ms }"""
+    before = [bench.evaluate(stop) for _ in range(20)]
+    page.get_by_role("button", name="Import file").first.click()
+    memory, late = resident(served.process.pid), []
+    page.set_input_files("dialog[open] input[type=file]", path)
+    until(lambda: late.append(bench.evaluate(stop)) or (folder / "long.nc").exists(), 240.0)
+    # the same as without, on a machine whose cores are busy with reading: the median within twice, none over a second
+    assert np.median(late) < max(2.0 * np.median(before), 100.0) and max(late) < max(1000.0, 2.0 * max(before)), max(
+        late
+    )
+    page.wait_for_selector("tr[data-name='long.nc'].sel", timeout=120_000)
+    page.wait_for_selector("text=Work per cycle", timeout=60_000)
+    # one recording of 82 MB is shown, and what numpy and the page need besides
+    assert resident(served.process.pid) - memory < 250.0
