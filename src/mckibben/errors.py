@@ -98,6 +98,16 @@ class MissingDataError(MckibbenError):
     """Measured data that do not ship with the package were asked for and are not there."""
 
 
+class CacheWarning(UserWarning):
+    """A folder of kept machine code is not used, since other users own it or can write to it."""
+
+    def __init__(self, folder: object, variable: str) -> None:
+        super().__init__(
+            f"The cache folder {folder} is not used, because other users own it or can write to it and the machine code in "
+            f"it is run; take that permission away (chmod go-w), or name another folder with {variable}"
+        )
+
+
 def _shown(value: object) -> str:
     if isinstance(value, str):
         return repr(value)

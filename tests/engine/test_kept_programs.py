@@ -1,9 +1,11 @@
 """Programs and machine code on disk: found again by all that they depend on, and by nothing less."""
 
 import functools
+import hashlib
 import json
 import os
 import shutil
+import stat
 import subprocess
 import sys
 import time
@@ -15,12 +17,15 @@ import pytest
 
 import mckibben
 from mckibben.assembly.build import unit_from_specimen
+from mckibben.cli.app import _keep_compilations as keep_compilations
 from mckibben.components import Module, Scalar, field
 from mckibben.components.system import System
+from mckibben.documents import only_ours
 from mckibben.engine import held, program_key, programs, step
 from mckibben.engine.integration import _outputs, compiled_march
 from mckibben.engine.lowering import disk, from_jax
 from mckibben.engine.native import compiled
+from mckibben.errors import CacheWarning
 from mckibben.muscles.elements import Tendon
 from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
 from mckibben.pneumatics.volume import MovingVolume
@@ -273,3 +278,106 @@ def test_a_run_of_a_type_that_is_not_the_packages_own_is_right_and_kept_by_nobod
         assert run(system, state, (), signals)["v"][-1] == pytest.approx(0.01 * gravity, rel=1e-13)
     assert len(lowered) == 2
     assert not list(folder.glob("*.program"))
+
+
+def forged(file, **changes):
+    """Change what a kept file says, and make its checksum anew, as anyone can who may write it."""
+    whole = file.read_bytes()
+    size = int.from_bytes(whole[32:40], "little")
+    head = json.dumps(json.loads(whole[40 : 40 + size]) | changes).encode()
+    whole = len(head).to_bytes(8, "little") + head + whole[40 + size :]
+    file.write_bytes(hashlib.sha256(whole).digest() + whole)
+
+
+FORGED = {
+    "a function of the system": {"named": "os:system", "parts": ["echo"]},
+    "a function that is built in": {"named": "builtins:exec", "parts": ["called.append(1)"]},
+    "a type of another package": {"named": "subprocess:Popen", "parts": ["echo"]},
+    "a module that is not loaded": {"named": "antigravity:fly", "parts": []},
+    "a function of the package": {"named": "mckibben.documents:write_text", "parts": ["forged.txt", "text"]},
+    "another package through this one": {"named": "mckibben.engine.lowering.disk:os.system", "parts": ["echo"]},
+    "a method of the package's type": {"module": "mckibben.muscles.elements:Tendon.force", "fields": []},
+    "a module of the package that is not loaded": {"named": "mckibben.cli.not_there:Found", "parts": []},
+    "a type that is no tree": {"module": "mckibben.errors:InputError", "fields": []},
+    "a tree with other fields": {"module": "mckibben.muscles.elements:Tendon", "fields": [["__class__", 1.0]]},
+    "a tuple of another length": {"named": "mckibben.engine.lowering.program:Leaf", "parts": [0.0]},
+    "more results than there are": {"tuple": [0.0, 0.0]},
+    "a tree without an end": json.loads("[" * 900 + "]" * 900),
+    "no words at all": {"named": 1.0},
+}
+
+
+@pytest.mark.parametrize("tree", FORGED.values(), ids=FORGED)
+def test_a_kept_program_calls_nothing_that_it_names(folder, lowered, monkeypatch, tmp_path, tree):
+    calls = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(os, "system", calls.append)
+    monkeypatch.setattr(subprocess, "Popen", calls.append)
+    first = tension()
+    (file,) = folder.glob("*.program")
+    good = file.read_bytes()
+    forged(file, tree=tree)
+    assert tension() == first and len(lowered) == 2  # found out, and made anew
+    assert calls == [] and "antigravity" not in sys.modules and os.listdir(tmp_path) == [folder.name]
+    assert file.read_bytes() == good
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="folders have no such permissions there")
+@pytest.mark.parametrize("mode", [0o720, 0o702, 0o777])
+def test_a_folder_that_others_can_write_is_not_used_and_that_is_said_once(folder, lowered, mode):
+    first = tension()
+    names = sorted(p.name for p in folder.iterdir())
+    for file in folder.iterdir():
+        file.unlink()
+    folder.chmod(mode)
+    with pytest.warns(CacheWarning, match=rf"cache folder {folder} is not used.*MCKIBBEN_KERNELS") as said:
+        assert tension() == first
+        assert tension() == first
+    assert len(said) == 1 and not list(folder.iterdir()) and len(lowered) == 3
+    folder.chmod(0o700)
+    assert tension() == first and sorted(p.name for p in folder.iterdir()) == names
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="files have no such permissions there")
+def test_a_file_that_others_can_write_is_made_anew(folder, lowered):
+    first = tension()
+    for file in folder.iterdir():
+        file.chmod(0o622)
+    assert tension() == first and len(lowered) == 2
+    assert {stat.S_IMODE(p.stat().st_mode) for p in folder.iterdir()} == {0o600}
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="folders have no such owners there")
+def test_what_another_user_owns_is_not_ours(tmp_path, monkeypatch):
+    place = tmp_path / "k"
+    assert only_ours(place)  # where there is nothing yet
+    place.mkdir(mode=0o700)
+    about = place.stat()
+    for owner, ours in ((os.geteuid(), True), (0, True), (os.geteuid() + 1, False)):
+        changed = os.stat_result((about.st_mode, *about[1:4], owner, *about[5:10]))
+        monkeypatch.setattr(os, "stat", lambda _, changed=changed: changed)
+        assert only_ours(place) == ours
+        monkeypatch.undo()
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="folders have no such permissions there")
+def test_folders_are_made_for_their_user_alone(tmp_path, monkeypatch):
+    before = os.umask(0)
+    try:
+        monkeypatch.setenv(disk.VARIABLE, str(tmp_path / "a" / "b"))
+        disk.keep(f"{1:040x}.o", b"code", {})
+        monkeypatch.delenv(disk.VARIABLE)
+        monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+        monkeypatch.delitem(sys.modules, "jax")  # as in a process that begins
+        for home in ("c", "d"):
+            monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / home))
+            keep_compilations()
+            assert os.environ.pop("JAX_COMPILATION_CACHE_DIR") == str(tmp_path / home / "mckibben" / "compiled")
+        made = [p for p in tmp_path.rglob("*") if p.is_dir()]
+        assert len(made) == 8 and {stat.S_IMODE(p.stat().st_mode) for p in made} == {0o700}
+        (tmp_path / "d" / "mckibben" / "compiled").chmod(0o777)
+        with pytest.warns(CacheWarning, match=r"compiled is not used.*JAX_COMPILATION_CACHE_DIR"):
+            keep_compilations()
+        assert "JAX_COMPILATION_CACHE_DIR" not in os.environ
+    finally:
+        os.umask(before)

@@ -4,12 +4,14 @@ import random
 import time
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray
 
 from mckibben.errors import InputError
 from mckibben.recordings import outside, read_recording
+from mckibben.recordings.matlab import read_matlab
 from mckibben.recordings.recording import Channel, Recording
 from mckibben.recordings.store import BROKEN_SEAL
 
@@ -83,3 +85,43 @@ def test_a_reader_that_dies_takes_nothing_with_it(archive, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     with pytest.raises(ValueError, match="brought its reader down"):
         outside.read_outside(dies, archive)
+
+
+def test_a_file_beside_the_data_is_not_taken_for_a_module(archive, monkeypatch):
+    (archive.parent / "pickle.py").write_text("open('ran', 'w').close()\nraise SystemExit(1)\n")
+    monkeypatch.chdir(archive.parent)
+    archive.write_bytes(archive.read_bytes() + b"\n")  # its seal is broken: a process of its own reads it
+    assert read_recording(archive) is not None
+    assert not (archive.parent / "ran").exists()
+
+
+def link_outside(file, other):
+    file["linked"] = h5py.ExternalLink(other.name, "/numbers")
+
+
+def raw_numbers_outside(file, other):
+    file.create_dataset("raw", (2,), "f8", external=[(str(other), 0, 16)])
+
+
+def virtual_outside(file, other):
+    layout = h5py.VirtualLayout((2,), "f8")
+    layout[:] = h5py.VirtualSource(other, "numbers", (2,))
+    file.create_virtual_dataset("virtual", layout)
+
+
+@pytest.mark.parametrize("put", [link_outside, raw_numbers_outside, virtual_outside])
+@pytest.mark.parametrize("deep", [False, True])
+def test_numbers_that_lie_in_another_file_are_refused(archive, tmp_path, put, deep):
+    """HDF5 would read them from wherever the file says, as of somebody who has uploaded it."""
+    other = tmp_path / "private.h5"
+    with h5py.File(other, "w") as file:
+        file["numbers"] = [1.0, 2.0]
+    table = archive.with_suffix(".mat")  # version 7.3 is HDF5 behind 512 bytes
+    for place, how in ((archive, {"mode": "r+"}), (table, {"mode": "w", "userblock_size": 512})):
+        with h5py.File(place, **how) as file:
+            put(file.require_group("a/b") if deep else file, other)
+    with pytest.raises(InputError, match="r.nc.*in another file") as caught:
+        read_recording(archive)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="r.mat.*in another file"):
+        read_matlab(table)

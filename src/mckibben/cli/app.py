@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from .. import __version__
-from ..errors import ConvergenceError, MckibbenError
+from ..documents import make_private_folder, only_ours
+from ..errors import CacheWarning, ConvergenceError, MckibbenError
 from . import (
     calibrate,
     circuit_fit,
@@ -79,6 +84,27 @@ def main(arguments: list[str] | None = None) -> None:
         arguments: words after the program's name; those of the process where left out.
     """
     command = typer.main.get_command(app)
+    with warnings.catch_warnings(), _safe_children():
+        warnings.showwarning = _show_warning
+        code = _execute(command, arguments)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+@contextlib.contextmanager
+def _safe_children() -> Iterator[None]:
+    """Processes that a command starts take no module from the folder in which it stands, where somebody's data may lie."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop("PYTHONSAFEPATH")
+        if before is not None:
+            os.environ["PYTHONSAFEPATH"] = before
+
+
+def _execute(command: Any, arguments: list[str] | None) -> Any:
+    """The exit code of a command, whatever happens in it."""
     _keep_compilations()
     try:
         code = command.main(args=arguments, prog_name="mckibben", standalone_mode=False)
@@ -98,16 +124,34 @@ def main(arguments: list[str] | None = None) -> None:
         if not hasattr(error, "format_message"):
             raise
         code = _usage(error)
-    sys.exit(code if isinstance(code, int) else 0)
+    return code
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+    """A warning that is meant for a person as one line; all others as Python shows them."""
+    if issubclass(category, CacheWarning):
+        _complain(str(message), 0)
+    else:
+        sys.stderr.write(warnings.formatwarning(message, category, *where[:2]))
 
 
 def _keep_compilations() -> None:
-    """Let a command find what an earlier one compiled; ``JAX_COMPILATION_CACHE_DIR`` says another place, or none."""
+    """Let a command find what an earlier one compiled; ``JAX_COMPILATION_CACHE_DIR`` says another place, or none.
+
+    They are machine code: a folder that others can change is not used.
+    """
     if "jax" in sys.modules or "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return
     home = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    if os.path.isabs(home):
-        os.environ["JAX_COMPILATION_CACHE_DIR"] = os.path.join(home, "mckibben", "compiled")
+    folder = Path(home, "mckibben", "compiled")
+    if not folder.is_absolute():
+        return
+    if not only_ours(folder):
+        warnings.warn(CacheWarning(folder, "JAX_COMPILATION_CACHE_DIR"), stacklevel=2)
+        return
+    with contextlib.suppress(OSError):  # a home that cannot be written keeps nothing
+        make_private_folder(folder)
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.02")
 
 

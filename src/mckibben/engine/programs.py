@@ -1,14 +1,15 @@
 """Programs that were lowered before, from disk: neither traced nor lowered again.
 
 The structure of a program's results is kept with it, as words and lists: tables, tuples and modules by the places where
-their types stand. What cannot be said so, or has no `program_key`, is lowered anew in every process.
+their types stand. Only types of this package that are loaded are found again, and they are put together without calling
+anything that a file names. What cannot be said so, or has no `program_key`, is lowered anew in every process.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -42,8 +43,10 @@ def _known(file: str) -> tuple[Program, Any] | None:
     try:
         given, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in about[part]] for part in ("arguments", "results"))
         tree = jax.tree.structure(_built(about["tree"]))
+        if tree.num_leaves != len(wanted):
+            return None
         return Program.kept(data, given, wanted, about["title"]), tree
-    except (KeyError, TypeError, ValueError, AttributeError, ImportError):
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
 
 
@@ -86,13 +89,37 @@ def _built(said: Any) -> Any:
         return [_built(v) for v in said["list"]]
     if "tuple" in said:
         return tuple(_built(v) for v in said["tuple"])
-    home, _, name = said["named" if "named" in said else "module"].partition(":")
-    kind: Any = importlib.import_module(home)
-    for part in name.split("."):
-        kind = getattr(kind, part)
     if "named" in said:
-        return kind(*(_built(v) for v in said["parts"]))
+        kind = _own_type(said["named"], tuple)
+        parts = [_built(v) for v in said["parts"]]
+        if len(parts) != len(kind._fields):
+            raise ValueError(said["named"])
+        return tuple.__new__(kind, parts)
+    kind = _own_type(said["module"], Module)
+    fields = {name: _built(v) for name, v in said["fields"]}
+    if list(fields) != [f.name for f in dataclasses.fields(kind)]:
+        raise ValueError(said["module"])
     made = object.__new__(kind)  # its constructor would check numbers, and there are none
-    for field, value in said["fields"]:
-        object.__setattr__(made, field, _built(value))
+    vars(made).update(fields)
     return made
+
+
+def _own_type(place: str, base: type) -> Any:
+    """A type of this package by the place where it stands; nothing is imported, and nothing but a type is found.
+
+    Raises:
+        KeyError: there is no such place, or it is of another package.
+        TypeError: no type stands there, or none of that kind.
+    """
+    home, _, name = place.partition(":")
+    if home.partition(".")[0] != program_key.OWN:
+        raise KeyError(place)
+    found: Any = sys.modules[home]
+    for part in name.split("."):
+        found = vars(found)[part]
+    if not (isinstance(found, type) and issubclass(found, base)) or (found.__module__, found.__qualname__) != (
+        home,
+        name,
+    ):
+        raise TypeError(place)
+    return found

@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import InputError
 from ..extras import library
 from .imports import Given
-from .outside import read_outside
+from .outside import check_self_contained, read_outside
 from .recording import Recording
 from .sidecar import KEY, one_line, retold, told
 from .text import plain_names
@@ -102,6 +102,7 @@ def content(path: str | Path) -> tuple[dict[str, Any], list[str]]:
     """The variables of a file, and the reader's warnings."""
     import pymatreader
 
+    check_self_contained(path)
     with warnings.catch_warnings(record=True) as told_of:
         warnings.simplefilter("always")
         found = pymatreader.read_mat(path)

@@ -21,9 +21,11 @@ DIGEST = 32  # [B]
 PATIENCE = 20.0  # longest time of a reader for a small file [s]
 SPEED = 2e6  # least that it reads beyond that [B/s]
 _BLOCK = 1 << 20
+_ROOT = str(Path(__file__).parents[2])  # where this package is found
 _CHILD = """
 import pickle, sys
 from importlib import import_module
+sys.path.append(sys.argv[4])
 read = getattr(import_module(sys.argv[1]), sys.argv[2])
 try:
     found = True, read(sys.argv[3])
@@ -57,7 +59,8 @@ def read_outside(read: Callable[[str], Any], path: Path) -> Any:
     Raises:
         ValueError: it failed, died or did not come to an end; says which.
     """
-    command = [sys.executable, "-c", _CHILD, read.__module__, read.__name__, str(path)]
+    # -P: not a module that lies beside somebody's data
+    command = [sys.executable, "-P", "-c", _CHILD, read.__module__, read.__name__, str(path), _ROOT]
     patience = PATIENCE + os.path.getsize(path) / SPEED
     try:
         done = subprocess.run(command, capture_output=True, timeout=patience, check=False)
@@ -69,6 +72,35 @@ def read_outside(read: Callable[[str], Any], path: Path) -> Any:
     if not good:
         raise ValueError(found)
     return found
+
+
+def check_self_contained(path: str | os.PathLike[str]) -> None:
+    """Refuse an HDF5 file that takes its numbers from other files: what is read of a file must be what somebody gave.
+
+    Raises:
+        ValueError: names the variable.
+    """
+    import h5py
+
+    if not h5py.is_hdf5(path):
+        return
+    with h5py.File(path, "r") as file:
+        groups, known = [file["/"]], set()
+        while groups:
+            group = groups.pop()
+            for name in group:
+                link = group.get(name, getlink=True)
+                if isinstance(link, h5py.ExternalLink):
+                    raise ValueError(f"{name} lies in another file, {link.filename}")
+                if isinstance(link, h5py.SoftLink):
+                    continue  # what it leads to is met, too
+                found = group[name]
+                if isinstance(found, h5py.Dataset) and (found.external or found.is_virtual):
+                    raise ValueError(f"the numbers of {name} lie in another file")
+                address = h5py.h5o.get_info(found.id).addr
+                if isinstance(found, h5py.Group) and address not in known:
+                    known.add(address)
+                    groups.append(found)
 
 
 def _digest(path: Path, size: int) -> bytes:

@@ -19,7 +19,7 @@ import numpy as np
 from ..documents import write_whole
 from ..errors import InputError
 from .meta import to_json
-from .outside import read_outside, seal, sealed
+from .outside import check_self_contained, read_outside, seal, sealed
 from .recording import Channel, Recording
 from .sidecar import SCHEMA, check_schema, one_line, parsed
 
@@ -118,6 +118,7 @@ def loaded(path: str | Path) -> NetCDF:
     """A netCDF file as it is."""
     import h5netcdf
 
+    check_self_contained(path)
     with h5netcdf.File(path, "r", decode_vlen_strings=True) as file:
         variables = {n: Variable(tuple(v.dimensions), v[...], dict(v.attrs)) for n, v in file.variables.items()}
         return NetCDF(variables, dict(file.attrs))

@@ -12,6 +12,7 @@ from lowered_systems import positions, rubbing
 
 from mckibben.engine.lowering import Program, disk, emit_llvm, machine_code, saving
 from mckibben.engine.native import compiled
+from mckibben.errors import InputError
 
 WITHOUT_JAX = """
 import json, sys
@@ -106,3 +107,44 @@ def test_a_long_program_in_pieces_and_without_pains_gives_the_same_bits(run, tmp
         file.unlink()
     plain = Program.unpacked(run.program.packed).call(leaves, lanes=5)[0]
     np.testing.assert_array_equal(plain, found)
+
+
+def changed(run, change):
+    """A saved program with something else in its file."""
+    content = json.loads(zlib.decompress(run.program.packed))
+    change(content)
+    return zlib.compress(json.dumps(content).encode())
+
+
+def first(content, op):
+    return next(node for node in content["nodes"] if node[0] == op)
+
+
+TEXT = "0)\n  call void @system()\n"
+INJECTED = {
+    "an operation": lambda c: c["nodes"][-1].__setitem__(0, TEXT),
+    "a kind": lambda c: c["nodes"][-1].__setitem__(1, TEXT),
+    "a whole number": lambda c: c["nodes"].append(["const", "int", [], TEXT]),
+    "the place of an element": lambda c: first(c, "load")[3].__setitem__(2, TEXT),
+    "the trips of a loop": lambda c: c["loops"][0].update(trips=TEXT),
+    "the depth of a loop": lambda c: c["loops"][0].update(depth=TEXT),
+    "the kind of a buffer": lambda c: c["buffers"][0].__setitem__(1, TEXT),
+    "the role of a buffer": lambda c: c["buffers"][0].__setitem__(0, TEXT),
+    "the shape of a buffer": lambda c: c["buffers"][0].__setitem__(2, [TEXT]),
+    "a shape that is shorter than its numbers": lambda c: c["buffers"].append(["constant", "real", [1], "", [1, 2], None]),
+    "a result": lambda c: c["results"].append([TEXT, TEXT, []]),
+    "arguments that are none": lambda c: c.update(arguments=[1.0]),
+    "no title": lambda c: c.pop("title"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", INJECTED.values(), ids=INJECTED)
+def test_what_a_graph_cannot_have_is_refused_before_it_becomes_assembly(run, change):
+    with pytest.raises(InputError, match="allowed is a file that Program.save wrote"):
+        Program.unpacked(changed(run, change), "forged.kernel")
+
+
+def test_a_program_nested_without_end_is_refused():
+    for data in (b"[" * 100_000, b'{"schema":1,"nodes":' + b"[" * 100_000):
+        with pytest.raises(InputError, match="forged.kernel: program is 'unreadable'"):
+            Program.unpacked(zlib.compress(data), "forged.kernel")

@@ -3,11 +3,15 @@
 The folder is the user's cache folder, or the one that MCKIBBEN_KERNELS names; "off" keeps nothing. A file is named by a hash
 of everything its content depends on. It is written beside its place and moved there whole, so that neither a process that
 dies nor a second one that does the same leaves half a file; what is damaged all the same is made anew.
+
+What is kept is machine code, and whoever can write it can run anything. Only a folder and files that nobody but this user
+(or the administrator) owns and can write are used; the checksum finds damage, not malice.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import json
 import os
@@ -15,9 +19,13 @@ import re
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from ...documents import make_private_folder, only_ours
+from ...errors import CacheWarning
 
 VARIABLE = "MCKIBBEN_KERNELS"
 LIMIT = 256 * 1024 * 1024  # bytes of the folder; beyond it, what was not used for longest goes
@@ -27,7 +35,22 @@ _OURS = re.compile(r"[0-9a-f]{40}\.(o|program)|part-\w+")
 
 
 def folder() -> Path | None:
-    """Where files are kept, or None."""
+    """Where files are kept; None where nothing is to be kept, or where others could change it (with a warning)."""
+    at = _place()
+    if at is None or only_ours(at):
+        return at
+    _warn(at)
+    return None
+
+
+@functools.cache
+def _warn(at: Path) -> None:
+    """Say once that a folder is not used."""
+    warnings.warn(CacheWarning(at, VARIABLE), stacklevel=4)
+
+
+def _place() -> Path | None:
+    """The folder that is named, or the user's."""
     named = os.environ.get(VARIABLE)
     if named == "off":
         return None
@@ -47,8 +70,11 @@ def found(file: str) -> tuple[bytes, dict[str, Any]] | None:
     at = folder()
     if at is None:
         return None
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-        whole = (at / file).read_bytes()
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
+        with open(at / file, "rb") as stream:
+            if not only_ours(stream.fileno()):
+                return None
+            whole = stream.read()
         if hashlib.sha256(whole[32:]).digest() == whole[:32]:
             size = int.from_bytes(whole[32:40], "little")
             about = json.loads(whole[40 : 40 + size])
@@ -66,7 +92,7 @@ def keep(file: str, data: bytes, about: dict[str, Any]) -> None:
     head = json.dumps(about).encode()
     whole = len(head).to_bytes(8, "little") + head + data
     with contextlib.suppress(OSError):
-        at.mkdir(parents=True, exist_ok=True)
+        make_private_folder(at)
         with tempfile.NamedTemporaryFile(dir=at, prefix="part-", delete=False) as part:
             part.write(hashlib.sha256(whole).digest() + whole)
         os.replace(part.name, at / file)

@@ -99,7 +99,7 @@ class Program:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Program:
-        """Read it from a file.
+        """Read it from a file, which is to be trusted as a program is: what it does when it is run is machine code.
 
         Raises:
             InputError: if there is none, or it is no program of this release's schema.

@@ -1,4 +1,8 @@
-"""A graph as plain lists, and back: what a saved program holds. No pickle, so that reading a file runs nothing."""
+"""A graph as plain lists, and back: what a saved program holds. No pickle, so that reading a file runs nothing.
+
+Words and numbers of a file become part of the text that LLVM compiles, so only operations, kinds and whole numbers that a
+graph can have are read. What the program does when it is run stays its own: it may read and write any memory, as any program.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,12 @@ from ...errors import InputError
 from .graph import Buffer, Graph, Loop, Node, Store
 
 SCHEMA = 1
+KINDS = frozenset({"real", "int", "bool"})
+ROLES = frozenset({"argument", "result", "constant", "scratch"})
+OPS = frozenset(
+    "const index phi end done table load add sub mul div max min neg abs sqrt floor ceil round fma rcp exp expm1 log log1p sin"
+    " cos pow quot rem shl shr iand and or xor not lt le eq ne select real int bits unbits given invert item".split()
+)
 PIECE = 500  # entries of a list that are written at once
 
 
@@ -38,13 +48,15 @@ def unpacked(data: bytes, where: str) -> tuple[Graph, dict[str, Any]]:
     try:
         content = json.loads(zlib.decompress(data))
         schema = content["schema"]
-    except (zlib.error, ValueError, KeyError, TypeError):
+    except (zlib.error, ValueError, KeyError, TypeError, RecursionError):
         raise InputError("program", "unreadable", "allowed is a file that Program.save wrote", where=where) from None
     if schema != SCHEMA:
         raise InputError("schema", schema, f"this release reads {SCHEMA}", where=where)
     try:
-        return _Reader(content).graph(), {k: content[k] for k in ("arguments", "results", "title")}
-    except (KeyError, IndexError, ValueError, TypeError):
+        more = {part: [[str(n), k if k is None else _one_of(KINDS, k), _wholes(s)] for n, k, s in content[part]]
+                for part in ("arguments", "results")}  # fmt: skip
+        return _Reader(content).graph(), {**more, "title": str(content["title"])}
+    except (KeyError, IndexError, ValueError, TypeError, AttributeError):
         raise InputError("program", "damaged", "allowed is a file that Program.save wrote", where=where) from None
 
 
@@ -98,6 +110,19 @@ def _store(s: Store) -> list[Any]:
     return [s.buffer.serial, s.scale, s.offset, None if s.index is None else s.index.serial, s.value.serial, s.adds]
 
 
+def _one_of(known: frozenset[str], word: Any) -> str:
+    if not isinstance(word, str) or word not in known:
+        raise ValueError(word)
+    return word
+
+
+def _wholes(values: list[Any]) -> list[int]:
+    """Whole numbers, and nothing that would be written otherwise."""
+    if any(type(v) is not int for v in values):
+        raise ValueError(values)
+    return values
+
+
 class _Reader:
     def __init__(self, content: dict[str, Any]) -> None:
         self.content, self.out = content, Graph()
@@ -105,13 +130,19 @@ class _Reader:
     def graph(self) -> Graph:
         g, content = self.out, self.content
         for role, kind, shape, name, data, _ in content["buffers"]:
-            g.buffer(role, kind, shape, name, None if data is None else np.array([float(v) for v in data]))
-        g.loops = [Loop(k, x["depth"], x["trips"] or 0) for k, x in enumerate(content["loops"])]
+            numbers = None if data is None else np.array([float(v) for v in data])
+            made = g.buffer(_one_of(ROLES, role), _one_of(KINDS, kind), _wholes(shape), str(name), numbers)
+            if min(shape, default=0) < 0 or (numbers is not None and numbers.size != made.size):
+                raise ValueError(shape)
+        g.loops = [Loop(k, *_wholes([x["depth"], x["trips"] or 0])) for k, x in enumerate(content["loops"])]
         for buffer, row in zip(g.buffers, content["buffers"], strict=True):
             if row[5]:
                 inside, offset, loop, by = row[5]
+                _wholes([offset, by])
                 buffer.within = (g.buffers[inside], offset, None if loop is None else g.loops[loop], by)
         for op, kind, args, attr in content["nodes"]:
+            if op not in OPS or (kind not in KINDS and kind != "token"):
+                raise ValueError(op)
             node = Node(op, tuple(g.nodes[a] for a in args), self.attr(op, kind, attr), kind, len(g.nodes))
             g.nodes.append(node)
         for loop, saved in zip(g.loops, content["loops"], strict=True):
@@ -128,16 +159,23 @@ class _Reader:
     def attr(self, op: str, kind: str, attr: Any) -> Any:
         g = self.out
         if op == "const":
-            return float(attr) if kind == "real" else attr
+            return float(attr) if kind == "real" else bool(attr) if kind == "bool" else int(attr)
         if op == "load":
-            return (g.buffers[attr[0]], *attr[1:])
+            inside, scale, offset = _wholes(attr)
+            return g.buffers[inside], scale, offset
         if op in ("index", "done"):
             return g.loops[attr]
         if op in ("phi", "end"):
-            return g.loops[attr[0]], attr[1]
-        return g.buffers[attr] if op == "table" else attr
+            loop, place = _wholes(attr)
+            return g.loops[loop], place
+        if op == "table":
+            return g.buffers[attr]
+        return None if attr is None else _wholes([attr])[0]
 
     def store(self, row: list[Any]) -> Store:
         buffer, scale, offset, index, value, adds = row
+        _wholes([scale, offset])
         g = self.out
-        return Store(g.buffers[buffer], scale, offset, None if index is None else g.nodes[index], g.nodes[value], adds)
+        return Store(
+            g.buffers[buffer], scale, offset, None if index is None else g.nodes[index], g.nodes[value], bool(adds)
+        )

@@ -165,7 +165,8 @@ def exported(found: Table) -> bytes:
     """The table as CSV, every digit; the published range of biological muscle at the end."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    names = [c.name for c in found.columns]
+    # A spreadsheet takes what begins with =, + or @ for a formula.
+    names = [c.name if c.name[:1].isalnum() else f"'{c.name}" for c in found.columns]
     writer.writerow(["property", "name", "unit", *names, "biological low", "biological high", "biological sources"])
     for row in found.rows():
         ends = row.shown_range()

@@ -82,7 +82,7 @@ def from_link(words: Mapping[str, str]) -> Asked | None:
 def _pairs(text: str) -> tuple[tuple[str, str], ...]:
     try:
         found = json.loads(text) if text else {}
-    except ValueError:
+    except (ValueError, RecursionError):
         return ()
     return tuple(sorted((str(k), str(v)) for k, v in found.items())) if isinstance(found, dict) else ()
 
