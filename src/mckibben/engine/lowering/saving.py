@@ -1,7 +1,7 @@
 """A graph as plain lists, and back: what a saved program holds. No pickle, so that reading a file runs nothing.
 
 Words and numbers of a file become part of the text that LLVM compiles, so only operations, kinds and whole numbers that a
-graph can have are read. What the program does when it is run stays its own: it may read and write any memory, as any program.
+graph can have are read. What the program does when it is run stays its own: it can read and write any memory.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ SCHEMA = 1
 KINDS = frozenset({"real", "int", "bool"})
 ROLES = frozenset({"argument", "result", "constant", "scratch"})
 OPS = frozenset(
-    "const index phi end done table load add sub mul div max min neg abs sqrt floor ceil round fma rcp exp expm1 log log1p sin"
-    " cos pow quot rem shl shr iand and or xor not lt le eq ne select real int bits unbits given invert item".split()
+    "const index phi end done table load add sub mul div max min neg abs sqrt floor ceil round fma rcp exp expm1 log log1p"
+    " sin cos pow quot rem shl shr iand and or xor not lt le eq ne select real int bits unbits given invert item".split()
 )
 PIECE = 500  # entries of a list that are written at once
 
