@@ -1,11 +1,16 @@
 """A file is written whole, or what stood there stays; whoever reads meets one or the other."""
 
+import json
 import os
+import re
 import threading
+import time
+from pathlib import Path
 
 import pytest
 
-from mckibben.documents import read_text, write_text, write_whole
+import mckibben
+from mckibben.documents import DEEPEST, parse_json, parse_toml, read_text, read_toml, write_text, write_whole
 from mckibben.errors import InputError
 
 
@@ -53,3 +58,87 @@ def test_no_folder_and_a_folder_in_the_place_are_said_in_a_line(tmp_path):
     with pytest.raises(InputError, match=r"report is .*b.txt.* cannot be written"):
         write_text(tmp_path / "b.txt", "", field="report")
     assert os.listdir(tmp_path) == ["b.txt"]
+
+
+DEEP = 5_000
+NESTED = {
+    "a table's name": "[" + ".".join("a" * DEEP) + "]\n",
+    "a name with quotes and blanks": "[" + ' . "a.b" '.join("a" * DEEP) + "]\n",
+    "a key": ".".join("a" * DEEP) + " = 1\n",
+    "tables one below the other": "".join(f"[{'.'.join('a' * n)}]\n" for n in range(1, 1_000)),
+    "lists": "a = " + "[" * DEEP + "]" * DEEP + "\n",
+    "lists that do not end": "a = " + "[" * DEEP,
+    "tables in lines": "a = " + "{a = " * DEEP + "1" + "}" * DEEP + "\n",
+    "keys in tables in lists": "a.b.c.d.e.f = [" + "{a.b.c.d.e.f.g.h = [" * 10 + "]}" * 10 + "]\n",
+}
+
+
+@pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
+def test_what_is_nested_too_deeply_is_refused_at_once(text):
+    begun = time.process_time()
+    with pytest.raises(InputError, match=f"x.toml: rig is 'nested too deeply'; allowed are {DEEPEST} tables and lists"):
+        parse_toml(text, where="x.toml", field="rig")
+    # measured: 3 ms at most; a second, for other work may run beside it. Python's own parser takes 0.7 s for the fourth
+    assert time.process_time() - begun < 1.0
+
+
+def test_signs_in_strings_and_comments_make_nothing_deep():
+    signs = "[{." * DEEP
+    lines = [
+        f'a = "{signs}"', f"b = '{signs}'", f'c = """{signs}\n\\"""\n{signs}"""""', f"d = '''{signs}\n{signs}'''''",
+        f"e = 1 # {signs}\"'", f'"{signs}" = 1', f"f = [{', '.join(['1.5'] * DEEP)}]", "g = [{h = 1}, {h = [1]}]", "i = ''",
+    ]  # fmt: skip
+    assert len(parse_toml("\n".join(lines), where="x.toml")) == len(lines)
+
+
+def test_as_many_levels_as_are_allowed_are_read():
+    for wide in (0, 1):  # one key counts as a level
+        n = DEEPEST - 1 + wide
+        texts = [
+            "a = " + "[" * n + "]" * n,
+            ".".join("a" * (n + 1)) + " = 1",
+            json.dumps({"a": json.loads("[" * n + "]" * n)}),
+        ]
+        for read, text in zip((*[lambda t: parse_toml(t, where="x")] * 2, parse_json), texts, strict=True):
+            if wide:
+                with pytest.raises(ValueError, match=str(DEEPEST)):
+                    read(text)
+            else:
+                read(text)
+
+
+def test_json_is_bounded_too():
+    for text in ("[" * 200_000, '{"a":' * 200_000, '"\\"[' * DEEP, "1" * 5_000):
+        with pytest.raises(ValueError):
+            parse_json(text)
+    assert parse_json(json.dumps(["[" * 200_000, [[]] * 1_000])) == ["[" * 200_000, [[]] * 1_000]
+    assert parse_json(b"[1]") == [1]
+
+
+def test_a_file_that_is_too_long_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("mckibben.documents.LONGEST", 1 << 20)
+    for place in (tmp_path / "long.toml", "/dev/zero"):
+        if place != "/dev/zero":
+            place.write_bytes(b"a" * ((1 << 20) + 1))
+        elif not os.path.exists(place):
+            continue
+        with pytest.raises(InputError, match="it is too long; allowed are 1 MiB"):
+            read_toml(place)
+    with pytest.raises(InputError, match="too long"):
+        parse_toml("#" * ((1 << 20) + 1), where="x.toml")
+
+
+def test_toml_and_json_are_parsed_in_one_place():
+    """There the bounds are. A saved program is not bounded: it may be long, and is trusted as a program is."""
+    root = Path(mckibben.__file__).parent
+    parsing = re.compile(
+        r"tomllib\.loads?\(|tomlkit\.(parse|loads?)\(|json\.loads?\(|pickle\.loads?\(|\beval\(|\bexec\("
+    )
+    found = {str(p.relative_to(root)) for p in root.rglob("*.py") if parsing.search(p.read_text(encoding="utf-8"))}
+    assert found == {
+        "documents.py",
+        "engine/lowering/saving.py",
+        "engine/programs.py",  # its own words, just written
+        "recordings/outside.py",  # from a process that it has started
+        "batch/distribute.py",  # likewise, and between machines of one cluster
+    }

@@ -1,16 +1,33 @@
-"""Files: read whole, or one clear line; written whole, or as they were."""
+"""Files: read whole, or one clear line; written whole, or as they were.
+
+TOML and JSON of any origin are parsed here and nowhere else, within bounds of length and depth: parsers, and whatever walks
+through what they give, need more than proportional time for deep trees, and end in errors of Python's stack.
+"""
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import secrets
 import stat
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from .errors import InputError
+
+LONGEST = 8 << 20  # of a text of TOML [B]; long tables of numbers stand in files of their own
+DEEPEST = 64  # tables and lists inside of one another
+
+# What decides how deep a text is: brackets and, in TOML, the dots of a key; not what stands in strings and comments.
+_TOML = re.compile(
+    r'''"""(?:\\.|[^\\])*?"{3,5}|"(?:\\.|[^"\\\n])*"|'{3}.*?'{3,5}|'[^'\n]*'|\#[^\n]*'''
+    r"""|(?P<open>[\[{])|(?P<close>[\]}])|(?P<dot>\.)|(?P<end>[\n=,])|(?P<lost>["'])""",
+    re.DOTALL,
+)
+_JSON = re.compile(r""""(?:\\.|[^"\\])*"|(?P<open>[\[{])|(?P<close>[\]}])|(?P<lost>")""", re.DOTALL)
 
 
 def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
@@ -25,7 +42,11 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
     """
     where = os.fspath(path)
     try:
-        return Path(path).read_bytes().decode("utf-8")
+        with open(path, "rb") as stream:
+            data = stream.read(LONGEST + 1)
+        if len(data) > LONGEST:
+            raise InputError(field, where, f"it is too long; allowed are {LONGEST >> 20} MiB")
+        return data.decode("utf-8")
     except IsADirectoryError:
         raise InputError(field, where, "it is a folder; allowed is a TOML file") from None
     except FileNotFoundError:
@@ -40,12 +61,72 @@ def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, Any]:
     """The tables of a text.
 
     Raises:
-        InputError: says where it is no TOML.
+        InputError: says where it is no TOML, or that it is too long or nested too deeply.
     """
+    if len(text) > LONGEST:
+        raise InputError(field, "too long", f"allowed are {LONGEST >> 20} MiB", where=where)
     try:
-        return tomllib.loads(text)
+        if not _is_deep(text, _TOML):
+            document = tomllib.loads(text)
+            if not _holds_deep(document):
+                return document
     except (ValueError, RecursionError) as error:  # a number of 5,000 digits is a plain ValueError
         raise InputError(field, "not TOML", str(error), where=where) from None
+    raise InputError(
+        field, "nested too deeply", f"allowed are {DEEPEST} tables and lists inside of one another", where=where
+    )
+
+
+def parse_json(text: str | bytes, **options: Any) -> Any:
+    """The value of a text of JSON.
+
+    Args:
+        text: of any length; whoever takes it from outside bounds that.
+        **options: of `json.loads`.
+
+    Raises:
+        ValueError: it is none, or nested too deeply.
+    """
+    if isinstance(text, bytes):
+        text = text.decode("utf-8")
+    if text.count("[") + text.count("{") > DEEPEST and _is_deep(text, _JSON):
+        raise ValueError(f"more than {DEEPEST} lists and objects inside of one another")
+    return json.loads(text, **options)
+
+
+def _is_deep(text: str, tokens: re.Pattern[str]) -> bool:
+    """Whether brackets or the dots of a key go too deep; what follows a string without an end is the parser's to refuse."""
+    depth = dots = 0
+    for token in tokens.finditer(text):
+        kind = token.lastgroup
+        if kind == "open":
+            depth, dots = depth + 1, 0
+        elif kind == "close":
+            depth -= 1
+        elif kind == "dot":
+            dots += 1
+        elif kind == "end":
+            dots = 0
+        elif kind == "lost":
+            return False
+        if depth > DEEPEST or dots >= DEEPEST:
+            return True
+    return False
+
+
+def _holds_deep(document: Any) -> bool:
+    """Whether tables and lists go too deep, as dotted keys within tables within tables can."""
+    level = [document]
+    for _ in range(DEEPEST):
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, Mapping) else outer)
+            if isinstance(inner, Mapping | list)
+        ]
+        if not level:
+            return False
+    return True
 
 
 def read_toml(path: str | os.PathLike[str], *, field: str = "file") -> dict[str, Any]:

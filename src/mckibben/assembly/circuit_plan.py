@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..components import Environment, paths
+from ..documents import parse_toml
 from ..engine import Signal, fastest_rate, held, ramped
 from ..engine.rates import RK4_LIMIT
 from ..errors import InputError
@@ -240,6 +240,6 @@ def _toml(value: Any) -> Any:
     if not isinstance(value, str):
         return value
     try:
-        return tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        return parse_toml(f"value = {value}", where="--set")["value"]
+    except InputError:
         return value

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 import re
 from collections.abc import Callable, Mapping
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..documents import read_text
+from ..documents import parse_json, read_text
 from ..errors import InputError
 from ..identification.fit import Fit
 from ..quantities import declared
@@ -87,7 +86,7 @@ def of_json(
     """
     where = os.fspath(path)
     try:
-        fits = json.loads(read_text(path, field="posterior.fit"))["fits"]
+        fits = parse_json(read_text(path, field="posterior.fit"))["fits"]
         names = [f["law"] for f in fits]
         one = fits[names.index(law or names[0])]
         given: Mapping[str, Mapping[str, Any]] = one["parameters"]

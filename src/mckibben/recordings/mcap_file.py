@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 from datetime import datetime
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..documents import parse_json
 from ..errors import InputError
 from .live_log import CDR, END, EVENTS, HEAD, TOPIC, LiveLog
 from .mcap_records import (
@@ -161,7 +161,7 @@ def _samples(chunk: memoryview, first: Record) -> tuple[np.ndarray, int]:
 
 def _event(data: bytes) -> list[dict[str, Any]]:
     try:
-        told = json.loads(data)
+        told = parse_json(data)
         return [{"time": float(told["time"]), "text": str(told["text"])}]
     except (ValueError, TypeError, KeyError, RecursionError):
         return []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import struct
 from collections.abc import Mapping
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..documents import parse_json
 from ..errors import InputError
 from .imports import Given
 from .mcap_records import CHANNEL, CHUNK, MESSAGE, SCHEMA, Form, Hole, Record, Topic, form_of, inside, records, topic_of
@@ -95,7 +95,7 @@ def _from_json(found: list[bytes]) -> dict[str, np.ndarray] | str:
     rows: list[dict[str, float | bool]] = []
     for data in found:
         try:
-            told = json.loads(data)
+            told = parse_json(data)
         except (ValueError, RecursionError):
             return "a message is no JSON"
         rows.append(dict(_numbers(told, "") if isinstance(told, Mapping) else []))

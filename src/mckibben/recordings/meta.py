@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NoReturn
 
+from ..documents import parse_json
 from ..errors import InputError
 
 # {"$float": "nan"} stands for a number that JSON has no word for; keys that begin with $ are kept for this.
@@ -72,7 +73,7 @@ def to_json(meta: Mapping[str, Any], *, ascii_only: bool = False) -> str:
 
 def from_json(text: str) -> Any:
     """What `to_json` wrote."""
-    return json.loads(text, object_hook=lambda found: float(found[_MARK]) if _MARK in found else found)
+    return parse_json(text, object_hook=lambda found: float(found[_MARK]) if _MARK in found else found)
 
 
 def _marked(value: Any) -> Any:

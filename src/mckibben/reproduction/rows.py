@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import functools
-import tomllib
 from collections.abc import Callable
 from decimal import ROUND_HALF_UP, Decimal
 from importlib import resources
 from typing import Any, NamedTuple, TypeVar
 
+from ..documents import parse_toml
 from ..errors import InputError
 from ..quantities import from_si
 
@@ -112,7 +112,7 @@ def reproduces(
 def all_rows() -> tuple[Row, ...]:
     """Every printed number, in the order of the papers."""
     text = (resources.files(__package__) / "rows.toml").read_text(encoding="utf-8")
-    return tuple(_row(entry) for entry in tomllib.loads(text)["row"])
+    return tuple(_row(entry) for entry in parse_toml(text, where="rows.toml")["row"])
 
 
 def select(part: str | None = None, identifiers: list[str] | None = None) -> list[Row]:

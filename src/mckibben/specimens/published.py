@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import functools
 import math
-import tomllib
 from importlib import resources
 from typing import Any, NamedTuple
 
+from ..documents import parse_toml
 from ..errors import InputError
 
 SCHEMA = 1
@@ -52,10 +52,7 @@ def published_ranges(name: str = "biological") -> dict[str, PublishedRange]:
 
 def read_ranges(text: str, *, where: str) -> dict[str, PublishedRange]:
     """The ranges of a file's text; raises `InputError` with the file, the entry and what is allowed."""
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError("file", "not TOML", str(error), where=where) from None
+    document = parse_toml(text, where=where)
     if document.get("schema") != SCHEMA:
         raise InputError(
             "schema", document.get("schema", "missing"), f"this version reads schema {SCHEMA}", where=where

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from ..documents import parse_json
 from .identity import PageRegistry
 from .laboratory import Laboratory
 
@@ -211,7 +212,7 @@ def _key(toasts: list[dict[str, Any]]) -> list[Any]:
 def _read(text: str) -> dict[str, Any]:
     """An object of JSON; nothing where it is something else."""
     try:
-        found = json.loads(text[:LONGEST])
+        found = parse_json(text[:LONGEST])
     except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -24,7 +24,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ...documents import make_private_folder, only_ours
+from ...documents import make_private_folder, only_ours, parse_json
 from ...errors import CacheWarning
 
 VARIABLE = "MCKIBBEN_KERNELS"
@@ -77,7 +77,7 @@ def found(file: str) -> tuple[bytes, dict[str, Any]] | None:
             whole = stream.read()
         if hashlib.sha256(whole[32:]).digest() == whole[:32]:
             size = int.from_bytes(whole[32:40], "little")
-            about = json.loads(whole[40 : 40 + size])
+            about = parse_json(whole[40 : 40 + size])
             with contextlib.suppress(OSError):
                 os.utime(at / file)  # used now
             return whole[40 + size :], about

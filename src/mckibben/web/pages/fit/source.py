@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ....documents import parse_json
 from ....errors import InputError
 from ...laboratory import Laboratory
 from ...reader import check_rows
@@ -81,7 +82,7 @@ def from_link(words: Mapping[str, str]) -> Asked | None:
 
 def _pairs(text: str) -> tuple[tuple[str, str], ...]:
     try:
-        found = json.loads(text) if text else {}
+        found = parse_json(text) if text else {}
     except (ValueError, RecursionError):
         return ()
     return tuple(sorted((str(k), str(v)) for k, v in found.items())) if isinstance(found, dict) else ()
