@@ -6,6 +6,8 @@ through what they give, need more than proportional time for deep trees, and end
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import re
@@ -186,10 +188,96 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[Path], object], *
             os.fsync(stream.fileno())
         os.replace(part, path)
     except OSError as error:
-        raise InputError(field, str(path), f"it cannot be written ({error.strerror or error})") from None
+        why = " ".join((error.strerror or str(error)).split())
+        raise InputError(field, str(path), f"it cannot be written ({why})") from None
+    except InputError as error:
+        if error.value == str(part):  # nobody knows that name
+            raise InputError(field, str(path), error.allowed) from None
+        raise
     finally:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
     return path
+
+
+class ErrorKeepingFile(io.RawIOBase):
+    """A new file for libraries that cannot bear an error: it keeps the first one, and forgets all that is written after it.
+
+    HDF5 brings its process down when it cannot close a file; polars and matplotlib's PDF do not say that the disk is full.
+    Whoever closes this file is told.
+
+    Args:
+        path: of the file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._file = open(path, "wb+", buffering=0)
+        self._at = self._end = 0
+        self.error: OSError | None = None
+
+    def readable(self) -> bool:
+        """It is."""
+        return True
+
+    def writable(self) -> bool:
+        """It is."""
+        return True
+
+    def seekable(self) -> bool:
+        """It is."""
+        return True
+
+    def write(self, data: Any) -> int:
+        """Write, or do as if."""
+        view = memoryview(data).cast("B")
+        done = 0
+        while done < len(view) and self.error is None:
+            try:
+                self._file.seek(self._at + done)
+                done += self._file.write(view[done:]) or 0
+            except OSError as error:
+                self.error = error
+        self._at += len(view)
+        self._end = max(self._end, self._at)
+        return len(view)
+
+    def readinto(self, buffer: Any) -> int:
+        """What stands there; zeros where writing failed."""
+        view = memoryview(buffer).cast("B")
+        view[:] = bytes(len(view))
+        self._file.seek(self._at)
+        size = min(len(view), max(self._end - self._at, 0))
+        self._file.readinto(view[:size])
+        self._at += size
+        return size
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place."""
+        self._at = offset + (0, self._at, self._end)[whence]
+        return self._at
+
+    def tell(self) -> int:
+        """The place."""
+        return self._at
+
+    def truncate(self, size: int | None = None) -> int:
+        """Make it as long as that."""
+        self._end = self._at if size is None else size
+        if self.error is None:
+            try:
+                self._file.truncate(self._end)
+            except OSError as error:
+                self.error = error
+        return self._end
+
+    def close(self) -> None:
+        """Close it, and raise the error that it kept."""
+        if self.closed:
+            return
+        super().close()
+        self._file.close()
+        if self.error is not None:
+            raise self.error
 
 
 def only_ours(place: str | os.PathLike[str] | int) -> bool:

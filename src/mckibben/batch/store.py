@@ -95,6 +95,7 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
     zarr = zarr_library()
 
     place = Path(folder)
+    new = not place.exists()
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -106,16 +107,19 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
             return
         if path.exists() and any(path.iterdir()):
             raise InputError("--out", str(path), "it is there already and no results of a sweep; choose another folder")
-        need, free = _size(sweep), shutil.disk_usage(place).free
-        if need > free:
-            raise InputError(
-                "--out", str(place), f"the results need {need / 1e6:.0f} MB, the disk has {free / 1e6:.0f} MB"
-            )
         draft = place / f"{NAME}.new"  # so that a store is there whole or not at all
         shutil.rmtree(draft, ignore_errors=True)
-        with _full(None, place):
-            _create(zarr.open_group(draft, mode="w"), sweep, block)
-            draft.rename(path)
+        try:
+            need, free = _size(sweep), shutil.disk_usage(place).free
+            if need > free:
+                said = f"the results need {need / 1e6:.3g} MB, the disk has {free / 1e6:.3g} MB"
+                raise InputError("--out", str(place), said)
+            with _full(None, place):
+                _create(zarr.open_group(draft, mode="w"), sweep, block)
+                draft.rename(path)
+        except BaseException:
+            shutil.rmtree(place if new else draft, ignore_errors=True)
+            raise
         yield Store(place, zarr.open_group(path, mode="r+"), len(sweep.variants), block)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import sys
 import warnings
 from collections.abc import Iterator
@@ -33,6 +34,8 @@ from . import (
     study,
     sweep,
 )
+
+ROOM = 16 << 20  # that a disk must have for compilations to be kept [B]; JAX leaves parts of files on a full one
 
 app = typer.Typer(
     name="mckibben",
@@ -86,6 +89,8 @@ def main(arguments: list[str] | None = None) -> None:
     command = typer.main.get_command(app)
     with warnings.catch_warnings(), _safe_children():
         warnings.showwarning = _show_warning
+        # of a cache whose disk is full, or was full once: compiled anew
+        warnings.filterwarnings("ignore", "Error (writing|reading) persistent compilation cache", UserWarning)
         code = _execute(command, arguments)
     sys.exit(code if isinstance(code, int) else 0)
 
@@ -149,8 +154,10 @@ def _keep_compilations() -> None:
     if not only_ours(folder):
         warnings.warn(CacheWarning(folder, "JAX_COMPILATION_CACHE_DIR"), stacklevel=2)
         return
-    with contextlib.suppress(OSError):  # a home that cannot be written keeps nothing
+    with contextlib.suppress(OSError):  # a home that cannot be written, or is full, keeps nothing
         make_private_folder(folder)
+        if shutil.disk_usage(folder).free < ROOM:
+            return
         os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.02")
 
@@ -163,5 +170,6 @@ def _usage(error: Any) -> int:
 
 
 def _complain(sentence: str, code: int) -> int:
-    typer.echo(f"mckibben: {sentence}", err=True)
+    plain = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(sentence.split()))
+    typer.echo(f"mckibben: {plain}", err=True)
     return code

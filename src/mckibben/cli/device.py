@@ -32,6 +32,7 @@ def device(
     from ..bench.hardware.serial_line.device import About
     from ..bench.hardware.serial_line.hosting import in_thread
     from ..bench.part import PartMachine, timing_of
+    from ..documents import write_text
 
     bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)
     part = next(bench.parts())
@@ -45,7 +46,7 @@ def device(
     with in_thread(machine, about=about) as attached:
         typer.echo(f"serial:{attached.port}")
         if port is not None:
-            port.write_text(attached.port, encoding="utf-8")
+            write_text(port, attached.port, field="--port")
         typer.echo(f"Run {protocol} with --on serial:{attached.port}; Ctrl-C ends the device.", err=True)
         try:
             while end is None or time.monotonic() < end:

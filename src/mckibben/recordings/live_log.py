@@ -85,6 +85,7 @@ class LiveLog:
         except OSError as error:
             if self._file is not None:
                 _let_go(self._file)
+                self.path.unlink(missing_ok=True)  # without a head it is none
             raise self._unwritable(error) from None
         self._thread = threading.Thread(target=self._tend, name=f"log {self.path.name}", daemon=True)
         if np.isfinite(flush) or sync is not None:

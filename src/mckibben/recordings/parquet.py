@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..documents import ErrorKeepingFile
 from ..errors import InputError
 from ..extras import library
 from .imports import Given
@@ -19,7 +20,8 @@ def write_parquet(recording: Recording, path: Path) -> None:
     polars = library("polars", "Parquet files need", where=str(path))
     columns = {f"{name} [{c.unit}]": c.values for name, c in recording.channels.items()}
     table = polars.DataFrame({"time [s]": recording.time, **columns})
-    table.write_parquet(path, metadata={KEY: told(recording.channels, recording.meta)})
+    with ErrorKeepingFile(path) as stream:
+        table.write_parquet(stream, metadata={KEY: told(recording.channels, recording.meta)})
 
 
 def read_parquet(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list[str]]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..documents import write_whole
+from ..documents import ErrorKeepingFile, write_whole
 from ..errors import InputError
 from .meta import to_json
 from .outside import check_self_contained, read_outside, seal, sealed
@@ -105,7 +105,7 @@ def _write_netcdf(recording: Recording, path: Path) -> None:
     import h5netcdf
 
     whole = _netcdf(recording)
-    with h5netcdf.File(path, "w") as file:
+    with ErrorKeepingFile(path) as stream, h5netcdf.File(stream, "w") as file:
         file.dimensions = {"time": recording.time.size}
         file.attrs.update(whole.attrs)
         for name, variable in whole.variables.items():

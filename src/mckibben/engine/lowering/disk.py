@@ -93,9 +93,13 @@ def keep(file: str, data: bytes, about: dict[str, Any]) -> None:
     whole = len(head).to_bytes(8, "little") + head + data
     with contextlib.suppress(OSError):
         make_private_folder(at)
-        with tempfile.NamedTemporaryFile(dir=at, prefix="part-", delete=False) as part:
-            part.write(hashlib.sha256(whole).digest() + whole)
-        os.replace(part.name, at / file)
+        number, part = tempfile.mkstemp(dir=at, prefix="part-")
+        try:
+            with open(number, "wb") as stream:
+                stream.write(hashlib.sha256(whole).digest() + whole)
+            os.replace(part, at / file)
+        except OSError:  # as of a full disk
+            os.unlink(part)
         _bound(at)
 
 

@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...analysis.segments import amount_of
+from ...documents import ErrorKeepingFile, write_whole
 from ...errors import InputError
 from ...recordings.recording import Recording
 from . import style
@@ -131,7 +132,12 @@ def write(fig: Figure, file: str | Path) -> None:
         style.save(fig, file, dpi=130.0)
         return
     with style.styled():
-        fig.savefig(file, metadata={"CreationDate": None, "Creator": None, "Producer": None})
+        write_whole(file, lambda part: _write_pdf(fig, part))
+
+
+def _write_pdf(fig: Figure, file: Path) -> None:
+    with ErrorKeepingFile(file) as stream:
+        fig.savefig(stream, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None})
 
 
 # ---- over time

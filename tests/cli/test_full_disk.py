@@ -1,0 +1,196 @@
+"""A disk that is full: one sentence that names the file, and nothing half written beside it, for every kind of file.
+
+Instead of a full disk, which only an administrator can make, the system limits how long a file may be: a write then
+fails after the first bytes, as it does there (EFBIG for ENOSPC).
+"""
+
+import contextlib
+import os
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mckibben
+from mckibben.cli import main
+from mckibben.documents import ErrorKeepingFile, write_whole
+from mckibben.engine.lowering import disk
+from mckibben.engine.lowering.program import Program
+from mckibben.errors import InputError
+from mckibben.recordings import Channel, Recording, read_recording
+from mckibben.recordings.live_log import LiveLog
+
+resource = pytest.importorskip("resource", reason="Windows has no such limit")
+
+TIME = 1e-3 * np.arange(2_000)
+CHANNELS = {
+    "pressure": Channel(1e5 * (1.0 + np.sin(TIME)), "Pa", "measured"),
+    "tension": Channel(10.0 + np.cos(TIME), "N", "measured"),
+    "length": Channel(0.15 + 0.01 * np.sin(TIME), "m", "measured"),
+}
+
+
+@contextlib.contextmanager
+def room(size):
+    """No file may become longer than that [B]."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.fixture
+def record(tmp_path):
+    """A recording, outside of the folder that is full."""
+    return Recording(TIME, CHANNELS, {"title": "t"}).save(tmp_path / "r.nc")
+
+
+@pytest.fixture
+def full(tmp_path):
+    folder = tmp_path / "full"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def said(capsys, full, monkeypatch):
+    """What a command says that has no room, and that nothing is left of it."""
+    monkeypatch.setenv(disk.VARIABLE, str(full / "kernels"))
+
+    def call(*words, size=300):
+        with room(size), pytest.raises(SystemExit) as stop:
+            main([str(w) for w in words])
+        out, err = capsys.readouterr()
+        assert (stop.value.code, err.count("\n")) == (2, 1), err
+        assert [p for p in full.rglob("*") if not p.is_dir()] == []
+        return err
+
+    return call
+
+
+@pytest.mark.parametrize("size", [0, 300, 5_000, 20_000])
+@pytest.mark.parametrize("ending", ["nc", "csv", "mcap", "mat", "tdms", "parquet"])
+def test_a_recording_is_written_whole_or_not_at_all(said, record, full, ending, size):
+    err = said("record", "convert", record, full / f"r.{ending}", size=size)
+    assert f"'{full / f'r.{ending}'}'; it cannot be written (File too large)" in err
+
+
+@pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
+def test_a_figure_is_written_whole_or_not_at_all(said, record, full, ending):
+    err = said("record", "plot", record, "--out", full / f"f.{ending}")
+    assert f"f.{ending}'; it cannot be written (File too large)" in err
+
+
+def test_a_report_is_written_whole_or_not_at_all(said, record, full):
+    assert "r.html'; it cannot be written (File too large)" in said(
+        "record", "report", record, "--out", full / "r.html"
+    )
+
+
+def test_files_are_written_through_the_two_functions_that_leave_no_half():
+    """Every other place that writes itself is known here, with the reason."""
+    root = Path(mckibben.__file__).parent
+    writing = re.compile(
+        r"\.write_(bytes|text|parquet)\(|savefig\(|savemat\(|to_(netcdf|csv)\(|\b(?:open|fdopen)\([^)\n]*[\"'](?:[wax]b?\+?|ab|r\+b?)[\"']"
+    )
+    found = set()
+    for path in root.rglob("*.py"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if writing.search(line) and not re.search(r"write_whole\(|\(part\b|\bpart\.|stream", line):
+                found.add(str(path.relative_to(root)))
+    assert found == {
+        "cli/console.py",  # the history of what was typed
+        "documents.py",
+        "recordings/live_log.py",  # a log keeps what it has
+        "recordings/matlab.py",  # called by write_whole
+        "web/pages/paper/worker.py",  # into memory
+        "web/pages/recordings/files.py",  # a folder of its own, dropped afterwards
+    }
+
+
+def test_a_sweep_that_cannot_begin_leaves_no_folder(said, full, tmp_path):
+    (tmp_path / "short.toml").write_text(
+        'schema = 1\nname = "short"\nsample_rate = "1 kHz"\n[parameters.high]\nunit = "Pa"\nvalue = "3 bar"\n'
+        '[[steps]]\nlabel = "high"\nspan = "1 L0"\npressure = "$high"\nfor = "0.1 s"\n'
+    )
+    file = tmp_path / "sweep.toml"
+    file.write_text(
+        'schema = 1\nprotocol = "short.toml"\nmuscle = "nylon"\n[grid]\nhigh = ["1 bar", "2 bar"]\n'
+        '[outputs.peak]\nchannel = "tension"\nreduce = "max"\n'
+    )
+    err = said("sweep", file, "--out", full / "out", "--scheduler", "serial")
+    assert "the disk is full (File too large); nothing was run" in err
+    assert not (full / "out").exists()
+
+
+def test_a_log_without_a_head_is_none_and_one_that_was_cut_off_keeps_what_it_has(full):
+    with room(300), pytest.raises(InputError, match=r"cannot be written \(File too large\)"):
+        LiveLog(full / "r.mcap", CHANNELS)
+    assert os.listdir(full) == []
+    table = np.stack([c.values for c in CHANNELS.values()], axis=1)
+    with room(20_000):
+        log = LiveLog(full / "r.mcap", CHANNELS, sync=None)
+        with pytest.raises(InputError, match=r"cannot be written \(File too large\)"):
+            for at in range(0, len(TIME), 100):
+                log.append(TIME[at : at + 100], table[at : at + 100])
+        with pytest.raises(InputError, match=r"cannot be written \(File too large\)"):
+            log.close("done", "")
+    kept = read_recording(full / "r.mcap")
+    assert 100 <= len(kept) < len(TIME)
+    np.testing.assert_array_equal(kept["pressure"], CHANNELS["pressure"].values[: len(kept)])
+
+
+def test_a_cache_without_room_keeps_nothing_and_says_nothing(full, monkeypatch):
+    monkeypatch.setenv(disk.VARIABLE, str(full))
+    with room(300):
+        disk.keep(f"{1:040x}.o", bytes(1_000), {})
+    assert os.listdir(full) == []
+    assert disk.kept(f"{1:040x}.o", lambda: (b"code", {})) == (b"code", {})
+
+
+def test_a_saved_program_is_written_whole_or_not_at_all(full):
+    program = Program(None, [], [])
+    program.packed = bytes(1_000)
+    with room(300), pytest.raises(InputError, match=r"a.kernel'; it cannot be written \(File too large\)"):
+        program.save(full / "a.kernel")
+    assert os.listdir(full) == []
+
+
+def test_compilations_are_not_kept_on_a_full_disk(full, monkeypatch):
+    from mckibben.cli import app
+
+    monkeypatch.delitem(sys.modules, "jax", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(full))
+    for least, kept in ((1 << 80, False), (0, True)):
+        monkeypatch.setattr(app, "ROOM", least)
+        monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+        app._keep_compilations()  # noqa: SLF001
+        assert ("JAX_COMPILATION_CACHE_DIR" in os.environ) == kept
+
+
+def test_a_file_that_keeps_its_error_is_like_any_other_until_then(full):
+    with ErrorKeepingFile(full / "a") as file:
+        for size in (5, 0, 3):
+            assert file.write(bytes(range(size))) == size
+        assert file.tell() == 8 and file.seek(-3, os.SEEK_END) == 5
+        found = bytearray(9)
+        assert file.readinto(found) == 3 and found == bytes([0, 1, 2, *bytes(6)])
+        assert file.seek(20) == 20 and file.write(b"end") == 3  # a gap holds zeros
+        assert file.truncate(22) == 22
+    assert (full / "a").read_bytes() == bytes([0, 1, 2, 3, 4, 0, 1, 2, *bytes(12)]) + b"en"
+    with room(10), pytest.raises(InputError, match="cannot be written"):
+        write_whole(full / "b", lambda part: keep_on(part))
+    assert os.listdir(full) == ["a"]
+
+
+def keep_on(part):
+    """As a library that looks at no error, reads again what it wrote, and fails because of that."""
+    with ErrorKeepingFile(part) as file:
+        assert file.write(bytes(100)) == 100 and file.tell() == 100
+        file.seek(0)
+        assert file.readinto(bytearray(100)) == 100
+        raise RuntimeError("cannot understand what is there")
