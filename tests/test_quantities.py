@@ -63,3 +63,23 @@ def test_a_flow_is_shown_as_catalogues_state_it() -> None:
 def test_the_dimension_of_words_is_known_without_their_value() -> None:
     assert has_dimension("12 mm", "m") and has_dimension("12 furlong", "m")
     assert not any(has_dimension(text, "m") for text in ("12 Hz", "12", "0.9 L0", "sine", "12 s"))
+
+
+@pytest.mark.parametrize(
+    "unit",
+    [
+        "9**9**9*m", "9^9^9^9 m", "m**9**9**9", "m^-1^1000000", "m**(10**10**10)", "m**99999", "1e999*m", "10**400 m", "m/0",
+        "2 m", "(" * 5_000 + "m" + ")" * 5_000, "m*" * 50_000 + "m", "a" * 1_000_000, "__import__('os').abort()", "[length]",
+    ],
+    ids=lambda unit: unit[:24],
+)  # fmt: skip
+def test_what_stands_for_a_unit_is_not_worked_out(unit):
+    """pint would: the first ones for longer than anybody waits."""
+    with pytest.raises(InputError, match="allowed is a length") as caught:
+        parse(f"5 {unit}", "m", field="x")
+    assert len(str(caught.value)) < 500
+
+
+def test_a_number_that_only_its_unit_makes_infinite_is_refused():
+    with pytest.raises(InputError, match="allowed is a finite number"):
+        parse("1e308 km", "m", field="x")

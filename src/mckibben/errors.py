@@ -9,6 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 
+LONGEST = 300  # signs of what is shown of a text
+
+
 class MckibbenError(Exception):
     """Base of every error that this package raises on purpose; goes whole from one process to another."""
 
@@ -35,7 +38,7 @@ class InputError(MckibbenError, ValueError):
         self.field, self.value, self.allowed, self.where = field, value, allowed, where
         self.sentence, self.remedy = sentence, remedy
         place = f"{where}: " if where else ""
-        super().__init__(place + (sentence or f"{field} is {_shown(value)}; {allowed}"))
+        super().__init__(place + (sentence or f"{_short(field)} is {_short(_shown(value))}; {allowed}"))
 
     def at(self, where: str) -> InputError:
         """The same complaint with the place it comes from, the outermost first."""
@@ -106,6 +109,11 @@ class CacheWarning(UserWarning):
             f"The cache folder {folder} is not used, because other users own it or can write to it and the machine code in "
             f"it is run; take that permission away (chmod go-w), or name another folder with {variable}"
         )
+
+
+def _short(text: str) -> str:
+    """A text that a person gave or that stands in a file, cut where it would fill the screen."""
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 20]}..{text[-18:]}"
 
 
 def _shown(value: object) -> str:

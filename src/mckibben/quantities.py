@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -135,6 +136,11 @@ def check_fields(owner: Any, *, where: str | None = None) -> None:
         q.check(name, value, where=where)
 
 
+LONGEST_UNIT = 60  # letters
+_POWER = re.compile(r"\*\*\s*(\(\s*[-+]?\d(\.\d+)?\s*\)|[-+]?\d(\.\d+)?)(?!\s*\*\*|[\d.])")  # none of a power
+_NUMBER = re.compile(r"(?<!\w)(?!1(?![\w.]))\d")  # that is no part of a word; but 1, as in 1/s
+
+
 @functools.cache
 def _registry() -> Any:
     import pint
@@ -143,8 +149,15 @@ def _registry() -> Any:
 
 
 def _unit(text: str) -> Any:
-    """A pint unit from the way people write it: ``N/cm``, ``cm^2``, ``l/min``, ``%``."""
+    """A pint unit from the way people write it: ``N/cm``, ``cm^2``, ``l/min``, ``%``.
+
+    Raises:
+        ValueError: it is none. pint would work out whatever stands there, and 9**9**9 keeps it busy for ever.
+    """
     text = text.strip().replace("^", "**")
+    rest = _POWER.sub("", text)
+    if len(text) > LONGEST_UNIT or "**" in rest or _NUMBER.search(rest):
+        raise ValueError(text)
     return _registry().Unit("percent" if text == "%" else "" if text in ("1", "-") else text)
 
 
@@ -216,7 +229,10 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
         if si_unit == "1" or bare:
             return number
         raise InputError(field, text, f"the unit is missing; allowed is {_kind(si_unit)}", where=where)
-    return to_si(number, words[1], si_unit, field=field, where=where)
+    value = to_si(number, words[1], si_unit, field=field, where=where)
+    if not math.isfinite(value):  # as of 1e308 km
+        raise InputError(field, text, f"allowed is a finite number, {_kind(si_unit)}", where=where)
+    return value
 
 
 def split_values(text: str, *, field: str, where: str | None = None) -> list[str]:
