@@ -181,6 +181,8 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[Path], object], *
     path = Path(path)
     if not path.absolute().parent.is_dir():
         raise InputError(field, str(path), f"there is no folder {path.parent}")
+    if path.is_dir():
+        raise InputError(field, str(path), "it cannot be written: it is a folder")
     part = path.with_name(f".{secrets.token_hex(4)}.part{path.suffix}")
     try:
         write(part)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Any
 
-
 LONGEST = 300  # signs of what is shown of a text
 
 

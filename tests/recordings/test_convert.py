@@ -1,5 +1,6 @@
 """From any file to any other: recordings come back bit for bit, files of others as SI; what cannot be is said in a line."""
 
+import os
 import struct
 import sys
 import tempfile
@@ -268,6 +269,24 @@ def test_damaged_files_are_read_or_refused_and_never_crash(suffix: str, data: st
             read_any(path)
         except InputError as error:
             assert "\n" not in str(error)
+
+
+def test_what_polars_says_of_a_broken_file_is_not_shown(tmp_path: Path, monkeypatch, capfd) -> None:
+    """Some damage makes its threads panic, with forty lines each on standard error, below Python's."""
+
+    class Panic(BaseException):
+        """As polars raises."""
+
+    def panic(*_: object, **__: object) -> None:
+        os.write(2, b"thread 'async-executor-0' panicked\nstack backtrace:\n")
+        raise Panic("assertion failed: offset + length <= self.length")
+
+    path = write_to(some(30), tmp_path / "a.parquet")
+    monkeypatch.setattr("polars.read_parquet", panic)
+    with pytest.raises(InputError, match="allowed is a Parquet file .assertion failed"):
+        read_any(path)
+    os.write(2, b"afterwards\n")
+    assert capfd.readouterr().err == "afterwards\n"
 
 
 def test_a_matlab_variable_without_checksum_cannot_bring_us_down(tmp_path: Path) -> None:

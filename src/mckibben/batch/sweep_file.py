@@ -90,6 +90,8 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
         return settings[name]
 
     parts = [_grid(top, known), _latin(top, known), _list(top, known), _posterior(top, known, folder)]
+    if all(p is None for p in parts):
+        raise top.fail("variants", "none", "needed is one of [grid], [latin], [[list]] and [posterior]")
     variants = crossed(*[p for p in parts if p is not None])
     for name in variants.columns:
         if name in recipe.given:

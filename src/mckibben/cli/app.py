@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import shutil
 import sys
@@ -36,6 +37,8 @@ from . import (
 )
 
 ROOM = 16 << 20  # that a disk must have for compilations to be kept [B]; JAX leaves parts of files on a full one
+# Warnings of JAX on a disk that is full, or was full once: it compiles anew.
+CACHE = ("Error writing persistent compilation cache", "Error reading persistent compilation cache")
 
 app = typer.Typer(
     name="mckibben",
@@ -86,26 +89,34 @@ def main(arguments: list[str] | None = None) -> None:
     Args:
         arguments: words after the program's name; those of the process where left out.
     """
-    command = typer.main.get_command(app)
+    command = _command()
     with warnings.catch_warnings(), _safe_children():
         warnings.showwarning = _show_warning
-        # of a cache whose disk is full, or was full once: compiled anew
-        warnings.filterwarnings("ignore", "Error (writing|reading) persistent compilation cache", UserWarning)
+        for words in CACHE:
+            warnings.filterwarnings("ignore", words, UserWarning)
         code = _execute(command, arguments)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+@functools.cache
+def _command() -> Any:
+    """The table of all commands, which takes typer 40 ms."""
+    return typer.main.get_command(app)
 
 
 @contextlib.contextmanager
 def _safe_children() -> Iterator[None]:
     """Processes that a command starts take no module from the folder in which it stands, where somebody's data may lie."""
-    before = os.environ.get("PYTHONSAFEPATH")
+    known = {name: os.environ.get(name) for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS")}
     os.environ["PYTHONSAFEPATH"] = "1"
+    os.environ["PYTHONWARNINGS"] = ",".join([*filter(None, [known["PYTHONWARNINGS"]]), *(f"ignore:{w}" for w in CACHE)])
     try:
         yield
     finally:
-        os.environ.pop("PYTHONSAFEPATH")
-        if before is not None:
-            os.environ["PYTHONSAFEPATH"] = before
+        for name, value in known.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
 
 
 def _execute(command: Any, arguments: list[str] | None) -> Any:

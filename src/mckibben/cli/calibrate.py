@@ -216,6 +216,8 @@ def _source(wanted: _Wanted, rig: Rig, reference: Reference | None) -> Iterator[
     from ..bench.calibrate.sources import SimulatedPerson, SimulatedSensors
 
     if wanted.simulate:
+        if wanted.machine is not None:
+            raise InputError("--on", wanted.machine, "allowed without --simulate")
         sensors = SimulatedSensors(rig, wanted.seed)
         yield sensors, SimulatedPerson(sensors, reference, wanted.seed), None
         return

@@ -56,6 +56,10 @@ def fit(
             "--free", "nothing", "allowed is a dotted path, here or as free = [..] in [fit]", where=str(file)
         )
     reading = _reading(plan, column, unit)
+    for option, words in (("--column", column), ("--unit", unit)):
+        if words and (own := next(filter(_is_own, [*records, *(predict or [])]), None)):
+            allowed = "a recording of mckibben says these itself; they are for files of others"
+            raise InputError(option, words[0], allowed, where=str(own))
     trials = [_trial(plan, path, reading) for path in records]
     others = [_trial(plan, path, reading) for path in predict or []]
     with told("fitting") as tell:
@@ -86,14 +90,18 @@ def _trial(plan: CircuitPlan, path: Path, reading: dict[str, Any]) -> Trial:
     from ..identification.records import trial_from_record
     from ..recordings import read_record, read_recording
 
-    own = path.suffix == ".nc" or (path.suffix == ".csv" and _is_recording(path))
-    if own:
+    if _is_own(path):
         record = read_recording(path)
     else:
         with options_named():
             record = read_record(path, ambient=float(plan.environment.pressure_abs), **reading)
         caution(*(f"{path}: {said}" for said in record.meta["source"].get("left_out", [])))
     return trial_from_record(plan, record, name=str(path))
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a file was saved by this laboratory, and carries its own units."""
+    return path.suffix == ".nc" or (path.suffix == ".csv" and _is_recording(path))
 
 
 def _is_recording(path: Path) -> bool:

@@ -65,6 +65,8 @@ def compare(
         from ..report.document import checked_place
 
         checked_place(report, field="--report")
+    if rig is not None and not protocols and match is None:
+        raise InputError("--rig", rig, "allowed with --protocols or --match, which run on it")
     full = parse(pressure, "Pa", field="--pressure")
     chosen = [subject(name, pressure=full) for name in muscles or []]
     braided = [s.spec for s in chosen if s.unit is not None]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from ..errors import InputError
 from .run import Change, Muscle, Protocol, RigName, prepared
 
 LOOK = 0.2  # at whether somebody ends it [s]
@@ -34,6 +36,10 @@ def device(
     from ..bench.part import PartMachine, timing_of
     from ..documents import write_text
 
+    if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
+        raise InputError("--for", seconds, "allowed are 0 seconds or more")
+    if port is not None and (not port.name or port.is_dir() or not port.absolute().parent.is_dir()):
+        raise InputError("--port", str(port), "allowed is a file in a folder that is there")
     bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)
     part = next(bench.parts())
     machine = PartMachine(bench, 0, part, timing_of(bench)).at_border(watched=False)

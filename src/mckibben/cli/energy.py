@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from ..errors import InputError
-from .words import Json, Set, caution, parameters, print_json, table, writable
+from .words import Json, Set, caution, chosen_law, parameters, print_json, table, writable
 
 if TYPE_CHECKING:
     from ..analysis.energy import Conditions, CycleMuscle, EnergyCurve, EnergyCycle
@@ -123,7 +123,9 @@ def _muscles(
     from ..specimens import specimen
 
     spec = specimen(name)
-    chosen = law or spec.law
+    chosen = chosen_law(law, spec)
+    if volume == "":
+        raise InputError("--volume", volume, "allowed is the name of a volume")
     chosen, muscles = cycle_muscles(spec, chosen, volume or "", parameters(change, chosen) if change else None)
     return spec, chosen, muscles, next(iter(muscles))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError
-from .words import Json, Set, caution, parameters, print_json, table
+from .words import Json, Set, caution, chosen_law, parameters, print_json, table, writable
 
 if TYPE_CHECKING:
     from ..specimens import Parameter, Specimen
@@ -50,8 +50,9 @@ def show(
     from ..citations import reference
     from ..specimens import specimen
 
+    writable("--figure", figure, ".svg", ".png")
     spec = specimen(name)
-    chosen = law or spec.law
+    chosen = chosen_law(law, spec)
     built = None if spec.kind == "valve" else _law(spec, chosen, {})
     groups = {"properties": spec.properties} | ({f"laws.{chosen}": spec.laws[chosen]} if built else {})
     groups |= {f"friction.{k}": g for k, g in spec.friction.items()}
@@ -106,6 +107,8 @@ def tension(
     cautions = [] if biological else [length_caution(at, float(built.length_range()[1]), text=length)]
     if spec is not None and biological:
         drive = _activation(activation, pressure, spec)
+    elif activation is not None:
+        raise InputError("--activation", activation, f"{name} is no biological muscle; give --pressure or --for")
     elif wanted is not None:
         if pressure is not None:
             raise InputError("--for", wanted, "allowed without --pressure, which it finds")
@@ -170,7 +173,7 @@ def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Spec
     spec = specimen(name)
     if spec.kind == "valve":
         raise InputError("specimen", spec.id, "it is a valve and pulls nothing; allowed is a muscle")
-    chosen = law or spec.law
+    chosen = chosen_law(law, spec)
     if spec.kind == "biological":
         return spec, chosen, _law(spec, chosen, {})
     return spec, chosen, _law(spec, chosen, parameters(change, chosen))

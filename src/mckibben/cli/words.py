@@ -8,11 +8,14 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..errors import InputError
+
+if TYPE_CHECKING:
+    from ..specimens import Specimen
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units, and nothing else.")]
 Set = Annotated[
@@ -65,6 +68,13 @@ def writable(option: str, path: Path | None, *endings: str) -> None:
         raise InputError(option, str(path), f"allowed is a name that ends in {' or '.join(endings)}")
     if not path.absolute().parent.is_dir():
         raise InputError(option, str(path), "no such folder")
+
+
+def chosen_law(law: str | None, spec: Specimen) -> str:
+    """The law that is asked for, or the specimen's own."""
+    if law is not None and not law.strip():
+        raise InputError("--law", law, f"{spec.id} states {', '.join(spec.laws) or 'none'}")
+    return spec.law if law is None else law
 
 
 def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +19,8 @@ from .imports import Given
 from .recording import Recording
 from .sidecar import KEY, one_line, retold, told
 
+_one = threading.Lock()
+
 
 def write_parquet(recording: Recording, path: Path) -> None:
     """Write a ``.parquet`` file."""
@@ -22,6 +29,25 @@ def write_parquet(recording: Recording, path: Path) -> None:
     table = polars.DataFrame({"time [s]": recording.time, **columns})
     with ErrorKeepingFile(path) as stream:
         table.write_parquet(stream, metadata={KEY: told(recording.channels, recording.meta)})
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Let standard error go nowhere: of a broken file polars writes forty lines for each thread there, and then raises."""
+    with _one, open(os.devnull, "wb") as nowhere:
+        try:
+            before = os.dup(2)
+        except OSError:  # there is none
+            yield
+            return
+        try:
+            if sys.stderr is not None:
+                sys.stderr.flush()
+            os.dup2(nowhere.fileno(), 2)
+            yield
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
 
 
 def read_parquet(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list[str]]:
@@ -33,9 +59,10 @@ def read_parquet(path: Path) -> Recording | tuple[list[Given], dict[str, Any], l
     where = str(path)
     polars = library("polars", "Parquet files need", where=where)
     try:
-        line = polars.read_parquet_metadata(path).get(KEY)
-        table = polars.read_parquet(path, glob=False)
-        columns = {name: np.asarray(table[name].to_numpy()) for name in table.columns}
+        with _quiet():
+            line = polars.read_parquet_metadata(path).get(KEY)
+            table = polars.read_parquet(path, glob=False)
+            columns = {name: np.asarray(table[name].to_numpy()) for name in table.columns}
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # of a broken file; a panic of polars is no Exception

@@ -84,6 +84,9 @@ def read_force_map(
     """
     where = str(path)
     header, rows = rows_of(Path(path), where)
+    for what in units or {}:
+        if what not in COLUMNS:
+            raise InputError("unit of", what, f"known are {', '.join(COLUMNS)}", where=where)
     chosen = _choose(header, {what: plain_text(column) for what, column in (columns or {}).items()}, where)
     rows, remarks = without_blanks(rows, {header.index(column): column for column in chosen.values()}, where)
     data: dict[str, np.ndarray] = {}

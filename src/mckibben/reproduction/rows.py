@@ -124,7 +124,7 @@ def select(part: str | None = None, identifiers: list[str] | None = None) -> lis
             raise InputError("part", part, f"known are {', '.join(parts)}")
         rows = [r for r in rows if r.part == part]
     for word in identifiers or []:
-        if not any(r.id.startswith(word) for r in rows):
+        if not word or not any(r.id.startswith(word) for r in rows):
             raise InputError("row", word, "no row begins with that; `mckibben reproduce --json` lists them")
     if identifiers:
         rows = [r for r in rows if any(r.id.startswith(word) for word in identifiers)]

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .model import Specimen
 
 FOLDER_VARIABLE = "MCKIBBEN_SPECIMENS"
+LONGEST = 100  # letters of an id; longer ones are no name of a file
 
 # Properties that a specimen may state beside its laws, with their SI units.
 KNOWN_PROPERTIES = {
@@ -89,7 +90,7 @@ def map_file(spec: Specimen) -> Path:
 @functools.cache
 def _shipped(name: str) -> Specimen | None:
     """A shipped specimen by its id in small letters, which is the name of its file; None where there is none."""
-    if not name.replace("-", "").replace("_", "").isalnum():
+    if not name.replace("-", "").replace("_", "").isalnum() or len(name) > LONGEST:
         return None
     file = resources.files(__package__) / "data" / f"{name}.toml"
     return _read(file.read_text(encoding="utf-8"), where=file.name) if file.is_file() else None
