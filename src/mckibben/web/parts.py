@@ -316,7 +316,7 @@ class Incoming:
         self.name, self.path = name, folder / f"given{Path(name).suffix.lower()}"
         self.close = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
 
-    def bytes(self) -> bytes:
+    def content(self) -> bytes:
         """All of it; for small ones."""
         return self.path.read_bytes()
 

@@ -55,7 +55,7 @@ def load(face: Face) -> None:
             button(file.removesuffix(".toml"), lambda f=file: _read(face, f, take, said), quiet=True)
 
         def came(one: Incoming) -> None:
-            name, data = one.name, one.bytes()
+            name, data = one.name, one.content()
             if len(data) > LARGEST:
                 raise InputError("file", f"{len(data) >> 10} kB", f"allowed are {LARGEST >> 10} kB; nothing was stored")
             if not name.lower().endswith(".toml"):
