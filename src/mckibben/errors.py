@@ -66,6 +66,14 @@ class MissingLibraryError(InputError):
         return MissingLibraryError(self.purpose, self.library, self.extra, instead=self.instead, where=place)
 
 
+class MissingParametersError(InputError):
+    """A law lacks parameters that it cannot do without; `missing` has their names and declarations."""
+
+    def __init__(self, law: str, missing: list[tuple[str, Any]], allowed: str, **more: Any) -> None:
+        super().__init__(f"{law}.{missing[0][0]}", "missing", allowed, **more)
+        self.law, self.missing = law, missing
+
+
 class UnreachableError(MckibbenError):
     """No state satisfies the wish, for example a tension that no allowed pressure gives."""
 

@@ -139,3 +139,11 @@ def test_a_narrow_dark_page_does_not_scroll_sideways(visit):
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     for place in (".e-piston svg", ".e-tendon svg", ".e-curve svg"):
         assert page.locator(place).first.bounding_box()["width"] <= 390
+
+
+def test_a_pressure_that_no_muscle_takes_is_said_beside_the_numbers():
+    from mckibben.web.pages.energy.choice import Choice
+    from mckibben.web.pages.energy.cycles import cycle_document
+
+    said = {p: " ".join(cycle_document(Choice(pressure=p))["more"]) for p in (5e5, 500e5)}
+    assert "McKibben muscles take at most 10 bar" in said[500e5] and "at most" not in said[5e5]

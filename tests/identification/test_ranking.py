@@ -6,13 +6,17 @@ import jax
 import numpy as np
 import pytest
 
+from mckibben.cli import ranking
 from mckibben.identification import fit, rank
 from mckibben.identification.criterion import akaike
 from mckibben.identification.fit import INDIFFERENT, bound_of, degenerate_words
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
+from mckibben.report.fit_report import cautions_of
 from mckibben.report.specimen_file import write_specimen
+from mckibben.report.study import Study
 from mckibben.specimens import specimen
+from mckibben.web.pages.fit import results
 
 # Noise for which the thick wall of no thickness once came first: rounding made it the better predictor by 5e-11 N.
 SEED, NOISE = 5, 0.5
@@ -85,3 +89,16 @@ def test_an_exact_fit_is_not_judged_by_its_rounding(fits) -> None:
     rounding = np.full(len(ideal.error), 1e-10)
     exact = [replace(thick, error=0.1 * rounding, at_bound=()), replace(ideal, error=rounding)]
     assert [f.law for f in rank(exact)] == ["ideal", "thick_wall"]
+
+
+def test_command_report_and_page_name_what_is_not_counted(fits, capsys) -> None:
+    order = rank(fits)
+    study = Study(
+        title="ideal braid", specimen=None, points=order[0].points, fits=order, published=[], skipped={},
+    )  # fmt: skip
+    ranking.show(study)
+    printed = capsys.readouterr().out
+    assert "wall_thickness at its bound" in printed and "is not counted" in printed
+    assert [f["at_bound"] for f in ranking.as_json(study)["fits"]] == [[], ["wall_thickness"]]
+    assert any("counts 2 of 3 parameters" in s for s in cautions_of(order[1], 100.0))
+    assert [row["degenerate"] for row in results._rows(study)] == ["", "wall_thickness at its bound"]

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..components import Environment
-from ..errors import InputError
+from ..errors import InputError, MissingParametersError
 from ..experiments.waveforms import near
 from ..experiments.words import Entry
 from ..muscles import law_from_specimen
-from ..muscles.build import MissingParametersError, build_law, needed_words
+from ..muscles.build import build_law, needed_words
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
 from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiabatic

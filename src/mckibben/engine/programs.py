@@ -42,7 +42,7 @@ def _known(file: str) -> tuple[Program, Any] | None:
     data, about = found
     try:
         given, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in about[part]] for part in ("arguments", "results"))
-        tree = jax.tree.structure(_built(about["tree"]))
+        tree: Any = jax.tree.structure(_built(about["tree"]))
         if tree.num_leaves != len(wanted):
             return None
         return Program.kept(data, given, wanted, about["title"]), tree

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ..components import Hysteresis
-from ..errors import InputError
+from ..errors import InputError, MissingParametersError
 from ..quantities import Quantity, declared, shown_unit
 from ..specimens import Specimen
 from .biological import BiologicalMuscle
@@ -54,19 +54,12 @@ def build_law(name: str, parameters: Mapping[str, Any], *, where: str | None = N
             raise InputError(f"{name}.{key}", "unknown", f"{name} has {', '.join(known)}", where=where)
     missing = missing_parameters(name, parameters)
     if missing:
-        said = f"the law {name} needs {needed_words(missing)}"
-        raise MissingParametersError(name, missing, f"it is the {missing[0][1].doc}", where=where, sentence=said)
+        needs = f"the law {name} needs {needed_words(missing)}"
+        said = f"{name}.{missing[0][0]} is missing; {needs}"
+        raise MissingParametersError(name, missing, needs, where=where, sentence=said)
     for key, value in parameters.items():
         known[key].check(f"{name}.{key}", value, where=where)
     return construct(kind, parameters)
-
-
-class MissingParametersError(InputError):
-    """A law lacks parameters that it cannot do without; `missing` has them with their declarations."""
-
-    def __init__(self, law: str, missing: list[tuple[str, Quantity]], allowed: str, **more: Any) -> None:
-        super().__init__(f"{law}.{missing[0][0]}", "missing", allowed, **more)
-        self.law, self.missing = law, missing
 
 
 def missing_parameters(name: str, given: Iterable[str]) -> list[tuple[str, Quantity]]:

@@ -42,7 +42,7 @@ COMMANDS = {
         "load NAME|FILE [as CHANNEL]",
         "Load a protocol, or a table of a waveform for the pressure, span, velocity or tension.", "protocol",
     ),
-    "set": Command("set NAME=VALUE ..", "Give parameters of the loaded protocol other values, several by ', '.", "value"),
+    "set": Command("set NAME=VALUE ..", "Give the loaded protocol other values, several by ', ' or ';'.", "value"),
     "show": Command("show", "Say what the loaded protocol does, and what speaks against it here."),
     "run": Command("run [NAME|FILE]", "Run the loaded protocol, or another one, if nothing speaks against it.", "protocol"),
     "record": Command("record on [FILE.mcap]|off", "Keep what is done by hand, and write it to a log meanwhile.", "on|off"),

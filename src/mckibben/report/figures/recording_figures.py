@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -137,7 +137,9 @@ def write(fig: Figure, file: str | Path) -> None:
 
 def _write_pdf(fig: Figure, file: Path) -> None:
     with ErrorKeepingFile(file) as stream:
-        fig.savefig(stream, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None})
+        fig.savefig(
+            cast(IO[bytes], stream), format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None}
+        )
 
 
 # ---- over time

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ....errors import InputError, MckibbenError
+from ....muscles.plausible import pressure_caution
 from ....quantities import Quantity, parse, with_unit
 from ....specimens import specimen
 from ....studies.comparison import FULL_PRESSURE, Column, Subject
@@ -112,6 +113,9 @@ class Face:
             self._say(why)
             return
         self.pressure = found.value
+        caution = pressure_caution(found.value, text=words)
+        if caution is not None:
+            self._say(f"{caution[0].upper()}{caution[1:]}.")
         self.renew()
 
     def _source(self, value: str) -> None:

@@ -26,6 +26,7 @@ from ....analysis.energy import (
 )
 from ....analysis.energy.settings import pressures
 from ....errors import InputError, NoVolumeError
+from ....muscles.plausible import pressure_caution
 from ....quantities import from_si, with_unit
 from ....reproduction import part4
 from .choice import Choice, conditions, resolved
@@ -176,7 +177,8 @@ def _say(choice: Choice, main: CycleLoops, other: CycleLoops | None, between: Co
 
 def _more(choice: Choice, main: CycleLoops, between: Conditions, overstretched: bool) -> list[str]:
     """Sentences on what the numbers rest on."""
-    said = []
+    caution = pressure_caution(between.pressure, resolved(choice).spec)
+    said = [] if caution is None else [f"{caution[0].upper()}{caution[1:]}."]
     if choice.cycle != "maximal" and between.friction:
         said.append(f"Friction: {READINGS[between.reading]}.")
     if abs(main.cycle.unaccounted) > 5e-4:
