@@ -131,3 +131,9 @@ def test_importing_the_figures_leaves_pyplot_alone() -> None:
 
     code = "import sys, mckibben.report.fit_report; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_picture_of_a_single_map_is_filled_from_side_to_side(figures):
+    boxes = [ax.get_position() for ax in figures["overview"].axes]
+    assert min(b.x0 for b in boxes) < 0.1
+    assert max(b.x1 for b in boxes) > 0.8  # the columns of the ranking stand to the right of its axes

@@ -1,0 +1,52 @@
+"""A library that comes with an extra is asked for before anything is computed, and one sentence says which extra."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from mckibben.cli import main
+from mckibben.errors import InputError, MissingLibraryError
+from mckibben.extras import library
+
+SWEEP = str(Path(__file__).parents[2] / "examples" / "sweeps" / "tube-and-threshold.toml")
+BENCH = ("run", "work-loop", "--muscle", "nylon", "--on")
+
+
+def too_early(*args, **options):
+    pytest.fail("it computed before it looked for the library")
+
+
+@pytest.mark.parametrize(
+    ("missing", "extra", "words", "work"),
+    [
+        ("serial", "serial", (*BENCH, "serial:/dev/ttyACM0"), "mckibben.cli.run.prepared"),
+        ("nidaqmx", "daq", (*BENCH, "daq"), "mckibben.cli.run.prepared"),
+        ("typst", "report", ("compare", "nylon", "--report", "a.pdf"), "mckibben.studies.comparison.subject"),
+        ("typst", "report", ("fit", "DMSP-20-300", "--report", "a.pdf"), "mckibben.identification.fit_all"),
+        # a.nc is not there, which is what reading it would say first
+        ("polars", "formats", ("record", "convert", "a.nc", "a.parquet"), "mckibben.recordings.read_recording"),
+        ("zarr", "sweep", ("sweep", SWEEP, "--out", "a", "--scheduler", "serial"), "mckibben.batch.sweep.Sweep.check"),
+        ("distributed", "sweep", ("sweep", SWEEP, "--out", "a"), "mckibben.batch.sweep.Sweep.check"),
+        ("nicegui", "web", ("serve", "--no-open"), "mckibben.cli.serve.chosen_rig"),
+    ],
+)  # fmt: skip
+def test_a_missing_library_is_said_before_any_work(missing, extra, words, work, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(work, too_early)
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(SystemExit) as stop:
+        main(list(words))
+    out, err = capsys.readouterr()
+    assert (stop.value.code, out, err.count("\n")) == (2, "", 1)
+    assert f"which is not installed: pip install 'mckibben[{extra}]'" in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_where_it_was_asked_for_stays_in_front_of_the_sentence(monkeypatch):
+    monkeypatch.setitem(sys.modules, "polars", None)
+    with pytest.raises(MissingLibraryError) as error:
+        library("polars", "Parquet files need", where="a.parquet")
+    says = "a.parquet: Parquet files need polars, which is not installed: pip install 'mckibben[formats]'"
+    assert str(error.value) == says and str(error.value.at("batch")) == f"batch: {says}"
+    assert isinstance(error.value, InputError)
