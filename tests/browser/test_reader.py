@@ -73,7 +73,7 @@ def test_a_file_with_more_rows_than_are_taken_is_refused_by_their_number(tmp_pat
     path = tmp_path / "long.csv"
     path.write_text("length_mm\n" + "1\n" * 99)
     check_rows(path, 100, "a fit")
-    with pytest.raises(MckibbenError, match="The file has 100 rows; a fit takes up to 30. Keep every 4th of them"):
+    with pytest.raises(MckibbenError, match="The file has 100 lines; a fit takes up to 30. Keep one in 4 of them"):
         check_rows(path, 30, "a fit")
 
 

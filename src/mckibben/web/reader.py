@@ -168,8 +168,8 @@ def check_rows(path: Path, most: int, use: str) -> None:
         while block := stream.read(BLOCK):
             count += block.count(b"\n")
     if count > most:
-        has = f"The file has {count:,} rows; {use} takes up to {most:,}".replace(",", "\u2009")
-        raise MckibbenError(f"{has}. Keep every {-(-count // most)}th of them, or a part of the file.")
+        has = f"The file has {count:,} lines; {use} takes up to {most:,}".replace(",", "\u2009")
+        raise MckibbenError(f"{has}. Keep one in {-(-count // most)} of them, or a part of the file.")
 
 
 def _serve(line: Connection, function: Callable[..., Any], path: Path, given: tuple[Any, ...], passes: int) -> None:

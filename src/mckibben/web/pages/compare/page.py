@@ -230,7 +230,8 @@ class Face:
             try:
                 columns.append((name, work.recorded(self.lab.recordings.found(name)), None, ""))
             except MckibbenError as error:
-                columns.append((name, None, None, str(error)))
+                said = str(error).replace(f"{self.lab.recordings.folder}/", "")
+                columns.append((name, None, None, said))
         for name in self.muscles:
             try:
                 if biological and (name.endswith(".toml") or specimen(name).kind != "biological"):
