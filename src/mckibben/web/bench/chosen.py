@@ -184,7 +184,9 @@ class Chosen:
         try:
             unit = unit_from_specimen(self.spec)
             if setup:
-                self.parts = {**self.parts, "laws": self._laws(unit)}
+                found = self._laws(unit)
+                with self._lock:  # what was chosen meanwhile stays
+                    self.parts = {**self.parts, "laws": found}
             dry = dry_run(self.protocol, self.spec, unit, self.rig)
         except MckibbenError as error:
             one = {"sentence": str(error), "path": "", "field": ""}
