@@ -260,9 +260,8 @@ def _refuse_comma(text: str, *, field: str, where: str | None, listed: bool) -> 
     apart, pointed = re.sub(r"(?<=\d),(?=\d)", "; ", text), re.sub(r"(?<=\d),(?=\d)", ".", text)
     ways = [f"{pointed!r}{' for one number' if listed else ''}"] if pointed.count(".") == 1 else []
     ways += [f"{apart!r} for a list"] if listed else []
-    allowed = f"write {' or '.join(ways) or 'a decimal point, and nothing between thousands'}"
-    said = f"{field} is {text!r}, which has a comma between two digits; {allowed}"
-    raise InputError(field, text, allowed, where=where, sentence=said)
+    written = " or ".join(ways) or "a decimal point, and nothing between thousands"
+    raise InputError(field, text, f"a comma between two digits is ambiguous; write {written}", where=where)
 
 
 def has_dimension(text: str, si_unit: str) -> bool:
