@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import socket
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -507,9 +508,9 @@ def test_the_clock_of_control_is_that_of_the_laboratory():
 
 
 def test_serve_says_in_one_line_what_is_missing(monkeypatch, capsys):
-    from mckibben.cli import main, serve
+    from mckibben.cli import main
 
-    monkeypatch.setattr(serve.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "nicegui", None)  # as where it is not installed
     with pytest.raises(SystemExit) as stop:
         main(["serve", "--no-open"])
     err = capsys.readouterr().err

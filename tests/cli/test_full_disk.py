@@ -109,7 +109,7 @@ def test_files_are_written_through_the_two_functions_that_leave_no_half():
         "recordings/matlab.py",  # called by write_whole
         "recordings/parquet.py",  # nowhere: what polars says
         "web/pages/paper/worker.py",  # into memory
-        "web/pages/recordings/files.py",  # a folder of its own, dropped afterwards
+        "web/server.py",  # what opens the browser: a file of the session's own
     }
 
 

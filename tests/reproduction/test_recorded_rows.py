@@ -120,7 +120,7 @@ def test_a_recording_tells_how_far_it_is(monkeypatch):
 
 def test_rises_and_falls_are_taken_apart(monkeypatch):
     known = [
-        isometric.IsometricTiming(5e-3, 7e-3, 12e-3, t, rising, 1.0, 1.0)
+        isometric.IsometricTiming(5e-3, 7e-3, 12e-3, t, rising, 1.0, 1.0, settled=True)
         for t, rising in ((30e-3, True), (50e-3, False), (32e-3, True))
     ]
     monkeypatch.setattr(isometric, "timings", lambda stroke: known)

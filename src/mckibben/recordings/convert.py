@@ -19,6 +19,7 @@ from typing import Any
 from ..documents import write_whole
 from ..errors import InputError
 from ..extras import library
+from ..quantities import with_unit
 from .imports import Given, Imported, assembled
 from .matlab import matlab_names, read_matlab, write_matlab
 from .mcap_file import is_log, read_log, write_log
@@ -109,7 +110,8 @@ def read_any(
     for option, value in asked.items():
         if value:
             allowed = "a recording of mckibben says these itself; they are for files of others"
-            raise InputError(option.removesuffix("s"), str(value), allowed, where=where)
+            shown = ", ".join(value) if isinstance(value, Mapping) else with_unit(value, "s")
+            raise InputError(option.removesuffix("s"), shown, allowed, where=where)
     return found
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -136,10 +136,9 @@ def write(fig: Figure, file: str | Path) -> None:
 
 
 def _write_pdf(fig: Figure, file: Path) -> None:
+    stream: Any
     with ErrorKeepingFile(file) as stream:
-        fig.savefig(
-            cast(IO[bytes], stream), format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None}
-        )
+        fig.savefig(stream, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None})
 
 
 # ---- over time
