@@ -18,14 +18,14 @@ from mckibben.bench.hardware.connect import connected
 from mckibben.bench.hardware.in_process import SimulatedMachine
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.hosting import in_process
-from mckibben.bench.part import PartMachine, timing_of
-from mckibben.bench.prepare import Bench, prepare
+from mckibben.bench.prepare import PreparedRun, prepare
 from mckibben.bench.run import run
+from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.experiments.library import protocol
 from mckibben.recordings import Recording
 
 
-def bench_of(rate: float, seconds: float) -> Bench:
+def bench_of(rate: float, seconds: float) -> PreparedRun:
     """Some seconds of triangles at a sample rate [1/s]; the filling before and the venting after come on top."""
     wanted = protocol("isotonic-triangle", load="50 N", frequency="1 Hz", cycles=max(1, round(seconds)))
     return prepare(dataclasses.replace(wanted, sample_rate=rate), muscle="nylon", rig="paper")
@@ -34,7 +34,7 @@ def bench_of(rate: float, seconds: float) -> Bench:
 def machine_of(rate: float, seconds: float) -> SimulatedMachine:
     """The machine that a device hosts; called in its process."""
     bench = bench_of(rate, seconds)
-    return PartMachine(bench, 0, next(bench.parts()), timing_of(bench)).at_border(ahead=seconds)
+    return SegmentMachine(bench, 0, next(bench.segments()), timing_of(bench)).at_border(ahead=seconds)
 
 
 def measured(rate: float, seconds: float, *, serial: bool, log: Path) -> tuple[Recording, float, float]:

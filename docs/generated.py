@@ -197,7 +197,7 @@ def rigs(_: Path) -> str:
     from mckibben.bench.rig_file import LENGTH, shipped_rigs
     from mckibben.bench.software.controllers import ForceControl, PositionControl, PressureControl
     from mckibben.bench.software.interlocks import Interlocks
-    from mckibben.bench.software.motion import MotionEstimate
+    from mckibben.bench.software.controllers import MotionEstimate
     from mckibben.components import Environment
     from mckibben.pneumatics.build import ELEMENTS, known_keys
     from mckibben.quantities import Quantity, declared

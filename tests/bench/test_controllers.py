@@ -12,8 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from mckibben.bench.software.controllers import ForceControl, PositionControl, PressureControl
-from mckibben.bench.software.motion import MotionEstimate
+from mckibben.bench.software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 
 DT = 1e-3
 FINE = 20  # steps of the plant in a sample

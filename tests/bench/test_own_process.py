@@ -11,8 +11,8 @@ import pytest
 
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.hosting import in_thread
-from mckibben.bench.part import PartMachine, timing_of
 from mckibben.bench.prepare import prepare
+from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.bench.session.own_process import OwnProcess
 from mckibben.errors import InputError, LineLostError, LoweringError
 from mckibben.specimens import specimen
@@ -42,8 +42,8 @@ class Device:
 
     def __init__(self):
         made = prepare("work-loop", muscle="nylon", rig="paper")
-        part = next(made.parts())
-        self.machine = PartMachine(made, 0, part, timing_of(made)).at_border(watched=False)
+        part = next(made.segments())
+        self.machine = SegmentMachine(made, 0, part, timing_of(made)).at_border(watched=False)
         self.rest, self.valve, self.words, advance = int(made.rig.motor_out.count(0.0)), [], "", self.machine.advance
 
         def told(valve, motor, opened):

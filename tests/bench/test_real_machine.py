@@ -11,8 +11,8 @@ from mckibben.bench.hardware.connect import connected
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.hosting import in_thread
 from mckibben.bench.hardware.serial_line.microcontroller import Faults
-from mckibben.bench.part import PartMachine, timing_of
 from mckibben.bench.run import run
+from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.errors import InputError, LineLostError
 
 MEASURED = ("pressure", "valve_pressure", "tension", "span")
@@ -24,8 +24,8 @@ def prepared(**values):
 
 
 def simulated(made):
-    (part,) = made.parts()
-    return PartMachine(made, 0, part, timing_of(made)).at_border()
+    (part,) = made.segments()
+    return SegmentMachine(made, 0, part, timing_of(made)).at_border()
 
 
 @contextlib.contextmanager

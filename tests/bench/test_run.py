@@ -13,10 +13,10 @@ from scipy.integrate import solve_ivp
 from short_runs import ADIABATIC, SHORT, bench, closes, nylon, paper, triangle, written
 
 from mckibben.analysis.segments import segments
-from mckibben.bench.part import PartMachine, software_of, timing_of
-from mckibben.bench.prepare import Fault
+from mckibben.bench.prepare import OpenWire
 from mckibben.bench.rig_file import rig
 from mckibben.bench.run import run
+from mckibben.bench.segment import SegmentMachine, software_of, timing_of
 from mckibben.engine import sampled
 from mckibben.engine.signals import Value
 from mckibben.errors import InputError
@@ -102,9 +102,9 @@ def test_a_full_rig_agrees_with_an_independent_stiff_solver():
         'pressure = "4 bar"\nfor = "60 ms"\n', unit=nylon(rubs=False),
         on=rig("paper", ADIABATIC | {"plumbing.direct.valve.dead_time": "4 ms", "computer.latency": "1 ms"}),
     )  # fmt: skip
-    (part,) = prepared.parts()
+    (part,) = prepared.segments()
     timing = timing_of(prepared)
-    own, software = PartMachine(prepared, 0, part, timing), software_of(prepared, part, timing)
+    own, software = SegmentMachine(prepared, 0, part, timing), software_of(prepared, part, timing)
     plant, start, rows, carry = own.plant, own.start, own.rows, own.carry(software)
     history = {k: list(np.asarray(v)) for k, v in carry.history.items()}
     samples = 60
@@ -146,7 +146,7 @@ def test_the_bound_that_chooses_the_step_is_above_every_mode_of_the_rig():
     from mckibben.engine.rates import fastest_rate
 
     prepared = bench("isotonic-triangle", **SHORT["isotonic-triangle"])
-    (part,) = prepared.parts()
+    (part,) = prepared.segments()
     machine = paper().machine(part.layout, prepared.unit, start=0.14, moves=True)
     plant = paper().plant(machine, part.layout, mounted=0.14)
     for pressure in (0.0, 1e5, 3e5):
@@ -205,7 +205,7 @@ def test_a_test_that_does_not_come_true_stops_the_machine_and_says_so():
 @pytest.mark.parametrize("channel", ["pressure", "tension", "span"])
 def test_a_lost_sensor_stops_the_machine_vents_it_and_is_named(channel):
     values = SHORT["isotonic-triangle"] | {"cycles": 5}
-    recording = run(bench("isotonic-triangle", faults=[Fault(channel, 4.2)], **values))
+    recording = run(bench("isotonic-triangle", faults=[OpenWire(channel, 4.2)], **values))
     assert recording.meta["result"] == "stopped"
     assert recording.meta["events"][0]["code"] in (f"lost_{channel}", "too_long", "too_short", "over_speed")
     assert 4.2 <= recording.meta["events"][0]["time"] < 4.5

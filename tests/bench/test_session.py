@@ -7,8 +7,8 @@ import pytest
 from short_runs import bench, closes, paper
 
 from mckibben.bench.hardware.in_process import InProcess
-from mckibben.bench.part import PartMachine, timing_of
 from mckibben.bench.run import run
+from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.bench.session import Session
 from mckibben.bench.session.ring import Ring
 from mckibben.errors import InputError, LineLostError
@@ -304,8 +304,8 @@ class Lost(InProcess):
 
 def test_a_lost_line_ends_the_session_and_says_so():
     prepared = bench("isotonic-triangle", load="50 N", frequency="5 Hz", cycles=1)
-    (part,) = prepared.parts()
-    hardware = Lost(PartMachine(prepared, 0, part, timing_of(prepared)).at_border(), paced=False)
+    (part,) = prepared.segments()
+    hardware = Lost(SegmentMachine(prepared, 0, part, timing_of(prepared)).at_border(), paced=False)
     with Session(paper(), "nylon", hardware) as session:
         session.wait(5.0)
         assert session.status().state == "lost" and "unplugged" in session.why and hardware.valve.vented

@@ -10,8 +10,8 @@ import pytest
 from short_runs import SHORT, bench, closes, triangle
 
 from mckibben.bench.hardware.in_process import InProcess
-from mckibben.bench.part import PartMachine, timing_of
 from mckibben.bench.run import EmergencyStop, run
+from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.errors import InputError, LineLostError
 from mckibben.recordings.convert import read_any
 
@@ -20,8 +20,8 @@ MEASURED = ("pressure", "tension", "span")
 
 
 def machine(prepared, *, paced=False):
-    (part,) = prepared.parts()
-    return InProcess(PartMachine(prepared, 0, part, timing_of(prepared)).at_border(), paced=paced)
+    (part,) = prepared.segments()
+    return InProcess(SegmentMachine(prepared, 0, part, timing_of(prepared)).at_border(), paced=paced)
 
 
 class Until:

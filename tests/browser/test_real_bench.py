@@ -12,8 +12,8 @@ import pytest
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.hosting import in_thread
 from mckibben.bench.hardware.serial_line.microcontroller import Faults
-from mckibben.bench.part import PartMachine, timing_of
 from mckibben.bench.prepare import prepare
+from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.experiments.read import parse_protocol
 from mckibben.recordings import read_recording
 from mckibben.web.bench import Bench, Real
@@ -62,8 +62,8 @@ def mounted():
 @contextlib.contextmanager
 def laboratory(folder, mounted, **options):
     """One whose bench is a machine behind a pseudo-terminal."""
-    (part,) = mounted.parts()
-    machine = PartMachine(mounted, 0, part, timing_of(mounted)).at_border(watched=False)
+    (part,) = mounted.segments()
+    machine = SegmentMachine(mounted, 0, part, timing_of(mounted)).at_border(watched=False)
     with in_thread(machine, about=About(motor_rest=int(mounted.rig.motor_out.count(0.0))), **options) as device:
         real = Real(f"serial:{device.port}", lock_step=True)
         lab = Laboratory(folder, functools.partial(Bench, real=real))

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..bench import channels
-from ..bench.hardware.plant import Rigged
+from ..bench.hardware.plant import InstrumentedPlant
 from ..engine import sampled
 from ..engine.native import Compiled, compiled
 from . import rest, tally
@@ -25,7 +25,7 @@ from .outputs import Output
 SHOWN = ("running", "record", "code", "missed", "step")
 
 
-class Unaccounted(Rigged):
+class Unaccounted(InstrumentedPlant):
     """A machine of which nobody asks the balances: three times as fast without their integrals."""
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from ..bench.part import Draws
-from ..bench.source import AFTER_STOP, CHUNK
+from ..bench.segment import AFTER_STOP, CHUNK, SensorNoise
 from ..engine.sampled import Steps
 from . import tally
 from .kernels import Kernels, Seen
@@ -58,7 +57,7 @@ class Marched(NamedTuple):
 class Rows:
     """The noise of every sample: one for all lanes, or one for each."""
 
-    def __init__(self, draws: Sequence[Draws]) -> None:
+    def __init__(self, draws: Sequence[SensorNoise]) -> None:
         self.draws = draws
 
     def first(self) -> Any:

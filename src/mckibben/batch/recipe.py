@@ -13,7 +13,7 @@ from typing import Any
 
 from ..assembly.build import unit_from_specimen
 from ..assembly.muscle_unit import MuscleUnit
-from ..bench.prepare import Bench, prepare
+from ..bench.prepare import PreparedRun, prepare
 from ..bench.rig import Rig
 from ..bench.rig_file import read_rig
 from ..bench.rig_file import rig as rig_of
@@ -90,7 +90,7 @@ class Kitchen:
         self._protocol = _remembering(self._read_protocol)
         self._unit = _remembering(lambda name: unit_from_specimen(self._specimen(name)))
 
-    def bench(self, values: Mapping[str, Any]) -> Bench:
+    def bench(self, values: Mapping[str, Any]) -> PreparedRun:
         """The bench of one variant, the dry run included.
 
         Args:

@@ -6,13 +6,13 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from ..bench.hardware.plant import Rigged
+from ..bench.hardware.plant import InstrumentedPlant
 from ..engine import sampled
 from ..engine.signals import Signal, Value
 
 
-def begin(plant: Rigged, software: Any, pressure: Any, depth: int, row: Any) -> sampled.Carry:
-    """What goes into the first sample of a part, where a gauge pressure [Pa] has lasted; as `bench.part` begins one.
+def begin(plant: InstrumentedPlant, software: Any, pressure: Any, depth: int, row: Any) -> sampled.Carry:
+    """What goes into the first sample of a part, where a gauge pressure [Pa] has lasted; as `bench.segment` begins one.
 
     Args:
         plant: the machine behind its converters.

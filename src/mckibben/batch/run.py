@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from ..assembly.accounts import accounts
-from ..bench.part import Draws
+from ..bench.segment import SensorNoise
 from ..engine import sampled
 from ..engine.native import ENGINES, called
 from ..errors import InputError
@@ -130,7 +130,7 @@ class _Piece:
             leaves = group.family.stacked(padded, part)
             kernels = runner.kernels(group.family, part, seeds)
             chosen = padded if seeds else padded[:1]
-            rows = march.Rows([Draws(lane.template.bench, part) for lane in chosen])
+            rows = march.Rows([SensorNoise(lane.template.bench, part) for lane in chosen])
             offset = sums.samples.copy()
             found = march.part(
                 kernels, leaves, sums, rows, period=self.period, inner=self.timing.inner,
@@ -253,7 +253,7 @@ def known_names(template: Template) -> tuple[list[str], list[str]]:
     kind = Kind(
         fixed.structures[0], (True,) * len(leaves), fixed.timing.depth, fixed.every, (), (), True, False, "auto"
     )
-    row = Draws(template.bench, 0).first()
+    row = SensorNoise(template.bench, 0).first()
     kernels = Kernels(kind)
 
     def one(own: Any) -> Any:

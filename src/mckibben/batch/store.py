@@ -142,7 +142,7 @@ def _known(place: Path, sweep: Sweep) -> Store:
 
 
 def _create(group: Any, sweep: Sweep, block: int) -> None:
-    from ..bench.provenance import versions
+    from ..bench.metadata import versions
 
     count = len(sweep.variants)
 

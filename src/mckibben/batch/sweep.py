@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..bench.source import CHUNK
+from ..bench.segment import CHUNK
 from ..errors import InputError
 from ..experiments.waveforms import near
 from .outputs import LATER, check_channels, document, wanted

@@ -16,10 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..assembly.machine import Machine
-from ..bench.part import rubbed, software_of, timing_of
-from ..bench.prepare import Bench, Part
+from ..bench.hardware.computer import Timing
+from ..bench.prepare import PreparedRun, RunSegment
+from ..bench.segment import software_of, timing_of, with_friction_scale
 from ..bench.software.loop import BenchSoftware
-from ..bench.software.timing import Timing
 from .recipe import Kitchen
 
 STEPS = 64  # of a part, to which the tables of windows are padded, or 16 times as many
@@ -53,9 +53,9 @@ class Template(NamedTuple):
         guard: what the dry run looked at beside the muscle; a parameter that changes it is none that a lane can be given.
     """
 
-    bench: Bench
+    bench: PreparedRun
     machines: tuple[Machine, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[RunSegment, ...]
     fixed: Fixed
     leaves: tuple[tuple[np.ndarray, ...], ...]
     guard: tuple[Any, ...]
@@ -73,12 +73,12 @@ def build(kitchen: Kitchen, values: Mapping[str, Any]) -> Template:
     """
     bench = kitchen.bench(values)
     timing = timing_of(bench)
-    parts = tuple(bench.parts())
+    parts = tuple(bench.segments())
     machines, leaves, structures = [], [], []
     for part in parts:
         rig = bench.rig
         machine = rig.machine(
-            part.layout, rubbed(bench.unit, part.friction), start=part.start_span, moves=part.moves
+            part.layout, with_friction_scale(bench.unit, part.friction), start=part.start_span, moves=part.moves
         )  # fmt: skip
         tree = {
             "plant": rig.plant(machine, part.layout, mounted=part.start_span),
@@ -98,7 +98,7 @@ def build(kitchen: Kitchen, values: Mapping[str, Any]) -> Template:
     return Template(bench, tuple(machines), parts, fixed, tuple(leaves), guard)
 
 
-def _trimmed(software: BenchSoftware, part: Part) -> BenchSoftware:
+def _trimmed(software: BenchSoftware, part: RunSegment) -> BenchSoftware:
     """With tables of set-points as long as the part needs, for there may be one for every lane."""
     size = 1024
     while size < sum(s.count for s in part.steps):
@@ -109,7 +109,7 @@ def _trimmed(software: BenchSoftware, part: Part) -> BenchSoftware:
     return trimmed
 
 
-def _windows(kitchen: Kitchen, part: Part) -> dict[str, np.ndarray]:
+def _windows(kitchen: Kitchen, part: RunSegment) -> dict[str, np.ndarray]:
     """Of every output, at which steps of the part it looks (steps,)."""
     size = STEPS
     while size < len(part.steps):

@@ -21,7 +21,7 @@ from ..pneumatics.volume import MovingVolume
 from ..recordings.recording import Channel, Recording
 from ..specimens import specimen
 from .channels import described
-from .provenance import created, resolved, versions
+from .metadata import created, resolved, versions
 
 CHUNK = 400_000  # steps of a part; each part costs some seconds beside, for its rates are examined
 

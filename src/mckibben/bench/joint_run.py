@@ -24,17 +24,15 @@ from ..engine.native import called
 from ..errors import InputError
 from ..recordings.recording import Channel, Recording
 from ..specimens import Specimen
-from .about import CLOSED
 from .channels import CONSTANT, described
+from .hardware.computer import Timing, configure
 from .hardware.joint_stand import MOMENT, PRESSURES, RiggedJoint
 from .hardware.motor import Encoder
-from .provenance import created, resolved, versions
+from .metadata import CLOSED, created, resolved, versions
 from .rig import Rig
 from .rig_file import rig as rig_of
-from .software.controllers.joint import JointControl
-from .software.joint_loop import JointSoftware
-from .software.timing import Timing, configure
-from .source import CHUNK
+from .segment import CHUNK
+from .software.joint_control import JointControl, JointSoftware
 
 AXIS = 1.0  # radius at which an encoder's metres are radians [m]
 ARM, SPAN = 0.02, 0.126  # of a pair of nylon muscles, whose stroke is 3 cm [m]

@@ -34,14 +34,14 @@ ON_THE_CELL = "the load cell reads"  # how a finding about the cell's range begi
 
 
 @dataclass(frozen=True)
-class Fault:
+class OpenWire:
     """A wire that opens: `channel` is pressure, valve_pressure, tension or span, `at` a time of the run [s]."""
 
     channel: str
     at: float
 
 
-class Part(NamedTuple):
+class RunSegment(NamedTuple):
     """Steps of a plan between two things that a person does, on one machine.
 
     Attributes:
@@ -80,7 +80,7 @@ class Part(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Bench:
+class PreparedRun:
     """One run of a protocol on a simulated rig, ready to start: what will be done, and what speaks against it.
 
     Attributes:
@@ -107,7 +107,7 @@ class Bench:
     every: int = 1
     step: float = STEP
     seed: int = 0
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[OpenWire, ...] = ()
     findings: tuple[Finding, ...] = ()
     accepted: tuple[Finding, ...] = ()
 
@@ -121,29 +121,29 @@ class Bench:
         old = () if used is None else used.expired(datetime.datetime.now(datetime.UTC))
         unknown = [
             f"the rig {self.rig.name} does not say what changes when somebody is asked to {ask}: simulated, nothing does"
-            for ask in dict.fromkeys(asked) if self.rig.hand(ask) is None
+            for ask in dict.fromkeys(asked) if self.rig.operator_action(ask) is None
         ]  # fmt: skip
         return (*old, *unknown)
 
-    def parts(self) -> Iterator[Part]:
+    def segments(self) -> Iterator[RunSegment]:
         """The plan, divided where a person is asked to do something."""
-        return _parts(self.rig, self.plan, self.layout)
+        return _segments(self.rig, self.plan, self.layout)
 
 
-def _parts(rig: Rig, plan: Plan, layout: str) -> Iterator[Part]:
+def _segments(rig: Rig, plan: Plan, layout: str) -> Iterator[RunSegment]:
     steps: list[PlannedStep] = []
     friction, asked = 1.0, ""
     for step in plan.steps:
         if step.step.ask:
             if steps:
-                yield Part(tuple(steps), layout, friction, asked)
+                yield RunSegment(tuple(steps), layout, friction, asked)
                 steps = []
             asked = step.step.ask
-            hand = rig.hand(asked)
+            hand = rig.operator_action(asked)
             if hand is not None:
                 layout, friction = hand.plumbing or layout, hand.friction
         steps.append(step)
-    yield Part(tuple(steps), layout, friction, asked)
+    yield RunSegment(tuple(steps), layout, friction, asked)
 
 
 def prepare(
@@ -156,8 +156,8 @@ def prepare(
     step: float = STEP,
     seed: int = 0,
     accept_saturation: bool = False,
-    faults: Sequence[Fault] = (),
-) -> Bench:
+    faults: Sequence[OpenWire] = (),
+) -> PreparedRun:
     """Everything before anything moves, the dry run included.
 
     Args:
@@ -195,7 +195,7 @@ def prepare(
         plan = _plan(dataclasses.replace(wanted, sample_rate=wanted.sample_rate * every), rest)
     found += _not_built(on, unit, plan, layout) if not any(f.field == "sample_rate" for f in found) else []
     spared = [f for f in found if accept_saturation and f.field == "tension" and f.allowed.startswith(ON_THE_CELL)]
-    return Bench(
+    return PreparedRun(
         wanted, on, unit, plan, layout, spec, every, step, seed, tuple(faults),
         tuple(f for f in found if f not in spared), tuple(spared),
     )  # fmt: skip
@@ -204,17 +204,17 @@ def prepare(
 def _not_built(rig: Rig, unit: MuscleUnit, plan: Plan, layout: str) -> list[Finding]:
     """Why the machine of a part of the run, or its loop, cannot be put together, where it cannot; each reason once."""
     found: dict[str, Finding] = {}
-    for part in _parts(rig, plan, layout):
+    for part in _segments(rig, plan, layout):
         try:
             rig.computer.period(plan.sample_rate)  # that of a loop with a motor is faster than the protocol's
-            rig.machine(part.layout, rubbed(unit, part.friction), start=part.start_span, moves=part.moves)
+            rig.machine(part.layout, with_friction_scale(unit, part.friction), start=part.start_span, moves=part.moves)
         except InputError as error:
             reason = Finding(0, "", "", error.field, str(error.value), error.allowed, str(error))
             found.setdefault(reason.sentence, reason)
     return list(found.values())
 
 
-def rubbed(unit: MuscleUnit, factor: float) -> MuscleUnit:
+def with_friction_scale(unit: MuscleUnit, factor: float) -> MuscleUnit:
     """The muscle with its friction times a factor."""
     if factor == 1.0:
         return unit
@@ -227,13 +227,13 @@ def rubbed(unit: MuscleUnit, factor: float) -> MuscleUnit:
 def _plan(protocol: Protocol, rest: float) -> Plan:
     """The plan from the rest length on, or from where a plate holds the muscle that is never moved."""
     plan = protocol.expand(rest_length=rest)
-    whole = Part(plan.steps, "", 1.0, "")
+    whole = RunSegment(plan.steps, "", 1.0, "")
     return plan if whole.moves else protocol.expand(rest_length=rest, start_span=whole.start_span)
 
 
 def _every(rate: float, plan: Plan) -> int:
     """How much faster than a protocol's clock the loop has to run, which is unstable with a motor below some 600 1/s."""
-    moves = Part(plan.steps, "", 1.0, "").moves
+    moves = RunSegment(plan.steps, "", 1.0, "").moves
     return math.ceil(CONTROL_RATE / rate * (1.0 - 1e-9)) if moves and rate < CONTROL_RATE else 1
 
 

@@ -27,18 +27,17 @@ from .hardware.computer import Computer
 from .hardware.converters import Converters
 from .hardware.frame import Frame, TestStand
 from .hardware.motor import Encoder, Motor
-from .hardware.plant import Rigged
+from .hardware.plant import InstrumentedPlant
 from .hardware.pneumatics import MUSCLE, Plumbing
-from .software.controllers import ForceControl, PositionControl, PressureControl
+from .software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .software.interlocks import Interlocks
-from .software.motion import MotionEstimate
 
 CHOICES = frozenset(("accumulators", "shut-off"))  # parts by which a way to join them is chosen
 MUSCLE_VOLUME = 1.5e-5  # of gas in a muscle and half its tube, for the rate that a valve can follow [m^3]
 
 
 @dataclass(frozen=True)
-class Hand:
+class OperatorAction:
     """What a person does when a protocol asks for it: joins other parts, or changes the muscle.
 
     `friction` is the friction afterwards, over that of the untreated muscle.
@@ -76,7 +75,7 @@ class Rig:
     force: ForceControl
     interlocks: Interlocks
     environment: Environment = field(default_factory=Environment)
-    hands: tuple[Hand, ...] = ()
+    hands: tuple[OperatorAction, ...] = ()
     source: str = ""
     note: str = ""
     inferred: tuple[str, ...] = ()
@@ -84,7 +83,7 @@ class Rig:
     where: str = ""
     calibration: Calibration | None = None
 
-    def hand(self, ask: str) -> Hand | None:
+    def operator_action(self, ask: str) -> OperatorAction | None:
         """What a person does for an ask; None where the rig does not know it."""
         return next((h for h in self.hands if h.ask == ask), None)
 
@@ -192,9 +191,9 @@ class Rig:
             zero={n: jnp.asarray(c.zero) for n, c in corrections.items()},
         )  # fmt: skip
 
-    def plant(self, machine: Machine, layout: str, *, mounted: float) -> Rigged:
+    def plant(self, machine: Machine, layout: str, *, mounted: float) -> InstrumentedPlant:
         """The machine behind its converters; the encoder was zeroed at a span [m]."""
-        return Rigged(
+        return InstrumentedPlant(
             machine=machine, tested=self.plumbing[layout].tested, sensors=dict(self.sensors),
             converters=self.converters(mounted),
         )  # fmt: skip

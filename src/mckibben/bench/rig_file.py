@@ -42,10 +42,9 @@ from .hardware.computer import Computer
 from .hardware.frame import Frame
 from .hardware.motor import Encoder, Motor
 from .hardware.pneumatics import Plumbing
-from .rig import Hand, Rig
-from .software.controllers import ForceControl, PositionControl, PressureControl
+from .rig import OperatorAction, Rig
+from .software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .software.interlocks import Interlocks
-from .software.motion import MotionEstimate
 
 SCHEMA = 1
 UNITS = {"pressure": "Pa", "valve_pressure": "Pa", "tension": "N"}
@@ -248,7 +247,7 @@ def _heat(entry: Entry, room: Environment) -> HeatModel:
     return WallHeat(conductance=value, wall_temperature=room.temperature)
 
 
-def _hands(top: Entry, layouts: tuple[str, ...]) -> tuple[Hand, ...]:
+def _hands(top: Entry, layouts: tuple[str, ...]) -> tuple[OperatorAction, ...]:
     raw = top.values.get("hands", [])
     if not isinstance(raw, list):
         raise top.fail("hands", raw, "allowed is a list of tables")
@@ -258,7 +257,7 @@ def _hands(top: Entry, layouts: tuple[str, ...]) -> tuple[Hand, ...]:
         entry.only(("ask", "plumbing", "friction"))
         layout = entry.word("plumbing", among=layouts) if "plumbing" in entry.values else ""
         friction = entry.number("friction", "1", 1.0, declared=Quantity("1", (0.0, 10.0), "friction", "", (0.5, 1.5)))
-        found.append(Hand(entry.word("ask"), layout, friction))
+        found.append(OperatorAction(entry.word("ask"), layout, friction))
     return tuple(found)
 
 

@@ -16,26 +16,25 @@ from ..experiments.protocol import Protocol
 from ..recordings.recording import Recording
 from ..specimens import Specimen
 from . import channels
-from .about import StepTable, describe
-from .hardware.border import Hardware
 from .hardware.in_process import InProcess, SimulatedMachine
-from .keeping import Keeper
-from .part import PartMachine, software_of, timing_of
-from .prepare import Bench, Fault, Part, prepare, rubbed
+from .hardware.interface import Hardware
+from .metadata import StepTable, run_metadata
+from .prepare import OpenWire, PreparedRun, RunSegment, prepare, with_friction_scale
+from .recorder import RunRecorder
 from .rig import Rig
+from .segment import AFTER_STOP, Chunk, SegmentMachine, simulated, software_of, timing_of
 from .software.emergency_stop import EmergencyStop, sentence
 from .software.interlocks import Trip
-from .source import AFTER_STOP, Chunk, simulated
 from .wall_clock import Lateness, Loop, clocked
 
 Progress = Callable[[float, float], None]  # time done and longest time [s]
 Display = Callable[[np.ndarray, Mapping[str, np.ndarray]], None]  # times and channels of a chunk
 
-__all__ = ["Bench", "EmergencyStop", "Fault", "prepare", "run"]
+__all__ = ["PreparedRun", "EmergencyStop", "OpenWire", "prepare", "run"]
 
 
 def run(
-    what: Bench | Protocol | str | os.PathLike[str],
+    what: PreparedRun | Protocol | str | os.PathLike[str],
     rig: Rig | str | os.PathLike[str] = "paper",
     *,
     muscle: str | Specimen | Any = None,
@@ -68,7 +67,7 @@ def run(
         InputError: what `prepare` cannot read, the first finding of the dry run, or a machine that does not fit the rig.
         ConvergenceError: if the physics failed; says why.
     """
-    if isinstance(what, Bench):
+    if isinstance(what, PreparedRun):
         bench = what
     elif muscle is None:
         raise InputError("muscle", "not given", "allowed is a specimen, its id or file, or a muscle")
@@ -80,7 +79,7 @@ def run(
     return going.go()
 
 
-def compile_run(bench: Bench, wanted: Callable[[], bool] = lambda: True) -> None:
+def compile_run(bench: PreparedRun, wanted: Callable[[], bool] = lambda: True) -> None:
     """Compile what a run of the simulated machine by the wall clock needs, so that it begins at once.
 
     Args:
@@ -88,10 +87,10 @@ def compile_run(bench: Bench, wanted: Callable[[], bool] = lambda: True) -> None
         wanted: asked before each part whether somebody still wants it.
     """
     timing = timing_of(bench)
-    for number, part in enumerate(bench.parts()):
+    for number, part in enumerate(bench.segments()):
         if not wanted():
             return
-        own = PartMachine(bench, number, part, timing)
+        own = SegmentMachine(bench, number, part, timing)
         machine, software = own.at_border(), software_of(bench, part, timing)
         Loop(
             InProcess(machine), bench.rig.converters(part.start_span), software, outputs=own.machine.signals(),
@@ -107,13 +106,13 @@ class Run:
     simulated_by: Callable[[SimulatedMachine], Hardware] = InProcess  # how a simulated machine keeps its time
 
     def __init__(
-        self, bench: Bench, *, progress: Progress | None = None, display: Display | None = None,
+        self, bench: PreparedRun, *, progress: Progress | None = None, display: Display | None = None,
         stop: Callable[[], bool] | None = None, ask: Callable[[str], None] | None = None, log: str | Path | None = None,
     ) -> None:  # fmt: skip
         self.bench, self.progress, self.display, self.ask = bench, progress, display, ask
         self.stop = EmergencyStop() if stop is None else stop
         self.timing = timing_of(bench)
-        self.keeper = Keeper(bench, self.timing.period * bench.every, log)
+        self.keeper = RunRecorder(bench, self.timing.period * bench.every, log)
         self.table = StepTable(self.timing.period)
         self.time, self.samples, self.finest = 0.0, 0, self.timing.inner
         self.result, self.message = "done", "The run reached its end."
@@ -131,7 +130,7 @@ class Run:
         """All parts, one after the other."""
         with self.keeper:
             machine: Any = None
-            for number, part in enumerate(self.bench.parts()):
+            for number, part in enumerate(self.bench.segments()):
                 if part.asked:
                     self._asked(part.asked)
                 machine = self._part(number, part)
@@ -140,7 +139,7 @@ class Run:
             if self.result != "done" and not len(self.keeper.chunks):
                 raise EmptyRunError(f"{self.message.rstrip('.')}; nothing had been recorded by then")
             record = self.keeper.recording()
-            about = describe(
+            about = run_metadata(
                 self.bench, machine, self.timing, inner=self.finest, closed=self.closed, record=record
             )  # fmt: skip
             about |= {"steps": self.steps, "events": self.events}
@@ -166,16 +165,16 @@ class Run:
         self.events.append({"time": self.time, "text": text, **more})
         self.keeper.remark(text, self.time)
 
-    def _part(self, number: int, part: Part) -> Any:
+    def _part(self, number: int, part: RunSegment) -> Any:
         software = software_of(self.bench, part, self.timing)
         self.mounted.append([self.time, part.start_span])
         most = round((self.bench.plan.duration + 2.0 * AFTER_STOP) / self.timing.period)
         if self.hardware is not None:
-            unit = rubbed(self.bench.unit, part.friction)
+            unit = with_friction_scale(self.bench.unit, part.friction)
             nominal = self.bench.rig.machine(part.layout, unit, start=part.start_span, moves=part.moves)
             self._clocked(self.hardware, software, part, nominal, most)
             return nominal
-        own = PartMachine(self.bench, number, part, self.timing, self.time)
+        own = SegmentMachine(self.bench, number, part, self.timing, self.time)
         if self.real_time:
             at = own.at_border(ahead=most * self.timing.period)
             self._clocked(self.simulated_by(at), software, part, own.machine, most)
@@ -193,7 +192,7 @@ class Run:
         self.closed.append(own.closed(carry))
         return own.machine
 
-    def _clocked(self, hardware: Hardware, software: Any, part: Part, machine: Any, most: int) -> None:
+    def _clocked(self, hardware: Hardware, software: Any, part: RunSegment, machine: Any, most: int) -> None:
         converters = self.bench.rig.converters(part.start_span)
         loop = Loop(
             hardware, converters, software, outputs=machine.signals(), period=self.timing.period, longest=most,
@@ -211,7 +210,7 @@ class Run:
             self.lateness.append(loop.lateness[: loop.taken])
         self.table.end(self.time, "until" if self.result == "done" else "stop")
 
-    def _samples(self, source: Iterator[Chunk], part: Part) -> Iterator[Chunk]:
+    def _samples(self, source: Iterator[Chunk], part: RunSegment) -> Iterator[Chunk]:
         """Keep what a source gives, until the part ends; each chunk is given on."""
         left = round(AFTER_STOP / self.timing.period)
         try:
@@ -243,7 +242,7 @@ class Run:
         self.result, self.message = "interrupted", f"Interrupted after {self.time:.4g} s of at most {total:.4g} s."
         self._event("interrupted")
 
-    def _keep(self, seen: Any, used: int, part: Part, stopped: bool) -> None:
+    def _keep(self, seen: Any, used: int, part: RunSegment, stopped: bool) -> None:
         """Take the first samples of a chunk."""
         period, total = self.timing.period, self.bench.plan.duration
         times = period * (self.samples + np.arange(used))
@@ -260,7 +259,7 @@ class Run:
         if self.progress is not None:
             self.progress(min(self.time, total), total)
 
-    def _stopped(self, seen: Any, at: int, part: Part) -> None:
+    def _stopped(self, seen: Any, at: int, part: RunSegment) -> None:
         """Say what stopped the machine at a sample of a chunk."""
         i = min(at, len(seen.shown["code"]) - 1)
         when, code = self.time + i * self.timing.period, int(seen.shown["code"].max())

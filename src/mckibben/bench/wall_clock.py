@@ -21,12 +21,12 @@ import numpy as np
 from ..engine import sampled
 from ..engine.packed import compile_once
 from ..errors import InputError, LineLostError
-from .hardware.border import Hardware
 from .hardware.converters import SPAN, Converters
 from .hardware.in_process import InProcess
+from .hardware.interface import Hardware
 from .hardware.ongoing import Lent
+from .segment import AFTER_STOP, Chunk
 from .software.loop import BenchSoftware
-from .source import AFTER_STOP, Chunk
 
 LATE = 0.1  # share of a period from which a sample counts as late
 LOOK = 0.02  # time between two looks at what was seen [s]

@@ -184,7 +184,7 @@ def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[Session]:
     """A session with its source of readings; what is wrong with the file is said before anybody is asked."""
     from ..bench.calibrate.file import merged
     from ..bench.calibrate.session import Session
-    from ..bench.provenance import created
+    from ..bench.metadata import created
     from ..bench.rig_file import rig as rig_of
     from ..recordings.calibration import LONGEST
 

@@ -20,7 +20,7 @@ from .words import progress
 
 if TYPE_CHECKING:
     from ..bench.console import Console
-    from ..bench.hardware.border import Hardware
+    from ..bench.hardware.interface import Hardware
     from ..bench.rig import Rig
 
 PARTS = 1000  # of a progress bar

@@ -33,7 +33,7 @@ def device(
     """Host the machine on which a protocol begins behind a simulated microcontroller; say its port; Ctrl-C ends it."""
     from ..bench.hardware.serial_line.device import About
     from ..bench.hardware.serial_line.hosting import in_thread
-    from ..bench.part import PartMachine, timing_of
+    from ..bench.segment import SegmentMachine, timing_of
     from ..documents import write_text
 
     if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
@@ -41,8 +41,8 @@ def device(
     if port is not None and (not port.name or port.is_dir() or not port.absolute().parent.is_dir()):
         raise InputError("--port", str(port), "allowed is a file in a folder that is there")
     bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)
-    part = next(bench.parts())
-    machine = PartMachine(bench, 0, part, timing_of(bench)).at_border(watched=False)
+    part = next(bench.segments())
+    machine = SegmentMachine(bench, 0, part, timing_of(bench)).at_border(watched=False)
     out, converters = bench.rig.motor_out, bench.rig.converters(part.start_span)
     about = About(
         encoder=converters.encoder is not None, motor=out is not None,

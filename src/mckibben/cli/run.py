@@ -15,7 +15,7 @@ from .protocols import chosen_protocol
 from .words import Json, pairs, print_json, progress, table, writable
 
 if TYPE_CHECKING:
-    from ..bench.prepare import Bench
+    from ..bench.prepare import PreparedRun
     from ..bench.rig import Rig
     from ..bench.software.emergency_stop import EmergencyStop
     from ..experiments.dry_run import Finding
@@ -132,7 +132,7 @@ def run(
 
 def prepared(
     protocol: str, muscle: str, rig: str, change: list[str] | None, calibration: Path | None, **options: Any
-) -> Bench:
+) -> PreparedRun:
     """A bench from the words of the command line."""
     from ..assembly.build import unit_from_specimen
     from ..bench.prepare import prepare
@@ -186,7 +186,7 @@ def _step(value: float) -> float:
     return value
 
 
-def _run(bench: Bench, advance: Any, button: EmergencyStop, **where: Any) -> Recording:
+def _run(bench: PreparedRun, advance: Any, button: EmergencyStop, **where: Any) -> Recording:
     from ..bench.run import run as do
 
     shown = 0
@@ -200,7 +200,7 @@ def _run(bench: Bench, advance: Any, button: EmergencyStop, **where: Any) -> Rec
     return do(bench, progress=tell, stop=button, **where)
 
 
-def _tell(bench: Bench, dry: bool, as_json: bool) -> None:
+def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
     """What the dry run found; the exit code is 2 if that is anything."""
     found: list[Finding] = list(bench.findings)
     if as_json and dry:

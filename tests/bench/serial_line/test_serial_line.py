@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from serial_machines import PERIOD, Tiny, over_the_line, step, straight
 
-from mckibben.bench.hardware.border import Hardware
+from mckibben.bench.hardware.interface import Hardware
 from mckibben.bench.hardware.serial_line import SerialHardware
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.hosting import in_process, in_thread

@@ -150,14 +150,14 @@ def test_two_thousand_steps_of_a_machine_stay_with_xla():
 @pytest.mark.slow
 def test_the_whole_bench_with_its_software_stays_with_xla():
     """Sensors, controllers, interlocks, the latency of commands, and the machine: a kernel of one sampled run."""
-    from mckibben.bench.part import PartMachine, software_of, timing_of
     from mckibben.bench.prepare import prepare
+    from mckibben.bench.segment import SegmentMachine, software_of, timing_of
     from mckibben.engine import sampled
     from mckibben.experiments.library import protocol
 
     bench = prepare(protocol("isotonic-triangle", load="50 N", frequency="5 Hz", cycles=2), muscle="nylon", rig="paper")
     part, timing = next(iter(bench.parts())), timing_of(bench)
-    software, own = software_of(bench, part, timing), PartMachine(bench, 0, part, timing)
+    software, own = software_of(bench, part, timing), SegmentMachine(bench, 0, part, timing)
     carry = own.carry(software)
     clock = timing.period, timing.inner, timing.latency
 

@@ -14,7 +14,7 @@ from ...errors import InputError, MckibbenError
 from ...experiments.dry_run import check
 from ...experiments.protocol import Protocol
 from ...recordings.recording import Recording
-from ..about import beforehand
+from ..metadata import initial_metadata
 from .machine import Keys, Machine, Reading
 from .status import Status
 
@@ -190,7 +190,7 @@ class ProtocolFlyer:
                 self.machine.session.note(f"{self.name} has not ended {ENDS:g} s after its stop", "stop")
 
     def _settings(self) -> dict[str, Any]:
-        about = beforehand(self.bench)
+        about = initial_metadata(self.bench)
         rate = {"sample_rate": self.bench.protocol.sample_rate}
         return {n: about[n] for n in ("title", "sentence", "digest", "plumbing")} | rate
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from ...errors import InputError, MckibbenError
 from .. import channels
-from ..about import beforehand
+from ..metadata import initial_metadata
 from ..session import Session
 from ..session.status import IDLE, MANUAL
 from .status import Status
@@ -47,7 +47,7 @@ class Machine:
         self.kinds = channels.kinds(self.names)
         self.moves: dict[str, Status] = {}
         self.lock = threading.Lock()
-        about = beforehand(session.setup.bench)
+        about = initial_metadata(session.setup.bench)
         self.about = {"rig": about["rig"], "specimen": about["specimen"] or "", "simulated": self.simulated}
 
     def after(self, time: float) -> dict[str, float]:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, LineLostError
-from ..hardware.border import Hardware
 from ..hardware.converters import SPAN, Converters
+from ..hardware.interface import Hardware
 from .sources import PERIOD, UNITS, Grid
 
 PATIENCE = 5.0  # beyond the time that the samples take [s]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ...errors import InputError
 from ...extras import library
-from .border import Hardware
+from .interface import Hardware
 
 if TYPE_CHECKING:
     from ..rig import Rig

@@ -18,7 +18,7 @@ from ...engine.packed import compile_once, pack
 from ...errors import LineLostError
 from .converters import SPAN
 from .lines import AnalogInputs, EdgeCounter, MotorOutput, ValveOutput
-from .plant import Rigged
+from .plant import InstrumentedPlant
 
 SPIN = 3e-4  # time before a deadline from which the loop no longer sleeps, for the system wakes it late [s]
 BEGIN = 5.0  # samples until the first one
@@ -46,7 +46,7 @@ class SimulatedMachine:
     """
 
     def __init__(
-        self, plant: Rigged, carry: sampled.Carry, rows: Rows, *,
+        self, plant: InstrumentedPlant, carry: sampled.Carry, rows: Rows, *,
         period: float, inner: int, latency: float, ahead: float = 0.0, watched: bool = True,
     ) -> None:  # fmt: skip
         self.names = plant.converters.names
@@ -118,13 +118,15 @@ class SimulatedMachine:
         return found
 
 
-def _observe(plant: Rigged, period: float, latency: float, carry: sampled.Carry, row: Any) -> tuple[Any, ...]:
+def _observe(
+    plant: InstrumentedPlant, period: float, latency: float, carry: sampled.Carry, row: Any
+) -> tuple[Any, ...]:
     """Counts of the inputs, and what is true at a sample."""
     return sampled.observe(plant, carry, row, period=period, latency=latency)
 
 
 def _act(
-    plant: Rigged, period: float, inner: int, latency: float, carry: sampled.Carry, counts: Any
+    plant: InstrumentedPlant, period: float, inner: int, latency: float, carry: sampled.Carry, counts: Any
 ) -> tuple[sampled.Carry, ...]:
     """The machine at the next sample, with counts of the outputs ``valve``, ``motor`` and ``open``."""
     commands = plant.converters.held({"valve": counts[0], "motor": counts[1], "open": counts[2]})
@@ -132,7 +134,7 @@ def _act(
 
 
 class InProcess:
-    """`border.Hardware` of a simulated machine; paced by the wall clock, or with every sample there at once."""
+    """`interface.Hardware` of a simulated machine; paced by the wall clock, or with every sample there at once."""
 
     def __init__(self, machine: SimulatedMachine, *, paced: bool = True) -> None:
         self.machine, self.paced = machine, paced

@@ -15,13 +15,13 @@ from ...assembly.stiffness import joint_stiffness
 from ...components import Scalar
 from .analogue import AnalogOut
 from .motor import Encoder
-from .plant import Measured
+from .plant import MeasuredPlant
 
 PRESSURES = {name: f"{name}_pressure" for name in NAMES}  # channels by muscle
 MOMENT = "moment"  # signal of the joint
 
 
-class RiggedJoint(Measured):
+class RiggedJoint(MeasuredPlant):
     """A machine of `assembly.build.antagonist_pair` with sensors and output converters.
 
     Its valves are driven by ``flexor.valve`` and ``extensor.valve``, its joint by ``moment``. The encoder has a pulley of

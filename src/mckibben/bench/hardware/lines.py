@@ -1,4 +1,4 @@
-"""What a loop reads from a machine and writes to it, held until `send`: the small parts of every `border.Hardware`."""
+"""What a loop reads from a machine and writes to it, held until `send`: the small parts of every `interface.Hardware`."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from ...engine import sampled
 from ...errors import InputError
-from .border import AnalogIn, AnalogLine, Hardware, Valve
 from .in_process import InProcess, SimulatedMachine
+from .interface import AnalogIn, AnalogLine, Hardware, Valve
 
 if TYPE_CHECKING:
     from ..wall_clock import Loop
@@ -105,7 +105,7 @@ Tell = Callable[[sampled.Seen, np.ndarray, np.ndarray], None]  # seen, numbers o
 
 
 class Lent:
-    """`border.Hardware` of one loop: the machine for as long as it has it.
+    """`interface.Hardware` of one loop: the machine for as long as it has it.
 
     Args:
         ground: the machine.

@@ -26,7 +26,7 @@ from .pneumatics import PORT
 ANALOGUE = ("pressure", "valve_pressure", "tension")
 
 
-class Measured(Plant):
+class MeasuredPlant(Plant):
     """A machine whose analogue sensors have a state of their own: the filters before the converters.
 
     Its state holds the machine's and the conditioned signal of every analogue sensor. A row of a sample has ``draws``, a
@@ -101,7 +101,7 @@ class Measured(Plant):
         return self.machine.admissible(state["machine"])
 
 
-class Rigged(Measured):
+class InstrumentedPlant(MeasuredPlant):
     """A machine with sensors, and converters that its software knows; the encoder has an entry of its own in ``lost``."""
 
     tested: str = field(static=True)

@@ -11,11 +11,11 @@ import numpy as np
 from ...assembly.accounts import Accounts
 from ...errors import InputError
 from ...recordings.recording import Recording
-from ..about import describe
+from ..hardware.computer import Timing
 from ..hardware.ongoing import Ground
-from ..keeping import Keeper
-from ..prepare import Bench
-from ..software.timing import Timing
+from ..metadata import run_metadata
+from ..prepare import PreparedRun
+from ..recorder import RunRecorder
 from ..wall_clock import Lateness
 
 LEAVES = "by hand"  # label of the only step
@@ -32,9 +32,9 @@ class Recorder:
         log: a new ``.mcap`` file.
     """
 
-    def __init__(self, bench: Bench, timing: Timing, ground: Ground, log: str | Path | None = None) -> None:
+    def __init__(self, bench: PreparedRun, timing: Timing, ground: Ground, log: str | Path | None = None) -> None:
         self.bench, self.timing, self.ground = bench, timing, ground
-        self.keeper = Keeper(bench, timing.period, log)
+        self.keeper = RunRecorder(bench, timing.period, log)
         self.first: int | None = None
         self.last: int | None = None
         self.taken, self.events = 0, []  # type: int, list[dict[str, Any]]
@@ -98,11 +98,11 @@ class Recorder:
             sums = []
             if closed is not None and self._begun is not None and self._ended is not None:
                 sums.append(closed(self._begun, self._ended))
-            about = describe(self.bench, machine, self.timing, inner=self.timing.inner, closed=sums, record=record)
+            about = run_metadata(self.bench, machine, self.timing, inner=self.timing.inner, closed=sums, record=record)
             late = Lateness.of(np.concatenate(self._lateness), self.timing.period)
             encoder = self.bench.rig.encoder
             if encoder is not None:
-                mounted = [[0.0, next(self.bench.parts()).start_span]]
+                mounted = [[0.0, next(self.bench.segments()).start_span]]
                 about["encoder"] = {"resolution": float(encoder.resolution), "mounted": mounted}
             about |= {"steps": self._step(), "events": self.events, "deadlines": late._asdict()}
             self.keeper.close("done", message, about)

@@ -15,10 +15,10 @@ from ...experiments.dry_run import check
 from ...experiments.protocol import Protocol
 from ...quantities import with_unit
 from ...recordings.recording import Recording
-from ..about import CLOSED
 from ..hardware.converters import SPAN
 from ..hardware.ongoing import Lent
-from ..prepare import Bench, Part, prepare
+from ..metadata import CLOSED
+from ..prepare import PreparedRun, RunSegment, prepare
 from ..run import Display, Progress, Run
 from ..wall_clock import Loop
 
@@ -32,7 +32,7 @@ SETTLE = 0.2  # time between the way and the run [s]
 LOOK = 0.05  # time between two looks at the way [s]
 
 
-class OnMotor(Part):
+class OnMotor(RunSegment):
     """A part whose muscle hangs at the motor, which holds it where another machine has a plate."""
 
     @property
@@ -41,17 +41,17 @@ class OnMotor(Part):
         return True
 
 
-class OnMachine(Bench):
+class OnMachine(PreparedRun):
     """A run on a machine that is there already."""
 
     @classmethod
-    def of(cls, bench: Bench, **changed: Any) -> OnMachine:
+    def of(cls, bench: PreparedRun, **changed: Any) -> OnMachine:
         """The same on such a machine."""
         return cls(**{f.name: getattr(bench, f.name) for f in dataclasses.fields(bench)} | changed)
 
-    def parts(self) -> Iterator[Part]:
+    def segments(self) -> Iterator[RunSegment]:
         """As of any run, at the motor if there is one."""
-        for part in super().parts():
+        for part in super().segments():
             yield part if self.rig.motor is None else OnMotor(*part)
 
 
@@ -90,7 +90,7 @@ class SessionRun:
         self._begun: np.ndarray | None = None
         self.lent = Lent(session.setup.ground, session.told, take=self._take, ended=self._end)
         check(list(bench.findings))
-        self.parts = list(bench.parts())
+        self.parts = list(bench.segments())
         self._to_come = iter([part for part in self.parts if part.asked])
         for part in self.parts:
             self._possible(part)
@@ -133,7 +133,7 @@ class SessionRun:
         self.ask(text)
         self._bring(next(self._to_come))
 
-    def _possible(self, part: Part) -> None:
+    def _possible(self, part: RunSegment) -> None:
         session = self.session
         if part.asked and self.ask is None:
             raise InputError("ask", "nobody", f"the protocol wants a person to {part.asked}")
@@ -157,7 +157,7 @@ class SessionRun:
             self.states.append((self._begun, machine.state()))
         self.session.resume(loop)
 
-    def _bring(self, part: Part) -> None:
+    def _bring(self, part: RunSegment) -> None:
         """By hand to where a part begins: down with the pressure, along, and up, so that no load is pulled along full."""
         session, at = self.session, self.session.latest()
         rest, span = part.start_pressure, part.start_span

@@ -27,12 +27,12 @@ from ...experiments.protocol import Protocol
 from ...quantities import with_unit
 from ...recordings.recording import Recording
 from ...specimens import Specimen
-from ..hardware.border import Hardware
+from ..hardware.interface import Hardware
 from ..rig import Rig
 from ..run import Display, Progress, Run
+from ..segment import AFTER_STOP
 from ..software.emergency_stop import EmergencyStop
 from ..software.sequencer import SPAN, VELOCITY
-from ..source import AFTER_STOP
 from .core import Core
 from .record import Recorder
 from .run import OnMachine, SessionRun, prepared

@@ -16,11 +16,11 @@ from ...experiments.dry_run import check
 from ...experiments.read import build_protocol
 from ...quantities import with_unit
 from ...specimens import Specimen, specimen
-from ..hardware.border import Hardware
+from ..hardware.interface import Hardware
 from ..hardware.ongoing import AtSpeed, Ground, Ongoing
-from ..part import PartMachine, software_of, timing_of
 from ..rig import Rig
 from ..rig_file import rig as rig_of
+from ..segment import SegmentMachine, software_of, timing_of
 from ..software.loop import BenchSoftware
 from ..software.manual import Manual
 from ..software.sequencer import SPAN, TENSION, VELOCITY
@@ -71,14 +71,14 @@ class Setup:
         self.bench: OnMachine = prepared(operation, self.rate, **self.options)
         check(list(self.bench.findings), where="session")
         self.options["plumbing"] = self.bench.layout
-        self.timing, (self.part,) = timing_of(self.bench), tuple(self.bench.parts())
+        self.timing, (self.part,) = timing_of(self.bench), tuple(self.bench.segments())
         self.limits = self.rig.limits(self.bench.layout)
         self.manual = Manual.of(self.limits, hold=hold)
         self.watch = self.rig.watch(self.bench.layout)
         self.converters = self.rig.converters(self.part.start_span)
         part = self.part
         self.machine = self.rig.machine(part.layout, self.bench.unit, start=part.start_span, moves=part.moves)
-        self._own = PartMachine(self.bench, 0, part, self.timing) if hardware is None else None
+        self._own = SegmentMachine(self.bench, 0, part, self.timing) if hardware is None else None
         self.ground = Ground(hardware or self._simulated(speed), self.timing.period)
 
     def _simulated(self, speed: float | None) -> AtSpeed:

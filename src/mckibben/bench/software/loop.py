@@ -14,10 +14,9 @@ import jax.numpy as jnp
 from ...components import Scalar, field
 from ...components.sampled import Software
 from ...quantities import quantity
-from .controllers import ForceControl, PositionControl, PressureControl
+from .controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .interlocks import Interlocks
 from .manual import Manual
-from .motion import MotionEstimate
 from .sequencer import SPAN, TENSION, VELOCITY, Sequencer, SetPoints
 
 CHANNELS = ("pressure", "valve_pressure", "tension", "span")

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from ...assembly.build import unit_from_specimen
-from ...bench.prepare import Bench as Prepared
+from ...bench.prepare import PreparedRun
 from ...bench.rig import Rig
 from ...bench.rig_file import rig as rig_of
 from ...bench.rig_file import rig_names
@@ -142,7 +142,7 @@ class Chosen:
         self._renew()
         return f"Saved as {name}."
 
-    def passed(self) -> Prepared:
+    def passed(self) -> PreparedRun:
         """What the dry run has found nothing against.
 
         Raises:
@@ -212,7 +212,7 @@ class Chosen:
         if dry.bench is not None and dry.passed and not self.machine:
             self._warming.submit(self._warm, number, dry.bench)
 
-    def _warm(self, number: int, bench: Prepared) -> None:
+    def _warm(self, number: int, bench: PreparedRun) -> None:
         """Compile what a start of this choice needs, beside whatever else is done."""
         with contextlib.suppress(MckibbenError):  # the run will say it
             compile_run(bench, lambda: number == self._number and not self._closed)

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...assembly.muscle_unit import MuscleUnit
-from ...bench.prepare import Bench as Prepared
-from ...bench.prepare import expected, prepare
+from ...bench.prepare import PreparedRun, expected, prepare
 from ...bench.rig import Rig
 from ...errors import InputError
 from ...experiments.bind import names_in
@@ -41,7 +40,7 @@ class Dry:
         plain: all of it for a page [SI].
     """
 
-    bench: Prepared | None
+    bench: PreparedRun | None
     plain: dict[str, Any]
 
     @property
@@ -80,7 +79,7 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig) -> D
     return Dry(bench, plain)
 
 
-def lane(bench: Prepared) -> list[dict[str, Any]]:
+def lane(bench: PreparedRun) -> list[dict[str, Any]]:
     """The steps on the clock: path, label, start, end [s], and the period of their cycles [s] where they have any."""
     rate, found = bench.plan.sample_rate, []
     for step in bench.plan.steps[:CYCLES]:
@@ -94,7 +93,7 @@ def lane(bench: Prepared) -> list[dict[str, Any]]:
     return found
 
 
-def _curves(bench: Prepared) -> dict[str, np.ndarray]:
+def _curves(bench: PreparedRun) -> dict[str, np.ndarray]:
     """Time [s] and what is expected, (n,) each, NaN where only the machine decides."""
     plan = bench.plan
     rate, total = plan.sample_rate, plan.samples
@@ -129,7 +128,7 @@ def _curves(bench: Prepared) -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
-def _drawable(bench: Prepared, curves: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _drawable(bench: PreparedRun, curves: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The curves without what is far beyond the machine, which a finding says in words: NaN there."""
     limits = bench.rig.limits(bench.layout)
     tops = {
@@ -144,7 +143,7 @@ def _drawable(bench: Prepared, curves: dict[str, np.ndarray]) -> dict[str, np.nd
     return {n: v if n == "time" else np.where(far, np.nan, v) for n, v in curves.items()}
 
 
-def _flow(bench: Prepared, time: np.ndarray, span: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+def _flow(bench: PreparedRun, time: np.ndarray, span: np.ndarray, pressure: np.ndarray) -> np.ndarray:
     """Flow of the room's air into the muscle while its gas stays at the room's temperature [m^3/s]."""
     law, room = bench.unit.law, float(bench.rig.environment.pressure_abs)
     if len(time) < 3 or not law.has_volume():
@@ -155,7 +154,7 @@ def _flow(bench: Prepared, time: np.ndarray, span: np.ndarray, pressure: np.ndar
     return np.where(np.isfinite(span) & np.isfinite(pressure), flow, np.nan)
 
 
-def _limits(bench: Prepared, curves: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+def _limits(bench: PreparedRun, curves: dict[str, np.ndarray]) -> list[dict[str, Any]]:
     """Peaks against limits: name, peak and limit [SI], and the share of it."""
     limits = bench.rig.limits(bench.layout)
     found = []
@@ -169,7 +168,7 @@ def _limits(bench: Prepared, curves: dict[str, np.ndarray]) -> list[dict[str, An
     return found
 
 
-def _cure(bench: Prepared) -> dict[str, Any] | None:
+def _cure(bench: PreparedRun) -> dict[str, Any] | None:
     """A smaller value of one number with which nothing speaks against the protocol, nearest to what was asked."""
     finding, protocol = bench.findings[0], bench.protocol
     units = next((u for key, u in CAUSES.items() if finding.field.startswith(key)), ())
@@ -185,7 +184,7 @@ def _cure(bench: Prepared) -> dict[str, Any] | None:
     return None
 
 
-def _fitting(bench: Prepared, p: Parameter) -> str | None:
+def _fitting(bench: PreparedRun, p: Parameter) -> str | None:
     """The largest value of a parameter below its own at which nothing is found, in words with its unit."""
     number, _, unit = str(p.values[0]).partition(" ")
     try:
@@ -206,7 +205,7 @@ def _fitting(bench: Prepared, p: Parameter) -> str | None:
     return best
 
 
-def _holds(bench: Prepared, name: str, words: str) -> bool:
+def _holds(bench: PreparedRun, name: str, words: str) -> bool:
     try:
         other = prepare(
             with_values(bench.protocol, {name: words}),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...bench.prepare import Bench as Prepared
+from ...bench.prepare import PreparedRun
 from ...bench.run import Run
 from ...bench.session.own_process import OwnProcess
 from ...bench.software.emergency_stop import EmergencyStop
@@ -95,7 +95,7 @@ class Going:
     """
 
     def __init__(
-        self, bench: Prepared, pace: Pace, stream: Stream, log: Log, news: Callable[[], None],
+        self, bench: PreparedRun, pace: Pace, stream: Stream, log: Log, news: Callable[[], None],
         over: Callable[[Going], None], *, file: str = "", on: RealMachine | None = None,
     ) -> None:  # fmt: skip
         self.bench, self.pace, self.stream, self._log, self._news, self._over = bench, pace, stream, log, news, over

@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from ..border import Machine
+from ..interface import Machine
 
 OVERWRITTEN, TOO_EARLY, GONE = -200279, -200284, -201003  # codes of NI-DAQmx
 

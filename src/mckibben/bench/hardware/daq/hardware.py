@@ -45,7 +45,7 @@ class Statistics(NamedTuple):
 
 
 class DaqHardware:
-    """`border.Hardware` of a card. Opening it changes no output; `start` puts them to rest, and a `vent` outlasts it.
+    """`interface.Hardware` of a card. Opening it changes no output; `start` puts them to rest, and a `vent` outlasts it.
 
     `vented` says whether the card was told to vent by what was written last.
 

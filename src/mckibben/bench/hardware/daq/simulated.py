@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
-from ..border import Machine
+from ..interface import Machine
 from .card import Card
 from .complaints import library
 from .service import Calls

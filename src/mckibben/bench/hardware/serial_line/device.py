@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from ....errors import InputError
-from .. import border
+from .. import interface
 from . import messages
 from .frames import VERSION, Frames
 from .messages import BY_ITSELF, DAMAGED, FREE, LOCK_STEP, UNANSWERED, VENTED, Command, Sample, Welcome
@@ -21,7 +21,7 @@ LAST = 2**32 - 1  # sample
 WORD = 2**32
 
 
-class Machine(border.Machine, Protocol):
+class Machine(interface.Machine, Protocol):
     """What a device samples and drives, of which it tells the bits.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""The host's side of the serial line: a machine behind a microcontroller as `border.Hardware`.
+"""The host's side of the serial line: a machine behind a microcontroller as `interface.Hardware`.
 
 The device is the clock: it sends a sample every period, and `wait` gives them one after the other. What is lost or damaged
 on the way is counted and never made up: the sample is still taken, with the newest reading and `fresh` False. The loop is

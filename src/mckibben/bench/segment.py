@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import jax
@@ -12,22 +13,52 @@ import numpy as np
 from ..assembly.accounts import Accounts, accounts
 from ..engine import sampled
 from ..engine.native import called
-from .hardware.in_process import SimulatedMachine
-from .prepare import Bench, Part, rubbed
+from .hardware.computer import Timing, configure
+from .hardware.in_process import Rows, SimulatedMachine
+from .hardware.plant import InstrumentedPlant
+from .prepare import PreparedRun, RunSegment, with_friction_scale
 from .software.loop import BenchSoftware
 from .software.sequencer import Sequencer
-from .software.timing import Timing, configure
-from .source import CHUNK
+
+CHUNK = 500  # samples between two looks at the display, at the rates, and at whether somebody interrupts
+AFTER_STOP = 0.5  # time for which a stopped machine is sampled further, so that it is seen to vent [s]
 
 
-def timing_of(bench: Bench) -> Timing:
+class Chunk(NamedTuple):
+    """Some samples in a row.
+
+    Attributes:
+        seen: of each, as arrays (size,); without true channels where the machine is real.
+        size: number of the samples.
+        inner: steps of the physics per sample; 0 where it was not computed here.
+        carry: the machine after them, where it was.
+    """
+
+    seen: sampled.Seen
+    size: int
+    inner: int = 0
+    carry: sampled.Carry | None = None
+
+
+def simulated(
+    plant: InstrumentedPlant, software: BenchSoftware, carry: sampled.Carry, rows: Rows, timing: Timing
+) -> Iterator[Chunk]:
+    """Chunk after chunk as fast as it goes, with steps that the plant's own rates allow."""
+    while True:
+        carry, seen, inner = sampled.advance(
+            plant, software, carry, rows.next(), period=timing.period, inner=timing.inner, latency=timing.latency
+        )
+        yield Chunk(seen, CHUNK, inner, carry)
+
+
+def timing_of(bench: PreparedRun) -> Timing:
     """The timing of a run, with commands kept for as long as the slowest part of the rig is late."""
     commanded = [e for p in bench.rig.plumbing.values() for e in (p.valve, p.shut_off) if e is not None]
     delays = [float(e.delay() or 0.0) for e in commanded]
     return configure(bench.rig.computer, bench.plan.sample_rate, dead_time=max(delays), step=bench.step)
 
 
-def software_of(bench: Bench, part: Part, timing: Timing) -> BenchSoftware:
+def software_of(bench: PreparedRun, part: RunSegment, timing: Timing) -> BenchSoftware:
     """Sequencer, controllers and interlocks of a part."""
     rig = bench.rig
     begins = part.start_span if part.steps[0].mode == "span" else 0.0
@@ -40,7 +71,7 @@ def software_of(bench: Bench, part: Part, timing: Timing) -> BenchSoftware:
     )  # fmt: skip
 
 
-class PartMachine:
+class SegmentMachine:
     """The simulated machine of a part.
 
     Args:
@@ -51,16 +82,16 @@ class PartMachine:
         begin: time at which the part begins [s].
     """
 
-    def __init__(self, bench: Bench, number: int, part: Part, timing: Timing, begin: float = 0.0) -> None:
+    def __init__(self, bench: PreparedRun, number: int, part: RunSegment, timing: Timing, begin: float = 0.0) -> None:
         rig, self.timing = bench.rig, timing
-        unit = rubbed(bench.unit, part.friction)
+        unit = with_friction_scale(bench.unit, part.friction)
         self.machine = rig.machine(part.layout, unit, start=part.start_span, moves=part.moves)
         self.plant = rig.plant(self.machine, part.layout, mounted=part.start_span)
         self.commands = {"valve": part.start_pressure, "motor": 0.0, "open": 1.0}
         self.start = self.plant.at_rest(
             self.commands, dict.fromkeys(self.machine.circuit.chambers, part.start_pressure)
         )
-        self.rows = Draws(bench, number, begin)
+        self.rows = SensorNoise(bench, number, begin)
 
     def carry(self, software: BenchSoftware) -> sampled.Carry:
         """What goes into the first sample of a simulation with some software."""
@@ -109,10 +140,10 @@ class _Ended(NamedTuple):
     integrals: Any
 
 
-class Draws:
+class SensorNoise:
     """What every sample brings from outside: draws of the noise, and wires that are open."""
 
-    def __init__(self, bench: Bench, part: int, begin: float = 0.0) -> None:
+    def __init__(self, bench: PreparedRun, part: int, begin: float = 0.0) -> None:
         # a generator for each part, so that the parts do not depend on each other's length
         self.chance = np.random.default_rng([bench.seed, part])
         self.period = 1.0 / bench.plan.sample_rate

@@ -14,16 +14,16 @@ felt. As a rule kd and the damping of the joint together should exceed kp times 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from ....assembly.pair_map import PairMap
-from ....components import Module, Scalar
-from ....quantities import quantity
-from ..motion import MotionEstimate, MotionState
-from .pressure import PressureControl
-from .trim import TrimState, bounded, first_trim, next_trim
+from ...assembly.pair_map import PairMap
+from ...components import Module, Scalar
+from ...components.sampled import Software
+from ...quantities import quantity
+from .controllers import MotionEstimate, MotionState, PressureControl, TrimState, bounded, first_trim, next_trim
 
 
 class Approach(NamedTuple):
@@ -125,3 +125,35 @@ def _approached(state: Approach, target: Any, lag: Any, dt: Any) -> tuple[Approa
     value = target + (away + slope * dt) * left
     rate = (state.rate - slope * dt / lag) * left
     return Approach(value, rate), (target - value) / (lag * lag) - 2.0 * rate / lag
+
+
+class JointSoftware(Software):
+    """One controller; a row of a sample has ``angle``, ``stiffness``, ``moment`` from outside, and ``active``, 1 or 0."""
+
+    control: JointControl
+    start_angle: Any = 0.0
+    start_stiffness: Any = 0.0
+
+    def initial(self, measured: Mapping[str, Any]) -> Any:
+        """At rest at the first set-points."""
+        return self.control.initial(self.start_angle, self.start_stiffness)
+
+    def step(
+        self, state: Any, measured: Mapping[str, Any], row: Any, dt: Any
+    ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
+        """One sample: commands ``flexor`` and ``extensor`` [Pa] and the row's ``moment``; shown are all set-points."""
+        after, asked = self.control.step(
+            state, row["angle"], row["stiffness"], measured["angle"], measured["flexor_pressure"],
+            measured["extensor_pressure"], dt, row["active"],
+        )  # fmt: skip
+        shown = {
+            "command.angle": row["angle"],
+            "command.stiffness": row["stiffness"],
+            "approach.angle": asked.angle,
+            "approach.stiffness": asked.stiffness,
+            "command.flexor_pressure": asked.flexor_set,
+            "command.extensor_pressure": asked.extensor_set,
+            "loop.active": jnp.asarray(row["active"], float),
+        }
+        commands = {"flexor": asked.flexor, "extensor": asked.extensor, "moment": row["moment"]}
+        return after, commands, shown

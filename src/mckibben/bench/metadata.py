@@ -1,10 +1,14 @@
-"""What a recording of a test machine says beside its channels: the steps, what happened, where it comes from."""
+"""Metadata of a test machine's recording: steps and events, parameters, versions, sources, saturation."""
 
 from __future__ import annotations
 
+import datetime
+import platform
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import jax
 import numpy as np
 
 from .. import citations
@@ -12,11 +16,30 @@ from ..analysis.saturation import saturation
 from ..assembly.accounts import Accounts
 from ..assembly.machine import Machine
 from ..assembly.where_it_went import document
+from ..components import paths
 from ..experiments.plan import PlannedStep
 from ..recordings.recording import Recording
-from .prepare import Bench
-from .provenance import created, resolved, versions
-from .software.timing import Timing
+from .hardware.computer import Timing
+from .prepare import PreparedRun
+
+
+def versions() -> dict[str, str]:
+    """Of this package and of what computes."""
+    # The package's root gathers the verbs of all rooms, so a room cannot import it.
+    root = sys.modules[__name__.partition(".")[0]]
+    return {"mckibben": root.__version__, "jax": jax.__version__, "python": platform.python_version()}
+
+
+def created() -> str:
+    """Now, in UTC."""
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+
+
+def resolved(owner: Any) -> dict[str, dict[str, Any]]:
+    """Every parameter below an object by its dotted path: value [SI] and unit."""
+    found = paths.parameters(owner)
+    return {path: {"value": np.asarray(paths.get(owner, path)).tolist(), "unit": q.unit} for path, q in found}
+
 
 CLOSED = ("mass", "gas", "muscle", "mechanics", "energy", "exergy")
 
@@ -55,7 +78,7 @@ class StepTable:
             last["ended_by"] = by
 
 
-def beforehand(bench: Bench) -> dict[str, Any]:
+def initial_metadata(bench: PreparedRun) -> dict[str, Any]:
     """What the meta of a recording says before anything moves."""
     protocol, rig, spec = bench.protocol, bench.rig, bench.specimen
     room = rig.environment
@@ -75,8 +98,8 @@ def beforehand(bench: Bench) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def describe(
-    bench: Bench, machine: Machine, timing: Timing, *, inner: int, closed: Sequence[Accounts], record: Recording
+def run_metadata(
+    bench: PreparedRun, machine: Machine, timing: Timing, *, inner: int, closed: Sequence[Accounts], record: Recording
 ) -> dict[str, Any]:
     """The meta of a recording, without the steps and what became of the run.
 
@@ -89,7 +112,7 @@ def describe(
         record: what was recorded, for its saturation.
     """
     return {
-        **beforehand(bench),
+        **initial_metadata(bench),
         "parameters": resolved(machine),
         "balance": {name: max(float(getattr(a, name)) for a in closed) for name in CLOSED if closed},
         "friction": {"work": sum(a.friction for a in closed), "dissipated": sum(a.dissipated for a in closed)},
@@ -102,20 +125,20 @@ def describe(
     }  # fmt: skip
 
 
-def _ends(bench: Bench) -> dict[str, dict[str, float]]:
+def _ends(bench: PreparedRun) -> dict[str, dict[str, float]]:
     return {
         name: {"low": float(s.converter.low), "high": float(s.converter.top), "bits": s.converter.bits}
         for name, s in bench.rig.sensors.items()
     }
 
 
-def _true_ends(bench: Bench) -> dict[str, dict[str, float]]:
+def _true_ends(bench: PreparedRun) -> dict[str, dict[str, float]]:
     """What the channels measure at the ends of their converters."""
     true = bench.rig.true
     return {n: {k: float(true(n, e[k])) for k in ("low", "high")} for n, e in _ends(bench).items()}
 
 
-def _calibrated(bench: Bench) -> dict[str, Any]:
+def _calibrated(bench: PreparedRun) -> dict[str, Any]:
     used = bench.rig.calibration
     return {} if used is None else {"calibration": used.plain()}
 

@@ -1,15 +1,21 @@
-"""What a run keeps: chunks of samples, and at the end, or where it was interrupted, one recording."""
+"""Recording of a run: the kept samples in memory and, where a log is wanted, in a file that survives a crash."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 
-from ...errors import InputError
-from ...recordings.recording import Channel, Recording
+from ..errors import InputError
+from ..recordings.live_log import LiveLog
+from ..recordings.recording import Channel, Recording
+from . import channels
+from .metadata import initial_metadata
+from .prepare import PreparedRun
 
 LONGEST_GAP = 1.5  # samples; further apart are samples between which something was left out
 
@@ -102,3 +108,59 @@ class Chunks:
     def _gaps(self, time: np.ndarray) -> list[list[float]]:
         places = np.flatnonzero(np.diff(time) > LONGEST_GAP * self.period)
         return [[float(time[i]), float(time[i + 1])] for i in places]
+
+
+class RunRecorder:
+    """Takes chunks of samples.
+
+    Args:
+        bench: what is run, for the head of the log.
+        period: between two samples that are kept [s].
+        log: path of a new ``.mcap`` file.
+    """
+
+    def __init__(self, bench: PreparedRun, period: float, log: str | Path | None = None) -> None:
+        self.bench, self.path = bench, log
+        self.chunks = Chunks(period, {})
+        self.log: LiveLog | None = None
+        self._names: list[str] = []
+
+    def take(self, times: np.ndarray, arrays: Mapping[str, np.ndarray], keep: np.ndarray) -> None:
+        """The next samples (n,), of which some are kept; the first call, which may bring none, begins the log."""
+        self.chunks.kinds.update(channels.kinds(arrays))
+        if self.path is not None and self.log is None:
+            kinds = self.chunks.kinds
+            columns = {n: Channel(np.zeros(0), *kinds[n]) for n in arrays}
+            self.log, self._names = LiveLog(self.path, columns, initial_metadata(self.bench)), list(arrays)
+        if not len(times):
+            return
+        self.chunks.add(times, arrays, keep)
+        if self.log is not None and keep.any():
+            nothing = np.full(len(times), np.nan)  # another part may have fewer channels
+            table = np.stack([np.asarray(arrays.get(n, nothing), float)[keep] for n in self._names], axis=1)
+            self.log.append(times[keep], table)
+
+    def remark(self, text: str, time: float) -> None:
+        """A sentence at a time [s], into the log."""
+        if self.log is not None:
+            self.log.annotate(text, time)
+
+    def recording(self) -> Recording:
+        """What was kept, without a meta."""
+        return self.chunks.recording()
+
+    def close(self, result: str, message: str, meta: Mapping[str, Any]) -> None:
+        """End the log."""
+        if self.log is not None:
+            self.log.close(result, message, meta)
+
+    def __enter__(self) -> Self:
+        """The keeper itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """What goes wrong inside becomes the log's last word."""
+        if self.log is not None:
+            self.log.__exit__(kind, error, trace)

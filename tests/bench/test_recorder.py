@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mckibben.bench.software.storage import Chunks
+from mckibben.bench.recorder import Chunks
 from mckibben.errors import InputError
 from mckibben.recordings import read_recording
 

@@ -1,0 +1,230 @@
+"""Feedback on the sample clock: pressure by the valve, span or tension by the motor, and the velocity that they need.
+
+Each controller has `initial() -> state` and a pure `step(state, .., dt, active) -> (state, output)`. While `active` is 0 the
+trim is held where a beginning controller asks for what the muscle pulls, so that a change of mode does not jump; the output
+of an inactive controller means nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+
+from ...components import Module, Scalar
+from ...quantities import quantity
+
+
+class TrimState(NamedTuple):
+    """What the integral adds to the output [unit of the output]."""
+
+    trim: Scalar
+
+
+def first_trim(trim: Any = 0.0) -> TrimState:
+    """That of a controller that begins [unit of the output]."""
+    return TrimState(jnp.asarray(trim, float))
+
+
+def bounded(x: Any, low: Any, high: Any) -> Scalar:
+    """The nearest value within low..high."""
+    return jnp.where(x > high, high, jnp.where(x < low, low, x))
+
+
+def next_trim(
+    state: TrimState, growth: Any, active: Any, *, wanted: Any, low: Any, high: Any, limit: Any, rest: Any = 0.0
+) -> TrimState:
+    """The trim one sample later.
+
+    Args:
+        state: the trim of this sample.
+        growth: gain times error times sampling period; where it is no number, it adds nothing.
+        active: 1 or 0.
+        wanted: output before it is bounded; where it is beyond, only a growth that brings it back counts.
+        low: least output.
+        high: largest output.
+        limit: largest trim of either sign.
+        rest: trim while the controller is inactive, with which it begins.
+    """
+    in_vain = ~jnp.isfinite(growth) | ((wanted > high) & (growth > 0.0)) | ((wanted < low) & (growth < 0.0))
+    grown = bounded(state.trim + jnp.where(in_vain, 0.0, growth), -limit, limit)
+    return TrimState(jnp.where(jnp.asarray(active) > 0, grown, rest))
+
+
+class MotionState(NamedTuple):
+    """Span of the sample before [m] and the velocity [m/s]."""
+
+    span: Scalar
+    velocity: Scalar
+
+
+class MotionEstimate(Module):
+    """Velocity from a span that an encoder counts: the difference over a sample, through one pole.
+
+        raw_k = (x_k - x_{k-1})/dt,   v_k = v_{k-1} + (1 - exp(-2 pi f dt)) (raw_k - v_{k-1})
+
+    It is late by half a sample and the pole's 1/(2 pi f). A count of size r makes a ripple of at most r/dt times the pole's
+    share: 2e-5 m at 1 kHz and 200 1/s is 1.4 cm/s. Range: any sampling period.
+    """
+
+    cutoff: Scalar = quantity("1/s", (0.1, 1e5), "corner of the velocity filter", symbol="f", default=200.0)
+
+    def initial(self, span: Any) -> MotionState:
+        """At rest at a span [m]."""
+        start = jnp.asarray(span, float)
+        return MotionState(start, jnp.zeros_like(start))
+
+    def step(self, state: MotionState, span: Any, dt: Any) -> tuple[MotionState, Scalar]:
+        """One sample later: the new state and the velocity [m/s], positive lengthening.
+
+        Args:
+            state: of `initial` or of the sample before.
+            span: measured [m].
+            dt: sampling period [s].
+        """
+        share = 1.0 - jnp.exp(-2.0 * math.pi * self.cutoff * dt)
+        velocity = state.velocity + share * ((span - state.span) / dt - state.velocity)
+        return MotionState(jnp.asarray(span, float), velocity), velocity
+
+
+class PressureControl(Module):
+    """Pressure of a muscle by the electro-valve: feedforward and an integral trim, bounded by the valve; gauge pressures.
+
+        u = r + I,   dI/dt = ki (r - p),   |I| <= trim limit
+
+    The valve is itself a regulator. The paper's machine sent it the set-point only (part II and III of the report); ki =
+    0 does the same. The limit of the trim is its anti-windup: during a step the muscle lags, and what the valve will
+    reach by itself is not to be added again. Range: stable for ki below about 0.4/(dead time and lag of valve, tube and
+    sensor).
+    """
+
+    ki: Scalar = quantity("1/s", (0.0, 1e4), "integral gain of the pressure", default=0.0)
+    trim_limit: Scalar = quantity("Pa", (0.0, 1e7), "largest correction of the set-point", default=5e4)
+    low: Scalar = quantity("Pa", (-1e5, 1e7), "least pressure asked of the valve", default=0.0)
+    high: Scalar = quantity("Pa", (1.0, 1e8), "largest pressure asked of the valve", default=1e6)
+
+    def initial(self) -> TrimState:
+        """Without a trim."""
+        return first_trim()
+
+    def step(
+        self, state: TrimState, set_point: Any, pressure: Any, dt: Any, active: Any = 1.0
+    ) -> tuple[TrimState, Scalar]:
+        """One sample: the new state and the pressure asked of the valve [Pa].
+
+        Args:
+            state: of `initial` or of the sample before.
+            set_point: of the pressure [Pa].
+            pressure: measured [Pa].
+            dt: sampling period [s].
+            active: 1 while the pressure is controlled, 0 while the muscle is shut off.
+        """
+        wanted = set_point + state.trim
+        growth = self.ki * dt * (set_point - pressure)
+        after = next_trim(state, growth, active, wanted=wanted, low=self.low, high=self.high, limit=self.trim_limit)
+        return after, bounded(wanted, self.low, self.high)
+
+
+class PositionControl(Module):
+    """Span by the motor: the muscle's pull and the inertia are fed forward, the rest is fed back; bounded by its force.
+
+        f = s T + m a + kp (x - X) + kd (v - V) + I,   dI/dt = ki (x - X),   |f| <= limit
+
+    with the set-point x and its v and a, and X, V and T measured. The motor carries the muscle, so a share s of the
+    measured tension takes most of its stiffness out of the loop; as the tension is late, the whole of it would take the
+    damping out too. It begins with the rest of the tension as its integral: f = T then, and nothing jumps. Velocity mode
+    is the same with a set-point that grows by the set velocity. Range of the default gains, by the eigenvalues of the
+    sampled loop with one sample of latency, 200 1/s filters of tension and velocity and a current loop of 800 1/s: at 1
+    kHz or more every error decays with 24 1/s or faster for 50 g to 0.15 kg at the pulley and springs to 20 N/mm. At 75
+    g, 600 samples/s are the least.
+    """
+
+    kp: Scalar = quantity("N/m", (0.0, 1e7), "gain of the span", default=3000.0)
+    kd: Scalar = quantity("N*s/m", (0.0, 1e5), "gain of the velocity", default=16.0)
+    ki: Scalar = quantity("N/(m*s)", (0.0, 1e9), "integral gain of the span", default=1e5)
+    tension_share: Scalar = quantity("1", (0.0, 1.0), "share of the tension that is fed forward", default=0.9)
+    mass: Scalar = quantity("kg", (0.0, 1e3), "inertia that is fed forward", default=0.075)
+    force_limit: Scalar = quantity("N", (1e-3, 1e6), "largest force asked of the motor", default=264.0)
+
+    def initial(self, tension: Any = 0.0) -> TrimState:
+        """With the share of a tension [N] that is not fed forward: it begins with a force that holds the muscle."""
+        return first_trim((1.0 - self.tension_share) * tension)
+
+    def step(
+        self,
+        state: TrimState,
+        set_point: Any,
+        set_velocity: Any,
+        set_acceleration: Any,
+        span: Any,
+        velocity: Any,
+        tension: Any,
+        dt: Any,
+        active: Any = 1.0,
+    ) -> tuple[TrimState, Scalar]:
+        """One sample: the new state and the force asked of the motor [N], positive lengthening.
+
+        Args:
+            state: of `initial` or of the sample before.
+            set_point: of the span [m].
+            set_velocity: its velocity [m/s], positive lengthening.
+            set_acceleration: its acceleration [m/s^2].
+            span: measured [m].
+            velocity: of the measured span [m/s].
+            tension: measured [N]; zero where nothing measures it.
+            dt: sampling period [s].
+            active: 1 while the span or the velocity is controlled, else 0.
+        """
+        error = set_point - span
+        forward = self.tension_share * tension + self.mass * set_acceleration
+        wanted = forward + self.kp * error + self.kd * (set_velocity - velocity) + state.trim
+        low, high = -self.force_limit, self.force_limit
+        growth = self.ki * dt * error
+        rest = (1.0 - self.tension_share) * tension
+        after = next_trim(state, growth, active, wanted=wanted, low=low, high=high, limit=self.force_limit, rest=rest)
+        return after, bounded(wanted, low, high)
+
+
+class ForceControl(Module):
+    """Tension by the motor: PI on the measured tension with a damping of the velocity, bounded by the motor's force.
+
+        f = r + kp (r - T) + I - kd V,   dI/dt = ki (r - T),   |I| <= trim limit,   |f| <= force limit
+
+    V is positive lengthening. Feedback of the force lessens the inertia of the motor that the muscle feels to m/(1 +
+    kp), but it is late: on a muscle of stiffness K, a lag t takes kp K t from the damping. With the paper's rig (75 g at
+    the pulley, filter of 200 1/s, a sample of latency at 1 kHz, 8-bit converters) and the nylon muscle, kp 0.3 with ki
+    10 1/s and kd 3 N s/m is stable without any friction; 0.5 needs friction and bounces, 1 is unstable. The trim carries
+    the friction of the motor; it is limited since nothing else bounds it while the muscle is slack, where the tension
+    stays below the set-point.
+    """
+
+    kp: Scalar = quantity("1", (0.0, 100.0), "gain of the tension", default=0.3)
+    ki: Scalar = quantity("1/s", (0.0, 1e4), "integral gain of the tension", default=10.0)
+    kd: Scalar = quantity("N*s/m", (0.0, 1e4), "damping of the velocity", default=3.0)
+    trim_limit: Scalar = quantity("N", (0.0, 1e6), "largest correction by the integral", default=30.0)
+    force_limit: Scalar = quantity("N", (1e-3, 1e6), "largest force asked of the motor", default=264.0)
+
+    def initial(self) -> TrimState:
+        """Without a trim."""
+        return first_trim()
+
+    def step(
+        self, state: TrimState, set_point: Any, tension: Any, velocity: Any, dt: Any, active: Any = 1.0
+    ) -> tuple[TrimState, Scalar]:
+        """One sample: the new state and the force asked of the motor [N], positive lengthening.
+
+        Args:
+            state: of `initial` or of the sample before.
+            set_point: of the tension [N].
+            tension: measured [N].
+            velocity: of the measured span [m/s], positive lengthening.
+            dt: sampling period [s].
+            active: 1 while the tension is controlled, else 0.
+        """
+        error = set_point - tension
+        wanted = set_point + self.kp * error + state.trim - self.kd * velocity
+        low, high = -self.force_limit, self.force_limit
+        growth = self.ki * dt * error
+        after = next_trim(state, growth, active, wanted=wanted, low=low, high=high, limit=self.trim_limit)
+        return after, bounded(wanted, low, high)
