@@ -39,7 +39,6 @@ class Call(NamedTuple):
     writes: Sequence[str] = ()
     says: Sequence[str] = ()
     piped: str = ""
-    first: bool = False  # others read what it writes
 
 
 def needs(extra: str, *words: str) -> Call:
@@ -88,7 +87,7 @@ CALLS: dict[str, list[Call]] = {
     ],
     "protocols": [Call()],
     "run": [
-        Call((*BENCH, "--set", "cycles=1", "--out", "loop.nc", "--figure", "loop.svg"), ["loop.nc", "loop.svg"], first=True),
+        Call((*BENCH, "--set", "cycles=1", "--out", "loop.nc", "--figure", "loop.svg"), ["loop.nc", "loop.svg"]),
         needs("serial", *BENCH, "--on", "serial:/dev/ttyACM0"),
         needs("daq", *BENCH, "--on", "daq"),
     ],
@@ -110,13 +109,13 @@ CALLS: dict[str, list[Call]] = {
     ],
     "serve": [needs("web", "--port", "0", "--no-open")],
     "circuit show": [Call((str(CIRCUITS / "filling-a-tank.toml"), "--svg", "circuit.svg"), ["circuit.svg"])],
-    "circuit run": [Call(("tank.toml", "--out", "tank.nc", "--figure", "tank.svg"), ["tank.nc", "tank.svg"], first=True)],
+    "circuit run": [Call(("tank.toml", "--out", "tank.nc", "--figure", "tank.svg"), ["tank.nc", "tank.svg"])],
     "circuit fit": [Call(("tank.toml", "tank.nc", "--figure", "fit.svg"), ["fit.svg"])],
     "record show": [Call(("loop.nc",))],
     "record plot": [Call(("loop.nc", "--out", "plot.svg"), ["plot.svg"])],
     "record convert": [
         Call(("loop.nc", "loop.csv"), ["loop.csv"]),
-        Call(("loop.nc", "loop.mcap"), ["loop.mcap"], first=True),
+        Call(("loop.nc", "loop.mcap"), ["loop.mcap"]),
         needs("formats", "loop.nc", "loop.parquet"),
         needs("formats", "loop.nc", "loop.tdms"),
     ],
@@ -131,7 +130,7 @@ CALLS: dict[str, list[Call]] = {
     "calibrate pressure": [simulated("--pressures", "0 bar,3 bar")],
     "calibrate encoder": [
         Call(
-            ("--travels", "0 mm,50 mm", "--rig", "paper", "--simulate", "--out", "span.toml"), ["span.toml"], first=True
+            ("--travels", "0 mm,50 mm", "--rig", "paper", "--simulate", "--out", "span.toml"), ["span.toml"]
         )
     ],
     "calibrate skew": [simulated("--samples", "1000")],
@@ -239,10 +238,22 @@ def called(python: Path, place: Path) -> list[str]:
         return judged(*job, python=python, room=room, env=env)
 
     with ThreadPoolExecutor(AT_ONCE) as pool:
-        for now in (True, False):
-            for found in pool.map(one, [job for job in every if job[1].first is now]):
-                wrong += found
+        for jobs in in_rounds(every):
+            for sentences in pool.map(one, jobs):
+                wrong += sentences
     return wrong
+
+
+def in_rounds(jobs: list[tuple[str, Call]]) -> list[list[tuple[str, Call]]]:
+    """The calls in rounds: whoever reads a file comes in a later round than the call that writes it."""
+    writers = {path: call for _, call in jobs for path in call.writes}
+
+    def round_of(call: Call) -> int:
+        read = [writers[word] for word in call.words if word in writers and word not in call.writes]
+        return 1 + max(map(round_of, read), default=-1)
+
+    rounds = sorted({round_of(call) for _, call in jobs})
+    return [[job for job in jobs if round_of(job[1]) == number] for number in rounds]
 
 
 def judged(name: str, call: Call, *, python: Path, room: Path, env: dict[str, str]) -> list[str]:
