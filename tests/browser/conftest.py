@@ -50,7 +50,7 @@ def visit(chromium, served):
         contexts.append(context)
         context.add_cookies([served.cookie])
         page = context.new_page()
-        page.set_default_timeout(20_000)
+        page.set_default_timeout(60_000)  # a bound for a busy machine, no measure of the screen
         waiting = page.wait_for_function
         # as a function: text is no code under the policy of the pages, which holds in tests too
         page.wait_for_function = lambda words, **given: waiting(words if "=>" in words else f"() => ({words})", **given)
@@ -90,7 +90,7 @@ def status():
 def until():
     """Waits for something to come true; tells what it was when it did not."""
 
-    def wait(true, longest: float = 20.0, what: str = ""):
+    def wait(true, longest: float = 60.0, what: str = ""):
         end = time.monotonic() + longest
         while not (found := true()):
             assert time.monotonic() < end, what or "it did not come true"
