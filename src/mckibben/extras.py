@@ -24,6 +24,7 @@ LIBRARIES = {
     "serial": ("serial", "pyserial"),
     "typst": ("report", "typst"),
     "uvicorn": ("web", "nicegui"),
+    "xarray": ("data", "xarray"),
     "zarr": ("sweep", "zarr"),
 }
 

@@ -22,7 +22,7 @@ from mckibben.bench.session import Session
 from mckibben.errors import InputError, MckibbenError, UnreachableError
 from mckibben.experiments.library import protocol
 from mckibben.experiments.read import parse_protocol
-from mckibben.recordings.convert import read_any
+from mckibben.recordings import read_any
 
 VENTED = 5e3  # Pa; two counts of the 8 bits
 LONG = protocol("isotonic-triangle", load="50 N", frequency="5 Hz", cycles=500)

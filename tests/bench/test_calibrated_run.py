@@ -9,7 +9,7 @@ from short_runs import ADIABATIC, SHORT, bench, triangle
 from mckibben.bench.rig_file import rig
 from mckibben.bench.run import run
 from mckibben.errors import InputError
-from mckibben.recordings.calibration import Calibration, Correction, Origin, Term
+from mckibben.recordings.calibration import Calibration, Correction, CorrectionTerm, Origin
 from mckibben.recordings.recalibration import recalibrate
 
 VALUES = SHORT["isotonic-triangle"]
@@ -19,7 +19,10 @@ WRONG = ADIABATIC | {"sensors.tension.gain_error": str(GAIN), "sensors.tension.o
 
 def calibration(name="paper", valid_for=np.inf):
     origin = Origin(method="weights", date="2020-01-01T00:00:00+00:00", valid_for=valid_for)
-    terms = {"gain": Term(1.0 / (1.0 + GAIN), 1e-4, 9.0, origin), "zero": Term(OFFSET, 1e-2, 9.0, origin)}
+    terms = {
+        "gain": CorrectionTerm(1.0 / (1.0 + GAIN), 1e-4, 9.0, origin),
+        "zero": CorrectionTerm(OFFSET, 1e-2, 9.0, origin),
+    }
     found = Correction(unit="N", terms=terms, sensor="S/N 1")
     return Calibration(rig=name, created="2020-01-01T00:00:00+00:00", corrections={"tension": found})
 

@@ -11,7 +11,7 @@ from mckibben.bench.console.commands import COMMANDS
 from mckibben.bench.session import Session
 from mckibben.errors import InputError
 from mckibben.experiments.library import protocol_names
-from mckibben.recordings.convert import read_any
+from mckibben.recordings import read_any
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from mckibben.bench.session.ring import Ring
 from mckibben.errors import InputError, LineLostError
 from mckibben.experiments.library import protocol
 from mckibben.experiments.read import parse_protocol
-from mckibben.recordings.convert import read_any
+from mckibben.recordings import read_any
 
 HEAD = 'schema = 1\nname = "short"\ntitle = "Short"\n'
 UP = 'pressure = { to = "2 bar", in = "0.5 s" }\nspan = { to = "13 cm", in = "0.5 s" }\n'

@@ -13,7 +13,7 @@ from mckibben.bench.hardware.in_process import InProcess
 from mckibben.bench.run import EmergencyStop, run
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.errors import InputError, LineLostError
-from mckibben.recordings.convert import read_any
+from mckibben.recordings import read_any
 
 VALUES = SHORT["isotonic-triangle"]
 MEASURED = ("pressure", "tension", "span")

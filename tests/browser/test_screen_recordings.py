@@ -8,8 +8,7 @@ import pytest
 
 from mckibben.analysis.cycles import find_cycles
 from mckibben.analysis.loops import loops
-from mckibben.recordings import Channel, Recording, read_recording
-from mckibben.recordings.convert import read_any
+from mckibben.recordings import Channel, Recording, read_any, read_recording
 
 
 def made(folder, name, amplitude, meta=None):

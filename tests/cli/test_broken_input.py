@@ -19,8 +19,7 @@ import typer
 
 from mckibben.cli import main
 from mckibben.cli.app import app
-from mckibben.recordings import Channel, Recording
-from mckibben.recordings.convert import write
+from mckibben.recordings import Channel, Recording, write
 
 SEED = 16
 CHANGES = 25  # of each file that was right

@@ -13,7 +13,7 @@ def dmsp(name: str) -> ForceMap:
     return read_force_map(map_file(spec), rest_length=spec.property_si("rest_length", "m"))
 
 
-def test_a_point_is_told_slack_only_at_a_pressure_that_inflates_the_muscle():
+def test_a_point_is_informative_slack_only_at_a_pressure_that_inflates_the_muscle():
     points = ForceMap(
         name="five",
         length=np.array([0.25, 0.25, 0.20, 0.20, 0.20]),
@@ -21,12 +21,12 @@ def test_a_point_is_told_slack_only_at_a_pressure_that_inflates_the_muscle():
         tension=np.array([0.0, 30.0, 0.0, 0.0, 20.0]),
     )
     # at 0.5 bar nothing pulls at any length: the bladder may not be filled; at 1 bar the short muscle is slack
-    assert points.told_slack.tolist() == [False, False, False, True, False]
+    assert points.informative_slack.tolist() == [False, False, False, True, False]
 
 
 def test_slack_points_keep_a_law_from_pulling_where_the_muscle_hung_slack():
     points = dmsp("DMSP-10-250")
-    slack = points.select(points.told_slack)
+    slack = points.select(points.informative_slack)
     known = {"rest_diameter": 0.01}
     pulls = {}
     for use in (True, False):

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from mckibben.errors import InputError
-from mckibben.recordings import Recording, read_record, read_recording
-from mckibben.recordings.convert import read_any
+from mckibben.recordings import Recording, read_any, read_record, read_recording
 from measured_data import FOLDER, measured
 
 N = 12

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, read_recording
-from mckibben.recordings.calibration import DAY, SCHEMA, Calibration, Correction, Origin, Term
-from mckibben.recordings.calibration_table import read_plain
+from mckibben.recordings.calibration import DAY, SCHEMA, Calibration, Correction, CorrectionTerm, Origin, read_plain
 from mckibben.recordings.recalibration import INDICATED, carried, indicated, recalibrate, saturated
 
 DATE = "2026-03-31T12:00:00+00:00"
@@ -31,9 +30,9 @@ def calibration(
     gain=1.02, zero=3.0, skew=0.0, rig="modern", valid_for=365.0 * DAY, channel="tension", unit="N"
 ) -> Calibration:
     terms = {
-        "gain": Term(gain, 2e-4, 12.5, origin(valid_for=valid_for)),
-        "zero": Term(zero, 0.01, math.inf, origin(valid_for=valid_for)),
-        "skew": Term(skew, 1e-7, 23.0, origin()),
+        "gain": CorrectionTerm(gain, 2e-4, 12.5, origin(valid_for=valid_for)),
+        "zero": CorrectionTerm(zero, 0.01, math.inf, origin(valid_for=valid_for)),
+        "skew": CorrectionTerm(skew, 1e-7, 23.0, origin()),
     }
     one = Correction(unit=unit, terms=terms, sensor="S/N 1", correlation=0.4, linearity=0.02)
     return Calibration(rig=rig, created=DATE, corrections={channel: one})
@@ -73,7 +72,7 @@ def test_the_plain_table_reads_back_exactly_through_every_kind_of_file(tmp_path)
 
 
 def test_terms_that_nobody_determined_leave_the_reading_as_it_is_and_its_uncertainty_unknown():
-    one = Correction(unit="N", terms={"zero": Term(2.0, 0.1)})
+    one = Correction(unit="N", terms={"zero": CorrectionTerm(2.0, 0.1)})
     assert (one.gain, one.skew, one.true(5.0)) == (1.0, 0.0, 3.0)
     assert math.isnan(one.uncertainty(5.0))
 
@@ -98,10 +97,10 @@ def test_a_recording_made_after_the_end_says_so_and_one_made_before_does_not():
 
 def test_another_sensor_takes_nothing_over_and_the_same_one_keeps_its_other_terms():
     one = calibration().corrections["tension"]
-    zero = Correction(unit="N", terms={"zero": Term(3.5, 0.02)}, sensor="S/N 1")
+    zero = Correction(unit="N", terms={"zero": CorrectionTerm(3.5, 0.02)}, sensor="S/N 1")
     kept = one.updated(zero)
     assert (kept.gain, kept.zero, kept.correlation) == (1.02, 3.5, 0.0)
-    other = Correction(unit="N", terms={"zero": Term(3.5, 0.02)}, sensor="S/N 2")
+    other = Correction(unit="N", terms={"zero": CorrectionTerm(3.5, 0.02)}, sensor="S/N 2")
     assert one.updated(other) == other
 
 

@@ -15,15 +15,15 @@ from hypothesis import strategies as st
 from test_recording import assert_same, recordings, some
 
 from mckibben.errors import InputError
-from mckibben.recordings import Channel, Recording, convert, sidecar, store
-from mckibben.recordings.convert import READ, WRITTEN, read_any, write
+from mckibben.recordings import Channel, Recording, _meta, _sidecar, _store, convert, read_any, write
+from mckibben.recordings.formats import readable, writable
 from mckibben.recordings.text import plain_names
 
 TIME = 1e-3 * np.arange(50)
 PRESSURE = 2.0 + np.sin(TIME)
 
 
-@pytest.mark.parametrize("suffix", WRITTEN)
+@pytest.mark.parametrize("suffix", writable())
 @pytest.mark.parametrize(
     "kept",
     [some(10), some(5000), Recording([0.0], {"a": Channel([1.0])}), Recording([0.0, 1.0], {}, {"title": ""})],
@@ -238,17 +238,17 @@ def test_a_period_and_chosen_columns_make_a_recording(tmp_path: Path) -> None:
     assert np.array_equal(read.recording.time, 0.002 * np.arange(50))
 
 
-@pytest.mark.parametrize("suffix", WRITTEN)
+@pytest.mark.parametrize("suffix", writable())
 def test_a_file_of_a_newer_version_is_refused_in_one_line(tmp_path: Path, suffix: str, monkeypatch) -> None:
-    monkeypatch.setattr(sidecar, "SCHEMA", 2)
-    monkeypatch.setattr(store, "SCHEMA", 2)
+    for module in (_meta, _sidecar, _store):
+        monkeypatch.setattr(module, "SCHEMA", 2)
     write(some(), tmp_path / f"new{suffix}")
     monkeypatch.undo()
     line = refusal(tmp_path / f"new{suffix}")
     assert "schema is 2; this version of mckibben reads up to 1; a newer one wrote it" in line
 
 
-@pytest.mark.parametrize("suffix", [s for s in READ if s != ".csv.gz"])
+@pytest.mark.parametrize("suffix", [s for s in readable() if s != ".csv.gz"])
 @pytest.mark.parametrize("content", [b"", b"\x00" * 300, b"nonsense\n1,2", b"# mckibben recording\n"])
 def test_what_is_no_such_file_is_refused_in_one_line(tmp_path: Path, suffix: str, content: bytes) -> None:
     (tmp_path / f"a{suffix}").write_bytes(content)
@@ -331,7 +331,7 @@ def test_plain_formats_need_no_library_of_these(tmp_path: Path, monkeypatch) -> 
 
 
 def test_words_for_files_of_others_are_refused_for_recordings(tmp_path: Path) -> None:
-    for suffix in WRITTEN:
+    for suffix in writable():
         path = write_to(some(), tmp_path / f"a{suffix}")
         assert "unit is" in refusal(path, units={"tank.pressure": "bar"})
         assert "period is" in refusal(path, period=0.1)
@@ -353,7 +353,7 @@ def test_places_that_cannot_be_written_are_refused_before_anything_is_read(tmp_p
 
 
 def test_a_matlab_file_too_long_for_its_version_is_refused(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("mckibben.recordings.matlab._LARGEST", 79)
+    monkeypatch.setattr("mckibben.recordings._matlab._LARGEST", 79)
     with pytest.raises(InputError, match="take netCDF"):
         write(some(10), tmp_path / "a.mat")
     assert not list(tmp_path.iterdir())

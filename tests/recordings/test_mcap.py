@@ -16,11 +16,10 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from mckibben.errors import InputError
-from mckibben.recordings import Channel, LiveLog, Recording
-from mckibben.recordings.convert import read_any
+from mckibben.recordings import Channel, LiveLog, Recording, read_any
+from mckibben.recordings._mcap_records import ATTACHMENT, CHUNK, MESSAGE, ByteGap, attachment, records, records_inside
 from mckibben.recordings.live_log import HEAD
-from mckibben.recordings.mcap_file import read_log, write_log
-from mckibben.recordings.mcap_records import ATTACHMENT, CHUNK, MESSAGE, Hole, attachment, inside, records
+from mckibben.recordings.mcap import read_log, write_log
 
 N = 200
 CHANNELS = {"a": Channel([], "N", "measured", "left"), "b_abs": Channel([], "Pa", "true")}
@@ -62,8 +61,8 @@ def chunks(data: bytes) -> list[tuple[int, int, np.ndarray]]:
     """Where each chunk begins and ends, and the numbers of the samples in it."""
     found, before = [], 0
     for record in records(memoryview(data)):
-        if not isinstance(record, Hole) and record.opcode == CHUNK:
-            count = sum(1 for r in inside(record.body) if r.opcode == MESSAGE and r.body[:2] == b"\x01\x00")
+        if not isinstance(record, ByteGap) and record.opcode == CHUNK:
+            count = sum(1 for r in records_inside(record.body) if r.opcode == MESSAGE and r.body[:2] == b"\x01\x00")
             found.append((record.at, record.end, np.arange(before, before + count)))
             before += count
     return found
@@ -71,7 +70,7 @@ def chunks(data: bytes) -> list[tuple[int, int, np.ndarray]]:
 
 CHUNKS = {False: chunks(OPEN), True: chunks(CLOSED)}
 (HEAD_END,) = {
-    r.end for r in records(memoryview(CLOSED)) if not isinstance(r, Hole) and r.opcode == ATTACHMENT
+    r.end for r in records(memoryview(CLOSED)) if not isinstance(r, ByteGap) and r.opcode == ATTACHMENT
     and attachment(r.body)[0] == HEAD
 }  # fmt: skip
 
@@ -187,7 +186,7 @@ def read_bytes_slowly(data: bytes):
 
 
 def test_a_log_of_a_newer_version_is_refused(monkeypatch) -> None:
-    monkeypatch.setattr("mckibben.recordings.sidecar.SCHEMA", 2)
+    monkeypatch.setattr("mckibben.recordings._sidecar.SCHEMA", 2)
     data = log_bytes()
     monkeypatch.undo()
     with tempfile.NamedTemporaryFile(suffix=".mcap") as file:

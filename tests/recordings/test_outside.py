@@ -10,10 +10,10 @@ import pytest
 import xarray
 
 from mckibben.errors import InputError
-from mckibben.recordings import outside, read_recording
-from mckibben.recordings.matlab import read_matlab
+from mckibben.recordings import _isolation, read_recording
+from mckibben.recordings._matlab import read_matlab
+from mckibben.recordings._store import BROKEN_SEAL
 from mckibben.recordings.recording import Channel, Recording
-from mckibben.recordings.store import BROKEN_SEAL
 
 TIME = np.arange(500) * 1e-3
 RECORDING = Recording(
@@ -39,16 +39,16 @@ def archive(tmp_path):
 
 
 def test_a_sealed_archive_is_read_here_and_by_other_programs(archive, monkeypatch):
-    monkeypatch.setattr("mckibben.recordings.store.read_outside", None)
-    assert outside.sealed(archive) is True
+    monkeypatch.setattr("mckibben.recordings._store.read_in_process", None)
+    assert _isolation.sealed(archive) is True
     assert read_recording(archive) == RECORDING
     assert xarray.open_dataset(archive, engine="h5netcdf").sizes["time"] == len(RECORDING)
 
 
 def test_without_its_seal_it_is_read_outside_and_the_same(archive):
     data = archive.read_bytes()
-    archive.write_bytes(data[: -len(outside.MARK) - outside.DIGEST])
-    assert outside.sealed(archive) is None
+    archive.write_bytes(data[: -len(_isolation.MARK) - _isolation.DIGEST])
+    assert _isolation.sealed(archive) is None
     assert read_recording(archive) == RECORDING
 
 
@@ -69,22 +69,22 @@ def test_bytes_changed_at_random_never_crash_or_hang(archive, seed):
         data[rng.randrange(len(data) if seed % 2 else 2000)] = rng.randrange(256)
     archive.write_bytes(data)
     try:
-        assert BROKEN_SEAL in read_recording(archive).meta["warnings"] or outside.sealed(archive) is None
+        assert BROKEN_SEAL in read_recording(archive).meta["warnings"] or _isolation.sealed(archive) is None
     except InputError as error:
         assert "r.nc" in str(error) and "\n" not in str(error)
 
 
 def test_a_reader_that_hangs_is_ended(archive, monkeypatch):
-    monkeypatch.setattr(outside, "PATIENCE", 1.0)
+    monkeypatch.setattr(_isolation, "PATIENCE", 1.0)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     with pytest.raises(ValueError, match="did not come to an end within 1 s"):
-        outside.read_outside(sleeps, archive)
+        _isolation.read_in_process(sleeps, archive)
 
 
 def test_a_reader_that_dies_takes_nothing_with_it(archive, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     with pytest.raises(ValueError, match="brought its reader down"):
-        outside.read_outside(dies, archive)
+        _isolation.read_in_process(dies, archive)
 
 
 def test_a_file_beside_the_data_is_not_taken_for_a_module(archive, monkeypatch):

@@ -341,7 +341,7 @@ def test_the_summary_is_that_of_the_samples() -> None:
 
 def test_the_dataset_is_what_the_file_holds(tmp_path: Path) -> None:
     with xarray.open_dataset(some().save(tmp_path / "run.nc"), engine="h5netcdf") as stored:
-        assert some().to_dataset().identical(stored.load())
+        assert some().to_xarray().identical(stored.load())
 
 
 @pytest.mark.parametrize(
@@ -450,7 +450,7 @@ def test_a_broken_csv_is_refused_by_name(tmp_path: Path, change, said: str) -> N
 )
 def test_a_broken_netcdf_is_refused_by_name(tmp_path: Path, change, said: str) -> None:
     path = tmp_path / "run.nc"
-    change(some().to_dataset()).to_netcdf(path, engine="h5netcdf")
+    change(some().to_xarray()).to_netcdf(path, engine="h5netcdf")
     with pytest.raises(InputError) as refused:
         read_recording(path)
     assert said in str(refused.value)

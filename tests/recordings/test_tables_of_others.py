@@ -5,8 +5,8 @@ import pytest
 
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, read_force_map, read_recording
-from mckibben.recordings.notes import noted, notes_of, without_note
-from mckibben.recordings.table_preview import preview, told_unit
+from mckibben.recordings.force_map import preview_table, stated_unit
+from mckibben.recordings.recording import notes_of
 
 LENGTH = np.array([250.0, 250.0, 280.0, 280.0])  # [mm]
 PRESSURE = np.array([100.0, 300.0, 100.0, 300.0])  # [kPa]
@@ -65,19 +65,19 @@ def test_a_dash_leaves_a_column_out_and_a_unit_may_say_what_a_pressure_refers_to
 
 
 def test_a_preview_tells_what_a_header_means_before_anything_is_refused(tmp_path):
-    look = preview(csv(tmp_path / "map.csv", "length_mm,air_bar_abs,force_N"))
+    look = preview_table(csv(tmp_path / "map.csv", "length_mm,air_bar_abs,force_N"))
     assert look.meant == {"length": "length_mm", "tension": "force_N"} and look.total == 4
-    assert told_unit("air_bar_abs", "pressure") == "bar abs" and told_unit("force", "tension") == ""
+    assert stated_unit("air_bar_abs", "pressure") == "bar abs" and stated_unit("force", "tension") == ""
 
 
 def test_notes_stand_in_the_file_by_their_time_and_only_within_it(tmp_path):
     record = Recording([1.0, 2.0, 3.0], {"x": Channel([1.0, 2.0, 3.0], "N")})
-    both = noted(noted(record, 2.5, "rough"), 1.5, " begins ")
+    both = record.with_note(2.5, "rough").with_note(1.5, " begins ")
     both.save(tmp_path / "noted.nc")
-    kept = notes_of(read_recording(tmp_path / "noted.nc").meta)
+    kept = read_recording(tmp_path / "noted.nc").notes
     assert [(n.time, n.text) for n in kept] == [(1.5, "begins"), (2.5, "rough")]
-    assert [n.text for n in notes_of(without_note(both, kept[0]).meta)] == ["rough"]
+    assert [n.text for n in both.without_note(kept[0]).notes] == ["rough"]
     for time, text in ((0.5, "early"), (2.0, ""), (2.0, "two\nlines"), (2.0, "x" * 201), (float("nan"), "when")):
         with pytest.raises(InputError, match="note"):
-            noted(record, time, text)
+            record.with_note(time, text)
     assert notes_of({"notes": ["no note", {"time": "1 s", "text": 3}]}) == []

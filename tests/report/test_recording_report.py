@@ -12,7 +12,7 @@ from machine_records import machine_record
 from mckibben.cli import main
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording
-from mckibben.recordings.calibration import Calibration, Correction, Origin, Term
+from mckibben.recordings.calibration import Calibration, Correction, CorrectionTerm, Origin
 from mckibben.report import document_pdf
 from mckibben.report.document import Document, Figure, Fold, Row, Span, Table, plain
 from mckibben.report.origins import inferred_inputs, parameters
@@ -58,7 +58,7 @@ def document() -> Document:
     weighed = Origin(
         method="weights", date="2026-01-01T00:00:00+00:00", reference="M1 masses", valid_for=3600.0, points=5
     )
-    found = Term(1.02, 0.004, 8.0, weighed)
+    found = CorrectionTerm(1.02, 0.004, 8.0, weighed)
     correction = Correction(unit="N", terms={"gain": found}, sensor="S/N 7")
     used = Calibration(rig="paper", created="2026-01-01T00:00:00+00:00", corrections={"tension": correction})
     return recording_report(RECORD.with_meta(ABOUT, calibration=used.plain()), name="loops.nc")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..recordings.read_record import read_record
+from ..recordings import read_record
 
 
 def read_points(

@@ -33,7 +33,7 @@ def convert(
 ) -> None:
     """Write a recording, or a file of somebody else, as another kind of file."""
     from ..quantities import parse
-    from ..recordings.convert import convert
+    from ..recordings import convert
 
     places: dict[str, str | int] = {}
     for name, place in pairs(column, "--column", "tank.pressure=2").items():
@@ -61,7 +61,7 @@ def repair(
     as_json: Json = False,
 ) -> None:
     """Save as a recording what is left of a log whose process was killed; the log itself is not touched."""
-    from ..recordings.mcap_file import read_log
+    from ..recordings.mcap import read_log
 
     target = log.with_suffix(".nc") if out is None else out
     if target.suffix.lower() not in (".nc", ".csv"):

@@ -140,8 +140,8 @@ def fit(
         points: the measured table.
         known: parameters that are not fitted [SI], by name; those the law does not have are passed over.
         free: which parameters to fit; the law's own choice where left out.
-        slack: also use the slack points that say where the law may not pull, see `ForceMap.told_slack`; their errors are
-            not counted.
+        slack: also use the slack points that say where the law may not pull, see `ForceMap.informative_slack`; their
+            errors are not counted.
         schemes: cross-validations to run, of ``pressure``, ``length``, ``block``, ``rest_length``.
         train_below: also fit to gauge pressures up to this one [Pa] and predict those above.
         progress: called with a few words after each piece of work.

@@ -28,7 +28,7 @@ class Problem:
 
     Residuals are unweighted: sensor noise and the rounding of lengths do not shrink with the tension, and errors are
     judged against the largest tension. `points` are the taut ones, and the slack ones that say where the law may not pull
-    (`ForceMap.told_slack`), at zero tension. `known` holds fixed parameters [SI], scalars or one value per point.
+    (`ForceMap.informative_slack`), at zero tension. `known` holds fixed parameters [SI], scalars or one value per point.
     """
 
     law: str
@@ -83,7 +83,7 @@ class Problem:
                 f"the law {law} has {len(free)} free parameters and needs at least {len(free) + 2}",
                 where=points.name,
             )
-        keep = points.taut | (points.told_slack & slack)
+        keep = points.taut | (points.informative_slack & slack)
         fixed = {k: (np.asarray(v)[keep] if np.ndim(v) else float(v)) for k, v in given.items() if k not in free}
         counted = replace(points.select(keep), tension=np.maximum(points.tension[keep], 0.0))
         return cls(law=law, free=tuple(free), known=fixed, points=counted)

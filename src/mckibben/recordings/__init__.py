@@ -1,20 +1,21 @@
 """What happened: measured and simulated data, and how they are read and stored."""
 
-from .convert import convert
-from .force_map import ForceMap
+from ._text_records import read_record
+from .files import convert, read_any, read_recording, write
+from .force_map import ForceMap, read_force_map
 from .live_log import LiveLog
-from .read_record import read_record
-from .recording import Channel, Recording
-from .store import read_recording
-from .tables import read_force_map
+from .recording import Channel, Note, Recording
 
 __all__ = [
     "Channel",
     "ForceMap",
     "LiveLog",
+    "Note",
     "Recording",
     "convert",
+    "read_any",
     "read_force_map",
     "read_record",
     "read_recording",
+    "write",
 ]

@@ -24,9 +24,9 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 
 from ..errors import InputError
-from .meta import frozen
+from ._meta import freeze
+from ._sidecar import dumps
 from .recording import Channel, check_name
-from .sidecar import told
 from .text import plain_names
 
 TOPIC, EVENTS = "/recording", "/events"
@@ -70,7 +70,7 @@ class LiveLog:
         self.path, self._names = Path(path), list(channels)
         for name in channels:
             check_name(name)
-        head = told(channels, frozen(meta or {}))
+        head = dumps(channels, freeze(meta or {}))
         self._flush, self._sync, self._start = flush, sync, start
         self._first = self._last = -np.inf
         self._count, self._pending, self._since = 0, -np.inf, 0.0
@@ -103,7 +103,7 @@ class LiveLog:
         self._writer.add_attachment(now, now, HEAD, "application/json", head.encode())
         schema = self._writer.register_schema("mckibben/Recording", "ros2msg", _schema(channels).encode())
         # The names once more, in the first chunk: a damaged head then costs the meta only.
-        self._topic = self._writer.register_channel(TOPIC, "cdr", schema, {"mckibben": told(channels, {})})
+        self._topic = self._writer.register_channel(TOPIC, "cdr", schema, {"mckibben": dumps(channels, {})})
         event = self._writer.register_schema("mckibben/Event", "jsonschema", json.dumps(_EVENT).encode())
         self._events = self._writer.register_channel(EVENTS, "json", event)
         self._file.flush()
@@ -173,7 +173,7 @@ class LiveLog:
             The path of the log.
         """
         more = {key: said for key, said in (("result", result), ("message", message)) if said is not None}
-        last = frozen({**(meta or {}), **more})
+        last = freeze({**(meta or {}), **more})
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -184,7 +184,7 @@ class LiveLog:
             try:
                 stamp = self._stamp(self._last)
                 self._writer.flush()
-                end = told({}, last, self._count)
+                end = dumps({}, last, self._count)
                 self._writer.add_attachment(stamp, stamp, END, "application/json", end.encode())
                 self._writer.finish()
                 file.flush()
@@ -270,10 +270,10 @@ class LiveLog:
 
 def _schema(channels: Mapping[str, Channel]) -> str:
     """The fields of a sample as a ROS 2 message."""
-    of = {n: f"{c.unit}, {c.kind}{c.meaning and ': '}{c.meaning}" for n, c in channels.items()}
-    told_of = {"time": "s", **of}
-    fields = plain_names(told_of, lambda name: re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_"))
-    return "".join(f"float64 {field} # {n} [{told_of[n]}]\n" for field, n in zip(fields, told_of, strict=True))
+    described = {n: f"{c.unit}, {c.kind}{c.meaning and ': '}{c.meaning}" for n, c in channels.items()}
+    comments = {"time": "s", **described}
+    fields = plain_names(comments, lambda name: re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_"))
+    return "".join(f"float64 {field} # {n} [{comments[n]}]\n" for field, n in zip(fields, comments, strict=True))
 
 
 def _sync_folder(folder: Path) -> None:

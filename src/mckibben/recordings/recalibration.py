@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from .calibration import Calibration, Correction
-from .calibration_table import read_plain
+from .calibration import Calibration, Correction, read_plain
 from .recording import Channel, Recording
 
 INDICATED = (

@@ -11,21 +11,50 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..documents import write_whole
 from ..errors import InputError
-from .meta import Frozen, frozen
+from ..extras import library
+from ._meta import Frozen, file_attributes, freeze
+from .formats import writer_of
 from .units import is_si
 
 if TYPE_CHECKING:
     import xarray
 
 KINDS = ("true", "measured", "command")
+SAVED = (".nc", ".csv")  # suffixes that `Recording.save` takes: they hold all that a recording has
+LONGEST_NOTE = 200  # characters
 # Of a uniform clock; beyond, a period in the wrong unit is meant.
 _MOST_SAMPLES = 10**8
 _NAME = re.compile(r"\w[^/\\\[\],;\"#]*")
+
+
+class Note(NamedTuple):
+    """One note: time of the recording [s], and words."""
+
+    time: float
+    text: str
+
+
+def notes_of(meta: Mapping[str, Any]) -> list[Note]:
+    """The notes of a recording's meta by time; what is none is passed over."""
+    listed = meta.get("notes")
+    notes = []
+    for item in listed if isinstance(listed, list) else []:
+        time, text = (item.get(k) for k in ("time", "text")) if isinstance(item, Mapping) else (None, None)
+        if (
+            isinstance(time, int | float)
+            and not isinstance(time, bool)
+            and math.isfinite(time)
+            and isinstance(text, str)
+        ):
+            notes.append(Note(float(time), text))
+    return sorted(notes)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,9 +99,9 @@ class Channel:
     def __repr__(self) -> str:
         return f"Channel({len(self)} values, unit={self.unit!r}, kind={self.kind!r}, meaning={self.meaning!r})"
 
-    def with_values(self, values: Any) -> Channel:
+    def with_values(self, values: ArrayLike) -> Channel:
         """The same quantity with other values (n,) [unit]."""
-        return Channel(values, self.unit, self.kind, self.meaning)
+        return Channel(np.asarray(values), self.unit, self.kind, self.meaning)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,7 +139,7 @@ class Recording:
             kept[name] = channel if said else Channel(channel.values, channel.unit, channel.kind)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "channels", Frozen(kept))
-        object.__setattr__(self, "meta", frozen(self.meta))
+        object.__setattr__(self, "meta", freeze(self.meta))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -209,25 +238,72 @@ class Recording:
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """Of each channel: min, max, mean of the samples [its unit], unit and kind. NaN are passed over."""
-        found: dict[str, dict[str, Any]] = {}
+        figures_of: dict[str, dict[str, Any]] = {}
         for name, channel in self.channels.items():
             known = channel.values[~np.isnan(channel.values)]
             figures = (known.min(), known.max(), known.mean()) if known.size else (math.nan,) * 3
             numbers = dict(zip(("min", "max", "mean"), map(float, figures), strict=True))
-            found[name] = {**numbers, "unit": channel.unit, "kind": channel.kind}
-        return found
+            figures_of[name] = {**numbers, "unit": channel.unit, "kind": channel.kind}
+        return figures_of
 
-    def to_dataset(self) -> xarray.Dataset:
-        """The recording as an xarray dataset, as it is stored in netCDF files."""
-        from .store import as_dataset
+    @property
+    def notes(self) -> list[Note]:
+        """The notes of a person by time, from the meta; what is no note there is passed over."""
+        return notes_of(self.meta)
 
-        return as_dataset(self)
+    def with_note(self, time: float, text: str) -> Recording:
+        """The recording with one more note of a person.
+
+        Args:
+            time: within the recording [s].
+            text: one line.
+
+        Raises:
+            InputError: the time lies outside, or the text is no line.
+        """
+        words = text.strip()
+        if not words or len(words) > LONGEST_NOTE or not words.isprintable():
+            shown = words[:40] + (".." if len(words) > 40 else "")
+            raise InputError("note", shown, f"allowed is one line of 1 to {LONGEST_NOTE} characters")
+        first, last = float(self.time[0]), float(self.time[-1])
+        if not first <= time <= last:
+            raise InputError("time of a note", f"{time:.6g} s", f"allowed are {first:.6g} s to {last:.6g} s")
+        return self._with_notes(sorted([*self.notes, Note(float(time), words)]))
+
+    def without_note(self, note: Note) -> Recording:
+        """The recording without a note."""
+        return self._with_notes([other for other in self.notes if other != note])
+
+    def _with_notes(self, notes: list[Note]) -> Recording:
+        return self.with_meta(notes=[note._asdict() for note in notes])
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The recording as an xarray dataset: coordinate ``time`` [s], a variable per channel, the meta as attributes.
+
+        Raises:
+            MissingLibraryError: xarray is not installed.
+        """
+        xr = library("xarray", "Datasets need")
+        time = ("time", self.time, {"units": "s", "long_name": "time"})
+        variables = {name: ("time", c.values, channel_attributes(name, c)) for name, c in self.channels.items()}
+        dataset: xarray.Dataset = xr.Dataset(variables, coords={"time": time}, attrs=file_attributes(self.meta))
+        return dataset
 
     def save(self, path: str | Path) -> Path:
-        """Write to a ``.nc`` (netCDF) or ``.csv`` file; a file of that name is replaced only when all is written."""
-        from .store import save
+        """Write to a ``.nc`` (netCDF) or ``.csv`` file; a file of that name is replaced only when all is written.
 
-        return save(self, path)
+        Returns:
+            The path written.
+
+        Raises:
+            InputError: the suffix is unknown, or the file cannot be written.
+        """
+        path = Path(path)
+        if path.suffix.lower() not in SAVED:
+            raise InputError("suffix", path.suffix or str(path), f"known are {', '.join(SAVED)}", where=str(path))
+        write = writer_of(path).write
+        assert write is not None
+        return write_whole(path, lambda part: write(self, part))
 
 
 def check_name(name: object, where: str | None = None) -> None:
@@ -269,3 +345,8 @@ def _check_clock(time: np.ndarray) -> None:
 def _comparable(meta: Mapping[str, Any]) -> str:
     # As text, in which one NaN equals another.
     return json.dumps(meta, sort_keys=True)
+
+
+def channel_attributes(name: str, channel: Channel) -> dict[str, str]:
+    """The attributes of a channel's variable in a netCDF file."""
+    return {"units": channel.unit, "long_name": channel.meaning or name, "kind": channel.kind}

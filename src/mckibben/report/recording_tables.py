@@ -11,8 +11,7 @@ from ..analysis.segments import steps_of, varied
 from ..errors import InputError
 from ..experiments.waveforms import time_words
 from ..quantities import from_si
-from ..recordings.calibration import Calibration, Term
-from ..recordings.calibration_table import read_plain
+from ..recordings.calibration import Calibration, CorrectionTerm, read_plain
 from ..recordings.recording import Recording
 from .document import Block, Cell, Column, Heading, KeyValues, Paragraph, Row, Span, Table
 from .words import amount, flat, is_number, mapping, minus, person_unit, significant, tied, unit_text
@@ -209,7 +208,7 @@ def _terms(found: Calibration, when: str) -> Iterator[Row]:
             yield Row((channel + sensor, name, value, half, unit_text(shown), *_whence(term, expired)))
 
 
-def _whence(term: Term, expired: bool) -> tuple[str, str, str | Cell]:
+def _whence(term: CorrectionTerm, expired: bool) -> tuple[str, str, str | Cell]:
     origin = term.origin
     if origin is None:
         return "nobody determined it", "", ""

@@ -6,7 +6,7 @@ import pytest
 
 from mckibben.bench.calibrate.file import document, merged, read_calibration, write_calibration
 from mckibben.errors import InputError
-from mckibben.recordings.calibration import DAY, Calibration, Correction, Origin, Term
+from mckibben.recordings.calibration import DAY, Calibration, Correction, CorrectionTerm, Origin
 
 DATE = "2026-03-31T12:00:00+00:00"
 
@@ -17,11 +17,14 @@ def calibration() -> Calibration:
         scale_uncertainty=1e-4, valid_for=365.0 * DAY, points=7,
     )  # fmt: skip
     tension = Correction(
-        unit="N", terms={"gain": Term(1.0 / 1.02, 1e-4 / 3.0, 12.3, by), "zero": Term(3.1, 0.01, math.inf, by)},
+        unit="N",
+        terms={"gain": CorrectionTerm(1.0 / 1.02, 1e-4 / 3.0, 12.3, by), "zero": CorrectionTerm(3.1, 0.01, math.inf, by)},
         sensor="S/N 123", correlation=-0.4, linearity=0.02,
     )  # fmt: skip
     odd = Origin(method="skew", date=DATE, valid_for=1234.5)
-    pressure = Correction(unit="Pa", terms={"zero": Term(-61.5), "skew": Term(1.7e-5 / 3.0, 1e-8, 23.0, odd)})
+    pressure = Correction(
+        unit="Pa", terms={"zero": CorrectionTerm(-61.5), "skew": CorrectionTerm(1.7e-5 / 3.0, 1e-8, 23.0, odd)}
+    )
     return Calibration(rig="modern", created=DATE, corrections={"tension": tension, "pressure": pressure})
 
 
@@ -46,7 +49,7 @@ def test_words_in_other_units_are_read(tmp_path):
 
 def test_new_channels_join_the_file_and_the_others_are_kept(tmp_path):
     path = write_calibration(calibration(), tmp_path / "a.toml")
-    new = Correction(unit="m", terms={"gain": Term(1.005, 1e-5)})
+    new = Correction(unit="m", terms={"gain": CorrectionTerm(1.005, 1e-5)})
     both = merged(path, "modern", {"span": new}, "2026-05-01T00:00:00+00:00")
     assert both.corrections == {**calibration().corrections, "span": new}
     assert merged(tmp_path / "none.toml", "modern", {"span": new}, DATE).corrections == {"span": new}

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError
-from ...recordings.calibration import Term
+from ...recordings.calibration import CorrectionTerm
 
 GRAVITY = 9.80665  # standard [m/s^2]
 # Of gravity where nobody states it: evenly between equator and poles, 9.780 to 9.832 m/s^2.
@@ -88,8 +88,8 @@ class Line(NamedTuple):
         misfit: chi^2 over its degrees of freedom, NaN for two points [1].
     """
 
-    gain: Term
-    zero: Term
+    gain: CorrectionTerm
+    zero: CorrectionTerm
     correlation: float
     residuals: np.ndarray
     hysteresis: float
@@ -140,7 +140,7 @@ def of_counts(scatter: float, resolution: float) -> float:
     return resolution * math.sqrt(left(low if low > 1e-9 else 0.0))
 
 
-def zero(nothing: Reading, *, resolution: float, uncertainty: float = 0.0) -> Term:
+def zero(nothing: Reading, *, resolution: float, uncertainty: float = 0.0) -> CorrectionTerm:
     """What is indicated at nothing.
 
     Args:
@@ -149,7 +149,7 @@ def zero(nothing: Reading, *, resolution: float, uncertainty: float = 0.0) -> Te
         uncertainty: standard, of the nothing itself, such as of a hook [unit].
     """
     variances = (nothing.error**2, of_counts(nothing.scatter, resolution) ** 2 + uncertainty**2)
-    return Term(
+    return CorrectionTerm(
         nothing.mean, math.sqrt(sum(variances)), _degrees((variances[0], nothing.degrees), total=sum(variances))
     )
 
@@ -234,7 +234,7 @@ def line(points: Sequence[Point], *, resolution: float, reference: Reference, wh
     residuals = (y - z) / slope - x
     together = math.sqrt(total[0] * total[1])
     return Line(
-        Term(gain, gain**2 * math.sqrt(total[1]), degrees[1]), Term(z, math.sqrt(total[0]), degrees[0]),
+        CorrectionTerm(gain, gain**2 * math.sqrt(total[1]), degrees[1]), CorrectionTerm(z, math.sqrt(total[0]), degrees[0]),
         float(-covariance[0, 1] / together) if together > 0.0 else 0.0,
         residuals, max(float(np.ptp(residuals[settings == setting])) for setting in each), misfit,
     )  # fmt: skip

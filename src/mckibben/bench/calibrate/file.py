@@ -34,8 +34,7 @@ from typing import Any
 from ...documents import read_toml, write_text
 from ...errors import InputError
 from ...experiments.words import Entry
-from ...recordings.calibration import DAY, SCHEMA, TERMS, Calibration, Correction
-from ...recordings.calibration_table import read_plain
+from ...recordings.calibration import DAY, SCHEMA, TERMS, Calibration, Correction, read_plain
 
 _TOP = ("schema", "rig", "created", "channels")
 _CHANNEL = ("unit", "sensor", "correlation", "linearity", *TERMS)

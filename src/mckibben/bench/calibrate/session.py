@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import InputError
 from ...experiments.waveforms import Chirp, Sine
 from ...quantities import with_unit
-from ...recordings.calibration import Correction, Origin, Term
+from ...recordings.calibration import Correction, CorrectionTerm, Origin
 from . import estimate
 from .estimate import GRAVITY, Line, Point, Reading, Reference
 from .skew import skew
@@ -206,8 +206,8 @@ class Session:
             scale_uncertainty=reference.scale, valid_for=self.valid_for, points=points,
         )  # fmt: skip
 
-    def _correction(self, unit: str, terms: Mapping[str, tuple[Term, Origin]], **more: Any) -> Correction:
-        made = {n: Term(t.value, t.uncertainty, t.degrees, origin) for n, (t, origin) in terms.items()}
+    def _correction(self, unit: str, terms: Mapping[str, tuple[CorrectionTerm, Origin]], **more: Any) -> Correction:
+        made = {n: CorrectionTerm(t.value, t.uncertainty, t.degrees, origin) for n, (t, origin) in terms.items()}
         return Correction(unit=unit, terms=made, sensor=self.sensor, **more)
 
     def _outcome(

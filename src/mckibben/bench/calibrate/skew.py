@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError
-from ...recordings.calibration import Term
+from ...recordings.calibration import CorrectionTerm
 
 BLOCKS = 24
 LEAST_PERIODS = 3.0
@@ -63,7 +63,7 @@ class Model(NamedTuple):
 def skew(
     time: np.ndarray, signals: Mapping[str, np.ndarray], *, frequency: float, to: float | None = None,
     resolution: Mapping[str, float] | None = None,
-) -> dict[str, Term]:  # fmt: skip
+) -> dict[str, CorrectionTerm]:  # fmt: skip
     """By how much each channel lags the first one [s].
 
     Args:
@@ -102,7 +102,9 @@ def skew(
     )
 
 
-def _fitted(model: Model, y: np.ndarray, names: list[str], frequency: float, to: float | None) -> dict[str, Term]:
+def _fitted(
+    model: Model, y: np.ndarray, names: list[str], frequency: float, to: float | None
+) -> dict[str, CorrectionTerm]:
     from scipy import optimize
 
     rate = 0.0 if to is None else (to - frequency) / model.time[-1]
@@ -140,8 +142,8 @@ def _fitted(model: Model, y: np.ndarray, names: list[str], frequency: float, to:
     first = 2 + 2 * model.channels
     lags = {n: first + i for i, n in enumerate(names) if i}
     where = {int(j): i for i, j in enumerate(free)}
-    terms = {n: Term(float(p[j]), float(deviation[where[j]]), BLOCKS - 1.0) for n, j in lags.items()}
-    return {names[0]: Term(0.0, 0.0), **terms}
+    terms = {n: CorrectionTerm(float(p[j]), float(deviation[where[j]]), BLOCKS - 1.0) for n, j in lags.items()}
+    return {names[0]: CorrectionTerm(0.0, 0.0), **terms}
 
 
 def _start(model: Model, y: np.ndarray, frequency: float, rate: float) -> np.ndarray:

@@ -16,7 +16,7 @@ from ...experiments.protocol import Protocol
 from ...experiments.read import SETTINGS, values_of, with_values
 from ...experiments.waveforms import near
 from ...quantities import parse, with_unit
-from ...recordings.convert import write
+from ...recordings import write
 from ...recordings.recording import Recording
 from ...specimens import Specimen, specimens
 from ..rig import Rig

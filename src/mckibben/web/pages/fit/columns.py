@@ -12,7 +12,7 @@ from ...parts import box, button, check, on_value, raw, refused, select, text
 from .source import Asked, dimensions, specimen_of
 
 if TYPE_CHECKING:
-    from ....recordings.table_preview import Preview
+    from ....recordings.force_map import TablePreview
 
 NAMES = {
     "length": "Length", "contraction": "Contraction", "pressure": "Pressure", "tension": "Tension",
@@ -30,7 +30,7 @@ MOST = 4  # columns that are shown side by side; of more, those that are used
 Change = Callable[[Asked], Any]
 
 
-def mapping(asked: Asked, look: Preview, change: Change, wrong: InputError | None) -> None:
+def mapping(asked: Asked, look: TablePreview, change: Change, wrong: InputError | None) -> None:
     """The table of columns with a preview; a column that is to blame is marked.
 
     Args:
@@ -107,7 +107,7 @@ def _what(asked: Asked, column: str, what: str, meant: dict[str, str], change: C
     return select(words, what, chosen, f"What {column} holds", COLOURS.get(what, ""))
 
 
-def _which(asked: Asked, what: str, column: str, look: Preview, change: Change) -> Any:
+def _which(asked: Asked, what: str, column: str, look: TablePreview, change: Change) -> Any:
     """Which column holds something."""
 
     def chosen(now: str) -> None:
@@ -117,9 +117,9 @@ def _which(asked: Asked, what: str, column: str, look: Preview, change: Change) 
 
 
 def _unit(asked: Asked, column: str, what: str, change: Change) -> None:
-    from ....recordings.table_preview import told_unit
+    from ....recordings.force_map import stated_unit
 
-    told = told_unit(column, what) if column else ""
+    told = stated_unit(column, what) if column else ""
     now = dict(asked.units).get(what, told).removesuffix(" gauge")
     words = {u: _unit_words(u, what) for u in UNITS[what]}
     if now not in words:

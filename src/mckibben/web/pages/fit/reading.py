@@ -13,7 +13,7 @@ from .source import Asked
 
 if TYPE_CHECKING:
     from ....recordings import ForceMap
-    from ....recordings.table_preview import Preview
+    from ....recordings.force_map import TablePreview
 
 
 class Reading(NamedTuple):
@@ -27,7 +27,7 @@ class Reading(NamedTuple):
         asked: how it was read in the end.
     """
 
-    look: Preview
+    look: TablePreview
     size: int
     points: ForceMap | None
     wrong: InputError | None
@@ -40,11 +40,11 @@ def read(path: Path, asked: Asked) -> Reading:
     Raises:
         InputError: it is no table at all, or has more rows than a fit takes.
     """
-    from ....recordings.table_preview import preview
+    from ....recordings.force_map import preview_table
 
     check_rows(path, source.MOST_ROWS, "a fit")
     try:
-        look = preview(path)
+        look = preview_table(path)
     except InputError as error:
         raise error.changed(where=path.name) from None
     if asked.kind == "recording":
@@ -57,7 +57,7 @@ def read(path: Path, asked: Asked) -> Reading:
 
 def _of_recording(path: Path, asked: Asked, look: Any) -> Asked:
     """A recording says its rest length, and a real machine's span stands for the length, where nothing else is said."""
-    from ....recordings.convert import read_any
+    from ....recordings import read_any
 
     spans = [c for c in look.header if c.split(" [")[0] in ("span", "muscle.span")]
     if not {"length", "contraction"} & {*look.meant, *dict(asked.columns)} and spans:
@@ -71,7 +71,7 @@ def _of_recording(path: Path, asked: Asked, look: Any) -> Asked:
 def used(points: ForceMap, asked: Asked) -> str:
     """Which rows count, in words."""
     taut = int(points.taut.sum())
-    slack, told = len(points) - taut, int(points.told_slack.sum())
+    slack, told = len(points) - taut, int(points.informative_slack.sum())
     left = "".join(f" {remark[0].upper()}{remark[1:]}." for remark in points.remarks)
     if not slack:
         return f"{taut} rows used.{left}"

@@ -98,7 +98,7 @@ def whole(path: Path) -> Recording:
 
 
 def _read(path: Path) -> Recording:
-    from ....recordings.convert import read_any
+    from ....recordings import read_any
 
     return read_any(path).recording
 
@@ -139,7 +139,6 @@ def entry(path: Path) -> Entry:
 
 
 def _described(path: Path, record: Recording) -> Entry:
-    from ....recordings.notes import notes_of
     from ....report.origins import known_specimen
     from ....report.words import mapping
 
@@ -151,7 +150,7 @@ def _described(path: Path, record: Recording) -> Entry:
     named = spec.title if spec else str(mapping(said).get("title") or mapping(said).get("id") or (said or ""))
     simulated = any(c.kind == "true" for c in record.channels.values())
     sign, words = _sign(meta)
-    notes = notes_of(meta)
+    notes = record.notes
     return Entry(
         name=path.name, about=f"{title}. {sentence}"[:300] if sentence else title, muscle=named,
         origin="simulated" if simulated else "file" if meta.get("source") else "measured",

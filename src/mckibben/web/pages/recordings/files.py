@@ -50,7 +50,7 @@ def imported(path: Path, name: str, target: Path, columns: Mapping[str, str], un
         InputError: names column, value and what is allowed.
     """
     from ....quantities import parse
-    from ....recordings.convert import read_any
+    from ....recordings import read_any
 
     check_kind(name)
     check_rows(path, MOST_ROWS, "a recording")
@@ -89,7 +89,7 @@ def _hint(error: MckibbenError) -> str:
 
 def exported(path: Path, suffix: str) -> tuple[str, bytes, list[str]]:
     """A recording as another kind of file: its name, the bytes, and what that format holds otherwise."""
-    from ....recordings.convert import read_any, write
+    from ....recordings import read_any, write
 
     if path.suffix.lower() == suffix:
         return path.name, path.read_bytes(), []
@@ -101,7 +101,7 @@ def exported(path: Path, suffix: str) -> tuple[str, bytes, list[str]]:
 
 def repaired(lab: Laboratory, name: str) -> tuple[str, list[str]]:
     """Save as a recording what is left of a log that was cut off; the log stays. Its name, and what was lost."""
-    from ....recordings.mcap_file import read_log
+    from ....recordings.mcap import read_log
 
     path = lab.recordings.found(name)
     if path.suffix.lower() != ".mcap":
@@ -117,7 +117,7 @@ def repaired(lab: Laboratory, name: str) -> tuple[str, list[str]]:
 
 def rewritten(path: Path, record: object) -> None:
     """Write a recording over its file; the list keeps its order, for the date of the file stays, but for a millisecond."""
-    from ....recordings.convert import write
+    from ....recordings import write
     from ....recordings.recording import Recording
 
     assert isinstance(record, Recording)
@@ -128,7 +128,7 @@ def rewritten(path: Path, record: object) -> None:
 
 def report(path: Path) -> tuple[str, bytes]:
     """The report of a recording as a PDF file."""
-    from ....recordings.convert import read_any
+    from ....recordings import read_any
     from ....report.recording_report import recording_report
 
     return f"{path.stem}.pdf", recording_report(read_any(path).recording, name=path.name).pdf()

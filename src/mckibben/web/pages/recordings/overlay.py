@@ -175,8 +175,6 @@ def _tension() -> Any:
 
 def over_time(parts: Sequence[Part], what: str, height: int) -> Chart | None:
     """A quantity over the time, both from their first reversal, with the notes."""
-    from ....recordings.notes import notes_of
-
     lines, marks = [], []
     for part in parts:
         y = part.values(what)
@@ -185,7 +183,7 @@ def over_time(parts: Sequence[Part], what: str, height: int) -> Chart | None:
         time = part.record.time - part.begins
         lines.append(_line(part, *_with_gaps(time, y), what, len(parts) > 1, width=1.75))
         low, high = float(time[0]), float(time[-1])
-        for note in notes_of(part.record.meta):
+        for note in part.record.notes:
             at = note.time - part.begins
             if low <= at <= high:
                 marks.append(Mark(f"{part.letter}: {note.text}", x=at))

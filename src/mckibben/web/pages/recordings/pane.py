@@ -17,7 +17,7 @@ from .listing import LETTERS
 from .overlay import VIEWS, Part
 
 if TYPE_CHECKING:
-    from ....recordings.notes import Note
+    from ....recordings import Note
     from .view import View
 
 THIN = "\u2009\u2060"
@@ -172,12 +172,10 @@ class Pane:
     # ---- notes
 
     def _list_notes(self) -> None:
-        from ....recordings.notes import notes_of
-
         self._notes.clear()
         with self._notes:
             for part in self._parts:
-                for note in notes_of(entries.whole(self._view.path(self._name(part))).meta):
+                for note in entries.whole(self._view.path(self._name(part))).notes:
                     with box("div", "note-line"):
                         _disc(part.letter, "")
                         text("span", f"{note.time - part.begins:.3f}{THIN}s", "num")
@@ -206,7 +204,6 @@ class Pane:
 
     async def _add(self) -> None:
         from ....quantities import parse
-        from ....recordings.notes import noted
 
         part = next((p for p in self._parts if p.letter == self._noting), None)
         if part is None:
@@ -216,7 +213,7 @@ class Pane:
             path = self._view.path(self._name(part))
             record = await asyncio.to_thread(entries.whole, path)
             try:
-                new = noted(record, at + part.begins, self._text.value)
+                new = record.with_note(at + part.begins, self._text.value)
             except InputError as error:
                 if error.field != "time of a note":
                     raise
@@ -231,12 +228,10 @@ class Pane:
         await self._again()
 
     async def _remove(self, part: Part, note: Note) -> None:
-        from ....recordings.notes import without_note
-
         try:
             path = self._view.path(self._name(part))
             record = await asyncio.to_thread(entries.whole, path)
-            await asyncio.to_thread(files.rewritten, path, without_note(record, note))
+            await asyncio.to_thread(files.rewritten, path, record.without_note(note))
         except MckibbenError as error:
             self._view.refuse(error)
             return

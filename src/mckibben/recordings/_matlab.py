@@ -1,7 +1,7 @@
 """MATLAB files: written as version 5, read as version 5 and 7.3.
 
 Written are ``time``, a column per channel under a name that MATLAB allows, the struct ``units`` with the unit of each, and
-``mckibben``, a line of JSON with names, kinds, meanings and meta. Of somebody else's file vectors are read, nested structs
+``mckibben``, a line of JSON with names, kinds, meanings and meta. Of another program's file vectors are read, nested structs
 too; a struct ``units`` in it says units.
 """
 
@@ -19,10 +19,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..extras import library
-from .imports import Given
-from .outside import check_self_contained, read_outside
+from ._isolation import check_self_contained, read_in_process
+from ._sidecar import KEY, dumps, loads, one_line
+from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
 from .recording import Recording
-from .sidecar import KEY, one_line, retold, told
 from .text import plain_names
 
 _LARGEST = 2**31 - 1  # [B] of a variable of version 5
@@ -36,8 +36,8 @@ _PLAIN, _COMPRESSED = 14, 15  # types of variables
 _DEEPEST = 20  # structs in structs
 
 
-def write_matlab(recording: Recording, path: Path) -> None:
-    """Write a ``.mat`` file of version 5."""
+def write_matlab(recording: Recording, path: Path) -> list[str]:
+    """Write a ``.mat`` file of version 5; a remark says which names MATLAB would not allow."""
     from scipy.io import savemat
 
     if len(recording) * 8 > _LARGEST:
@@ -46,8 +46,14 @@ def write_matlab(recording: Recording, path: Path) -> None:
     names = matlab_names(recording.channels)
     columns = {plain: recording[name] for plain, name in zip(names, recording.channels, strict=True)}
     units = {plain: recording.unit(name) for plain, name in zip(names, recording.channels, strict=True)}
-    more = {"units": {"time": "s", **units}, KEY: told(recording.channels, recording.meta)}
+    more = {"units": {"time": "s", **units}, KEY: dumps(recording.channels, recording.meta)}
     savemat(path, {"time": recording.time, **columns, **more}, appendmat=False, oned_as="column", **_KEPT)
+    renamed = [(name, plain) for name, plain in zip(recording.channels, names, strict=True) if name != plain]
+    if not renamed:
+        return []
+    name, plain = renamed[0]
+    example = f"such as {plain} for {name}; mckibben reads the names as they were"
+    return [f"{len(renamed)} names are written as MATLAB allows them, {example}"]
 
 
 def matlab_names(names: Iterable[str]) -> list[str]:
@@ -61,8 +67,8 @@ def _allowed(name: str) -> str:
     return f"x{plain}" if plain in _KEYWORDS else plain
 
 
-def read_matlab(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list[str]]:
-    """A recording of mckibben, or of somebody else's file the columns, the small things for the meta, and remarks.
+def read_matlab(path: Path) -> ImportResult | ForeignTable:
+    """Read a recording of mckibben, or of another program's file the vectors, with small values for the meta.
 
     Raises:
         InputError: the file cannot be read, or a newer version wrote it.
@@ -71,31 +77,32 @@ def read_matlab(path: Path) -> Recording | tuple[list[Given], dict[str, Any], li
     library("pymatreader", "MATLAB files need", where=where)
     try:
         if _checked(path):
-            found, told_of = content(path)
+            variables, warned = content(path)
         else:
             # scipy's reader brings down its process where a variable without checksum is damaged, and HDF5 may hang
-            found, told_of = read_outside(content, path)
+            variables, warned = read_in_process(content, path)
     except Exception as error:  # whatever zlib, scipy and h5py meet in a broken file
         raise InputError("file", "unreadable", f"allowed is a MATLAB file ({one_line(error)})", where=where) from None
-    remarks = list(dict.fromkeys(told_of))
-    line = found.get(KEY)
+    remarks = list(dict.fromkeys(warned))
+    line = variables.get(KEY)
     if isinstance(line, str) and line.startswith("{"):
-        known = retold(line, where)
+        sidecar = loads(line, where)
         # the reader makes one number of an array of one
-        numbers = {k: np.atleast_1d(v) for k, v in found.items() if isinstance(v, np.ndarray | int | float)}
-        return known.of(numbers, "time", matlab_names(known.channels), where)
-    units = found.get("units")
+        numbers = {k: np.atleast_1d(v) for k, v in variables.items() if isinstance(v, np.ndarray | int | float)}
+        recording = sidecar.from_columns(numbers, "time", matlab_names(sidecar.channels), where)
+        return ImportResult(recording, [])
+    units = variables.get("units")
     words = {k: v for k, v in units.items() if isinstance(v, str)} if isinstance(units, Mapping) else {}
-    given: list[Given] = []
+    columns: list[ForeignColumn] = []
     notes: dict[str, Any] = {}
-    for label, value in _leaves({k: v for k, v in sorted(found.items()) if k != "units" or not words}, "", 0):
+    for label, value in _leaves({k: v for k, v in sorted(variables.items()) if k != "units" or not words}, "", 0):
         array = np.asarray(value) if isinstance(value, np.ndarray | list) else None
         if array is not None and array.ndim and array.size > 1:
             unit = words.get(label, words.get(label.rpartition(".")[2]))
-            given.append(Given(label, array, unit, f"{len(array)} samples"))
+            columns.append(ForeignColumn(label, array, unit, f"{len(array)} samples"))
         elif isinstance(value, str | int | float | bool | np.number | np.bool_):
             notes[label] = value.item() if isinstance(value, np.generic) else value
-    return given, {"values": {k.replace("$", "_"): v for k, v in notes.items()}}, remarks
+    return ForeignTable(columns, {"values": {k.replace("$", "_"): v for k, v in notes.items()}}, remarks)
 
 
 def content(path: str | Path) -> tuple[dict[str, Any], list[str]]:
@@ -103,10 +110,10 @@ def content(path: str | Path) -> tuple[dict[str, Any], list[str]]:
     import pymatreader
 
     check_self_contained(path)
-    with warnings.catch_warnings(record=True) as told_of:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = pymatreader.read_mat(path)
-    return found, [one_line(w.message) for w in told_of if isinstance(w.message, Warning)]
+        variables = pymatreader.read_mat(path)
+    return variables, [one_line(w.message) for w in caught if isinstance(w.message, Warning)]
 
 
 def _checked(path: Path) -> bool:
@@ -146,3 +153,6 @@ def _leaves(found: Mapping[str, Any], before: str, depth: int) -> list[tuple[str
         else:
             leaves.append((f"{before}{key}", value))
     return leaves
+
+
+FORMAT = FileFormat(title="MATLAB files", read=read_matlab, write=write_matlab)

@@ -1,4 +1,4 @@
-"""Measured records of others: CSV files of channels over time, with a header that holds units or without one.
+"""Measured records as text tables: channels over time, with a header that holds units or without one.
 
 All numbers become SI here, once. What a record of air and muscles cannot be is refused: times that repeat or go back,
 gaps, pressures below vacuum, cells that are no finite number, rows of unequal length.
@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..quantities import with_unit
-from .headers import Column, check_vacuum, choose
+from .columns import ColumnSource, check_vacuum, choose_columns
 from .recording import Channel, Recording
 from .text import Rows, check_width, is_number, plain_text, read_rows, to_numbers, without_blanks
 from .units import is_pressure, si_of
@@ -64,34 +64,34 @@ def read_record(
         raise InputError("ambient", ambient, "allowed is a pressure above 0 Pa", where=where)
     header, rows = _table(Path(path), where)
     places = {n: plain_text(c) if isinstance(c, str) else c for n, c in (columns or {}).items()}
-    found = choose(header, len(rows[0][1]), places, period is None, where)
-    rows, left_out = without_blanks(rows, {column.at: column.label for column in found.values()}, where)
+    sources = choose_columns(header, len(rows[0][1]), places, period is None, where)
+    rows, left_out = without_blanks(rows, {column.at: column.label for column in sources.values()}, where)
     for field, named in (("units", units), ("pressure_zero", zeros if isinstance(zeros, Mapping) else {})):
         for name in named:
-            if name not in found:
-                raise InputError(field, name, f"the channels are {', '.join(found)}", where=where)
+            if name not in sources:
+                raise InputError(field, name, f"the channels are {', '.join(sources)}", where=where)
     for name in (required,) if isinstance(required, str) else required:
-        if name not in found:
-            has = ", ".join(n for n in found if n != "time") or "none"
+        if name not in sources:
+            has = ", ".join(n for n in sources if n != "time") or "none"
             raise InputError(name, "no column", f"it is required, and the file has {has}", where=where)
-    time = _time(found.pop("time", None), units.get("time"), period, rows, where)
-    channels = _channels(found, units, zeros, ambient, rows, where)
-    source = _source(path, found, units, zeros) | ({"left_out": left_out} if left_out else {})
+    time = _time(sources.pop("time", None), units.get("time"), period, rows, where)
+    channels = _channels(sources, units, zeros, ambient, rows, where)
+    source = _source(path, sources, units, zeros) | ({"left_out": left_out} if left_out else {})
     return Recording(time, channels, {"title": Path(path).name, "source": source})
 
 
 def _channels(
-    found: Mapping[str, Column],
+    sources: Mapping[str, ColumnSource],
     units: Mapping[str, str],
     zeros: float | Mapping[str, float],
     ambient: float,
     rows: Rows,
     where: str,
 ) -> dict[str, Channel]:
-    if not found:
+    if not sources:
         raise InputError("channels", "none", "allowed is at least one column beside the time", where=where)
     channels = {}
-    for name, column in found.items():
+    for name, column in sources.items():
         values, unit = _values(name, column, units.get(name), rows, where)
         if is_pressure(unit):
             if not name.endswith("_abs"):
@@ -129,7 +129,7 @@ def _zero(name: str, zeros: float | Mapping[str, float], where: str) -> float:
     return zero
 
 
-def _values(name: str, column: Column, given: str | None, rows: Rows, where: str) -> tuple[np.ndarray, str]:
+def _values(name: str, column: ColumnSource, given: str | None, rows: Rows, where: str) -> tuple[np.ndarray, str]:
     """The numbers of a column and their SI unit."""
     unit = given or column.unit
     if unit is None:
@@ -140,7 +140,7 @@ def _values(name: str, column: Column, given: str | None, rows: Rows, where: str
     return numbers * scale + offset, si
 
 
-def _time(column: Column | None, given: str | None, period: float | None, rows: Rows, where: str) -> np.ndarray:
+def _time(column: ColumnSource | None, given: str | None, period: float | None, rows: Rows, where: str) -> np.ndarray:
     """The clock of a record [s], checked."""
     if period is not None:
         if column is not None:
@@ -180,7 +180,9 @@ def _check_alive(channels: Mapping[str, Channel], where: str) -> None:
         raise InputError(name, value, "no channel changes; allowed is a record in which something happens", where=where)
 
 
-def _source(path: str | Path, found: Mapping[str, Column], units: Mapping[str, str], zero: Any) -> dict[str, Any]:
+def _source(
+    path: str | Path, sources: Mapping[str, ColumnSource], units: Mapping[str, str], zero: float | Mapping[str, float]
+) -> dict[str, Any]:
     """Where the channels come from, for the meta."""
-    told = {name: {"column": c.label, "unit": units.get(name) or c.unit} for name, c in found.items()}
-    return {"file": Path(path).name, "columns": told, "pressure_zero": zero}
+    columns = {name: {"column": c.label, "unit": units.get(name) or c.unit} for name, c in sources.items()}
+    return {"file": Path(path).name, "columns": columns, "pressure_zero": zero}

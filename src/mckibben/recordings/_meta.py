@@ -1,4 +1,4 @@
-"""What is known about a recording, as JSON: plain, frozen, and with NaN and infinities that standard JSON has not."""
+"""The meta of a recording as JSON: plain, frozen, and with the NaN and infinities that standard JSON lacks."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ..errors import InputError
 
 # {"$float": "nan"} stands for a number that JSON has no word for; keys that begin with $ are kept for this.
 _MARK = "$float"
+SCHEMA = 1  # of recordings in files
 
 
 class Frozen(dict):
@@ -26,7 +27,7 @@ class Frozen(dict):
         return type(self), (dict(self),)
 
 
-def frozen(meta: Any) -> Frozen:
+def freeze(meta: Mapping[str, Any]) -> Frozen:
     """A deep copy of a mapping in JSON's own types; arrays become lists, their scalars plain numbers.
 
     Raises:
@@ -50,9 +51,9 @@ def _plain(value: Any, path: str) -> Any:
         for key in value:
             if not isinstance(key, str) or key.startswith("$"):
                 raise InputError(f"key of {path}", repr(key), "allowed is a text that does not begin with $")
-        return Frozen({_text(key, path): _plain(one, f"{path}.{key}") for key, one in value.items()})
+        return Frozen({_text(key, path): _plain(item, f"{path}.{key}") for key, item in value.items()})
     if isinstance(value, list | tuple):
-        return [_plain(one, f"{path}.{i}") for i, one in enumerate(value)]
+        return [_plain(item, f"{path}.{i}") for i, item in enumerate(value)]
     if hasattr(value, "tolist") and hasattr(value, "dtype"):
         return _plain(value.tolist(), path)
     raise InputError(path, type(value).__name__, "allowed are numbers, texts, true, false, none, lists and mappings")
@@ -72,13 +73,23 @@ def to_json(meta: Mapping[str, Any], *, ascii_only: bool = False) -> str:
 
 
 def from_json(text: str) -> Any:
-    """What `to_json` wrote."""
-    return parse_json(text, object_hook=lambda found: float(found[_MARK]) if _MARK in found else found)
+    """Parse what `to_json` wrote."""
+    return parse_json(text, object_hook=lambda table: float(table[_MARK]) if _MARK in table else table)
+
+
+def file_attributes(meta: Mapping[str, Any]) -> dict[str, Any]:
+    """The global attributes of a netCDF file: the meta as JSON, and title and date once more for other programs."""
+    plain = {key: meta[key] for key in ("title", "created") if _is_line(meta.get(key))}
+    return {**plain, "schema": SCHEMA, "meta": to_json(meta)}
+
+
+def _is_line(text: object) -> bool:
+    return isinstance(text, str) and bool(text) and text.isprintable()
 
 
 def _marked(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return {_MARK: repr(value)}
     if isinstance(value, dict):
-        return {key: _marked(one) for key, one in value.items()}
-    return [_marked(one) for one in value] if isinstance(value, list) else value
+        return {key: _marked(item) for key, item in value.items()}
+    return [_marked(item) for item in value] if isinstance(value, list) else value

@@ -14,13 +14,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 MARK = b"\nmckibben-seal:"
 DIGEST = 32  # [B]
 PATIENCE = 20.0  # longest time of a reader for a small file [s]
 SPEED = 2e6  # least that it reads beyond that [B/s]
 _BLOCK = 1 << 20
+Result = TypeVar("Result")
 _ROOT = str(Path(__file__).parents[2])  # where this package is found
 _CHILD = """
 import pickle, sys
@@ -53,8 +54,8 @@ def sealed(path: Path) -> bool | None:
     return end[len(MARK) :] == _digest(path, size) if end.startswith(MARK) else None
 
 
-def read_outside(read: Callable[[str], Any], path: Path) -> Any:
-    """What a function of a module makes of a file, in a process of its own.
+def read_in_process(read: Callable[[str], Result], path: Path) -> Result:
+    """Call a reader of a module in a process of its own.
 
     Raises:
         ValueError: it failed, died or did not come to an end; says which.
@@ -68,10 +69,11 @@ def read_outside(read: Callable[[str], Any], path: Path) -> Any:
         raise ValueError(f"it is damaged: reading it did not come to an end within {patience:.0f} s") from None
     if done.returncode:
         raise ValueError("it is damaged, and brought its reader down")
-    good, found = pickle.loads(done.stdout)
-    if not good:
-        raise ValueError(found)
-    return found
+    succeeded, result = pickle.loads(done.stdout)
+    if not succeeded:
+        raise ValueError(result)
+    answer: Result = result
+    return answer
 
 
 def check_self_contained(path: str | os.PathLike[str]) -> None:
@@ -104,9 +106,9 @@ def check_self_contained(path: str | os.PathLike[str]) -> None:
 
 
 def _digest(path: Path, size: int) -> bytes:
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     with open(path, "rb") as stream:
         while size > 0 and (block := stream.read(min(_BLOCK, size))):
-            found.update(block)
+            digest.update(block)
             size -= len(block)
-    return found.digest()
+    return digest.digest()

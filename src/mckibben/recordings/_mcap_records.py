@@ -23,7 +23,7 @@ _START = re.compile(rb"[\x06\x09]")
 _PATIENCE = 4  # times the size of the file: what may be summed up in vain
 
 
-class Record(NamedTuple):
+class McapRecord(NamedTuple):
     """A sound record: where it begins, its opcode, its content (of a chunk, the records inside), and where it ends."""
 
     at: int
@@ -32,15 +32,15 @@ class Record(NamedTuple):
     end: int
 
 
-class Hole(NamedTuple):
+class ByteGap(NamedTuple):
     """Bytes that are no sound record, from one offset to another."""
 
     start: int
     end: int
 
 
-def records(data: memoryview) -> Iterator[Record | Hole]:
-    """The sound records of a file in their order, and the holes between them.
+def records(data: memoryview) -> Iterator[McapRecord | ByteGap]:
+    """The sound records of a file in their order, and the gaps between them.
 
     Args:
         data: the file.
@@ -50,49 +50,49 @@ def records(data: memoryview) -> Iterator[Record | Hole]:
     while at < end:
         if end - at == len(MAGIC) and data[at:] == MAGIC:
             return
-        found = _record(data, at)
-        if found is not None:
-            yield found
-            at = found.end
+        record = _record(data, at)
+        if record is not None:
+            yield record
+            at = record.end
             continue
         begun = at
-        while found is None:
+        while record is None:
             match = _START.search(data, at + 1)
             if match is None or in_vain > _PATIENCE * end:
-                yield Hole(begun, end)
+                yield ByteGap(begun, end)
                 return
             at = match.start()
             if _promising(data, at):
-                found = _record(data, at)
-                in_vain += 0 if found else _HEAD.unpack_from(data, at)[1]
-        yield Hole(begun, at)
+                record = _record(data, at)
+                in_vain += 0 if record else _HEAD.unpack_from(data, at)[1]
+        yield ByteGap(begun, at)
 
 
-def inside(chunk: memoryview, at: int = 0) -> Iterator[Record]:
+def records_inside(chunk: memoryview, at: int = 0) -> Iterator[McapRecord]:
     """The records inside a sound chunk from an offset on."""
-    while (record := record_in(chunk, at)) is not None:
+    while (record := record_at(chunk, at)) is not None:
         yield record
         at = record.end
 
 
-def record_in(chunk: memoryview, at: int) -> Record | None:
+def record_at(chunk: memoryview, at: int) -> McapRecord | None:
     """The record at an offset inside a sound chunk, or None behind the last."""
     if at + _HEAD.size > len(chunk):
         return None
     opcode, length = _HEAD.unpack_from(chunk, at)
     end = at + _HEAD.size + length
-    return None if end > len(chunk) else Record(at, opcode, chunk[at + _HEAD.size : end], end)
+    return None if end > len(chunk) else McapRecord(at, opcode, chunk[at + _HEAD.size : end], end)
 
 
 def attachment(body: memoryview) -> tuple[str, bytes]:
-    """Name and content of an attachment that `records` found."""
+    """Name and content of an attachment that `records` record."""
     (named,) = struct.unpack_from("<I", body, 16)
     (kind,) = struct.unpack_from("<I", body, 20 + named)
     start = 32 + named + kind
     return bytes(body[20 : 20 + named]).decode("utf-8", "replace"), bytes(body[start:-4])
 
 
-def _record(data: memoryview, at: int) -> Record | None:
+def _record(data: memoryview, at: int) -> McapRecord | None:
     """The record at an offset, if it is sound."""
     if len(data) - at < _HEAD.size:
         return None
@@ -103,17 +103,17 @@ def _record(data: memoryview, at: int) -> Record | None:
     body = data[at + _HEAD.size : end]
     if opcode == CHUNK:
         content = _chunk(body)
-        return None if content is None else Record(at, opcode, content, end)
+        return None if content is None else McapRecord(at, opcode, content, end)
     if opcode == ATTACHMENT:
         sound = _promising(data, at) and zlib.crc32(body[:-4]) == struct.unpack("<I", body[-4:])[0]
-        return Record(at, opcode, body, end) if sound else None
+        return McapRecord(at, opcode, body, end) if sound else None
     # Without a checksum, what follows must look like a record too: a wrong length shall not jump over sound chunks.
     follows = data[end : end + _HEAD.size]
     if len(follows) == _HEAD.size and bytes(follows[: len(MAGIC)]) != MAGIC:
         next_code, next_length = _HEAD.unpack(follows)
         if not 0 < next_code < 16 or next_length > len(data) - end or length > _LONGEST_OPEN:
             return None
-    return Record(at, opcode, body, end)
+    return McapRecord(at, opcode, body, end)
 
 
 def _promising(data: memoryview, at: int) -> bool:
@@ -178,7 +178,7 @@ class Topic(NamedTuple):
     metadata: dict[str, str]
 
 
-class Form(NamedTuple):
+class MessageSchema(NamedTuple):
     """What a schema record says: its number, name, encoding and text."""
 
     number: int
@@ -187,20 +187,20 @@ class Form(NamedTuple):
     text: str
 
 
-def topic_of(body: memoryview) -> Topic | None:
+def read_topic(body: memoryview) -> Topic | None:
     """A channel record, or None of one that cannot be."""
     from mcap.records import Channel
 
-    found = _parsed(Channel, body)
-    return found and Topic(found.id, found.schema_id, found.topic, found.message_encoding, found.metadata)
+    channel = _parsed(Channel, body)
+    return channel and Topic(channel.id, channel.schema_id, channel.topic, channel.message_encoding, channel.metadata)
 
 
-def form_of(body: memoryview) -> Form | None:
+def read_schema(body: memoryview) -> MessageSchema | None:
     """A schema record, or None of one that cannot be."""
     from mcap.records import Schema
 
-    found = _parsed(Schema, body)
-    return found and Form(found.id, found.name, found.encoding, found.data.decode("utf-8", "replace"))
+    schema = _parsed(Schema, body)
+    return schema and MessageSchema(schema.id, schema.name, schema.encoding, schema.data.decode("utf-8", "replace"))
 
 
 def _parsed(kind: Any, body: memoryview) -> Any:

@@ -8,27 +8,27 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..documents import ErrorKeepingFile
 from ..errors import InputError
 from ..extras import library
-from .imports import Given
+from ._sidecar import KEY, dumps, loads, one_line
+from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
 from .recording import Recording
-from .sidecar import KEY, one_line, retold, told
 
 _one = threading.Lock()
 
 
-def write_parquet(recording: Recording, path: Path) -> None:
+def write_parquet(recording: Recording, path: Path) -> list[str]:
     """Write a ``.parquet`` file."""
     polars = library("polars", "Parquet files need", where=str(path))
     columns = {f"{name} [{c.unit}]": c.values for name, c in recording.channels.items()}
     table = polars.DataFrame({"time [s]": recording.time, **columns})
     with ErrorKeepingFile(path) as stream:
-        table.write_parquet(stream, metadata={KEY: told(recording.channels, recording.meta)})
+        table.write_parquet(stream, metadata={KEY: dumps(recording.channels, recording.meta)})
+    return []
 
 
 @contextmanager
@@ -50,8 +50,8 @@ def _quiet() -> Iterator[None]:
             os.close(before)
 
 
-def read_parquet(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list[str]]:
-    """A recording of mckibben, or the columns of somebody else's table.
+def read_parquet(path: Path) -> ImportResult | ForeignTable:
+    """Read a recording of mckibben, or the columns of another program's table.
 
     Raises:
         InputError: the file cannot be read, or a newer version wrote it.
@@ -68,6 +68,10 @@ def read_parquet(path: Path) -> Recording | tuple[list[Given], dict[str, Any], l
     except BaseException as error:  # of a broken file; a panic of polars is no Exception
         raise InputError("file", "unreadable", f"allowed is a Parquet file ({one_line(error)})", where=where) from None
     if line is None:
-        return [Given(name, values, None, f"{len(values)} samples") for name, values in columns.items()], {}, []
-    known = retold(line, where)
-    return known.of(columns, "time [s]", [f"{name} [{c.unit}]" for name, c in known.channels.items()], where)
+        return ForeignTable([ForeignColumn(n, values, None, f"{len(values)} samples") for n, values in columns.items()])
+    sidecar = loads(line, where)
+    names = [f"{name} [{c.unit}]" for name, c in sidecar.channels.items()]
+    return ImportResult(sidecar.from_columns(columns, "time [s]", names, where), [])
+
+
+FORMAT = FileFormat(title="Parquet files", read=read_parquet, write=write_parquet, requires="polars")

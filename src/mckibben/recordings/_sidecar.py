@@ -1,4 +1,4 @@
-"""What a file's own words cannot hold, as one line of JSON beside the numbers: names, units, kinds, meanings and the meta.
+"""What a foreign format has no field for, as one line of JSON beside the numbers: names, units, kinds, meanings, the meta.
 
 MCAP, MATLAB, TDMS and Parquet files of mckibben carry it; with it they give back exactly what was saved. It reads
 ``{"schema": 1, "channels": [{"name": .., "unit": .., "kind": .., "meaning": ..}, ..], "meta": {..}}``.
@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .meta import from_json, to_json
+from ._meta import SCHEMA, from_json, to_json
 from .recording import Channel, Recording
 
-SCHEMA = 1
 # The key, property or variable of a file that holds the line.
 KEY = "mckibben"
 
@@ -28,12 +28,14 @@ class Sidecar(NamedTuple):
     meta: dict[str, Any]
     samples: int | None = None
 
-    def recording(self, time: Any, columns: Sequence[Any]) -> Recording:
+    def recording(self, time: ArrayLike, columns: Sequence[ArrayLike]) -> Recording:
         """The recording of a time (n,) [s] and columns (n,) in the order of the channels [their units]."""
         filled = zip(self.channels.items(), columns, strict=True)
-        return Recording(time, {name: channel.with_values(values) for (name, channel), values in filled}, self.meta)
+        return Recording(
+            np.asarray(time), {name: channel.with_values(values) for (name, channel), values in filled}, self.meta
+        )
 
-    def of(self, columns: Mapping[str, Any], time: str, names: Sequence[str], where: str) -> Recording:
+    def from_columns(self, columns: Mapping[str, ArrayLike], time: str, names: Sequence[str], where: str) -> Recording:
         """The recording of a file's columns, by the name of the time and those of the channels in their order."""
         for name in (time, *names):
             if name not in columns:
@@ -44,42 +46,44 @@ class Sidecar(NamedTuple):
             raise error.at(where) from None
 
 
-def told(channels: Mapping[str, Channel], meta: Mapping[str, Any], samples: int | None = None) -> str:
-    """The line of JSON, ASCII only, for not every program reads other letters."""
+def dumps(channels: Mapping[str, Channel], meta: Mapping[str, Any], samples: int | None = None) -> str:
+    """Write channels and meta as the line of JSON, in ASCII, for not every program reads other letters."""
     listed = [{"name": n, "unit": c.unit, "kind": c.kind, "meaning": c.meaning} for n, c in channels.items()]
     more = {} if samples is None else {"samples": samples}
     return to_json({"schema": SCHEMA, "channels": listed, "meta": meta, **more}, ascii_only=True)
 
 
-def retold(text: Any, where: str | None = None) -> Sidecar:
-    """What `told` wrote.
+def loads(text: object, where: str | None = None) -> Sidecar:
+    """Read what `dumps` wrote.
 
     Raises:
         InputError: it is damaged, or a newer version wrote it.
     """
-    found = parsed(text, KEY, where)
-    if not isinstance(found, Mapping):
+    table = parse(text, KEY, where)
+    if not isinstance(table, Mapping):
         raise InputError(KEY, str(text)[:60], "allowed is an object of JSON", where=where)
-    check_schema(found.get("schema"), where)
-    listed, meta = found.get("channels"), found.get("meta")
-    if not isinstance(listed, list) or not all(isinstance(one, Mapping) for one in listed):
+    check_schema(table.get("schema"), where)
+    listed, meta = table.get("channels"), table.get("meta")
+    if not isinstance(listed, list) or not all(isinstance(item, Mapping) for item in listed):
         raise InputError(f"channels of {KEY}", str(listed)[:60], "allowed is a list of objects", where=where)
     if not isinstance(meta, Mapping):
         raise InputError(f"meta of {KEY}", str(meta)[:60], "allowed is an object", where=where)
     try:
         channels = {
-            str(one.get("name")): Channel(np.empty(0), one.get("unit", ""), one.get("kind", ""), one.get("meaning", ""))
-            for one in listed
+            str(item.get("name")): Channel(
+                np.empty(0), item.get("unit", ""), item.get("kind", ""), item.get("meaning", "")
+            )
+            for item in listed
         }
     except InputError as error:
         raise error.at(where) if where else error from None
     if len(channels) != len(listed):
         raise InputError(f"channels of {KEY}", "one name twice", "allowed is each name once", where=where)
-    samples = found.get("samples")
+    samples = table.get("samples")
     return Sidecar(channels, dict(meta), samples if isinstance(samples, int) else None)
 
 
-def check_schema(schema: Any, where: str | None = None) -> None:
+def check_schema(schema: object, where: str | None = None) -> None:
     """Refuse what no version of mckibben wrote, and what a newer one wrote."""
     if schema is None:
         allowed = "this is no recording of mckibben; a table of others is converted into one first"
@@ -91,8 +95,8 @@ def check_schema(schema: Any, where: str | None = None) -> None:
         raise InputError("schema", int(schema), allowed, where=where)
 
 
-def parsed(text: Any, what: str, where: str | None = None) -> Any:
-    """The value that JSON tells, or None of none; `InputError` where it is damaged."""
+def parse(text: object, what: str, where: str | None = None) -> Any:
+    """Parse JSON, None of nothing; `InputError` where it is damaged."""
     if text is None:
         return None
     try:
@@ -102,5 +106,5 @@ def parsed(text: Any, what: str, where: str | None = None) -> Any:
 
 
 def one_line(error: BaseException) -> str:
-    """The words of an error in one line, not too long."""
+    """The message of an error in one line of at most 200 characters."""
     return " ".join(str(error).split())[:200]

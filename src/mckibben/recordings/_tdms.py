@@ -16,19 +16,19 @@ import numpy as np
 
 from ..errors import InputError
 from ..extras import library
-from .imports import Given
+from ._sidecar import KEY, dumps, loads, one_line
+from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
 from .recording import Recording
-from .sidecar import KEY, one_line, retold, told
 
 GROUP = "recording"
 # Where LabVIEW, DAQmx and DIAdem say the unit of a channel.
 _UNITS = ("unit_string", "NI_UnitDescription", "NI_ChannelUnit", "unit")
 
 
-def write_tdms(recording: Recording, path: Path) -> None:
+def write_tdms(recording: Recording, path: Path) -> list[str]:
     """Write a ``.tdms`` file."""
     nptdms = library("nptdms", "TDMS files need", where=str(path))
-    root = {KEY: told(recording.channels, recording.meta)}
+    root = {KEY: dumps(recording.channels, recording.meta)}
     title = recording.meta.get("title")
     if isinstance(title, str) and title:
         root["title"] = title
@@ -38,15 +38,16 @@ def write_tdms(recording: Recording, path: Path) -> None:
         nptdms.ChannelObject(GROUP, "time", recording.time, {"unit_string": "s"}),
     ]
     for name, c in recording.channels.items():
-        about = {"unit_string": c.unit, "kind": c.kind, "description": c.meaning or name}
-        parts.append(nptdms.ChannelObject(GROUP, name, c.values, about))
+        properties = {"unit_string": c.unit, "kind": c.kind, "description": c.meaning or name}
+        parts.append(nptdms.ChannelObject(GROUP, name, c.values, properties))
     # A stream, for of a path the library would make an index file of the same name beside it.
     with open(path, "wb") as stream, nptdms.TdmsWriter(stream) as writer:
         writer.write_segment(parts)
+    return []
 
 
-def read_tdms(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list[str]]:
-    """A recording of mckibben, or of somebody else's file the columns, its properties for the meta, and remarks.
+def read_tdms(path: Path) -> ImportResult | ForeignTable:
+    """Read a recording of mckibben, or of another program's file the channels, with its properties for the meta.
 
     Raises:
         InputError: the file cannot be read, or a newer version wrote it.
@@ -54,27 +55,27 @@ def read_tdms(path: Path) -> Recording | tuple[list[Given], dict[str, Any], list
     where = str(path)
     nptdms = library("nptdms", "TDMS files need", where=where)
     try:
-        with open(path, "rb") as stream, _heard() as said:
+        with open(path, "rb") as stream, _library_log() as logged:
             file = nptdms.TdmsFile.read(stream)
         line = file.properties.get(KEY)
         if isinstance(line, str):
             columns = {channel.name: np.asarray(channel[:]) for channel in file[GROUP].channels()}
         else:
-            given = [one for group in file.groups() for one in _group(group, bool(said))]
-            about = {str(k).replace("$", "_"): _plain(v) for k, v in file.properties.items()}
+            foreign = [column for group in file.groups() for column in _group(group, bool(logged))]
+            properties = {str(k).replace("$", "_"): _plain(v) for k, v in file.properties.items()}
     except Exception as error:  # whatever the library meets in a broken file
         raise InputError("file", "unreadable", f"allowed is a TDMS file ({one_line(error)})", where=where) from None
     if isinstance(line, str):
-        if said:
-            raise InputError("file", "damaged or cut off", f"allowed is a whole TDMS file ({said[0]})", where=where)
-        known = retold(line, where)
-        return known.of(columns, "time", list(known.channels), where)
-    return given, {"properties": about}, list(dict.fromkeys(said))
+        if logged:
+            raise InputError("file", "damaged or cut off", f"allowed is a whole TDMS file ({logged[0]})", where=where)
+        sidecar = loads(line, where)
+        return ImportResult(sidecar.from_columns(columns, "time", list(sidecar.channels), where), [])
+    return ForeignTable(foreign, {"properties": properties}, list(dict.fromkeys(logged)))
 
 
 @contextmanager
-def _heard() -> Iterator[list[str]]:
-    """What the library says to its log while it reads, as lines; it would print them."""
+def _library_log() -> Iterator[list[str]]:
+    """Catch what the library writes to its log while it reads, as lines; it would print them."""
     lines: list[str] = []
     handler = logging.Handler()
     handler.emit = lambda record: lines.append(record.getMessage()[:200])  # type: ignore[method-assign]
@@ -94,25 +95,28 @@ def _log(name: str) -> logging.Logger | None:
     return logging.getLogger(name) if name.startswith("nptdms.") else None
 
 
-def _group(group: Any, cut_off: bool) -> list[Given]:
+def _group(group: Any, cut_off: bool) -> list[ForeignColumn]:
     """The channels of a group; of a file that was cut off, as many samples as all of them have."""
     columns = {channel.name: np.asarray(channel[:]) for channel in group.channels()}
     most = min(map(len, columns.values()), default=0) if cut_off else None
-    return [_given(group.name, channel, columns[channel.name][:most]) for channel in group.channels()]
+    return [_column(group.name, channel, columns[channel.name][:most]) for channel in group.channels()]
 
 
-def _given(group: str, channel: Any, values: np.ndarray) -> Given:
-    about = channel.properties
-    unit = next((str(about[key]) for key in _UNITS if about.get(key)), None)
-    step, offset = about.get("wf_increment"), about.get("wf_start_offset", 0.0)
+def _column(group: str, channel: Any, values: np.ndarray) -> ForeignColumn:
+    properties = channel.properties
+    unit = next((str(properties[key]) for key in _UNITS if properties.get(key)), None)
+    step, offset = properties.get("wf_increment"), properties.get("wf_start_offset", 0.0)
     time, clock = None, f"{len(values)} samples"
     if isinstance(step, float) and step > 0.0 and np.isfinite(step):
         time = float(offset) + step * np.arange(len(values))
         clock += f" every {step:g} s from {offset:g} s"
-    return Given(f"{group}.{channel.name}", values, unit, clock, time)
+    return ForeignColumn(f"{group}.{channel.name}", values, unit, clock, time)
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, np.generic) and value.dtype.kind in "fiub":
         return value.item()
     return value if isinstance(value, str | int | float | bool) else str(value)
+
+
+FORMAT = FileFormat(title="TDMS files", read=read_tdms, write=write_tdms, requires="nptdms")

@@ -1,0 +1,164 @@
+"""The kinds of files that recordings are read from and written to: one registry, open to other packages.
+
+A kind of file is one `FileFormat`. Those of this package stand in `BUILT_IN`; another package adds its own by an entry point
+of the group ``mckibben.formats``, named after the suffix without its dot:
+
+    [project.entry-points."mckibben.formats"]
+    ddf = "my_package.aurora:FORMAT"
+
+A format is imported when a file with its suffix is met, and not before.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module, metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+
+from ..errors import InputError
+from ..extras import library
+
+if TYPE_CHECKING:
+    from .recording import Recording
+
+GROUP = "mckibben.formats"  # of entry points
+# Suffix -> module beside this one and the name of its format.
+BUILT_IN = {
+    ".nc": "_store:NETCDF", ".csv": "_store:CSV", ".mcap": "mcap:FORMAT", ".mat": "_matlab:FORMAT",
+    ".tdms": "_tdms:FORMAT", ".parquet": "_parquet:FORMAT",
+}  # fmt: skip
+# Text tables of other programs, which are read with the meaning of their header at hand; see `text`.
+TEXT_TABLES = (".csv", ".txt", ".csv.gz", ".txt.gz")
+
+
+class ForeignColumn(NamedTuple):
+    """A column of a file that another program wrote.
+
+    Args:
+        label: its name in the file.
+        values: (n,) numbers, flags or dates.
+        unit: in words, where the file states one beside the name.
+        clock: columns that share their samples share this word.
+        time: (n,) [s] where the file implies it, by a rate or by stamps.
+    """
+
+    label: str
+    values: np.ndarray
+    unit: str | None = None
+    clock: str = ""
+    time: np.ndarray | None = None
+
+
+class ForeignTable(NamedTuple):
+    """The columns of a file that another program wrote, what else it says for the meta, and a line for each loss."""
+
+    columns: list[ForeignColumn]
+    notes: Mapping[str, Any] = {}
+    remarks: list[str] = []
+
+
+class ImportResult(NamedTuple):
+    """A recording, and a line for each thing that was not taken over as it is."""
+
+    recording: Recording
+    remarks: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileFormat:
+    """One kind of file.
+
+    Attributes:
+        title: its name in the plural, for sentences, such as ``"TDMS files"``.
+        read: reads a file, as a recording of mckibben or as the columns of another program's table; raises `InputError`.
+        write: writes a recording and returns a line for each thing that the format holds otherwise; None where the format
+            is only read.
+        requires: library without which nothing is written, a key of `extras.LIBRARIES`.
+    """
+
+    title: str
+    read: Callable[[Path], ImportResult | ForeignTable]
+    write: Callable[[Recording, Path], list[str]] | None = field(default=None)
+    requires: str = ""
+
+    def check_libraries(self, where: str) -> None:
+        """Refuse to write where a library is missing, before a long file is read.
+
+        Raises:
+            MissingLibraryError: names the library and how to install it.
+        """
+        if self.requires:
+            library(self.requires, f"{self.title} need", where=where)
+
+
+@functools.cache
+def _plugins() -> dict[str, metadata.EntryPoint]:
+    """Formats of other packages by suffix."""
+    return {f".{point.name.lower()}": point for point in metadata.entry_points(group=GROUP)}
+
+
+def suffixes() -> tuple[str, ...]:
+    """Suffixes of all formats, those of other packages last."""
+    return (*BUILT_IN, *(suffix for suffix in _plugins() if suffix not in BUILT_IN))
+
+
+def readable() -> tuple[str, ...]:
+    """Suffixes of all files that can be read, text tables among them."""
+    return tuple(dict.fromkeys((*suffixes(), *TEXT_TABLES)))
+
+
+def writable() -> tuple[str, ...]:
+    """Suffixes of all files that can be written."""
+    found = []
+    for suffix in suffixes():
+        with contextlib.suppress(InputError):  # a package that is broken keeps nobody from writing other files
+            if _format(suffix).write is not None:
+                found.append(suffix)
+    return tuple(found)
+
+
+def is_text_table(path: Path) -> bool:
+    """Whether a file has the suffix of a text table."""
+    return path.suffix.lower() in (".csv", ".txt", ".gz")
+
+
+def format_of(path: Path) -> FileFormat | None:
+    """The format of a path by its suffix; None where no package knows it."""
+    suffix = path.suffix.lower()
+    return _format(suffix) if suffix in BUILT_IN or suffix in _plugins() else None
+
+
+def writer_of(path: Path) -> FileFormat:
+    """The format in which a path is written.
+
+    Raises:
+        InputError: no format has the suffix, or its files are only read.
+    """
+    found = format_of(path)
+    if found is None or found.write is None:
+        raise InputError("suffix", path.suffix or str(path), f"known are {', '.join(writable())}", where=str(path))
+    return found
+
+
+@functools.cache
+def _format(suffix: str) -> FileFormat:
+    if suffix in BUILT_IN:
+        module, name = BUILT_IN[suffix].split(":")
+        found = getattr(import_module(f".{module}", __package__), name)
+        return cast(FileFormat, found)
+    point = _plugins()[suffix]
+    try:
+        found = point.load()
+    except Exception as error:  # whatever another package does when it is imported
+        sentence = f"The entry point {point.name!r} of {GROUP} cannot be loaded: {type(error).__name__}: {error}"
+        raise InputError("suffix", suffix, "", sentence=sentence) from None
+    if not isinstance(found, FileFormat):
+        sentence = f"The entry point {point.name!r} of {GROUP} must be a FileFormat, got {type(found).__name__}"
+        raise InputError("suffix", suffix, "", sentence=sentence)
+    return found

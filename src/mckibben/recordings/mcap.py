@@ -1,0 +1,394 @@
+"""MCAP files: logs of a bench, closed, cut off or damaged, recordings exported as such, and files of other programs.
+
+Of another program's file topics of JSON messages are read, and of ROS 2 messages that hold plain numbers only.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..documents import parse_json
+from ..errors import InputError
+from ._mcap_records import (
+    ATTACHMENT,
+    CHANNEL,
+    CHUNK,
+    MESSAGE,
+    SCHEMA,
+    ByteGap,
+    McapRecord,
+    MessageSchema,
+    Topic,
+    attachment,
+    read_schema,
+    read_topic,
+    record_at,
+    records,
+    records_inside,
+)
+from ._sidecar import KEY, Sidecar, loads
+from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
+from .live_log import CDR, END, EVENTS, HEAD, TOPIC, LiveLog
+from .recording import Recording
+
+_SAMPLE_ID, _EVENT_ID = 1, 2  # as the live log numbers its topics; needed where the chunk that says so is damaged
+_STAMPS = 22  # [B] of a message before its data: topic, number, two times
+_MOST_GAPS = 5  # that are named one by one
+_BLOCK = 4096  # samples that an export hands over at once
+_STAMP = struct.Struct("<HIQQ")  # topic, number, two times [ns]
+_PLAIN = {
+    **{"float64": "<f8", "float32": "<f4", "bool": "?", "byte": "u1", "char": "u1"},
+    **{f"{sign}int{8 * n}": f"<{sign[:1] or 'i'}{n}" for sign in ("", "u") for n in (1, 2, 4, 8)},
+}
+_FIELD = re.compile(r"(?P<kind>\w+)\s+(?P<name>\w+)\s*(?:\s-?[\w.+-]+)?")
+
+
+class LogContent(NamedTuple):
+    """The content of a log: the recording, whether the log is whole, and a line for each thing that is not."""
+
+    recording: Recording
+    whole: bool
+    remarks: list[str]
+
+
+class _LogParts:
+    """The pieces of a log, gathered on the way through its file."""
+
+    def __init__(self) -> None:
+        self.head: Sidecar | None = None
+        self.names: Sidecar | None = None
+        self.end: Sidecar | None = None
+        self.samples: list[np.ndarray] = []  # of samples: number, time and values
+        self.events: list[dict[str, Any]] = []
+        self.gaps: list[tuple[ByteGap, int]] = []
+        self.sample, self.event = _SAMPLE_ID, _EVENT_ID
+
+
+def read_log(path: str | Path) -> LogContent:
+    """Read a log of a bench, or a recording exported as MCAP, in whatever state it is.
+
+    Only samples whose checksum agrees are given back. What the log lost also stands in the meta's ``warnings``; remarks made
+    while it ran are in ``events``.
+
+    Raises:
+        InputError: there is no such file, no sample of it can be read, it is no log of mckibben, or of a newer version.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError("file", str(path), "no such file")
+    if not path.stat().st_size:
+        raise InputError("file", "empty", "allowed is an MCAP file", where=str(path))
+    try:
+        return _log(_gather(memoryview(path.read_bytes()), str(path)), str(path))
+    except RecursionError:
+        raise InputError("meta", "nested too deeply", "allowed is what JSON of a run holds", where=str(path)) from None
+
+
+def is_log(path: Path) -> bool:
+    """Whether an MCAP file is of mckibben: one of two places in its beginning says so, and one may be damaged."""
+    with open(path, "rb") as stream:
+        begin = stream.read(4096)
+    return struct.pack("<I", len(KEY)) + KEY.encode() in begin[:64] or HEAD.encode() in begin
+
+
+def write_log(recording: Recording, path: Path) -> None:
+    """Write a recording as a closed log."""
+    start = 0
+    try:
+        start = max(int(datetime.fromisoformat(str(recording.meta.get("created"))).timestamp() * 1e9), 0)
+    except (ValueError, OverflowError, OSError):
+        pass  # without a date, the log begins at 1970 for other programs
+    live = LiveLog(path, recording.channels, recording.meta, flush=np.inf, sync=None, start=start)
+    columns = [c.values for c in recording.channels.values()]
+    for i in range(0, len(recording), _BLOCK):
+        part = slice(i, i + _BLOCK)
+        time = recording.time[part]
+        live.append(time, np.stack([c[part] for c in columns], axis=1) if columns else np.empty((len(time), 0)))
+    live.close()
+
+
+def _gather(data: memoryview, where: str) -> _LogParts:
+    log = _LogParts()
+    for record in records(data):
+        if isinstance(record, ByteGap):
+            # After the end only the indexes follow, which nothing here needs.
+            if log.end is None:
+                log.gaps.append((record, len(log.samples)))
+        elif record.opcode == ATTACHMENT:
+            name, content = attachment(record.body)
+            if name in (HEAD, END):
+                sidecar = loads(content.decode("utf-8", "replace"), where)
+                if name == HEAD:
+                    log.head = log.head or sidecar
+                else:
+                    log.end = sidecar
+        elif record.opcode == CHUNK:
+            _add_chunk(log, record.body, where)
+    return log
+
+
+def _add_chunk(log: _LogParts, chunk: memoryview, where: str) -> None:
+    """Samples, events and names of a sound chunk."""
+    record = record_at(chunk, 0)
+    while record is not None:
+        after = record.end
+        if record.opcode == CHANNEL:
+            _add_topic(log, record.body, where)
+        elif record.opcode == MESSAGE and len(record.body) >= _STAMPS:
+            (topic,) = struct.unpack_from("<H", record.body)
+            if topic == log.sample:
+                rows, after = _samples(chunk, record)
+                log.samples.append(rows)
+            elif topic == log.event:
+                log.events += _read_event(bytes(record.body[_STAMPS:]))
+        record = record_at(chunk, after)
+
+
+def _add_topic(log: _LogParts, body: memoryview, where: str) -> None:
+    topic = read_topic(body)
+    if topic is not None and topic.name == TOPIC and KEY in topic.metadata:
+        log.sample, log.names = topic.number, loads(topic.metadata[KEY], where)
+    elif topic is not None and topic.name == EVENTS:
+        log.event = topic.number
+
+
+def _samples(chunk: memoryview, first: McapRecord) -> tuple[np.ndarray, int]:
+    """The run of samples that begins with a record, and where it ends: all of one length, read at once.
+
+    Returns:
+        (m, 2 + k): the sample's number in the log, its time [s], its values; and an offset.
+    """
+    size, numbers = first.end - first.at, (len(first.body) - _STAMPS - len(CDR)) // 8
+    if numbers < 1 or len(first.body) != _STAMPS + len(CDR) + 8 * numbers:
+        return np.empty((0, 0)), first.end
+    layout = np.dtype([("head", "V11"), ("count", "<u4"), ("stamps", "V16"), ("cdr", "V4"), ("row", "<f8", (numbers,))])
+    table = np.frombuffer(chunk, layout, (len(chunk) - first.at) // size, first.at)
+    # Opcode, length and topic say what a record is.
+    same = (table["head"] == table["head"][0]) & (table["cdr"] == np.void(CDR))
+    count = len(same) if same.all() else int(np.argmin(same))
+    return np.column_stack([table["count"][:count], table["row"][:count]]), first.at + size * max(count, 1)
+
+
+def _read_event(data: bytes) -> list[dict[str, Any]]:
+    try:
+        event = parse_json(data)
+        return [{"time": float(event["time"]), "text": str(event["text"])}]
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return []
+
+
+def _log(log: _LogParts, where: str) -> LogContent:
+    known = log.head or log.names
+    if known is None:
+        allowed = "this is no log of mckibben, or both places that name its channels are damaged"
+        raise InputError("file", "without a head", allowed, where=where)
+    rows, dropped = _in_order(log.samples, 2 + len(known.channels))
+    if not len(rows):
+        raise InputError("file", "no samples", "allowed is a log that has at least one whole chunk", where=where)
+    remarks = _remarks(log, rows, dropped)
+    meta = {**known.meta, **(log.end.meta if log.end else {})}
+    for key, more in (("events", log.events), ("warnings", remarks)):
+        if more:
+            before = meta.get(key, [])
+            before = before if isinstance(before, list) else [before]
+            meta[key] = [*before, *(new for new in more if not any(_is_among(new, old) for old in before))]
+    try:
+        recording = Sidecar(known.channels, meta).recording(rows[:, 1], list(rows[:, 2:].T))
+    except InputError as error:
+        raise error.at(where) from None
+    return LogContent(recording, not remarks, remarks)
+
+
+def _is_among(new: Any, old: Any) -> bool:
+    """Whether a remark is among what `close` added, perhaps with more."""
+    return new == old or (isinstance(new, dict) and isinstance(old, dict) and new.items() <= old.items())
+
+
+def _in_order(parts: list[np.ndarray], width: int) -> tuple[np.ndarray, int]:
+    """All samples (n, width) of the right width whose time increases, and how many others there were."""
+    fitting = [part for part in parts if part.shape[1] == width]
+    rows = np.concatenate(fitting) if fitting else np.empty((0, width))
+    time = np.where(np.isfinite(rows[:, 1]), rows[:, 1], -np.inf)
+    latest = np.maximum.accumulate(time) if len(time) else time
+    keep = time > np.concatenate(([-np.inf], latest[:-1]))
+    return rows[keep], sum(map(len, parts)) - int(keep.sum())
+
+
+def _remarks(log: _LogParts, rows: np.ndarray, dropped: int) -> list[str]:
+    """A line for each thing that is not whole; the samples' numbers in the log tell which are missing."""
+    lines = []
+    if log.head is None:
+        lines.append("the head of the log is damaged: title, parameters and the rest of its meta are lost")
+    number, time = rows[:, 0], rows[:, 1]
+    missing = np.diff(number, prepend=-1.0) - 1.0
+    gaps = np.flatnonzero(missing > 0.0)
+    for i in gaps[:_MOST_GAPS]:
+        after = f"between {time[i - 1]:.6g} s and" if i else "before"
+        lines.append(f"{missing[i]:.0f} samples {after} {time[i]:.6g} s are lost")
+    if len(gaps) > _MOST_GAPS:
+        lines.append(
+            f"{missing[gaps[_MOST_GAPS:]].sum():.0f} more samples are lost, in {len(gaps) - _MOST_GAPS} places"
+        )
+    last = 0 if log.end is None or log.end.samples is None else log.end.samples - 1 - int(number[-1])
+    if last > 0:
+        lines.append(f"{last} samples after {time[-1]:.6g} s are lost")
+    if dropped:
+        lines.append(f"{dropped} samples whose time does not increase, or of another width, were left out")
+    # What follows the last sample of a log that was not closed is the tail that any end of a process leaves.
+    inner = [gap for gap, parts in log.gaps if parts < len(log.samples) or log.end is not None]
+    if inner:
+        places = ", ".join(f"{gap.start} to {gap.end}" for gap in inner[:_MOST_GAPS])
+        lines.append(f"damaged bytes of the log: {places}{' and more' if len(inner) > _MOST_GAPS else ''}")
+    if log.end is None:
+        tail = sum(gap.end - gap.start for gap, parts in log.gaps if parts == len(log.samples))
+        torn = f"; its last {tail} bytes are no whole chunk" if tail else ""
+        lines.append(f"the log was not closed: what came after {time[-1]:.6g} s is lost{torn}")
+    return lines
+
+
+def read_foreign(path: Path) -> ForeignTable:
+    """Read the columns of every topic that can be read, named ``topic.field``, and a line for each that cannot.
+
+    The time of a message is that of its logging, from the first message of the file on.
+
+    Raises:
+        InputError: the file has no message that can be read.
+    """
+    topics: dict[int, Topic] = {}
+    schemas: dict[int, MessageSchema] = {}
+    messages: dict[int, list[tuple[int, bytes]]] = {}
+    lines: list[str] = []
+    for record in records(memoryview(path.read_bytes())):
+        if isinstance(record, ByteGap):
+            lines.append(f"bytes {record.start} to {record.end} are damaged or cut off; what they held is left out")
+            continue
+        for one in records_inside(record.body) if record.opcode == CHUNK else (record,):
+            _add_record(one, topics, schemas, messages)
+    if not messages:
+        raise InputError("file", "no messages", "allowed is an MCAP file with at least one message", where=str(path))
+    first = min(stamp for pairs in messages.values() for stamp, _ in pairs)
+    columns: list[ForeignColumn] = []
+    for number, pairs in messages.items():
+        topic = topics.get(number)
+        if topic is None:
+            lines.append(f"{len(pairs)} messages of an unknown topic are left out")
+            continue
+        # Logged at one time: the last one holds.
+        pairs = sorted(dict(pairs).items())
+        fields = _decode(topic, schemas.get(topic.schema), [data for _, data in pairs])
+        if isinstance(fields, str):
+            lines.append(f"{topic.name} is left out: {fields}")
+            continue
+        time = (np.array([stamp for stamp, _ in pairs], np.uint64) - np.uint64(first)).astype(float) * 1e-9
+        stem = re.sub(r"[^\w]+", "_", topic.name).strip("_") or "topic"
+        columns += [ForeignColumn(f"{stem}.{name}", values, None, topic.name, time) for name, values in fields.items()]
+    if not columns:
+        raise InputError("topics", "none that can be read", "; ".join(lines)[:300], where=str(path))
+    return ForeignTable(columns, {}, lines)
+
+
+def _add_record(
+    record: McapRecord,
+    topics: dict[int, Topic],
+    schemas: dict[int, MessageSchema],
+    messages: dict[int, list[tuple[int, bytes]]],
+) -> None:
+    if record.opcode == CHANNEL and (topic := read_topic(record.body)):
+        topics[topic.number] = topic
+    elif record.opcode == SCHEMA and (schema := read_schema(record.body)):
+        schemas[schema.number] = schema
+    elif record.opcode == MESSAGE and len(record.body) >= _STAMP.size:
+        number, _, stamp, _ = _STAMP.unpack_from(record.body)
+        messages.setdefault(number, []).append((stamp, bytes(record.body[_STAMP.size :])))
+
+
+def _decode(topic: Topic, schema: MessageSchema | None, payloads: list[bytes]) -> dict[str, np.ndarray] | str:
+    """The fields of a topic's messages, or why they cannot be read."""
+    if topic.encoding == "json":
+        return _decode_json(payloads)
+    if topic.encoding == "cdr" and schema is not None and schema.encoding == "ros2msg":
+        layout = _layout(schema.text)
+        if layout is None:
+            return f"{schema.name} holds more than plain numbers"
+        if any(len(data) < layout.itemsize or data[1:2] != b"\x01" for data in payloads):
+            return f"its messages are not what {schema.name} says"
+        table = np.frombuffer(b"".join(data[: layout.itemsize] for data in payloads), layout)
+        return {name: table[name] for name in layout.names or ()}
+    return f"its messages are {topic.encoding or 'without a name'}; known are json, and cdr of plain numbers"
+
+
+def _decode_json(payloads: list[bytes]) -> dict[str, np.ndarray] | str:
+    rows: list[dict[str, float | bool]] = []
+    for data in payloads:
+        try:
+            message = parse_json(data)
+        except (ValueError, RecursionError):
+            return "a message is no JSON"
+        rows.append(dict(_numbers(message, "") if isinstance(message, Mapping) else []))
+    names = dict.fromkeys(name for row in rows for name in row)
+    if not names:
+        return "its messages hold no numbers"
+    columns = {}
+    for name in names:
+        values = [row.get(name) for row in rows]
+        flags = all(isinstance(v, bool) for v in values)
+        columns[name] = np.array([np.nan if v is None else v for v in values], bool if flags else float)
+    return columns
+
+
+def _numbers(message: Mapping[str, Any], before: str) -> list[tuple[str, float | bool]]:
+    numbers: list[tuple[str, float | bool]] = []
+    for key, value in message.items():
+        if isinstance(value, Mapping):
+            numbers += _numbers(value, f"{before}{key}.")
+        elif isinstance(value, bool | float) or (isinstance(value, int) and abs(value) < 2**1000):
+            numbers.append((f"{before}{key}", value))
+    return numbers
+
+
+def _layout(text: str) -> np.dtype | None:
+    """A ROS 2 message of plain numbers as it lies in CDR behind its four bytes, or None of any other."""
+    names: list[str] = []
+    kinds: list[str] = []
+    places: list[int] = []
+    at = 0
+    for line in text.splitlines():
+        words = line.partition("#")[0].strip()
+        if words.startswith("==="):
+            break
+        if not words or "=" in words:  # a constant
+            continue
+        field = _FIELD.fullmatch(words)
+        if field is None or field["kind"] not in _PLAIN or field["name"] in names:
+            return None
+        size = np.dtype(_PLAIN[field["kind"]]).itemsize
+        at += -at % size
+        names.append(field["name"])
+        kinds.append(_PLAIN[field["kind"]])
+        places.append(4 + at)
+        at += size
+    if not names:
+        return None
+    return np.dtype({"names": names, "formats": kinds, "offsets": places, "itemsize": 4 + at})
+
+
+def _read(path: Path) -> ImportResult | ForeignTable:
+    if not is_log(path):
+        return read_foreign(path)
+    log = read_log(path)
+    return ImportResult(log.recording, log.remarks)
+
+
+def _write(recording: Recording, path: Path) -> list[str]:
+    write_log(recording, path)
+    return []
+
+
+FORMAT = FileFormat(title="MCAP files", read=_read, write=_write)
