@@ -14,7 +14,7 @@ import time
 
 from mckibben.bench.prepare import prepare
 from mckibben.bench.run import run
-from mckibben.experiments.library import protocol
+from mckibben.experiments.read import protocol
 
 
 def measured(rate: float, runs: int) -> tuple[float, float, int]:

@@ -21,7 +21,7 @@ from mckibben.bench.hardware.serial_line.hosting import in_process
 from mckibben.bench.prepare import PreparedRun, prepare
 from mckibben.bench.run import run
 from mckibben.bench.segment import SegmentMachine, timing_of
-from mckibben.experiments.library import protocol
+from mckibben.experiments.read import protocol
 from mckibben.recordings import Recording
 
 

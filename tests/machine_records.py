@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mckibben.experiments.library import protocol
+from mckibben.experiments.read import protocol
 from mckibben.recordings import Channel, Recording
 
 REST = 0.14  # [m]

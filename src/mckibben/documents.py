@@ -47,16 +47,16 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
         with open(path, "rb") as stream:
             data = stream.read(LONGEST + 1)
         if len(data) > LONGEST:
-            raise InputError(field, where, f"it is too long; allowed are {LONGEST >> 20} MiB")
+            raise InputError(field, where, f"must be at most {LONGEST >> 20} MiB long: it is longer")
         return data.decode("utf-8")
     except IsADirectoryError:
-        raise InputError(field, where, "it is a folder; allowed is a TOML file") from None
+        raise InputError(field, where, "must be a TOML file: it is a folder") from None
     except FileNotFoundError:
         raise InputError(field, where, "no such file") from None
     except OSError as error:
         raise InputError(field, where, f"it cannot be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
-        raise InputError(field, "not TOML", f"allowed is TOML in UTF-8: {error}", where=where) from None
+        raise InputError(field, "not TOML", f"must be TOML in UTF-8: {error}", where=where) from None
 
 
 def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, Any]:
@@ -66,7 +66,7 @@ def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, Any]:
         InputError: says where it is no TOML, or that it is too long or nested too deeply.
     """
     if len(text) > LONGEST:
-        raise InputError(field, "too long", f"allowed are {LONGEST >> 20} MiB", where=where)
+        raise InputError(field, "too long", f"must be at most {LONGEST >> 20} MiB", where=where)
     try:
         if not _is_deep(text, _TOML):
             document = tomllib.loads(text)
@@ -75,7 +75,7 @@ def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, Any]:
     except (ValueError, RecursionError) as error:  # a number of 5,000 digits is a plain ValueError
         raise InputError(field, "not TOML", str(error), where=where) from None
     raise InputError(
-        field, "nested too deeply", f"allowed are {DEEPEST} tables and lists inside of one another", where=where
+        field, "nested too deeply", f"must have at most {DEEPEST} tables and lists inside one another", where=where
     )
 
 

@@ -69,7 +69,7 @@ class Quantity(NamedTuple):
         bad = ~np.isfinite(number) | (number < low) | (number > high)
         if np.any(bad):
             first = float(number[bad].flat[0])
-            raise InputError(name, with_unit(first, self.unit), f"allowed is {self.allowed()}", where=where)
+            raise InputError(name, with_unit(first, self.unit), f"must be {self.allowed()}", where=where)
 
     def allowed(self) -> str:
         """The bounds in words."""
@@ -181,13 +181,16 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
     except pint.UndefinedUnitError:
         known = (si_unit, *_USUAL.get(si_unit, {}), "psi" if si_unit == "Pa" else "")
         near = next((k for k in known if k.lower() == unit.strip().lower()), "")
-        told = f"the unit is unknown; {f'did you mean {near}? ' if near else ''}allowed is {_kind(si_unit)}"
-        raise InputError(field, f"{value:g} {unit}", told, where=where) from None
+        hint = f". Did you mean {near!r}?" if near else ""
+        demand = f"must be {_kind(si_unit)}: the unit is unknown{hint}"
+        raise InputError(field, f"{value:g} {unit}", demand, where=where) from None
     except pint.DimensionalityError:
-        raise InputError(field, f"{value:g} {unit}", f"allowed is {_kind(si_unit)}", where=where) from None
+        raise InputError(field, f"{value:g} {unit}", f"must be {_kind(si_unit)}", where=where) from None
     except (ArithmeticError, AssertionError, AttributeError, TypeError, ValueError, pint.PintError):
         # pint's parser meets nonsense such as "12 **" with an assertion
-        raise InputError(field, f"{value:g} {unit}", f"no unit; allowed is {_kind(si_unit)}", where=where) from None
+        raise InputError(
+            field, f"{value:g} {unit}", f"must be {_kind(si_unit)}: this is no unit", where=where
+        ) from None
 
 
 def from_si(value: float, si_unit: str, unit: str) -> float:
@@ -221,17 +224,17 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
     except ValueError:
         head = leading_number(text)
         if head is None:
-            raise InputError(field, text, f"allowed is {_kind(si_unit)}", where=where) from None
+            raise InputError(field, text, f"must be {_kind(si_unit)}", where=where) from None
         number, words = float(head), [head, text.strip()[len(head) :]]
     if not math.isfinite(number):
-        raise InputError(field, text, f"allowed is a finite number, {_kind(si_unit)}", where=where)
+        raise InputError(field, text, f"must be a finite number, {_kind(si_unit)}", where=where)
     if len(words) == 1:
         if si_unit == "1" or bare:
             return number
-        raise InputError(field, text, f"the unit is missing; allowed is {_kind(si_unit)}", where=where)
+        raise InputError(field, text, f"must be {_kind(si_unit)}: the unit is missing", where=where)
     value = to_si(number, words[1], si_unit, field=field, where=where)
     if not math.isfinite(value):  # as of 1e308 km
-        raise InputError(field, text, f"allowed is a finite number, {_kind(si_unit)}", where=where)
+        raise InputError(field, text, f"must be a finite number, {_kind(si_unit)}", where=where)
     return value
 
 

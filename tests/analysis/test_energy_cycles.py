@@ -237,7 +237,7 @@ def test_below_its_friction_a_curve_has_no_number():
         ({"exchange_pressure": math.nan}, "exchange_pressure"),
         ({"friction": -1.0}, "friction"),
         ({"friction": math.inf}, "friction"),
-        ({"reading": "third"}, "known are printed, throughout"),
+        ({"reading": "third"}, "Known are printed, throughout"),
         ({"stretched_length": 0.10}, "a longer stretch"),
         ({"stretched_length": 0.17}, "a shorter stretch"),
         ({"friction": 500.0}, "against its friction"),
@@ -252,7 +252,7 @@ def test_conditions_without_a_cycle_are_named(volume, change, says):
 def test_impossible_cycles_laws_and_names_are_named():
     with pytest.raises(InputError, match="isotonic"):
         energy_cycle(MUSCLES["paper"], "isotonic", BETWEEN._replace(pressure=0.92e5))
-    with pytest.raises(InputError, match="known are maximal, isotonic, valve"):
+    with pytest.raises(InputError, match="Known are maximal, isotonic, valve"):
         energy_cycle(MUSCLES["paper"], "otto", BETWEEN)
     with pytest.raises(InputError, match=r"threads"):
         energy_cycle(
@@ -262,7 +262,7 @@ def test_impossible_cycles_laws_and_names_are_named():
         )
     with pytest.raises(InputError, match="eq. 38b"):
         cycle_muscle(law_from_specimen(specimen("nylon"), "ideal"), "paper")
-    with pytest.raises(InputError, match="known are paper, potential"):
+    with pytest.raises(InputError, match="Known are paper, potential"):
         cycle_muscle(LAW, "mine")
     without = {
         k: float(getattr(LAW, k)) for k in ("stiffness_per_pressure", "shortest_length", "rest_length", "upper_length")

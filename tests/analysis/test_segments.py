@@ -71,9 +71,9 @@ def test_cases_are_those_that_were_recorded_in_their_order():
 @pytest.mark.parametrize(
     ("label", "case", "says"),
     [
-        ("lops", {}, "label is 'lops'; the recording has approach, settle, preconditioning, loops, vent"),
-        (None, {"presure": "5 bar"}, "case is 'presure'; the recording has range, pressure"),
-        (None, {"pressure": "2 bar"}, "pressure is '2 bar'; the recording has 1 bar, 3 bar, 5 bar"),
+        ("lops", {}, "label is 'lops': the recording has approach, settle, preconditioning, loops, vent"),
+        (None, {"presure": "5 bar"}, "case is 'presure': the recording has range, pressure"),
+        (None, {"pressure": "2 bar"}, "pressure is 2 bar: the recording has 1 bar, 3 bar, 5 bar"),
         ("vent", {"pressure": "5 bar"}, "not together; the recording has vent"),
         ("settle", {}, "not recorded are settle"),
     ],
@@ -94,7 +94,7 @@ def test_a_selection_leaves_the_steps_that_it_holds():
     [
         (None, "lists none"),
         ([], "lists none"),
-        ("all", "allowed is a list"),
+        ("all", "must be a list"),
         ([3], "steps.1 is 'int'"),
         ([{"start": 0.0}], "steps.1.end"),
         ([{"start": float("nan"), "end": 1.0}], "steps.1.start"),

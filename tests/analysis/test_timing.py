@@ -66,5 +66,5 @@ def test_records_that_have_no_shift_are_refused(first, second, says):
 
 @pytest.mark.parametrize("options", [{"period": 0.0}, {"period": np.nan}, {"period": 1e-3, "longest": -1.0}])
 def test_a_clock_that_does_not_run_is_refused(options):
-    with pytest.raises(InputError, match="allowed is a time"):
+    with pytest.raises(InputError, match="must be a time"):
         time_lead(smooth(TIME), smooth(TIME), **options)

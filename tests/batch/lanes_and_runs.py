@@ -10,8 +10,7 @@ from mckibben.batch import recipe as recipes
 from mckibben.batch.run import Runner
 from mckibben.batch.variants import Variants, column
 from mckibben.bench.run import run
-from mckibben.experiments.library import protocol
-from mckibben.experiments.read import parse_protocol
+from mckibben.experiments.read import parse_protocol, protocol
 
 STEP = """
 schema = 1

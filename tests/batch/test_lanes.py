@@ -199,5 +199,5 @@ def _net_enthalpy(meta):
 
 def test_an_engine_that_there_is_not_is_refused():
     made = recipe(step_protocol(), {}, outputs=(Output("x", "max", "tension"),))
-    with pytest.raises(InputError, match="known are auto, native, gpu, xla"):
+    with pytest.raises(InputError, match="Known are auto, native, gpu, xla"):
         Runner(made, {}, engine="fast")

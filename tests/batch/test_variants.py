@@ -60,12 +60,12 @@ def test_words_of_a_value_come_back_bit_for_bit(value):
     ("path", "value", "said"),
     [
         ("muscle.law.pasive_stiffness", "3 N/cm", "law.passive_stiffness"),
-        ("muscle.law.passive_stiffness", "-3 N/cm", "allowed is"),
+        ("muscle.law.passive_stiffness", "-3 N/cm", "must be"),
         ("muscle.law.passive_stiffness", "3 bar", "a stiffness"),
         ("rig.plumbing.direct.tube.lenght", "1 m", "rig.plumbing.direct.tube.length"),
         ("rig.plumbing.direct.tube.length", "1", "unit is missing"),
         ("rig.sensors.pressure.low", "3 N", "pressure"),
-        ("hihg", "3 bar", "did you mean high"),
+        ("hihg", "3 bar", "Did you mean 'high'"),
         ("high", "3 m", "pressure"),
     ],
 )

@@ -6,8 +6,7 @@ from mckibben.assembly.build import unit_from_specimen
 from mckibben.bench.prepare import prepare
 from mckibben.bench.rig_file import rig
 from mckibben.bench.run import run
-from mckibben.experiments.library import protocol
-from mckibben.experiments.read import parse_protocol
+from mckibben.experiments.read import parse_protocol, protocol
 
 ADIABATIC = {f"plumbing.{name}.heat": "adiabatic" for name in ("direct", "accumulators", "10 in3", "3 in3")}
 

@@ -20,8 +20,7 @@ import mckibben
 from mckibben.bench.bluesky import Status, bench_devices
 from mckibben.bench.session import Session
 from mckibben.errors import InputError, MckibbenError, UnreachableError
-from mckibben.experiments.library import protocol
-from mckibben.experiments.read import parse_protocol
+from mckibben.experiments.read import parse_protocol, protocol
 from mckibben.recordings import read_any
 
 VENTED = 5e3  # Pa; two counts of the 8 bits

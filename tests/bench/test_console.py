@@ -10,7 +10,7 @@ from mckibben.bench.console import Console
 from mckibben.bench.console.commands import COMMANDS
 from mckibben.bench.session import Session
 from mckibben.errors import InputError
-from mckibben.experiments.library import protocol_names
+from mckibben.experiments.read import protocol_names
 from mckibben.recordings import read_any
 
 
@@ -134,28 +134,28 @@ def test_a_log_is_written_while_somebody_records(console, tmp_path):
 
 
 WRONG = {
-    "a word": ("presure 3 bar", "did you mean pressure"),
-    "a unit": ("pressure 3 N", "allowed is a pressure such as '5 bar'"),
+    "a word": ("presure 3 bar", "Did you mean 'pressure'"),
+    "a unit": ("pressure 3 N", "must be a pressure such as '5 bar'"),
     "no unit": ("span 12", "the unit is missing"),
-    "nothing": ("pressure", "allowed is pressure 3 bar"),
+    "nothing": ("pressure", "must be pressure 3 bar"),
     "too much": ("pressure 30 bar", "allows 0 bar to 6.9 bar"),
-    "more words": ("vent now", "allowed is vent"),
-    "a protocol": ("load quasi-statik", "did you mean quasi-static"),
+    "more words": ("vent now", "must be vent"),
+    "a protocol": ("load quasi-statik", "Did you mean 'quasi-static'"),
     "a file": ("load gone.toml", "no such file"),
     "a table": ("load gone.csv", "no such file"),
-    "a channel": ("load gone.csv as presure", "did you mean pressure"),
+    "a channel": ("load gone.csv as presure", "Did you mean 'pressure'"),
     "no protocol": ("run", "load one first"),
     "nothing to set": ("set pressure=3 bar", "load one first"),
     "nothing to save": ("save x.nc", "there is no recording yet"),
-    "a format": ("save x.docx", "allowed is a name that ends in .nc"),
+    "a format": ("save x.docx", "must be a name that ends in .nc"),
     "a folder": ("save nowhere/x.nc", "no such folder"),
-    "a list": ("list muscle", "allowed is list protocols|muscles|rigs"),
-    "help": ("help presure", "did you mean pressure"),
+    "a list": ("list muscle", "must be list protocols|muscles|rigs"),
+    "help": ("help presure", "Did you mean 'pressure'"),
     "off": ("record off", "nothing is being recorded"),
-    "record": ("record maybe", "allowed is record on"),
-    "reset": ("reset", "allowed is after a stop"),
+    "record": ("record maybe", "must be record on"),
+    "reset": ("reset", "allowed only after a stop"),
     "a time": ("wait 3", "the unit is missing"),
-    "back in time": ("wait -1 s", "allowed is 0 s to"),
+    "back in time": ("wait -1 s", "must be between 0 s and"),
     "a quotation": ("load 'x", "quotation mark"),
     "a clock": ("run isometric-step", "the session samples at 1000 Hz"),
     "a part": ("run leak-down", "shut-off"),
@@ -176,7 +176,7 @@ def test_what_is_wrong_gets_one_line_and_the_console_stays(console, case):
 def test_set_says_what_a_protocol_has(console):
     console.execute("load quasi-static")
     for line, said in (
-        ("set presure=1 bar", "did you mean pressure"),
+        ("set presure=1 bar", "Did you mean 'pressure'"),
         ("set pressure=1 N", "pressure"),
         ("set", "NAME"),
     ):

@@ -116,7 +116,7 @@ def test_what_the_machine_refuses_is_refused_here_in_the_same_words(device):
         with pytest.raises(InputError) as refused:
             machine.set(pressure="40 bar")
         assert refused.value.field == "pressure" and "by hand" in str(refused.value)
-        with pytest.raises(InputError, match="allowed is after a stop"):
+        with pytest.raises(InputError, match="allowed only after a stop"):
             machine.reset()
         machine.emergency_stop("tried")
         assert "tried" in machine.why and machine.status().state == "stopped"
@@ -131,7 +131,7 @@ def test_what_the_machine_refuses_is_refused_here_in_the_same_words(device):
 
 
 @pytest.mark.parametrize(
-    "error", [InputError("span", 3.0, "allowed is less", where="a.toml"), LoweringError("sort", "no such operation")]
+    "error", [InputError("span", 3.0, "must be less", where="a.toml"), LoweringError("sort", "no such operation")]
 )
 def test_an_error_goes_whole_from_one_process_to_another(error):
     found = pickle.loads(pickle.dumps(error))

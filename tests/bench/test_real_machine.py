@@ -79,7 +79,7 @@ def test_a_device_that_is_not_the_rigs_is_refused():
     with in_thread(machine) as device, pytest.raises(InputError, match="bits"):
         with connected(f"serial:{device.port}", made.rig, 1e-3):
             pass
-    with pytest.raises(InputError, match="allowed is serial:PORT"), connected("usb", made.rig, 1e-3):
+    with pytest.raises(InputError, match="must be serial:PORT"), connected("usb", made.rig, 1e-3):
         pass
     with pytest.raises(InputError, match="how the card is wired"), connected("daq", made.rig, 1e-3):
         pass

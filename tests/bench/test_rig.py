@@ -8,7 +8,7 @@ import pytest
 
 from mckibben.bench.rig_file import read_rig, rig, rig_names
 from mckibben.errors import InputError
-from mckibben.experiments.library import protocol
+from mckibben.experiments.read import protocol
 
 
 def document():
@@ -60,23 +60,23 @@ def test_limits_follow_from_the_parts():
 
 
 WRONG = {
-    "unknown table": (("enginge",), {}, "unknown"),
+    "unknown table": (("enginge",), {}, "Unknown"),
     "schema": (("schema",), 2, "this version reads schema 1"),
     "unit": (("motor", "inertia"), "3 kg", "kg"),
-    "bounds": (("motor", "pulley_radius"), "20 m", "allowed is"),
+    "bounds": (("motor", "pulley_radius"), "20 m", "must be"),
     "bits": (("sensors", "pressure", "converter", "bits"), "eight", "whole number"),
     "many bits": (("sensors", "pressure", "converter", "bits"), 64, "24"),
     "missing": (("sensors", "tension", "converter", "high"), None, "missing"),
-    "sensor": (("sensors", "torque"), {}, "known are pressure, valve_pressure, tension"),
+    "sensor": (("sensors", "torque"), {}, "Known are pressure, valve_pressure, tension"),
     "no layout": (("plumbing",), None, "one table for each way"),
     "valve": (("plumbing", "direct", "valve", "specimen"), "MPP", "MPP"),
-    "tube": (("plumbing", "direct", "tube", "lenght"), "1 m", "did you mean"),
+    "tube": (("plumbing", "direct", "tube", "lenght"), "1 m", "Did you mean"),
     "heat": (("plumbing", "direct", "heat"), "warm", "isothermal, adiabatic, or a conductance"),
-    "frame": (("frame", "longest"), "1 cm", "allowed is more than"),
-    "hands": (("hands",), [{"ask": "x", "plumbing": "none"}], "known are direct"),
-    "interlocks": (("interlocks", "motor_force"), "200 N", "unknown"),
+    "frame": (("frame", "longest"), "1 cm", "must be more than"),
+    "hands": (("hands",), [{"ask": "x", "plumbing": "none"}], "Known are direct"),
+    "interlocks": (("interlocks", "motor_force"), "200 N", "Unknown"),
     "inferred": (("inferred",), ["motor.colour"], "nothing of that path"),
-    "gain": (("control", "force", "kp"), -1.0, "allowed is"),
+    "gain": (("control", "force", "kp"), -1.0, "must be"),
 }
 
 

@@ -12,8 +12,7 @@ from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.bench.session import Session
 from mckibben.bench.session.ring import Ring
 from mckibben.errors import InputError, LineLostError
-from mckibben.experiments.library import protocol
-from mckibben.experiments.read import parse_protocol
+from mckibben.experiments.read import parse_protocol, protocol
 from mckibben.recordings import read_any
 
 HEAD = 'schema = 1\nname = "short"\ntitle = "Short"\n'
@@ -214,7 +213,7 @@ REFUSED = {
     "tension": ({"tension": "-5 N"}, "allows 0 N to 100 N"),
     "unit": ({"pressure": "3 N"}, "such as '5 bar'"),
     "two": ({"span": "12 cm", "tension": "5 N"}, "the motor controls one thing"),
-    "unknown": ({"presure": "3 bar"}, "known are pressure"),
+    "unknown": ({"presure": "3 bar"}, "Known are pressure"),
     "nan": ({"pressure": float("nan")}, "allows 0 bar"),
 }
 
@@ -234,7 +233,7 @@ def test_a_protocol_that_the_machine_cannot_do_is_refused_before_anything_moves(
     for name, said in (("leak-down", "needs is 'shut-off'"), ("isometric-step", "samples at 1000 Hz")):
         with pytest.raises(InputError, match=said):
             machine.run(name)
-    with pytest.raises(InputError, match="did you mean quasi-static"):
+    with pytest.raises(InputError, match="Did you mean 'quasi-static'"):
         machine.run("quasi-statik")
     assert machine.setup.ground.number == before and machine.status().state == "idle"
 

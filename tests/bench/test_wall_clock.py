@@ -116,7 +116,7 @@ def test_a_machine_that_lacks_a_channel_is_refused_before_anything_moves():
 _CHILD = """
 import sys
 from mckibben.bench.run import EmergencyStop, prepare, run
-from mckibben.experiments.library import protocol
+from mckibben.experiments.read import protocol
 button = EmergencyStop()
 def show(times, arrays):
     if times[-1] > 0.2:

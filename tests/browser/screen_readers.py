@@ -12,7 +12,7 @@ def who(path, words):
 
 def refuse(path):
     """As a reader does."""
-    raise InputError("row 3", "x", "allowed is a number", where=path.name)
+    raise InputError("row 3", "x", "must be a number", where=path.name)
 
 
 def die(path):

@@ -15,7 +15,7 @@ import pytest
 from mckibben.bench.rig_file import rig
 from mckibben.bench.software.emergency_stop import EmergencyStop
 from mckibben.errors import InputError
-from mckibben.experiments.library import protocol_names, shipped
+from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid
 from mckibben.quantities import Quantity
 from mckibben.web.bench import drawing
@@ -72,7 +72,7 @@ class Bench:
 
     def actions(self):
         def fails(number):
-            raise InputError("number", number, "allowed is 1")
+            raise InputError("number", number, "must be 1")
 
         return {"start": lambda: "started", "fails": fails}
 
@@ -143,7 +143,7 @@ def test_whoever_watches_may_stop_and_nothing_else(lab):
     assert not refused["ok"] and "another page is in control" in refused["said"]
     assert lab.act("a", "start") == {"ok": True, "said": "started"}
     wrong = lab.act("a", "fails", {"number": 2})
-    assert wrong["said"] == "number is 2; allowed is 1" and wrong["field"] == "number"
+    assert wrong["said"] == "number must be 1, got 2" and wrong["field"] == "number"
     assert not lab.act("a", "fails", {"other": 2})["ok"] and not lab.act("a", "close")["ok"]
 
 
@@ -484,7 +484,7 @@ def test_a_pace_halts_steps_and_goes_on():
     done.set()
     thread.join(5.0)
     assert len(count) > 100
-    with pytest.raises(InputError, match="known are"):
+    with pytest.raises(InputError, match="Known are"):
         pace.choose("warp")
 
 

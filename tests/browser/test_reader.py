@@ -12,9 +12,8 @@ from screen_readers import cells, die, read_for_ever, refuse, who
 
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError, MckibbenError
-from mckibben.experiments.checks_parameters import check_lengths
-from mckibben.experiments.library import protocol_names, shipped
-from mckibben.experiments.read import with_values
+from mckibben.experiments.dry_run import check_lengths
+from mckibben.experiments.read import protocol_names, shipped, with_values
 from mckibben.web import reader
 from mckibben.web.bench.measure import of_cycle
 from mckibben.web.pages.compare import faces
@@ -37,7 +36,7 @@ def test_another_process_reads_and_its_answer_and_its_refusal_come_whole(tmp_pat
     path.write_text("a,b\n")
     process, text, words = ReaderProcess(who, path, "more").result()
     assert process != os.getpid() and (text, words) == ("a,b\n", "more")
-    with pytest.raises(InputError, match="table.csv: row 3 is 'x'; allowed is a number") as refused:
+    with pytest.raises(InputError, match="table.csv: row 3 must be a number, got 'x'") as refused:
         ReaderProcess(refuse, path).result()
     assert refused.value.field == "row 3"
     with pytest.raises(InputError, match="ended before it was done"):

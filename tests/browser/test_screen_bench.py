@@ -260,7 +260,7 @@ def test_no_name_that_a_page_gives_leaves_the_folders(bench, served):
 
 def test_the_console_speaks_of_what_the_page_shows(bench, until, status):
     page = bench()
-    for line, said in (("show", "nothing speaks against it"), ("status", "idle"), ("pressur 3 bar", "did you mean"),
+    for line, said in (("show", "nothing speaks against it"), ("status", "idle"), ("pressur 3 bar", "Did you mean"),
                        ("check", "nothing speaks"), ("help", "Emergency stop")):  # fmt: skip
         page.fill("#line", line)
         page.keyboard.press("Enter")

@@ -52,7 +52,7 @@ def test_a_saved_circuit_runs_on_the_command_line_and_gives_the_same_curve(visit
     page.get_by_role("button", name="Save as").click()
     page.fill("#circuit-name", "../outside")
     page.get_by_role("button", name="Save", exact=True).click()
-    page.get_by_text("allowed is a plain name").wait_for()
+    page.get_by_text("must be a plain name").wait_for()
     page.fill("#circuit-name", "tank")
     page.get_by_role("button", name="Save", exact=True).click()
     file = served.folder / "circuits" / "tank.toml"

@@ -49,7 +49,7 @@ def test_a_pressure_at_which_nothing_pulls_is_refused_in_the_commands_words(visi
     field = page.locator(".full-drive input")
     field.fill("0.5")
     field.press("Enter")
-    sentence = "nylon pulls nothing at its rest length of 14 cm; allowed is a higher one"
+    sentence = "nylon pulls nothing at its rest length of 14 cm; must be a higher one"
     says(page, ".compare-said", sentence, "The old value, 5, stays in use.", longest=60.0)
     assert "pressure=" not in page.url
 
@@ -60,7 +60,7 @@ def test_a_link_restores_muscles_and_pressure_and_what_it_cannot_show_says_why(v
     until(lambda: page.locator(".ch").count() == 3)
     refused = page.locator(".cmp .err")
     until(lambda: refused.count() == 2)
-    assert "allowed is a plain name" in refused.nth(1).inner_text()
+    assert "must be a plain name" in refused.nth(1).inner_text()
     f0 = subject("nylon", pressure=4e5).full_tension
     assert f0 > 50.0
     until(lambda: page.locator(".surface").count() == 1)

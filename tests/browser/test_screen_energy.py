@@ -91,7 +91,7 @@ def test_choices_stand_in_the_link_and_a_link_brings_them_back(visit, until):
 def test_a_pressure_below_the_threshold_is_refused_in_the_words_of_the_command(visit, until):
     said = CliRunner().invoke(app, ["energy", "nylon", "--pressure", "0.5 bar"])
     sentence = str(said.exception)
-    assert "allowed is above the threshold" in sentence
+    assert "must be above the threshold" in sentence
     page = open_page(visit)
     before = number(page, "In")
     page.fill(".supply .field input", "0.5")
@@ -110,9 +110,9 @@ def test_a_pressure_below_the_threshold_is_refused_in_the_words_of_the_command(v
 
 def test_a_link_names_no_file_and_no_unknown_cycle(visit):
     page = open_page(visit, "?muscle=%2Fetc%2Fpasswd.toml&cycle=x&pressure=-3+bar&recording=..%2F..%2Fx.nc")
-    says(page, ".e-under", "specimen is '/etc/passwd.toml'; known are", "cycle is 'x'; known are maximal")
+    says(page, ".e-under", "Unknown specimen '/etc/passwd.toml'. Known are", "Unknown cycle 'x'. Known are maximal")
     page.wait_for_selector(".e-flow-place .err", timeout=LONG)
-    says(page, ".e-flow-place", "allowed is a plain name")
+    says(page, ".e-flow-place", "must be a plain name")
 
 
 def test_where_a_recordings_energy_went_is_what_the_command_says(visit, recorded):

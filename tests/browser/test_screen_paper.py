@@ -91,7 +91,7 @@ def test_a_run_is_seen_by_all_and_what_was_computed_stays_when_it_is_stopped(vis
 
 def test_a_row_and_a_figure_that_there_are_not_are_refused(visit):
     page = open_page(visit, "?row=nothing&figure=%3Cscript%3E")
-    says(page, ".p-under", "row is 'nothing'", "figure is '<script>'; known are 1, 2, 3a")
+    says(page, ".p-under", "row is 'nothing'", "Unknown figure '<script>'. Known are 1, 2, 3a")
 
 
 @pytest.mark.slow

@@ -119,33 +119,33 @@ MASSES = ("--masses", "0 kg,5 kg")
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((*WEIGHTS, "--masses", "1 kg"), "masses is '1 kg'; allowed are two different ones or more"),
-        ((*WEIGHTS, "--masses", "1 kg,1 kg"), "masses is '1 kg, 1 kg'; allowed are different ones"),
-        ((*WEIGHTS, "--masses", "0 kg,-1 kg"), "masses is '-1 kg'; allowed is 0 kg or more"),
-        ((*WEIGHTS, "--masses", "0 kg,1 m"), "--masses is '1 m'; allowed is a value in kg"),
-        ((*WEIGHTS, "--masses", "0; 1"), "--masses is '0'; the unit is missing"),
+        ((*WEIGHTS, "--masses", "1 kg"), "masses must be two different ones or more, got 1 kg"),
+        ((*WEIGHTS, "--masses", "1 kg,1 kg"), "masses must be different ones, got '1 kg, 1 kg'"),
+        ((*WEIGHTS, "--masses", "0 kg,-1 kg"), "masses must be 0 kg or more, got -1 kg"),
+        ((*WEIGHTS, "--masses", "0 kg,1 m"), "--masses must be a value in kg, got 1 m"),
+        ((*WEIGHTS, "--masses", "0; 1"), "--masses is 0: the unit is missing"),
         ((*WEIGHTS, "--masses", "0,1 kg"), "write '0.1 kg' for one number or '0; 1 kg' for a list"),
-        ((*WEIGHTS, "--masses", ","), "--masses is ','; allowed are two"),
-        ((*WEIGHTS, "--masses", "0 kg,nan kg"), "allowed is a finite number"),
-        ((*WEIGHTS, "--masses", "0 kg,150 kg"), "reference for tension is '1471 N'; the sensor sees -1000 N to 1000 N"),
-        ((*WEIGHTS, *MASSES, "--channel", "tensio"), "channel is 'tensio'; the rig has pressure"),
-        ((*WEIGHTS, *MASSES, "--set", "rig.sensors.tension.ofset=3 N"), "did you mean offset?"),
-        ((*WEIGHTS, *MASSES, "--set", "law.turns=3"), "--set law.turns is '3'; allowed is a value of the rig"),
-        ((*WEIGHTS, *MASSES, "--valid-for", "0 s"), "--valid-for is '0 s'; allowed is 1 s"),
-        ((*WEIGHTS, *MASSES, "--uncertainty", "-1 g"), "--uncertainty is '-1 g'; allowed is 0 kg or more"),
-        ((*WEIGHTS, *MASSES, "--gravity", "1.6 m/s^2"), "--gravity is '1.6 m/s^2'; allowed is 9.7 m/s^2"),
+        ((*WEIGHTS, "--masses", ","), "--masses must be two, got ','"),
+        ((*WEIGHTS, "--masses", "0 kg,nan kg"), "must be a finite number"),
+        ((*WEIGHTS, "--masses", "0 kg,150 kg"), "reference for tension is 1471 N: the sensor sees -1000 N to 1000 N"),
+        ((*WEIGHTS, *MASSES, "--channel", "tensio"), "channel is 'tensio': the rig has pressure"),
+        ((*WEIGHTS, *MASSES, "--set", "rig.sensors.tension.ofset=3 N"), "Did you mean 'offset'?"),
+        ((*WEIGHTS, *MASSES, "--set", "law.turns=3"), "--set law.turns must be a value of the rig, got 3"),
+        ((*WEIGHTS, *MASSES, "--valid-for", "0 s"), "--valid-for must be 1 s, got 0 s"),
+        ((*WEIGHTS, *MASSES, "--uncertainty", "-1 g"), "--uncertainty must be 0 kg or more, got -1 g"),
+        ((*WEIGHTS, *MASSES, "--gravity", "1.6 m/s^2"), "--gravity must be 9.7 m/s^2, got 1.6 m/s^2"),
         ((*WEIGHTS, *MASSES, "--gravity-uncertainty", "1 m/s^2"), "allowed beside --gravity"),
-        ((*WEIGHTS, *MASSES, "--samples", 3), "samples is 3; allowed is a whole number from 16"),
-        ((*WEIGHTS, *MASSES, "--out", "a.txt"), "allowed is a name that ends in .toml"),
-        (("weights", "--rig", "moden", "--simulate", *MASSES), "rig is 'moden'; did you mean modern?"),
-        (("weights", "--rig", "modern", *MASSES), "no machine is connected; allowed is --on MACHINE, or --simulate"),
+        ((*WEIGHTS, *MASSES, "--samples", 3), "samples must be a whole number from 16, got 3"),
+        ((*WEIGHTS, *MASSES, "--out", "a.txt"), "must be a name that ends in .toml"),
+        (("weights", "--rig", "moden", "--simulate", *MASSES), "Unknown rig 'moden'. Did you mean 'modern'?"),
+        (("weights", "--rig", "modern", *MASSES), "no machine must be --on MACHINE, or --simulate, got connected"),
         (("zero", "--rig", "paper", "--simulate"), "reading of pressure is 'at an end of its converter"),
         (("zero", "--rig", "modern", "--simulate", "--uncertainty", "1 N"), "for channels of one unit at a time"),
-        (("skew", "--rig", "modern", "--simulate", "--frequency", "600 Hz"), "frequency is '600 Hz'; allowed is"),
+        (("skew", "--rig", "modern", "--simulate", "--frequency", "600 Hz"), "frequency is 600 Hz: must be"),
         (("skew", "--rig", "modern", "--simulate", "--channel", "tension"), "two or more"),
-        (("show", "none.toml"), "calibration is 'none.toml'; no such file"),
+        (("show", "none.toml"), "Calibration file not found: none.toml"),
         (("show", "none.nc"), "no such file"),
-        (("apply", "none.nc", "--out", "a.nc"), "--calibration is 'missing'; allowed is a file, or --off"),
+        (("apply", "none.nc", "--out", "a.nc"), "--calibration is missing: it must be a file, or --off"),
         (("apply", "none.nc", "--off", "--skew", "--out", "a.nc"), "--skew is 'beside --off'"),
     ],
 )  # fmt: skip
@@ -166,12 +166,12 @@ def test_files_that_do_not_fit_are_refused_before_anybody_is_asked(run, tmp_path
     ):
         code, _, err = run(*words)
         assert (
-            code == 2 and f"{path}: schema is 2; a newer version of mckibben wrote it" in err and err.count("\n") == 1
+            code == 2 and f"{path}: schema is 2: a newer version of mckibben wrote it" in err and err.count("\n") == 1
         )
     other = tmp_path / "b.toml"
     other.write_text('schema = 1\nrig = "paper"\ncreated = "2026-01-01"\n')
-    assert "rig is 'modern'; the calibration is of paper" in run(*WEIGHTS, *MASSES, "--out", other)[2]
-    assert "rig is 'paper'; the recording is of modern" in run("apply", raw, "--calibration", other, "--out", raw)[2]
+    assert "rig is 'modern': the calibration is of paper" in run(*WEIGHTS, *MASSES, "--out", other)[2]
+    assert "rig is 'paper': the recording is of modern" in run("apply", raw, "--calibration", other, "--out", raw)[2]
     assert "carries none" in run("show", raw)[2]
 
 
@@ -182,4 +182,4 @@ def test_a_person_at_a_terminal_is_asked_and_types_what_the_reference_shows(monk
     assert calibrate.ask_person(Task("set the pressure to 3 bar", {"pressure": 3e5}, True)) == pytest.approx(3.02e5)
     out, err = capsys.readouterr()
     assert out == "" and "Hang 2 kg on the cell, then press Enter" in err
-    assert "reference is '3 kg'; allowed is a pressure" in err
+    assert "reference must be a pressure, got 3 kg" in err

@@ -111,12 +111,12 @@ def test_run_shows_a_person_words_with_units(run):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("run", "no-such.toml"), "no such file"),
+        (("run", "no-such.toml"), "not found"),
         (("run", TANK, "--out", "rec.xls"), "--out"),
-        (("run", TANK, "--figure", "missing-folder/x.svg"), "no such folder"),
+        (("run", TANK, "--figure", "missing-folder/x.svg"), "older not found"),
         (("run", TANK, "--set", "elements.tube.length"), "NAME=VALUE"),
-        (("run", TANK, "--set", "elements.tube.lenght=1 m"), "did you mean length"),
-        (("run", TANK, "--set", "elements.tube.length=1 bar"), "allowed is a length"),
+        (("run", TANK, "--set", "elements.tube.lenght=1 m"), "Did you mean 'length'"),
+        (("run", TANK, "--set", "elements.tube.length=1 bar"), "must be a length"),
         (("show", TANK, "--svg", "x.txt"), "--svg"),
     ],
 )

@@ -71,14 +71,14 @@ def test_protocols_of_biological_muscles_and_their_figure(run, tmp_path):
 
 
 REFUSED = {
-    "nobody": ([], "allowed is a specimen"),
-    "an unknown muscle": (["nylon", "wool"], "specimen is 'wool'"),
+    "nobody": ([], "must be a specimen"),
+    "an unknown muscle": (["nylon", "wool"], "Unknown specimen 'wool'"),
     "a valve": (["MPP-3-1-8"], "it is a valve"),
     "a pressure without a unit": (["nylon", "--pressure", "5"], "the unit is missing"),
     "a pressure that moves nothing": (["nylon", "--pressure", "0.2 bar"], "pulls nothing at its rest length"),
-    "a target of the wrong kind": (["nylon", "--match", "bridgestone"], "allowed is a biological one"),
-    "a match without a McKibben muscle": (["fast-fibre", "--match", "slow-fibre"], "needed is a McKibben muscle"),
-    "a figure of another kind": (["nylon", "--figure", "x.pdf"], "--figure is 'x.pdf'"),
+    "a target of the wrong kind": (["nylon", "--match", "bridgestone"], "must be a biological one"),
+    "a match without a McKibben muscle": (["fast-fibre", "--match", "slow-fibre"], "it needs a McKibben muscle"),
+    "a figure of another kind": (["nylon", "--figure", "x.pdf"], "--figure must be a name that ends in .svg or .png"),
     "a recording that is not there": (["nylon", "--recording", "none.nc"], "none.nc"),
     "a rig that is not there": (["nylon", "--protocols", "--rig", "wooden"], "wooden"),
 }

@@ -67,8 +67,8 @@ def test_what_is_piped_stops_at_the_first_line_that_is_wrong_with_its_number(con
     code, out, err = console(*FAST, piped="# one\npressure 1 bar\n\nwait 10 ms\npresure 2 bar\npressure 3 bar\n")
     assert code == 2
     assert err.strip() == (
-        "mckibben: standard input: line 5: command is 'presure'; did you mean pressure? known are "
-        + err.partition("known are ")[2].strip()
+        "mckibben: standard input: line 5: Unknown command 'presure'. Did you mean 'pressure'? Known are "
+        + err.partition("Known are ")[2].strip()
     )
     assert len(err.strip().splitlines()) == 1 and "> pressure 3 bar" not in out
 
@@ -85,10 +85,10 @@ def test_stop_reset_and_quit_are_no_errors(console):
 
 
 WRONG = {
-    "muscle": (["--muscle", "nylom"], "did you mean nylon"),
-    "rig": (["--muscle", "nylon", "--rig", "papr"], "did you mean paper"),
+    "muscle": (["--muscle", "nylom"], "Did you mean 'nylon'"),
+    "rig": (["--muscle", "nylon", "--rig", "papr"], "Did you mean 'paper'"),
     "script": (["--muscle", "nylon", "--script", "gone.txt"], "gone.txt"),
-    "plumbing": ([*FAST, "--plumbing", "x"], "known are direct"),
+    "plumbing": ([*FAST, "--plumbing", "x"], "Known are direct"),
     "span": ([*FAST, "--span", "2 m"], "the rig allows"),
     "rate": ([*FAST, "--rate", "100 kHz"], "rate"),
     "unit": ([*FAST, "--rate", "1 s"], "--rate"),

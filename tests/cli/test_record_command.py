@@ -103,10 +103,10 @@ def test_plot_draws_what_is_asked_for(run, file, tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--channels", "tenson"), "did you mean tension?"),
+        (("--channels", "tenson"), "Did you mean 'tension'?"),
         (("--channels", ","), "--channels"),
         (("--channels", "command.tension"), "nothing is known of it"),
-        (("--against", "spam"), "did you mean span?"),
+        (("--against", "spam"), "Did you mean 'span'?"),
         (("--against", "span", "--channels", "span"), "it stands on the other axis"),
         (("--label", "lops"), "the recording has approach"),
         (("--label", "vent"), "not recorded are vent"),
@@ -127,10 +127,10 @@ def test_wrong_words_give_one_line_exit_code_2_and_no_picture(run, file, tmp_pat
 @pytest.mark.parametrize(
     ("name", "text", "says"),
     [
-        ("logger.csv", "t [s],a [V]\n0,1\n1,2\n", "first line is 't [s],a [V]'; a recording begins with"),
-        ("notes.txt", "a", "known are .nc, .csv"),
+        ("logger.csv", "t [s],a [V]\n0,1\n1,2\n", "first line is 't [s],a [V]': a recording begins with"),
+        ("notes.txt", "a", "Known are .nc, .csv"),
         ("broken.nc", "a", "netCDF"),
-        (None, None, "no such file"),
+        (None, None, "not found"),
     ],
 )
 def test_what_is_no_recording_gives_one_line(run, tmp_path, name, text, says):

@@ -94,11 +94,11 @@ def test_a_dry_run_of_what_fits_says_the_protocol_and_ends_well(run):
 WRONG = {
     "muscle": (["quasi-static", "--muscle", "nylom"], "nylom"),
     "protocol": (["quasi", "--muscle", "nylon"], "quasi-static"),
-    "rig": (["quasi-static", "--muscle", "nylon", "--rig", "papr"], "did you mean"),
+    "rig": (["quasi-static", "--muscle", "nylon", "--rig", "papr"], "Did you mean"),
     "rig path": (["quasi-static", "--muscle", "nylon", "--set", "rig.sensors.pressure.cutof=1 1/s"], "cutoff"),
     "muscle path": (["quasi-static", "--muscle", "nylon", "--set", "muscle.law.stiffnes=1 m"], "stiffness"),
-    "plumbing": (["quasi-static", "--muscle", "nylon", "--plumbing", "x"], "known are direct, accumulators"),
-    "step": (["quasi-static", "--muscle", "nylon", "--step", "1 s"], "allowed is 0.1 us to 1 ms"),
+    "plumbing": (["quasi-static", "--muscle", "nylon", "--plumbing", "x"], "Known are direct, accumulators"),
+    "step": (["quasi-static", "--muscle", "nylon", "--step", "1 s"], "must be between 0.1 us and 1 ms"),
     "a valve": (["quasi-static", "--muscle", "MPP-3-1-8"], "McKibben"),
 }
 

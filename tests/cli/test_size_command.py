@@ -93,7 +93,7 @@ def test_valves_and_a_figure(run, tmp_path):
     ("change", "says"),
     [
         ({"--force": "35 bar"}, "--force"),
-        ({"--force": "0 N"}, "--force is '0 N'; allowed is above 0 N"),
+        ({"--force": "0 N"}, "--force must be above 0 N"),
         ({"--stroke": "3"}, "unit is missing"),
         ({"--pressure": "-1 bar"}, "--pressure"),
         ({"--space": "20 cm x 3 cm x 1 cm"}, "--space"),
@@ -102,7 +102,7 @@ def test_valves_and_a_figure(run, tmp_path):
         ({"--cycles": "1 s"}, "--cycles"),
         ({"--speed": "10 cm/s"}, "without --no-lines"),
         ({"--top": "0"}, "--top"),
-        ({"--law": "linear"}, "known are linear_threshold"),
+        ({"--law": "linear"}, "Known are linear_threshold"),
         ({"--muscle": "nylonn"}, "the candidates are"),
         ({"--figure": "size.pdf"}, "--figure"),
     ],

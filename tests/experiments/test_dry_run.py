@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from mckibben.errors import InputError
-from mckibben.experiments.dry_run import check, dry_run
-from mckibben.experiments.library import protocol, protocol_names
-from mckibben.experiments.limits import Limits, TensionTable
-from mckibben.experiments.read import NEEDS, parse_protocol
+from mckibben.experiments.dry_run import Limits, TensionTable, check, dry_run
+from mckibben.experiments.read import NEEDS, parse_protocol, protocol, protocol_names
 
 L0 = 0.14
 

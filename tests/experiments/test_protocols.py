@@ -14,10 +14,16 @@ from hypothesis import strategies as st
 
 from mckibben.errors import InputError
 from mckibben.experiments.amounts import read_amount
-from mckibben.experiments.library import protocol, protocol_names
-from mckibben.experiments.plan import Deferred
-from mckibben.experiments.read import build_protocol, parse_protocol, read_protocol, values_of, with_values
-from mckibben.experiments.steps import Phased
+from mckibben.experiments.commands import Deferred, DirectionDependent
+from mckibben.experiments.read import (
+    build_protocol,
+    parse_protocol,
+    protocol,
+    protocol_names,
+    read_protocol,
+    values_of,
+    with_values,
+)
 from mckibben.experiments.until import read_until
 from mckibben.experiments.waveforms import Sine, Triangle
 from mckibben.quantities import from_si
@@ -96,7 +102,7 @@ def test_text_and_tables_give_the_same_protocol_again(name):
 
 def test_hash_is_the_same_in_another_process_with_another_hash_seed():
     code = (
-        "from mckibben.experiments.library import protocol, protocol_names; "
+        "from mckibben.experiments.read import protocol, protocol_names; "
         "print(' '.join(protocol(n).digest for n in protocol_names()))"
     )
     for seed in ("1", "77"):
@@ -234,7 +240,7 @@ def test_pressure_by_direction_leads_every_reversal(kind, phase):
         else Triangle(low=0.9, high=1.1, frequency=2.0, rising=0.4)
     )
     lead, ramp = 0.03, 0.05
-    wave = Phased(4e5, 1e5, lead, ramp).table(motion, 3.0)
+    wave = DirectionDependent(shortening=4e5, lengthening=1e5, lead=lead, ramp=ramp).table(motion, 3.0)
     t = np.arange(1000, 3000) * 1e-3
     later = motion.at(t + lead + 1e-6) - motion.at(t + lead - 1e-6)
     done = motion.at(t + lead - ramp + 1e-6) - motion.at(t + lead - ramp - 1e-6)
@@ -389,13 +395,13 @@ BAD = {
     "future schema": ('schema = 9\nname = "x"', "schema"),
     "no steps": (HEAD, "steps"),
     "steps are no tables": (HEAD + "steps = [1]", "steps.1"),
-    "unknown key": (HEAD + 'steps = [{presure = "1 bar", for = "1 s"}]', "did you mean pressure"),
+    "unknown key": (HEAD + 'steps = [{presure = "1 bar", for = "1 s"}]', "Did you mean 'pressure'"),
     "unit": (HEAD + 'steps = [{pressure = "1 cm", for = "1 s"}]', "steps.1.pressure"),
     "no duration": (HEAD + 'steps = [{pressure = "1 bar"}]', "steps.1.for"),
     "two modes": (HEAD + 'steps = [{span = "1 L0", tension = "3 N", for = "1 s"}]', "steps.1.tension"),
     "until without time": (HEAD + 'steps = [{until = "tension >= 3 N"}]', "steps.1.for"),
     "until words": (HEAD + 'steps = [{until = "tension is high", for = "1 s"}]', "steps.1.until"),
-    "until channel": (HEAD + 'steps = [{until = "tensio >= 3 N", for = "1 s"}]', "did you mean tension"),
+    "until channel": (HEAD + 'steps = [{until = "tensio >= 3 N", for = "1 s"}]', "Did you mean 'tension'"),
     "unknown name": (HEAD + 'steps = [{pressure = "$p", for = "1 s"}]', "steps.1.pressure"),
     "cycles of nothing": (HEAD + 'steps = [{pressure = "1 bar", cycles = 3}]', "steps.1.cycles"),
     "mass among lengths": (
@@ -426,8 +432,8 @@ BAD = {
         + 'pressure={shortening="3 bar",lengthening="1 bar",ramp="600 ms"}}]',
         "steps.1.pressure.ramp",
     ),
-    "unknown protocol": ('protocol = "quasistatic"', "did you mean quasi-static"),
-    "unknown value": ('protocol = "quasi-static"\npresure = "1 bar"', "did you mean pressure"),
+    "unknown protocol": ('protocol = "quasistatic"', "Did you mean 'quasi-static'"),
+    "unknown value": ('protocol = "quasi-static"\npresure = "1 bar"', "Did you mean 'pressure'"),
     "value out of bounds": ('protocol = "quasi-static"\nfrequency = "0 Hz"', "frequency"),
     "no values": ('protocol = "quasi-static"\npressure = []', "pressure"),
     "option": ('protocol = "quasi-static"\nrange = "tiny"', "range"),

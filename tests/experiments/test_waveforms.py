@@ -1,6 +1,7 @@
 """Waveforms: each is its formula, jumps where it says, and is refused by name where it is wrong."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -155,14 +156,14 @@ def test_every_waveform_says_what_it_is_in_one_line_and_the_same_again(kind):
 @pytest.mark.parametrize(
     ("entry", "says"),
     [
-        ({"kind": "rmp"}, "signals.x.kind is 'rmp'; did you mean ramp"),
+        ({"kind": "rmp"}, "Unknown signals.x.kind 'rmp'. Did you mean 'ramp'"),
         ({}, "signals.x.kind"),
         ("3", "the unit is missing"),
         (True, "bool"),
-        ({"kind": "sine", "amplitude": "1 bar"}, "signals.x.frequency is 'missing'"),
+        ({"kind": "sine", "amplitude": "1 bar"}, "signals.x.frequency is missing"),
         ({"kind": "sine", "amplitude": "1 bar", "frequency": "0 Hz"}, "signals.x.frequency"),
-        ({"kind": "sine", "amplitude": "1 cm", "frequency": "1 Hz"}, "allowed is a pressure"),
-        ({"kind": "sine", "amplitude": "1 bar", "frequency": "1 Hz", "phse": 0}, "did you mean phase"),
+        ({"kind": "sine", "amplitude": "1 cm", "frequency": "1 Hz"}, "must be a pressure"),
+        ({"kind": "sine", "amplitude": "1 bar", "frequency": "1 Hz", "phse": 0}, "Did you mean 'phase'"),
         ({"kind": "steps", "times": ["0 s", "1 s"], "values": ["1 bar"]}, "one for each"),
         ({"kind": "steps", "times": ["1 s"], "values": ["1 bar"]}, "0 s as the first"),
         ({"kind": "steps", "times": ["0 s", "2 s", "1 s"], "values": ["1 bar"] * 3}, "they rise"),
@@ -177,11 +178,11 @@ def test_every_waveform_says_what_it_is_in_one_line_and_the_same_again(kind):
         ({"kind": "sequence", "parts": [{"kind": "constant", "value": "1 bar"}]}, "signals.x.parts.1.lasts"),
         ({"kind": "pwm", "frequency": "1 Hz", "duty": "3 bar"}, "signals.x.duty"),
         ({"kind": "table", "file": "x.csv"}, "no files"),
-        ({"kind": "table", "times": ["0 s"], "values": ["1 bar"], "between": "curved"}, "straight, held"),
+        ({"kind": "table", "times": ["0 s"], "values": ["1 bar"], "between": "curved"}, "straight or held"),
     ],
 )  # fmt: skip
 def test_bad_waveforms_are_refused_by_file_and_dotted_path(entry, says):
     with pytest.raises(InputError) as error:
         read_waveform(entry, "Pa", field="signals.x", where="f.toml")
     assert says in str(error.value)
-    assert str(error.value).startswith("f.toml: signals.x")
+    assert re.match("f.toml: (Unknown (field ')?)?signals.x", str(error.value))

@@ -72,7 +72,7 @@ def test_a_missing_dimension_is_asked_for() -> None:
 
 
 def test_an_unknown_law_is_answered_with_the_nearest() -> None:
-    with pytest.raises(InputError, match="did you mean linear_threshold"):
+    with pytest.raises(InputError, match="Did you mean 'linear_threshold'"):
         fit("linear_treshold", nylon())
 
 

@@ -65,21 +65,21 @@ def test_elements_slower_than_the_record_are_named_as_not_told_apart() -> None:
 @pytest.mark.parametrize(
     ("time", "values", "options", "told"),
     [
-        (TIME[:5], TIME[:5], {}, "samples is 5"),
+        (TIME[:5], TIME[:5], {}, "samples must be 8 or more, got 5"),
         (TIME[::-1], TIME, {}, "does not rise"),
         (TIME, TIME[:-1], {}, "samples is '400, 399, 400'"),
-        (TIME, np.where(TIME > 1.0, np.nan, TIME), {}, "stroke is 'not finite"),
-        (TIME, TIME, {"law": "power"}, "law is 'power'; allowed is free, logarithmic"),
-        (TIME, TIME, {"shortest": 5.0}, "longest is 3.99"),
-        (TIME, TIME, {"shortest": -1.0}, "shortest is -1"),
-        (TIME, TIME, {"per_decade": 0}, "per_decade is 0"),
-        (TIME, TIME, {"train": TIME < 0.03, "shortest": 0.01, "longest": 1.0}, "train is '3 samples'"),
-        (TIME, TIME, {"train": np.ones(2, bool)}, "allowed is bool"),
+        (TIME, np.where(TIME > 1.0, np.nan, TIME), {}, "stroke is not finite"),
+        (TIME, TIME, {"law": "power"}, "law must be free or logarithmic, got 'power'"),
+        (TIME, TIME, {"shortest": 5.0}, "longest must be above the shortest, 5 s, up to 1e6 s"),
+        (TIME, TIME, {"shortest": -1.0}, "shortest must be 1e-4 s or more, got -1"),
+        (TIME, TIME, {"per_decade": 0}, "per_decade must be 1 or more, got 0"),
+        (TIME, TIME, {"train": TIME < 0.03, "shortest": 0.01, "longest": 1.0}, "train is 3 samples"),
+        (TIME, TIME, {"train": np.ones(2, bool)}, "must be bool"),
         (TIME, TIME, {"pressure_slope": np.inf}, "pressure_slope"),
     ],
 )
 def test_a_record_that_shows_no_creep_is_refused(time: object, values: object, options: dict, told: str) -> None:
     with pytest.raises(InputError, match=told):
         fit_creep(time, values, **options)
-    with pytest.raises(InputError, match="force is -1"):
+    with pytest.raises(InputError, match="force must be a force above 0 N, got -1"):
         fit_creep(TIME, stroke()).chain(-1.0)

@@ -116,11 +116,11 @@ RISE = np.linspace(0.0, 3e5, 20)
     ("pressure", "stroke", "told"),
     [
         (RISE, RISE * 1e-7, "no turning point"),
-        (RISE[:5], RISE[:5], "samples is 5"),
-        (np.append(RISE, np.nan), np.append(RISE, 0.0), "pressure is 'not finite"),
+        (RISE[:5], RISE[:5], "samples must be 12 or more, got 5"),
+        (np.append(RISE, np.nan), np.append(RISE, 0.0), "pressure is not finite"),
         (RISE, RISE[:-1], "20 and 19"),
-        (np.abs(RISE - 1e5), np.zeros(20), "stroke is 'constant'"),
-        (["a"] * 20, RISE, "pressure is 'no numbers'"),
+        (np.abs(RISE - 1e5), np.zeros(20), "stroke is constant"),
+        (["a"] * 20, RISE, "pressure is no numbers"),
     ],
 )
 def test_a_record_that_holds_no_loop_is_refused(pressure: object, stroke: object, told: str) -> None:
@@ -131,16 +131,16 @@ def test_a_record_that_holds_no_loop_is_refused(pressure: object, stroke: object
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ({"model": "coulomb"}, "model is 'coulomb'; allowed is maxwell_slip, dahl, bouc_wen"),
+        ({"model": "coulomb"}, "model must be maxwell_slip, dahl or bouc_wen, got 'coulomb'"),
         ({"known": {"mass": 1.0}}, "known.mass"),
-        ({"knots": 2}, "knots is 2"),
-        ({"train": np.arange(81) < 6}, "train is '6 samples'"),
-        ({"train": np.ones(3, bool)}, "allowed is bool"),
+        ({"knots": 2}, "knots must be 3 or more, got 2"),
+        ({"train": np.arange(81) < 6}, "train is 6 samples"),
+        ({"train": np.ones(3, bool)}, "must be bool"),
     ],
 )
 def test_a_fit_that_cannot_be_made_is_refused(options: dict[str, object], told: str) -> None:
     record = loop_of(Dahl(limit=FrictionLimit(constant=30.0), stiffness=2e4))
     with pytest.raises(InputError, match=told):
         fit_loop(record, **options)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="allowed is all, odd"):
+    with pytest.raises(InputError, match="must be all, odd"):
         record.split("some")

@@ -46,7 +46,7 @@ def test_a_parameter_of_a_circuit_that_no_record_shows_is_named():
     with pytest.raises(InputError) as refused:
         fit_circuit([leaking(conductance=3e-9)], free, step=PERIOD)
     assert str(refused.value) == (
-        "free is 'elements.unseen.conductance, nodes.other.size'; the data of leaking do not depend on them, so no fit can "
+        "free is 'elements.unseen.conductance, nodes.other.size': the data of leaking do not depend on them, so no fit can "
         "find them: fix these parameters, or begin with other values"
     )
     # fixed, they harm nothing

@@ -90,7 +90,7 @@ def test_a_tension_out_of_reach_is_named(law: str) -> None:
 
 @pytest.mark.parametrize("wanted", [-1.0, float("nan"), float("inf")])
 def test_a_tension_that_is_none_is_refused(wanted: float) -> None:
-    with pytest.raises(InputError, match="allowed is 0 N or more"):
+    with pytest.raises(InputError, match="must be 0 N or more"):
         example("ideal").pressure_for(wanted, 0.15)
 
 

@@ -190,13 +190,13 @@ def test_names_that_are_not_there_are_refused():
     for options in ({"inputs_by_name": ("y",)}, {"outputs": ("m.colour",)}, {"friction": "loose"}):
         with pytest.raises(InputError):
             on_a_plate(**options)
-    with pytest.raises(InputError, match="known are x"):
+    with pytest.raises(InputError, match="Known are x"):
         on_a_plate()[2].response("y", "m.tension", 1.0)
     with pytest.raises(InputError, match="above 0 Hz"):
         on_a_plate()[2].response("x", "m.tension", 0.0)
     machine, state, _ = on_a_plate()
-    with pytest.raises(InputError, match="known are m"):
+    with pytest.raises(InputError, match="Known are m"):
         muscle_stiffness(machine, *arguments(machine, state), "n")
-    with pytest.raises(InputError, match="allowed is a Joint"):
+    with pytest.raises(InputError, match="must be a Joint"):
         joint_stiffness(machine, *arguments(machine, state))
     assert at({"x": ramped(np.zeros(2))}, 0)["x"].value == 0.0

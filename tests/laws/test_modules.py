@@ -28,7 +28,7 @@ class Spring(Base):
 
     def __check_init__(self) -> None:
         if self.label == "bad":
-            raise InputError("label", "bad", "allowed is another")
+            raise InputError("label", "bad", "must be another")
 
 
 def test_a_module_is_taken_apart_and_put_together():

@@ -61,7 +61,7 @@ def test_the_table_that_the_others_are_bent_from_is_good(tmp_path: Path) -> None
 )
 def test_a_missing_column_is_named(tmp_path: Path, header: str, named: str) -> None:
     said = refusal(write(tmp_path / "map.csv", header, rows()))
-    assert f"{named} is 'no column'" in said
+    assert f"{named} is no column" in said
     assert header.split(",")[0] in said  # what the file has instead
 
 
@@ -152,7 +152,7 @@ def test_a_column_in_the_wrong_unit_is_refused_where_it_can_be_seen(
 )
 def test_a_column_without_a_unit_is_refused(tmp_path: Path, header: str, named: str) -> None:
     said = refusal(write(tmp_path / "bare.csv", header, rows()))
-    assert f"{named} is 'no unit'" in said
+    assert f"{named} is no unit" in said
 
 
 @pytest.mark.parametrize(
@@ -228,7 +228,7 @@ def test_a_file_that_is_no_table_is_refused(tmp_path: Path, text: str, expected:
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
-    assert "no such file" in refusal(tmp_path / "nowhere.csv")
+    assert "not found" in refusal(tmp_path / "nowhere.csv")
 
 
 def test_a_binary_file_is_refused(tmp_path: Path) -> None:
@@ -322,7 +322,7 @@ def test_two_columns_of_one_kind_must_be_chosen_between(tmp_path: Path) -> None:
 
 def test_an_unknown_column_choice_is_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "map.csv", GOOD, rows())
-    assert "known are" in refusal(path, columns={"colour": "force_N"})
+    assert "Known are" in refusal(path, columns={"colour": "force_N"})
     assert "the file has" in refusal(path, columns={"tension": "F"})
 
 

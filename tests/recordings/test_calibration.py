@@ -3,6 +3,7 @@
 import datetime
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -111,19 +112,19 @@ def test_another_sensor_takes_nothing_over_and_the_same_one_keeps_its_other_term
         ("schema", True, "this version reads schema"),
         ("rig", 3, "one line of text"),
         ("created", "yesterday", "a date such as"),
-        ("colour", "red", "known are schema"),
-        ("channels", [1], "allowed is a table"),
+        ("colour", "red", "Known are schema"),
+        ("channels", [1], "must be a table"),
         ("channels.tension.unit", "kN", "an SI unit"),
-        ("channels.tension.gain", 1.02, "allowed is a table"),
-        ("channels.tension.gain.value", math.nan, "allowed is 0.001 to 1000"),
-        ("channels.tension.gain.value", -1.0, "allowed is 0.001 to 1000"),
-        ("channels.tension.gain.value", "1", "allowed is a number"),
-        ("channels.tension.gain.uncertainty", -1e-3, "allowed is 0 to"),
-        ("channels.tension.gain.degrees", 0.0, "allowed is 0.5"),
-        ("channels.tension.zero.valid_for", 0.0, "allowed is 1 s"),
+        ("channels.tension.gain", 1.02, "must be a table"),
+        ("channels.tension.gain.value", math.nan, "must be between 0.001 and 1000"),
+        ("channels.tension.gain.value", -1.0, "must be between 0.001 and 1000"),
+        ("channels.tension.gain.value", "1", "must be a number"),
+        ("channels.tension.gain.uncertainty", -1e-3, "must be between 0 and"),
+        ("channels.tension.gain.degrees", 0.0, "must be between 0.5"),
+        ("channels.tension.zero.valid_for", 0.0, "must be between 1 s"),
         ("channels.tension.zero.date", "2026-13-01", "a date such as"),
-        ("channels.tension.correlation", 1.5, "allowed is -1 to 1"),
-        ("channels.tension.offset", 3.0, "known are unit"),
+        ("channels.tension.correlation", 1.5, "must be between -1 and 1"),
+        ("channels.tension.offset", 3.0, "A channel has unit"),
     ],
 )
 def test_a_table_that_is_wrong_is_refused_by_its_path(path, value, allowed):
@@ -135,7 +136,7 @@ def test_a_table_that_is_wrong_is_refused_by_its_path(path, value, allowed):
     at[last] = value
     with pytest.raises(InputError, match=allowed) as error:
         read_plain(table, where="here")
-    assert str(error.value).startswith(f"here: {path} is ")
+    assert re.match(f"here: (Unknown field ')?{path}", str(error.value))
     with pytest.raises(InputError, match="calibration of the recording"):
         recalibrate(recording({"calibration": table}), None)
 
@@ -241,10 +242,10 @@ def test_missing_samples_stay_missing():
 @pytest.mark.parametrize(
     ("new", "said"),
     [
-        (calibration(rig="paper"), "rig is 'paper'; the recording is of modern"),
-        (calibration(channel="force"), "channels is 'force'; measured in the recording: tension, span"),
-        (calibration(unit="Pa"), "unit of tension is 'Pa'; the recording has N"),
-        (None, "calibration is 'none'; the recording carries none"),
+        (calibration(rig="paper"), "rig is 'paper': the recording is of modern"),
+        (calibration(channel="force"), "channels is 'force': measured in the recording: tension, span"),
+        (calibration(unit="Pa"), "unit of tension is 'Pa': the recording has N"),
+        (None, "calibration is none: the recording carries none"),
     ],
 )
 def test_what_does_not_fit_the_recording_is_refused_in_one_line(new, said):

@@ -192,7 +192,7 @@ def test_a_log_of_a_newer_version_is_refused(monkeypatch) -> None:
     with tempfile.NamedTemporaryFile(suffix=".mcap") as file:
         file.write(data)
         file.flush()
-        with pytest.raises(InputError, match=r"\.mcap: schema is 2; this version of mckibben reads up to 1; a newer"):
+        with pytest.raises(InputError, match=r"\.mcap: schema is 2: this version of mckibben reads up to 1; a newer"):
             read_log(file.name)
 
 
@@ -249,7 +249,7 @@ def as_json(*values: dict, step: int = 10**7) -> tuple:
 def test_json_topics_of_others_become_channels(tmp_path: Path, compression) -> None:
     messages = as_json(*({"tank": {"pressure": 1.0 + i}, "open": i > 1, "who": "me"} for i in range(4)))
     path = foreign(tmp_path / "a.mcap", {"/rig": messages}, compression)
-    with pytest.raises(InputError, match=r"a\.mcap: unit of tank\.pressure .* is 'no unit'; say it: bar"):
+    with pytest.raises(InputError, match=r"a\.mcap: unit of tank\.pressure \(tank\.pressure\) is no unit: say it: bar"):
         read_any(path)
     record = read_any(path, units={"tank.pressure": "bar"}).recording
     assert np.allclose(record.time, [0.0, 0.01, 0.02, 0.03], rtol=0, atol=1e-15)
@@ -276,7 +276,7 @@ def test_plain_ros_messages_of_others_become_channels(tmp_path: Path) -> None:
 def test_topics_of_two_clocks_must_be_chosen_from(tmp_path: Path) -> None:
     topics = {"/a": as_json({"f": 1}, {"f": 2}), "/b": as_json({"p": 1}, {"p": 2}, {"p": 3}, step=10**6)}
     path = foreign(tmp_path / "a.mcap", topics)
-    with pytest.raises(InputError, match=r"of 2 clocks \(/a: a\.f; /b: b\.p\)'; a recording has one time"):
+    with pytest.raises(InputError, match=r"'of 2 clocks \(/a: a\.f; /b: b\.p\)': a recording has one time"):
         read_any(path)
     read = read_any(path, columns={"pressure": "b.p"}, units={"pressure": "kPa"})
     assert read.recording["pressure"].tolist() == [1e3, 2e3, 3e3]

@@ -77,7 +77,7 @@ def test_a_figure_needs_recordings_where_one_of_its_rows_does():
 
 
 def test_an_unknown_figure_is_refused_with_those_that_there_are():
-    with pytest.raises(InputError, match="14.*known are 1, 2, 3a"):
+    with pytest.raises(InputError, match="14.*Known are 1, 2, 3a"):
         figure("14")
 
 

@@ -158,7 +158,7 @@ def test_figures_are_chosen_by_name_part_and_row():
     assert ids(["3"]) == ["3a", "3b"] and ids(["12c", "3a"]) == ["12c", "3a"]
     assert ids(part="IV") == ["12c"] and ids(rows=["b."]) == ["12c"]
     assert "3b" not in ids(recordings=False)
-    for words, more, says in ((["9"], {}, "known are 3a"), (["3b"], {"recordings": False}, "no-recordings"),
+    for words, more, says in ((["9"], {}, "Known are 3a"), (["3b"], {"recordings": False}, "no-recordings"),
                               (["3a"], {"part": "IV"}, "not in part IV")):  # fmt: skip
         with pytest.raises(InputError, match=says):
             ids(words, **more)
@@ -248,7 +248,7 @@ def test_without_typst_out_is_refused_before_any_work_and_html_alone_is_offered(
     [
         (["--report", "r.doc"], "ends in .html or .pdf"), (["--report", "no/such/r.html"], "no such folder"),
         (["--out", "no/such/folder"], "no such folder"), (["--out", "file"], "it is a file"),
-        (["--figure", "99"], "known are 1, 2"),
+        (["--figure", "99"], "Known are 1, 2"),
         (["--figure", "3a", "--no-recordings"], "no-recordings"), (["--row", "nothing"], "no row begins"),
     ],
 )  # fmt: skip

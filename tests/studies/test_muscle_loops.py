@@ -228,20 +228,30 @@ def test_a_folder_without_the_files_gives_one_line(tmp_path: Path, capsys) -> No
 
 
 def test_an_unknown_friction_is_refused(folder: Path) -> None:
-    with pytest.raises(InputError, match="allowed is maxwell_slip, dahl, bouc_wen"):
+    with pytest.raises(InputError, match="must be maxwell_slip, dahl or bouc_wen"):
         loop_study(folder, frictions=("coulomb",))
-    with pytest.raises(InputError, match="friction is 'none'"):
+    with pytest.raises(InputError, match="friction is none"):
         loop_study(folder, frictions=())
 
 
 @pytest.mark.parametrize(
     ("file", "old", "new", "told"),
     [
-        (LOOP, "p_sensor_V", "volts", "p_sensor_V is 'no column'"),
-        (LOOP, "down,", "back,", "branch is 'back, up'"),
-        (LOOP, "up,0.0,", "up,0.0,9", "p_bar_gauge is 'off by"),
-        (LOOP, "0.5", "x", "allowed is a number"),
-        (STEPS, "step_down", "step_back", "segment is 'step_back, step_up'"),
+        (LOOP, "p_sensor_V", "volts", "p_sensor_V is no column"),
+        (LOOP, "down,", "back,", "branch must be up and down, each of them, got 'back, up"),
+        (
+            LOOP,
+            "up,0.0,",
+            "up,0.0,9",
+            "p_bar_gauge must be",
+        ),
+        (LOOP, "0.5", "x", "must be a number"),
+        (
+            STEPS,
+            "step_down",
+            "step_back",
+            "segment must be step_up and step_down, each of them, got 'step_back, step_up",
+        ),
         (STEPS, "step_up,0.70,4,", "step_up,0.70,4,1,", "cells"),
         (STEPS, ",2.00", ",nan", "finite"),
     ],
@@ -261,7 +271,7 @@ def test_what_is_no_record_of_this_muscle_is_refused(
 def test_branches_that_are_named_the_wrong_way_round_are_refused(folder: Path, tmp_path: Path) -> None:
     text = (folder / LOOP).read_text()
     (tmp_path / LOOP).write_text(text.replace("up,", "X,").replace("down,", "up,").replace("X,", "down,"))
-    with pytest.raises(InputError, match="branch is 'right in"):
+    with pytest.raises(InputError, match="branch must be up while the pressure rises"):
         read_loop(tmp_path)
 
 
@@ -270,7 +280,7 @@ def test_a_step_whose_pressure_is_not_held_is_refused(folder: Path, tmp_path: Pa
     text = (folder / STEPS).read_text()
     moved = [row[:-4] + "2.30" if row.startswith("step_up,0.9") else row for row in text.splitlines()]
     (tmp_path / STEPS).write_text("\n".join(moved) + "\n")
-    with pytest.raises(InputError, match="p_bar_sensor is 'moves by 0.3 bar after 0.49 s'"):
+    with pytest.raises(InputError, match="p_bar_sensor must be a step held to"):
         loop_study(tmp_path, frictions=("dahl",))
 
 

@@ -202,7 +202,7 @@ def test_the_figure_names_every_law_and_data_set() -> None:
 
 
 def test_a_figure_of_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="data sets is 'none'"):
+    with pytest.raises(InputError, match="data sets is none"):
         errors_figure(Validation(()))
 
 
@@ -215,7 +215,7 @@ def test_a_figure_of_nothing_is_refused() -> None:
         (["--only", "nothing"], "data set is 'nothing'"),
         (["--law", "nothing"], "nothing"),
         (["--data", "not-there"], "no such folder"),
-        (["--out", "page.html"], "allowed is a name that ends in .md"),
+        (["--out", "page.html"], "must be a name that ends in .md"),
         (["--out", "not-there/page.md"], "no such folder"),
     ],
 )

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..errors import InputError
-from ..experiments.waveforms import near
-from ..experiments.words import Entry
+from ..errors import InputError, suggest
 from ..pneumatics.build import ELEMENTS, build_element, known_keys
 from ..pneumatics.circuit import Branch
 from ..pneumatics.valves import PressureRegulator
+from ..schema import FileTable
 from ..specimens import Specimen, specimen
 
 TWO = ("from", "to")  # the two ports of an element that has no more
@@ -23,7 +22,7 @@ class PlannedBranch(NamedTuple):
     unit: str
 
 
-def read_branch(entry: Entry, nodes: Sequence[str]) -> PlannedBranch:
+def read_branch(entry: FileTable, nodes: Sequence[str]) -> PlannedBranch:
     """One element of a kind, joined to nodes.
 
     Raises:
@@ -41,22 +40,22 @@ def read_branch(entry: Entry, nodes: Sequence[str]) -> PlannedBranch:
         key = error.field.removeprefix(f"{kind}.")
         if spec is not None and error.where == (spec.where or spec.id):
             key = "specimen"
-        hint = near(key, known_keys(kind)) if error.value == "unknown" else ""
+        hint = suggest(key, known_keys(kind)) if error.value == "unknown" else ""
         raise InputError(entry.field(key), error.value, hint + error.allowed, where=entry.where) from None
     command = entry.word("command") if "command" in entry.values else None
     return PlannedBranch(Branch(element, ends, command), "Pa" if isinstance(element, PressureRegulator) else "1")
 
 
-def _end(entry: Entry, key: str, keys: Sequence[str], nodes: Sequence[str]) -> str:
+def _end(entry: FileTable, key: str, keys: Sequence[str], nodes: Sequence[str]) -> str:
     if key not in entry.values:
         raise entry.fail(key, "missing", f"its ports are {', '.join(keys)}, and each leads to a node")
     end = entry.values[key]
     if end not in nodes:
-        raise entry.fail(key, end, f"no such node; {near(end, nodes)}known are {', '.join(nodes)}")
+        raise entry.fail(key, end, f"{suggest(end, nodes)}known are {', '.join(nodes)}")
     return str(end)
 
 
-def _specimen(entry: Entry) -> Specimen:
+def _specimen(entry: FileTable) -> Specimen:
     wanted = entry.word("specimen")
     try:
         return specimen(wanted)

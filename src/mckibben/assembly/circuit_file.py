@@ -36,11 +36,11 @@ from typing import Any
 from ..components import Environment
 from ..documents import parse_toml, read_text, with_own_paths
 from ..engine import STEP
-from ..errors import InputError
-from ..experiments.waveforms import Waveform, near, read_waveform, time_words
-from ..experiments.words import Entry
+from ..errors import InputError, suggest
+from ..experiments.waveforms import Waveform, read_waveform, time_words
 from ..pneumatics.circuit import Branch, Circuit
 from ..quantities import Quantity, declared
+from ..schema import FileTable
 from .circuit_elements import read_branch
 from .circuit_nodes import PlannedNode, check_length, read_node
 from .circuit_plan import CircuitPlan, PlannedSignal
@@ -70,7 +70,7 @@ def read_circuit(path: str | os.PathLike[str]) -> CircuitPlan:
 
 def build_plan(document: Mapping[str, Any], *, where: str, digest: str) -> CircuitPlan:
     """The plan of a document that was read; raises as `read_circuit` does."""
-    top = Entry(document, "", where)
+    top = FileTable(document, "", where)
     if document.get("schema") != SCHEMA:
         raise InputError(
             "schema", document.get("schema", "missing"), f"this version reads schema {SCHEMA}", where=where
@@ -109,7 +109,7 @@ def build_plan(document: Mapping[str, Any], *, where: str, digest: str) -> Circu
     return plan
 
 
-def _environment(entry: Entry) -> Environment:
+def _environment(entry: FileTable) -> Environment:
     entry.only(("pressure", "temperature"), "an environment has")
     known = declared(Environment)
     plain = Environment()
@@ -119,7 +119,7 @@ def _environment(entry: Entry) -> Environment:
     )
 
 
-def _named(top: Entry, section: str) -> list[tuple[str, Entry]]:
+def _named(top: FileTable, section: str) -> list[tuple[str, FileTable]]:
     entry = top.table(section)
     if not entry.values:
         raise top.fail(section, "missing", f"allowed is one [{section}.NAME] or more")
@@ -127,7 +127,7 @@ def _named(top: Entry, section: str) -> list[tuple[str, Entry]]:
     return [(name, entry.table(name)) for name in entry.values]
 
 
-def _check_names(entry: Entry) -> None:
+def _check_names(entry: FileTable) -> None:
     for name in entry.values:
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
             raise entry.fail(name, name, "allowed is a name of letters, digits, - and _ that begins with a letter")
@@ -174,13 +174,13 @@ def _uses(
     return found
 
 
-def _signals(top: Entry, uses: Mapping[str, list[tuple[str, str]]], where: str) -> dict[str, PlannedSignal]:
+def _signals(top: FileTable, uses: Mapping[str, list[tuple[str, str]]], where: str) -> dict[str, PlannedSignal]:
     stated = top.table("signals").values
     _check_names(top.table("signals"))
     for signal, drives in uses.items():
         if signal not in stated:
             hint = f"known are {', '.join(stated)}" if stated else f"state it as [signals.{signal}]"
-            raise InputError(drives[0][0], signal, f"no such signal; {near(signal, stated)}{hint}", where=where)
+            raise InputError(drives[0][0], signal, f"{suggest(signal, stated)}{hint}", where=where)
     found = {}
     for name, entry in stated.items():
         if name not in uses:

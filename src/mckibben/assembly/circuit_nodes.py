@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..components import Environment
-from ..errors import InputError, MissingParametersError
-from ..experiments.waveforms import near
-from ..experiments.words import Entry
+from ..errors import InputError, MissingParametersError, suggest
 from ..muscles import law_from_specimen
 from ..muscles.build import build_law, needed_words
 from ..muscles.law import TensionLaw
@@ -17,6 +15,7 @@ from ..muscles.laws import LAWS, law_type
 from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiabatic
 from ..pneumatics.volume import Chamber, CompliantVolume, FixedVolume, MovingVolume, Reservoir
 from ..quantities import declared, shown_unit, with_unit
+from ..schema import FileTable
 from ..specimens import Specimen, specimen
 
 KINDS = ("reservoir", "atmosphere", "volume", "compliant", "muscle", "junction")
@@ -52,7 +51,7 @@ class PlannedNode:
     needs_volume: bool = False
 
 
-def read_node(name: str, entry: Entry, room: Environment) -> PlannedNode:
+def read_node(name: str, entry: FileTable, room: Environment) -> PlannedNode:
     """One node of a kind.
 
     Raises:
@@ -68,7 +67,7 @@ def read_node(name: str, entry: Entry, room: Environment) -> PlannedNode:
     return _volume(kind, entry, room)
 
 
-def start_pressure(entry: Entry, key: str, room: Environment, default: float | None = None) -> float:
+def start_pressure(entry: FileTable, key: str, room: Environment, default: float | None = None) -> float:
     """A gauge pressure above vacuum [Pa]."""
     value = entry.number(key, "Pa", default)
     lowest = -float(room.pressure_abs)
@@ -79,7 +78,7 @@ def start_pressure(entry: Entry, key: str, room: Environment, default: float | N
     return value
 
 
-def _reservoir(name: str, kind: str, entry: Entry, room: Environment) -> PlannedNode:
+def _reservoir(name: str, kind: str, entry: FileTable, room: Environment) -> PlannedNode:
     temperature = declared(Reservoir)["temperature"]
     warm = entry.number("temperature", "K", float(room.temperature), declared=temperature)
     if kind == "atmosphere":
@@ -99,7 +98,7 @@ def _reservoir(name: str, kind: str, entry: Entry, room: Environment) -> Planned
     return PlannedNode(node, kind, words=with_unit(gauge, "Pa"))
 
 
-def _volume(kind: str, entry: Entry, room: Environment) -> PlannedNode:
+def _volume(kind: str, entry: FileTable, room: Environment) -> PlannedNode:
     entry.only(("kind", "volume", *STARTS), f"a {kind} has")
     needs = kind == "junction" and "volume" not in entry.values
     size = SMALLEST if needs else entry.number("volume", "m^3", declared=declared(FixedVolume)["size"])
@@ -111,7 +110,7 @@ def _volume(kind: str, entry: Entry, room: Environment) -> PlannedNode:
     )
 
 
-def _compliant(name: str, entry: Entry, room: Environment) -> PlannedNode:
+def _compliant(name: str, entry: FileTable, room: Environment) -> PlannedNode:
     entry.only(("kind", "volume", "compliance", "swept", "signal", *STARTS), "a compliant volume has")
     known = declared(CompliantVolume)
     size = entry.number("volume", "m^3", declared=known["size"])
@@ -133,7 +132,7 @@ def _compliant(name: str, entry: Entry, room: Environment) -> PlannedNode:
     return PlannedNode(node, "compliant", start, signal, "1", words=said)
 
 
-def _muscle(name: str, entry: Entry, room: Environment) -> PlannedNode:
+def _muscle(name: str, entry: FileTable, room: Environment) -> PlannedNode:
     entry.only(("kind", "specimen", "law", "parameters", "length", "signal", "dead_volume", *STARTS), "a muscle has")
     law, title = _law(entry)
     if ("length" in entry.values) == ("signal" in entry.values):
@@ -155,7 +154,7 @@ def _muscle(name: str, entry: Entry, room: Environment) -> PlannedNode:
     return PlannedNode(node, "muscle", start, signal, "m", length, law, words=f"{title}, {place}{fittings}, {words}")
 
 
-def _law(entry: Entry) -> tuple[TensionLaw, str]:
+def _law(entry: FileTable) -> tuple[TensionLaw, str]:
     wanted = entry.word("specimen")
     try:
         spec = specimen(wanted)
@@ -163,7 +162,7 @@ def _law(entry: Entry) -> tuple[TensionLaw, str]:
         raise entry.fail("specimen", wanted, error.allowed) from None
     name = entry.word("law", spec.law or None, among=None)
     if name not in LAWS:
-        raise entry.fail("law", name, f"{near(name, LAWS)}{spec.id} states {', '.join(spec.laws) or 'none'}")
+        raise entry.fail("law", name, f"{suggest(name, LAWS)}{spec.id} states {', '.join(spec.laws) or 'none'}")
     changes, known = entry.table("parameters"), declared(law_type(name))
     changes.only(known, f"{name} has")
     values = {k: changes.number(k, known[k].unit, declared=known[k]) for k in changes.values}
@@ -180,7 +179,7 @@ def _law(entry: Entry) -> tuple[TensionLaw, str]:
     return law, f"{spec.id} by {name}"
 
 
-def _missing(entry: Entry, changes: Entry, spec: Specimen, error: MissingParametersError) -> InputError:
+def _missing(entry: FileTable, changes: FileTable, spec: Specimen, error: MissingParametersError) -> InputError:
     """A complaint that names the parameters that neither the specimen nor the file states, and how they are given."""
     has = f"states {', '.join(spec.laws)}" if error.law not in spec.laws else "does not state all of it"
     paths = ", ".join(
@@ -202,15 +201,15 @@ def check_length(law: TensionLaw, length: float, field: str, where: str) -> None
         )
 
 
-def _heat(entry: Entry, room: Environment) -> tuple[HeatModel, str]:
+def _heat(entry: FileTable, room: Environment) -> tuple[HeatModel, str]:
     """How a volume exchanges heat, and that in words."""
     raw: Any = entry.values.get("heat", "isothermal")
     if isinstance(raw, Mapping):
         table = entry.table("heat")
     else:
         if raw not in HEATS:
-            raise entry.fail("heat", raw, f"{near(raw, HEATS)}known are {', '.join(HEATS)}")
-        table = Entry({"kind": raw}, entry.field("heat"), entry.where)
+            raise entry.fail("heat", raw, f"{suggest(raw, HEATS)}known are {', '.join(HEATS)}")
+        table = FileTable({"kind": raw}, entry.field("heat"), entry.where)
     kind = table.word("kind", among=HEATS)
     if kind == "polytropic":
         table.only(("kind", "exponent"), "polytropic has")

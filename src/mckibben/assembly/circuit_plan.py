@@ -12,8 +12,8 @@ from ..components import Environment, paths
 from ..documents import parse_toml
 from ..engine import Signal, fastest_rate, held, ramped
 from ..engine.rates import RK4_LIMIT
-from ..errors import InputError
-from ..experiments.waveforms import Waveform, near
+from ..errors import InputError, suggest
+from ..experiments.waveforms import Waveform
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.sizes import put_value
 from ..quantities import parse
@@ -213,7 +213,7 @@ def _put(document: Any, path: str, value: Any, known: list[str], where: str) -> 
     parts = path.split(".")
     inside = parts[0] in ("environment", "run") or (len(parts) > 2 and has(document, ".".join(parts[:2])))
     if not (inside or has(document, path)):
-        raise InputError("parameter", path, f"{near(path, known)}no such key or parameter", where=where)
+        raise InputError("parameter", path, f"{suggest(path, known)}no such key or parameter", where=where)
     if parts[0] == "elements" and len(parts) == 3:
         element = put_value(document["elements"][parts[1]], parts[2], _toml(value))
         return {**document, "elements": {**document["elements"], parts[1]: element}}

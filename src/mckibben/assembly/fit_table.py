@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..experiments.words import Entry
+from ..schema import FileTable
 
 KEYS = ("free", "start", "columns", "units", "pressure_zero")
 
@@ -29,7 +29,7 @@ class FitTable:
     pressure_zero: float = 0.0
 
 
-def read_fit(entry: Entry) -> FitTable:
+def read_fit(entry: FileTable) -> FitTable:
     """The table as a value.
 
     Raises:
@@ -48,7 +48,7 @@ def read_fit(entry: Entry) -> FitTable:
     )
 
 
-def _table(entry: Entry, key: str, kinds: tuple[type, ...], allowed: str) -> dict[str, Any]:
+def _table(entry: FileTable, key: str, kinds: tuple[type, ...], allowed: str) -> dict[str, Any]:
     values = entry.table(key).values
     for name, value in values.items():
         if not isinstance(value, kinds) or isinstance(value, bool):

@@ -16,8 +16,7 @@ import numpy as np
 
 from ..bench.hardware.pneumatics import MUSCLE
 from ..errors import InputError
-from ..experiments.checks_tension import states
-from ..experiments.dry_run import check
+from ..experiments.dry_run import check, states
 from .recipe import KEPT, Kitchen, Recipe
 from .template import Fixed, Places, Template, build, places, same_leaves
 from .variants import Variants, power

@@ -24,9 +24,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from ..errors import InputError
-from ..experiments.waveforms import near
-from ..experiments.words import Entry
+from ..errors import InputError, suggest
+from ..schema import FileTable
 
 RUNNING = ("first", "final", "min", "max", "mean", "rms", "integral", "area")  # made while it goes
 LATER = ("time_to", "drift", "samples")  # made of kept samples
@@ -67,7 +66,7 @@ USUAL = tuple(
 )
 
 
-def read_outputs(top: Entry) -> tuple[Output, ...]:
+def read_outputs(top: FileTable) -> tuple[Output, ...]:
     """The outputs of a sweep file, the usual ones where it names none.
 
     Raises:
@@ -76,10 +75,10 @@ def read_outputs(top: Entry) -> tuple[Output, ...]:
     table = top.table("outputs")
     if not table.values:
         return USUAL
-    return tuple(_one(name, Entry.of(value, table.field(name), top.where)) for name, value in table.values.items())
+    return tuple(_one(name, FileTable.of(value, table.field(name), top.where)) for name, value in table.values.items())
 
 
-def _one(name: str, entry: Entry) -> Output:
+def _one(name: str, entry: FileTable) -> Output:
     if name == TIME or not name.strip() or "/" in name:
         raise InputError(
             entry.path, name, "allowed is another name: time and names with / are taken", where=entry.where
@@ -106,7 +105,7 @@ def check_channels(outputs: Iterable[Output], known: Iterable[str], accounts: It
         allowed = channels if one.sampled else integrals if one.reduce == "account" else list(BALANCES)
         for name in filter(None, (one.channel, one.over)):
             if name not in allowed:
-                said = f"{near(name, allowed)}known are {', '.join(allowed)}"
+                said = f"{suggest(name, allowed)}known are {', '.join(allowed)}"
                 key = one.reduce if not one.sampled else "over" if name == one.over else "channel"
                 raise InputError(f"outputs.{one.name}.{key}", name, said, where=where)
 

@@ -17,14 +17,13 @@ from typing import Any, NamedTuple
 from ..bench.rig import Rig
 from ..bench.rig_file import LENGTH, UNITS
 from ..components import Environment, paths
-from ..errors import InputError
+from ..errors import InputError, suggest
 from ..experiments.amounts import read_amount
 from ..experiments.protocol import Protocol
 from ..experiments.read import SETTINGS
-from ..experiments.waveforms import near
-from ..experiments.words import shown
 from ..pneumatics.build import ELEMENTS, known_keys
 from ..quantities import Quantity, declared, parse, split_values
+from ..schema import shown
 
 WORDS = ("muscle", "rig", "plumbing", "noise_seed")
 _ELEMENTS = ("valve", "tube", "shut_off", "leak")
@@ -115,7 +114,7 @@ def setting(path: str, protocol: Protocol, rig: Rig, unit: Any, *, where: str | 
         return Setting(path) if found is None else Setting(path, found.unit, found)
     known = protocol.variables()
     if path not in (*known, *SETTINGS):
-        some = f"{near(path, known)}{protocol.name} has {', '.join([*known, *SETTINGS])}"
+        some = f"{suggest(path, known)}{protocol.name} has {', '.join([*known, *SETTINGS])}"
         raise InputError(path, "unknown", f"{some}; others begin with rig. or muscle.", where=where)
     units = {p.name: p.unit for p in protocol.parameters if p.unit != "word"}
     return Setting(path, units.get(path, "1/s" if path == "sample_rate" else ""))

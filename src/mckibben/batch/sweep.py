@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..bench.segment import CHUNK
-from ..errors import InputError
-from ..experiments.waveforms import near
+from ..errors import InputError, suggest
 from .outputs import LATER, check_channels, document, wanted
 from .recipe import Kitchen, Recipe
 from .run import LANES, known_names
@@ -143,7 +142,7 @@ class Sweep:
         labels = list(dict.fromkeys(s.step.label for part in first.parts for s in part.steps if s.step.label))
         for one in self.recipe.outputs:
             if one.step and one.step not in labels:
-                said = f"{near(one.step, labels)}the protocol's steps are called {', '.join(labels) or 'nothing'}"
+                said = f"{suggest(one.step, labels)}the protocol's steps are called {', '.join(labels) or 'nothing'}"
                 raise InputError(f"outputs.{one.name}.step", one.step, said, where=self.where)
 
 

@@ -49,11 +49,9 @@ from ..documents import read_toml
 from ..engine import STEP
 from ..engine.native import ENGINES
 from ..errors import InputError
-from ..experiments.bind import whole
-from ..experiments.library import shipped
 from ..experiments.protocol import Protocol
-from ..experiments.read import with_values
-from ..experiments.words import Entry
+from ..experiments.read import shipped, with_values
+from ..schema import FileTable
 from ..specimens import specimen
 from . import posterior
 from .outputs import read_outputs
@@ -76,7 +74,7 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
         InputError: names the file, the dotted path, the value and what is allowed.
     """
     where = os.fspath(path)
-    top = Entry(read_toml(path, field="sweep"), "", where)
+    top = FileTable(read_toml(path, field="sweep"), "", where)
     top.only(SECTIONS, "a sweep has")
     if top.values.get("schema") != SCHEMA or isinstance(top.values.get("schema"), bool):
         raise top.fail("schema", top.values.get("schema", "missing"), f"this version reads schema {SCHEMA}")
@@ -101,12 +99,12 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
     run.only(("block", "memory", "engine"))
     return Sweep(
         recipe, variants, title=top.text("title"), where=where, engine=run.word("engine", "auto", among=ENGINES),
-        block=whole(run, "block", run.values["block"], 1, 2**16) if "block" in run.values else 0,
+        block=run.whole("block", 1, 2**16) if "block" in run.values else 0,
         memory=run.number("memory", "byte", MEMORY),
     )  # fmt: skip
 
 
-def _recipe(top: Entry, folder: Path) -> Recipe:
+def _recipe(top: FileTable, folder: Path) -> Recipe:
     protocol = _protocol(top.word("protocol"), folder)
     muscle, rig = _found(top.word("muscle"), folder), _found(top.word("rig", "paper"), folder)
     accept = top.values.get("accept_saturation", False)
@@ -119,7 +117,7 @@ def _recipe(top: Entry, folder: Path) -> Recipe:
         protocol=protocol, muscle=muscle, rig=rig, specimens={muscle: specimen(muscle)},
         rigs={rig: dict(rig_of(rig).document)}, outputs=read_outputs(top), plumbing=top.text("plumbing"), step=step,
         accept_saturation=accept,
-        noise_seed=whole(top, "noise_seed", top.values.get("noise_seed", 0), 0, 2**32 - 1),
+        noise_seed=top.whole("noise_seed", 0, 2**32 - 1, 0),
     )  # fmt: skip
     given = top.table("set")
     for path in given.values:
@@ -139,7 +137,7 @@ def _found(name: str, folder: Path) -> str:
     return str(folder / name) if name.lower().endswith(".toml") else name
 
 
-def _grid(top: Entry, known: Any) -> Variants | None:
+def _grid(top: FileTable, known: Any) -> Variants | None:
     table = top.table("grid")
     if not table.values:
         return None
@@ -147,10 +145,10 @@ def _grid(top: Entry, known: Any) -> Variants | None:
     for path, raw in table.values.items():
         one = known(path)
         if isinstance(raw, Mapping):
-            entry = Entry.of(raw, table.field(path), top.where)
+            entry = FileTable.of(raw, table.field(path), top.where)
             entry.only(("from", "to", "count", "spacing"))
             low, high, spacing = _range(entry, one)
-            count = whole(entry, "count", entry.values.get("count", 0), 1, MOST)
+            count = entry.whole("count", 1, MOST)
             share = np.linspace(0.0, 1.0, count) if count > 1 else np.zeros(1)
             axes[path] = [float(x) for x in between(path, low, high, spacing, share)]
         elif isinstance(raw, list) and raw:
@@ -160,7 +158,7 @@ def _grid(top: Entry, known: Any) -> Variants | None:
     return grid(axes)
 
 
-def _range(entry: Entry, one: Setting) -> tuple[float, float, str]:
+def _range(entry: FileTable, one: Setting) -> tuple[float, float, str]:
     ends = []
     for key in ("from", "to"):
         if key not in entry.values:
@@ -172,41 +170,41 @@ def _range(entry: Entry, one: Setting) -> tuple[float, float, str]:
     return ends[0], ends[1], entry.word("spacing", "linear", among=SPACINGS)
 
 
-def _latin(top: Entry, known: Any) -> Variants | None:
+def _latin(top: FileTable, known: Any) -> Variants | None:
     table = top.table("latin")
     if not table.values:
         return None
     table.only(("count", "seed", "ranges"))
     ranges = {}
     for path, raw in table.table("ranges").values.items():
-        entry = Entry.of(raw, f"latin.ranges.{path}", top.where)
+        entry = FileTable.of(raw, f"latin.ranges.{path}", top.where)
         entry.only(("from", "to", "spacing"))
         ranges[path] = _range(entry, known(path))
     if not ranges:
         raise table.fail("ranges", "missing", "allowed is a table of ranges { from, to } by path")
-    count = whole(table, "count", table.values.get("count", 0), 1, MOST)
-    return latin(ranges, count, seed=whole(table, "seed", table.values.get("seed", 0), 0, 2**32 - 1))
+    count = table.whole("count", 1, MOST)
+    return latin(ranges, count, seed=table.whole("seed", 0, 2**32 - 1, 0))
 
 
-def _list(top: Entry, known: Any) -> Variants | None:
+def _list(top: FileTable, known: Any) -> Variants | None:
     raw = top.values.get("list", [])
     if not isinstance(raw, list):
         raise top.fail("list", raw, "allowed is a list of tables, [[list]]")
-    rows = [Entry.of(one, f"list.{i}", top.where).values for i, one in enumerate(raw, 1)]
+    rows = [FileTable.of(one, f"list.{i}", top.where).values for i, one in enumerate(raw, 1)]
     if not rows:
         return None
     return listed([{path: known(path).read(v, where=top.where) for path, v in row.items()} for row in rows])
 
 
-def _posterior(top: Entry, known: Any, folder: Path) -> Variants | None:
+def _posterior(top: FileTable, known: Any, folder: Path) -> Variants | None:
     table = top.table("posterior")
     if not table.values:
         return None
     table.only(("fit", "law", "samples", "count", "seed"))
     if ("fit" in table.values) == ("samples" in table.values):
         raise table.fail("fit", table.values.get("fit", "missing"), "allowed is either fit or samples")
-    seed = whole(table, "seed", table.values.get("seed", 0), 0, 2**32 - 1)
-    count = whole(table, "count", table.values["count"], 1, MOST) if "count" in table.values else None
+    seed = table.whole("seed", 0, 2**32 - 1, 0)
+    count = table.whole("count", 1, MOST) if "count" in table.values else None
     if "samples" in table.values:
         return posterior.of_samples(folder / table.word("samples"), count, known, seed=seed)
     if count is None:

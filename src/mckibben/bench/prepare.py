@@ -17,11 +17,10 @@ from ..assembly.build import unit_from_specimen
 from ..assembly.muscle_unit import MuscleUnit
 from ..engine import STEP
 from ..errors import InputError
-from ..experiments.dry_run import Finding, check_plan
-from ..experiments.library import shipped
-from ..experiments.limits import Estimate
+from ..experiments.dry_run import Estimate, Finding, check_plan
 from ..experiments.plan import Plan, PlannedStep
 from ..experiments.protocol import Protocol
+from ..experiments.read import shipped
 from ..muscles.law import TensionLaw
 from ..specimens import Specimen, specimen
 from .rig import Rig

@@ -12,14 +12,14 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from .. import schema
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
 from ..components.flow import GasState
-from ..errors import InputError
-from ..experiments.limits import Limits
+from ..errors import InputError, suggest
+from ..experiments.dry_run import Limits
 from ..experiments.protocol import Protocol
-from ..experiments.waveforms import near
 from ..pneumatics.gas import AIR
 from ..recordings.calibration import Calibration
 from .hardware.analogue import AnalogOut, Sensor
@@ -40,12 +40,15 @@ MUSCLE_VOLUME = 1.5e-5  # of gas in a muscle and half its tube, for the rate tha
 class OperatorAction:
     """What a person does when a protocol asks for it: joins other parts, or changes the muscle.
 
-    `friction` is the friction afterwards, over that of the untreated muscle.
+    Attributes:
+        ask: the words by which a protocol asks for it.
+        plumbing: name of the way to join the parts afterwards; empty where it stays.
+        friction: friction of the muscle afterwards, over that of the untreated muscle [1].
     """
 
     ask: str
     plumbing: str = ""
-    friction: float = 1.0
+    friction: float = schema.number("1", (0.0, 10.0), "friction over that of the untreated muscle", default=1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +99,9 @@ class Rig:
         if name is not None:
             if name not in self.plumbing:
                 known = list(self.plumbing)
-                raise InputError("plumbing", name, f"{near(name, known)}known are {', '.join(known)}", where=self.where)
+                raise InputError(
+                    "plumbing", name, f"{suggest(name, known)}known are {', '.join(known)}", where=self.where
+                )
             return name
         needed = set(protocol.required())
         sorts = [(n, p.parts()) for n, p in self.plumbing.items() if p.has_muscle]

@@ -25,17 +25,16 @@ import functools
 import os
 from collections.abc import Mapping, Sequence
 from importlib import resources
-from typing import Any
+from typing import Any, TypeVar
 
 from ..components import Environment
 from ..documents import parse_toml, read_toml, with_own_paths
-from ..errors import InputError
-from ..experiments.waveforms import near
-from ..experiments.words import Entry
+from ..errors import InputError, suggest
 from ..pneumatics.build import build_element, known_keys
 from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
 from ..pneumatics.sizes import put_value
 from ..quantities import Quantity, declared, parse
+from ..schema import FileTable, read_table
 from ..specimens import specimen
 from .hardware.analogue import AnalogOut, Converter, Sensor
 from .hardware.computer import Computer
@@ -47,6 +46,7 @@ from .software.controllers import ForceControl, MotionEstimate, PositionControl,
 from .software.interlocks import Interlocks
 
 SCHEMA = 1
+T = TypeVar("T")
 UNITS = {"pressure": "Pa", "valve_pressure": "Pa", "tension": "N"}
 SECTIONS = (
     "schema", "name", "title", "source", "note", "inferred", "computer", "sensors", "encoder", "outputs", "motor",
@@ -82,7 +82,7 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
         if text not in rig_names():
             known = rig_names()
             raise InputError(
-                "rig", text, f"{near(text, known)}known are {', '.join(known)}, or the path of a .toml file"
+                "rig", text, f"{suggest(text, known)}known are {', '.join(known)}, or the path of a .toml file"
             )
         where = f"{text}.toml"
         document = parse_toml((resources.files(__package__) / "rigs" / where).read_text(encoding="utf-8"), where=where)
@@ -97,109 +97,67 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.
     """
-    top = Entry.of(document, "", where)
+    top = FileTable.of(document, "", where)
     top.only(SECTIONS)
-    if document.get("schema") != SCHEMA:
-        raise top.fail("schema", document.get("schema", "missing"), f"this version reads schema {SCHEMA}")
+    top.schema(SCHEMA)
     sensors, outputs, control = top.table("sensors"), top.table("outputs"), top.table("control")
     sensors.only(UNITS)
     outputs.only(("valve", "motor"))
     control.only(("motion", "pressure", "position", "force"))
     frame = top.table("frame")
-    motor = _module(top.table("motor"), Motor) if "motor" in document else None
+    motor = read_table(Motor, top.table("motor")) if "motor" in document else None
     bounds = [frame.number(key, "m", declared=LENGTH) for key in ("shortest", "longest")]
-    room = _module(top.table("environment"), Environment)
+    room = read_table(Environment, top.table("environment"))
     layouts = top.table("plumbing")
     if not layouts.values:
-        raise top.fail("plumbing", "missing", "allowed is one table for each way to join the pneumatic parts")
+        raise top.fail("plumbing", "missing", "must be one table for each way to join the pneumatic parts")
     if not bounds[0] < bounds[1]:
-        raise frame.fail("longest", frame.values["longest"], f"allowed is more than {frame.values['shortest']}")
+        raise frame.fail("longest", frame.values["longest"], f"must be more than {frame.values['shortest']}")
     if motor is not None and "motor" not in outputs.values:
         raise outputs.fail("motor", "missing", "a motor needs the converter that drives it")
     return Rig(
         name=top.word("name"), title=top.word("title"), source=top.text("source"), note=top.text("note"),
         inferred=_words(top, "inferred"),
-        computer=_module(top.table("computer"), Computer),
+        computer=read_table(Computer, top.table("computer")),
         sensors={name: _sensor(sensors.table(name), UNITS[name]) for name in sensors.values},
-        encoder=_module(top.table("encoder"), Encoder) if "encoder" in document else None,
-        valve_out=_module(outputs.table("valve"), AnalogOut, unit="Pa"),
-        motor_out=_module(outputs.table("motor"), AnalogOut, unit="N") if motor is not None else None,
-        motor=motor, frame=_module(frame, Frame, beside=("shortest", "longest")),
+        encoder=read_table(Encoder, top.table("encoder")) if "encoder" in document else None,
+        valve_out=_channel_part(AnalogOut, outputs.table("valve"), "Pa"),
+        motor_out=_channel_part(AnalogOut, outputs.table("motor"), "N") if motor is not None else None,
+        motor=motor, frame=read_table(Frame, frame, beside=("shortest", "longest")),
         shortest=bounds[0], longest=bounds[1],
         plumbing={name: _plumbing(layouts.table(name), room) for name in layouts.values},
-        motion=_module(control.table("motion"), MotionEstimate),
-        pressure=_module(control.table("pressure"), PressureControl),
-        position=_module(control.table("position"), PositionControl),
-        force=_module(control.table("force"), ForceControl),
+        motion=read_table(MotionEstimate, control.table("motion")),
+        pressure=read_table(PressureControl, control.table("pressure")),
+        position=read_table(PositionControl, control.table("position")),
+        force=read_table(ForceControl, control.table("force")),
         interlocks=_interlocks(top.table("interlocks"), bounds), environment=room,
         hands=_hands(top, tuple(layouts.values)), document=document, where=where,
     )  # fmt: skip
 
 
-def _module(entry: Entry, kind: Any, *, unit: str = "", beside: tuple[str, ...] = (), **parts: Any) -> Any:
-    """A part from the words of its table; numbers of a channel have its unit."""
-    known, counts = declared(kind), _counts(kind)
-    entry.only([*known, *counts, *beside], f"{kind.__name__} has")
-    found: dict[str, Any] = dict(parts)
-    for key in entry.values:
-        if key in beside:
-            continue
-        if key in counts:
-            value = entry.values[key]
-            if isinstance(value, bool) or not isinstance(value, int):
-                raise entry.fail(key, value, "allowed is a whole number")
-            found[key] = value
-            continue
-        q = known[key]
-        own = unit if unit and q.unit == "1" and key in ("low", "high", "offset", "noise") else q.unit
-        found[key] = entry.number(key, own, declared=q if own == q.unit else None)
-    missing = [k for k in _required(kind) if k not in found]
-    if missing:
-        doc = known[missing[0]].doc if missing[0] in known else "whole number"
-        raise entry.fail(missing[0], "missing", f"it is the {doc}")
-    try:
-        return kind(**found)
-    except InputError as error:
-        raise InputError(entry.field(error.field), error.value, error.allowed, where=entry.where) from None
+def _channel_part(kind: type[T], table: FileTable, unit: str, **parts: Any) -> T:
+    """Read a part of a channel, whose levels are in the unit of that channel."""
+    return read_table(kind, table, units=dict.fromkeys(("low", "high", "offset", "noise"), unit), **parts)
 
 
-def _counts(kind: Any) -> list[str]:
-    """Fields that are whole numbers."""
-    import dataclasses
-
-    return [f.name for f in dataclasses.fields(kind) if f.type in (int, "int")]
-
-
-def _required(kind: Any) -> list[str]:
-    import dataclasses
-
-    nothing = dataclasses.MISSING
-    return [f.name for f in dataclasses.fields(kind) if f.default is nothing and f.default_factory is nothing]
-
-
-def _interlocks(entry: Entry, bounds: Sequence[float]) -> Interlocks:
+def _interlocks(entry: FileTable, bounds: Sequence[float]) -> Interlocks:
     """Limits of the interlocks; what follows from the other parts is not stated again."""
     entry.only([k for k in declared(Interlocks) if k not in FOLLOWS], "they have")
-    found: Interlocks = _module(entry, Interlocks, shortest=bounds[0], longest=bounds[1])
-    return found
+    return read_table(Interlocks, entry, shortest=bounds[0], longest=bounds[1])
 
 
-def _sensor(entry: Entry, unit: str) -> Sensor:
-    converter = _module(entry.table("converter"), Converter, unit=unit)
-    own = Entry({k: v for k, v in entry.values.items() if k != "converter"}, entry.path, entry.where)
-    sensor: Sensor = _module(own, Sensor, unit=unit, converter=converter)
-    return sensor
+def _sensor(table: FileTable, unit: str) -> Sensor:
+    converter = _channel_part(Converter, table.table("converter"), unit)
+    return _channel_part(Sensor, table.without("converter"), unit, converter=converter)
 
 
 _PLUMBING = ("supply_pressure", "port_volume", "valve_accumulator", "muscle_accumulator")
 _PARTS = ("valve", "tube", "shut_off", "leak")
 
 
-def _plumbing(entry: Entry, room: Environment) -> Plumbing:
+def _plumbing(entry: FileTable, room: Environment) -> Plumbing:
     entry.only((*_PLUMBING, *_PARTS, "heat", "muscle", "about"))
-    muscle = entry.values.get("muscle", True)
-    if not isinstance(muscle, bool):
-        raise entry.fail("muscle", muscle, "allowed are true, false")
+    muscle = entry.flag("muscle", True)
     parts = {
         "valve": _element(entry.table("valve"), "pressure_regulator"),
         "tube": _element(entry.table("tube"), "lumped_tube"),
@@ -208,14 +166,14 @@ def _plumbing(entry: Entry, room: Environment) -> Plumbing:
         parts["shut_off"] = _element(entry.table("shut_off"), "on_off_valve")
     if "leak" in entry.values:
         parts["leak"] = _element(entry.table("leak"), "leak")
-    plain = Entry({k: v for k, v in entry.values.items() if k in _PLUMBING}, entry.path, entry.where)
-    made: Plumbing = _module(plain, Plumbing, heat=_heat(entry, room), has_muscle=muscle, **parts)
+    plain = entry.derived({k: v for k, v in entry.values.items() if k in _PLUMBING})
+    made: Plumbing = read_table(Plumbing, plain, heat=_heat(entry, room), has_muscle=muscle, **parts)
     if not muscle and not float(made.muscle_accumulator) > 0.0:
         raise entry.fail("muscle_accumulator", "missing", "without a muscle it takes its place")
     return made
 
 
-def _element(entry: Entry, kind: str) -> Any:
+def _element(entry: FileTable, kind: str) -> Any:
     spec = None
     if "specimen" in entry.values:
         try:
@@ -227,11 +185,11 @@ def _element(entry: Entry, kind: str) -> Any:
         return build_element(kind, values, where=entry.where, specimen=spec)
     except InputError as error:
         key = error.field.removeprefix(f"{kind}.")
-        hint = near(key, known_keys(kind)) if error.value == "unknown" else ""
+        hint = suggest(key, known_keys(kind)) if error.value == "unknown" else ""
         raise InputError(entry.field(key), error.value, hint + error.allowed, where=entry.where) from None
 
 
-def _heat(entry: Entry, room: Environment) -> HeatModel:
+def _heat(entry: FileTable, room: Environment) -> HeatModel:
     """``isothermal``, ``adiabatic``, or the conductance to the walls of each volume."""
     word = entry.word("heat", "0.2 W/K")
     if word == "isothermal":
@@ -242,36 +200,30 @@ def _heat(entry: Entry, room: Environment) -> HeatModel:
     try:
         value = parse(word, q.unit, field=entry.field("heat"), where=entry.where)
     except InputError:
-        raise entry.fail("heat", word, "allowed is isothermal, adiabatic, or a conductance such as '0.2 W/K'") from None
+        raise entry.fail("heat", word, "must be isothermal, adiabatic, or a conductance such as '0.2 W/K'") from None
     q.check(entry.field("heat"), value, where=entry.where)
     return WallHeat(conductance=value, wall_temperature=room.temperature)
 
 
-def _hands(top: Entry, layouts: tuple[str, ...]) -> tuple[OperatorAction, ...]:
-    raw = top.values.get("hands", [])
-    if not isinstance(raw, list):
-        raise top.fail("hands", raw, "allowed is a list of tables")
-    found = []
-    for i, table in enumerate(raw):
-        entry = Entry.of(table, f"hands.{i + 1}", top.where)
-        entry.only(("ask", "plumbing", "friction"))
-        layout = entry.word("plumbing", among=layouts) if "plumbing" in entry.values else ""
-        friction = entry.number("friction", "1", 1.0, declared=Quantity("1", (0.0, 10.0), "friction", "", (0.5, 1.5)))
-        found.append(OperatorAction(entry.word("ask"), layout, friction))
-    return tuple(found)
+def _hands(top: FileTable, layouts: tuple[str, ...]) -> tuple[OperatorAction, ...]:
+    """What a person can be asked for; the plumbing that is joined then is one of the file."""
+    hands = []
+    for table in top.listed("hands"):
+        if "plumbing" in table:
+            table.word("plumbing", among=layouts)
+        hands.append(read_table(OperatorAction, table, owner="a hand has"))
+    return tuple(hands)
 
 
-def _words(entry: Entry, key: str) -> tuple[str, ...]:
-    raw = entry.values.get(key, [])
-    if not isinstance(raw, list) or not all(isinstance(v, str) for v in raw):
-        raise entry.fail(key, raw, "allowed is a list of dotted paths")
-    for path in raw:
+def _words(entry: FileTable, key: str) -> tuple[str, ...]:
+    paths = entry.texts(key, "must be a list of dotted paths")
+    for path in paths:
         at: Any = entry.values
         for part in path.split("."):
             if not isinstance(at, Mapping) or part not in at:
                 raise entry.fail(key, path, "nothing of that path is stated in the file")
             at = at[part]
-    return tuple(raw)
+    return paths
 
 
 def _put(document: dict[str, Any], path: str, value: str, where: str) -> None:

@@ -59,8 +59,7 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
         InputError: names what is unknown, out of bounds or in the wrong unit.
     """
     from ..bench.software.waveform_import import read_protocol
-    from ..experiments.library import shipped
-    from ..experiments.read import values_of, with_values
+    from ..experiments.read import shipped, values_of, with_values
 
     found = read_protocol(name) if name.endswith(".toml") else shipped(name)
     given = {
@@ -77,7 +76,7 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
 
 
 def _list(as_json: bool) -> None:
-    from ..experiments.library import protocol_names, shipped
+    from ..experiments.read import protocol_names, shipped
 
     known = [shipped(name) for name in protocol_names()]
     if as_json:

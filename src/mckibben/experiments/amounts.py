@@ -10,8 +10,8 @@ from typing import Any
 
 from ..errors import InputError
 from ..quantities import Quantity, has_dimension, parse
+from ..schema import shown
 from .waveforms.waveform import RELATIVE, words
-from .words import shown
 
 # What a protocol drives: SI unit, and the unit relative to the muscle if there is one.
 CHANNELS = {"pressure": "Pa", "span": "m", "velocity": "m/s", "tension": "N"}

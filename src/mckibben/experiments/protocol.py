@@ -7,16 +7,15 @@ import itertools
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from .bind import Part, bind
-from .steps import Step
+from ..schema import FrozenTable
+from .plan import Plan, expand
+from .sentence import protocol_sentence
+from .steps import Step, bind
 from .waveforms.random import uniform
-
-if TYPE_CHECKING:
-    from .plan import Plan
 
 SCHEMA = 1
 ORDERS = ("as listed", "random")
@@ -37,6 +36,21 @@ class Parameter:
     inferred: tuple[Any, ...] = ()
     note: str = ""
 
+    def table(self) -> dict[str, Any]:
+        """As the table of a file."""
+        out: dict[str, Any] = {"unit": self.unit}
+        if self.values:
+            out["value"] = _few(self.values)
+        if self.about:
+            out["about"] = self.about
+        if self.bounds:
+            out["low"], out["high"] = self.bounds
+        if self.inferred:
+            out["inferred"] = list(self.inferred)
+        if self.note:
+            out["note"] = self.note
+        return out
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -53,6 +67,18 @@ class Choice:
         """The parameters that an option sets."""
         return dict(dict(self.options)[option])
 
+    def table(self) -> dict[str, Any]:
+        """As the table of a file."""
+        out: dict[str, Any] = {"value": _few(self.values)}
+        if self.about:
+            out["about"] = self.about
+        if self.inferred:
+            out["inferred"] = list(self.inferred)
+        if self.note:
+            out["note"] = self.note
+        out["options"] = {option: dict(sets) for option, sets in self.options}
+        return out
+
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
@@ -64,9 +90,9 @@ class Protocol:
 
     name: str
     title: str
-    steps: tuple[Part, ...]
-    first: tuple[Part, ...] = ()
-    last: tuple[Part, ...] = ()
+    steps: tuple[FrozenTable, ...]
+    first: tuple[FrozenTable, ...] = ()
+    last: tuple[FrozenTable, ...] = ()
     parameters: tuple[Parameter, ...] = ()
     choices: tuple[Choice, ...] = ()
     needs: tuple[str, ...] = ()
@@ -106,7 +132,7 @@ class Protocol:
         found = set(self.needs)
         for _, steps in self.blocks():
             for _, step in steps:
-                found |= used_by(step)
+                found |= step.needs()
         return tuple(sorted(found))
 
     @property
@@ -118,15 +144,26 @@ class Protocol:
 
     def sentence(self) -> str:
         """The whole protocol in words, with all its numbers."""
-        from .sentence import protocol_sentence
-
         return protocol_sentence(self)
 
     def document(self) -> dict[str, Any]:
         """As tables of words: what `read.build_protocol` takes, and what is saved with a recording."""
-        from .write import document
-
-        return document(self)
+        out: dict[str, Any] = {"schema": SCHEMA, "name": self.name, "title": self.title}
+        for key in ("source", "note", "order", "seed", "repeat"):
+            if getattr(self, key) != type(self).__dataclass_fields__[key].default:
+                out[key] = getattr(self, key)
+        if self.needs:
+            out["needs"] = list(self.needs)
+        out["sample_rate"] = f"{self.sample_rate!r} Hz"
+        if self.choices:
+            out["choices"] = {c.name: c.table() for c in self.choices}
+        if self.parameters:
+            out["parameters"] = {p.name: p.table() for p in self.parameters}
+        for key in ("first", "steps", "last"):
+            parts = getattr(self, key)
+            if parts:
+                out[key] = [part.plain() for part in parts]
+        return out
 
     def toml(self) -> str:
         """As the text of a file."""
@@ -136,8 +173,6 @@ class Protocol:
 
     def expand(self, *, rest_length: float, start_span: float | None = None) -> Plan:
         """The flat plan on the sample clock; see `plan.expand`."""
-        from .plan import expand
-
         return expand(self, rest_length=rest_length, start_span=start_span)
 
     def varied(self) -> tuple[str, ...]:
@@ -151,29 +186,6 @@ class Protocol:
         return full
 
 
-def used_by(step: Step) -> set[str]:
-    """Sensors and parts that a step cannot do without, in the words of `read.NEEDS`."""
-    from .steps import Follow, Go, Shut
-    from .waveforms import Constant
-
-    found = set()
-    if isinstance(step.pressure, Shut):
-        found.add("shut-off")
-    elif step.pressure is not None:
-        found.add("valve")
-    if step.mode in ("tension", "velocity") or isinstance(step.motor, Go):
-        found.add("motor")
-    if isinstance(step.motor, Follow) and not isinstance(step.motor.waveform, Constant):
-        found.add("motor")
-    if step.mode == "tension":
-        found.add("tension sensor")
-    if step.ask:
-        found.add("person")
-    if step.until is not None:
-        found.add(f"{'span' if step.until.channel == 'velocity' else step.until.channel} sensor")
-    return found
-
-
 def _plain(value: Any) -> Any:
     """A value as JSON has it; numbers with 12 digits, so that the way through a unit leaves no trace."""
     if is_dataclass(value) and not isinstance(value, type):
@@ -181,7 +193,11 @@ def _plain(value: Any) -> Any:
         # what only some have, such as lengths in two units, leaves the hash of the others as it was
         named = {f.name: getattr(value, f.name) for f in fields(value) if f.compare}
         named = {k: v for k, v in named.items() if not (k == "mixed" and v is None)}
-        return [type(value).__name__, str(kind), {k: _plain(v) for k, v in named.items()}]
+        return [
+            getattr(value, "digest_name", type(value).__name__),
+            str(kind),
+            {k: _plain(v) for k, v in named.items()},
+        ]
     if isinstance(value, Mapping):
         return {k: _plain(v) for k, v in value.items()}
     if isinstance(value, tuple | list):
@@ -189,3 +205,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, bool) or value is None or isinstance(value, str):
         return value
     return f"{float(value) + 0.0:.12g}"
+
+
+def _few(values: tuple[Any, ...]) -> Any:
+    return values[0] if len(values) == 1 else list(values)

@@ -22,27 +22,24 @@ or
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import re
 from collections.abc import Mapping
+from importlib import resources
 from typing import Any
 
 from ..documents import parse_toml, read_text
-from ..errors import InputError
+from ..errors import InputError, suggest
 from ..quantities import split_values
+from ..schema import FileTable, FrozenTable, shown
 from .amounts import read_amount
-from .bind import Part, names_in, whole
 from .protocol import ORDERS, SCHEMA, Choice, Parameter, Protocol
-from .waveforms import near
-from .words import Entry, shown
+from .steps import NEEDS, names_in
 
 TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
 SETTINGS = ("title", "note", "sample_rate", "order", "seed", "repeat")
 SECTIONS = ("schema", "name", "source", "needs", "parameters", "choices", "first", "steps", "last", *SETTINGS)
-NEEDS = (
-    "valve", "motor", "shut-off", "accumulators", "plate", "person",
-    "pressure sensor", "span sensor", "tension sensor",
-)  # fmt: skip
 MOST_CASES = 10_000
 RATES = (1.0, 1e6)
 
@@ -67,13 +64,10 @@ def parse_protocol(text: str, *, where: str) -> Protocol:
 
 def build_protocol(document: Mapping[str, Any], *, where: str) -> Protocol:
     """The protocol of tables of words; raises as `read_protocol` does."""
-    top = Entry(document, "", where)
-    schema = document.get("schema", SCHEMA if "protocol" in document else "missing")
-    if schema != SCHEMA or isinstance(schema, bool):
-        raise top.fail("schema", schema, f"this version reads schema {SCHEMA}")
+    top = FileTable(document, "", where)
+    if "schema" in document or "protocol" not in document:
+        top.schema(SCHEMA)
     if "protocol" in document:
-        from .library import shipped
-
         base = shipped(top.word("protocol"), where=where)
         given = {k: v for k, v in document.items() if k not in ("protocol", "schema")}
         return with_values(base, given, where=where)
@@ -105,7 +99,7 @@ def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | No
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.
     """
-    top = Entry(given, "", where or "")
+    top = FileTable(given, "", where or "")
     names = protocol.variables()
     top.only([*names, *SETTINGS], f"{protocol.name} has")
     parameters = tuple(
@@ -114,7 +108,7 @@ def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | No
     )
     choices = []
     for c in protocol.choices:
-        values = _options(Entry(given, "", where or ""), c.name, dict(c.options)) if c.name in given else c.values
+        values = _options(FileTable(given, "", where or ""), c.name, dict(c.options)) if c.name in given else c.values
         kept = tuple((o, tuple((k, v) for k, v in sets if k not in given)) for o, sets in c.options)
         choices.append(dataclasses.replace(c, values=values, options=kept))
     changed = dataclasses.replace(protocol, parameters=parameters, choices=tuple(choices))
@@ -139,7 +133,7 @@ def checked(protocol: Protocol, where: str | None) -> Protocol:
     for values in protocol.variables().values():
         count *= len(values) or 1
     if count > MOST_CASES:
-        raise InputError("cases", count, f"allowed are {MOST_CASES}", where=where)
+        raise InputError("cases", count, f"must be at most {MOST_CASES}", where=where)
     _check_choices(protocol, where)
     used = names_in((protocol.first, protocol.steps, protocol.last))
     set_by = {k for c in protocol.choices for _, sets in c.options for k, _ in sets}
@@ -157,7 +151,7 @@ def checked(protocol: Protocol, where: str | None) -> Protocol:
     cases = protocol.cases()
     for part, key in ((protocol.first, "first"), (protocol.last, "last")):
         for name in sorted(n for n in names_in(part) if len({case[n] for case in cases}) > 1):
-            raise InputError(key, f"${name}", "allowed is a parameter with one value: it is done once", where=where)
+            raise InputError(key, f"${name}", "must be a parameter with one value: it is done once", where=where)
     return protocol
 
 
@@ -169,12 +163,12 @@ def _check_choices(protocol: Protocol, where: str | None) -> None:
             for key, value in sets:
                 field = f"choices.{c.name}.options.{option}.{key}"
                 if key not in parameters:
-                    known = f"{near(key, parameters)}parameters are {', '.join(parameters)}"
+                    known = f"{suggest(key, parameters)}parameters are {', '.join(parameters)}"
                     raise InputError(field, "unknown", known, where=where)
                 _values(parameters[key], value, field, where)
 
 
-def _set(protocol: Protocol, given: Mapping[str, Any], top: Entry) -> Protocol:
+def _set(protocol: Protocol, given: Mapping[str, Any], top: FileTable) -> Protocol:
     changes: dict[str, Any] = {}
     for key in ("title", "note"):
         if key in given:
@@ -182,35 +176,35 @@ def _set(protocol: Protocol, given: Mapping[str, Any], top: Entry) -> Protocol:
     if "order" in given:
         changes["order"] = top.word("order", among=ORDERS)
     if "seed" in given:
-        changes["seed"] = whole(top, "seed", given["seed"], 0, 2**32 - 1)
+        changes["seed"] = top.whole("seed", 0, 2**32 - 1)
     if "repeat" in given:
-        changes["repeat"] = whole(top, "repeat", given["repeat"], 1, MOST_CASES)
+        changes["repeat"] = top.whole("repeat", 1, MOST_CASES)
     if "sample_rate" in given:
         field, where = top.field("sample_rate"), top.where or None
         changes["sample_rate"] = read_amount(given["sample_rate"], "1/s", field=field, where=where, bounds=RATES).value
     return dataclasses.replace(protocol, **changes)
 
 
-def _parts(top: Entry, key: str, *, needed: bool = False) -> tuple[Part, ...]:
+def _parts(top: FileTable, key: str, *, needed: bool = False) -> tuple[FrozenTable, ...]:
     raw = top.values.get(key, [])
     if not isinstance(raw, list | tuple) or (needed and not raw):
-        raise top.fail(key, shown(raw) if raw else "missing", f"allowed is a list of steps, [[{key}]]")
-    return tuple(Part(Entry.of(one, f"{key}.{i}", top.where).values) for i, one in enumerate(raw, 1))
+        raise top.fail(key, shown(raw) if raw else "missing", f"must be a list of steps, [[{key}]]")
+    return tuple(FrozenTable(FileTable.of(one, f"{key}.{i}", top.where).values) for i, one in enumerate(raw, 1))
 
 
-def _named(top: Entry, section: str) -> list[tuple[str, Entry]]:
+def _named(top: FileTable, section: str) -> list[tuple[str, FileTable]]:
     table = top.table(section)
     for name in table.values:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-            raise table.fail(name, name, "allowed are small letters, digits and _")
+            raise table.fail(name, name, "must be made of small letters, digits and _")
         if name in (*SECTIONS, "protocol"):
-            raise table.fail(name, name, "that name says something else in a protocol; allowed is another one")
+            raise table.fail(name, name, "that name says something else in a protocol; choose another one")
         if section == "choices" and name in top.table("parameters").values:
-            raise table.fail(name, name, "a parameter has that name; allowed is another one")
+            raise table.fail(name, name, "a parameter has that name; choose another one")
     return [(name, table.table(name)) for name in table.values]
 
 
-def _parameter(name: str, entry: Entry) -> Parameter:
+def _parameter(name: str, entry: FileTable) -> Parameter:
     entry.only(("unit", "value", "about", "low", "high", "inferred", "note"), "a parameter has")
     bounds = tuple(str(entry.values[k]) for k in ("low", "high")) if {"low", "high"} <= set(entry.values) else ()
     if not bounds and {"low", "high"} & set(entry.values):
@@ -236,22 +230,22 @@ def _parameter(name: str, entry: Entry) -> Parameter:
 def _values(p: Parameter, raw: Any, field: str, where: str | None) -> tuple[Any, ...]:
     values = tuple(raw) if isinstance(raw, list | tuple) else (raw,)
     if not values:
-        raise InputError(field, "none", "allowed is a value or a list of one or more", where=where)
+        raise InputError(field, "none", "must be a value or a list of one or more", where=where)
     for value in values:
         if p.unit == "word":
             if not isinstance(value, str) or not value.strip() or "$" in value:
-                raise InputError(field, shown(value), "allowed is a word", where=where)
+                raise InputError(field, shown(value), "must be a word", where=where)
             continue
         amount = read_amount(value, p.unit, field=field, where=where)
         low, high = (read_amount(b, p.unit, field=field, where=where) for b in p.bounds) if p.bounds else (None, None)
         if low is None or high is None or low.unit != amount.unit:
             continue
         if not low.value <= amount.value <= high.value:
-            raise InputError(field, value, f"allowed is {p.bounds[0]} to {p.bounds[1]}", where=where)
+            raise InputError(field, value, f"must be {p.bounds[0]} to {p.bounds[1]}", where=where)
     return values
 
 
-def _choice(name: str, entry: Entry) -> Choice:
+def _choice(name: str, entry: FileTable) -> Choice:
     entry.only(("value", "about", "options", "inferred", "note"), "a choice has")
     table = entry.table("options")
     options = []
@@ -259,25 +253,55 @@ def _choice(name: str, entry: Entry) -> Choice:
         sets = table.table(option).values
         for key, value in sets.items():
             if isinstance(value, bool) or not isinstance(value, str | int | float):
-                raise table.fail(f"{option}.{key}", value, "allowed is a word or a number")
+                raise table.fail(f"{option}.{key}", value, "must be a word or a number")
         options.append((option, tuple(sets.items())))
     if not options:
-        raise entry.fail("options", "none", "allowed is a table of one or more")
+        raise entry.fail("options", "none", "must be a table of one or more")
     inferred = _options(entry, "inferred", dict(options)) if "inferred" in entry.values else ()
     values = _options(entry, "value", dict(options))
     return Choice(name, values, tuple(options), entry.text("about"), inferred, entry.text("note"))
 
 
-def _options(entry: Entry, key: str, options: Mapping[str, Any]) -> tuple[str, ...]:
+def _options(entry: FileTable, key: str, options: Mapping[str, Any]) -> tuple[str, ...]:
     raw = entry.values.get(key)
     values = raw if isinstance(raw, list) and raw else [raw]
     return tuple(
-        Entry({key: v} if v is not None else {}, entry.path, entry.where).word(key, among=options) for v in values
+        FileTable({key: v} if v is not None else {}, entry.path, entry.where).word(key, among=options) for v in values
     )
 
 
-def _needs(top: Entry) -> tuple[str, ...]:
-    raw = top.values.get("needs", [])
-    if not isinstance(raw, list):
-        raise top.fail("needs", raw, "allowed is a list of words")
-    return tuple(Entry({"needs": v}, top.path, top.where).word("needs", among=NEEDS) for v in raw)
+def _needs(top: FileTable) -> tuple[str, ...]:
+    return tuple(top.derived({"needs": v}).word("needs", among=NEEDS) for v in top.texts("needs"))
+
+
+def protocol_names() -> list[str]:
+    """Of all shipped protocols, sorted."""
+    folder = resources.files(__package__) / "protocols"
+    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def shipped(name: str, *, where: str | None = None) -> Protocol:
+    """One of them as it ships.
+
+    Raises:
+        InputError: if there is none of that name.
+    """
+    if name not in protocol_names():
+        known = protocol_names()
+        raise InputError("protocol", name, f"{suggest(name, known)}known are {', '.join(known)}", where=where)
+    return _shipped(name)
+
+
+def protocol(name: str, **values: Any) -> Protocol:
+    """One of them with other values of its parameters, such as ``protocol("quasi-static", pressure="5 bar")``.
+
+    Raises:
+        InputError: names what is unknown, out of bounds or in the wrong unit.
+    """
+    return with_values(shipped(name), values)
+
+
+@functools.cache
+def _shipped(name: str) -> Protocol:
+    file = resources.files(__package__) / "protocols" / f"{name}.toml"
+    return parse_protocol(file.read_text(encoding="utf-8"), where=f"{name}.toml")

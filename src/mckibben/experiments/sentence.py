@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..schema import FileTable, FrozenTable
 from .amounts import read_amount
-from .bind import Part, read_step, repeats, substituted
-from .protocol import Parameter, Protocol
-from .words import Entry
+from .steps import read_step, repeats, substituted
+
+if TYPE_CHECKING:
+    from .protocol import Parameter, Protocol
 
 _UNITS = r"bar/s|bar|L0/s|L0|cm/s|cm|m/s\^2|m/s|mm|m|N/s|N|Hz|us|ms|s|deg|cycles|cycle"
 _NUMBER = r"[-+]?(?<![\w.])\d[\d.]*(?:e[-+]?\d+)?"
@@ -109,11 +111,11 @@ def _told(protocol: Protocol, case: Mapping[str, Any]) -> dict[str, Any]:
     return told
 
 
-def _parts(parts: tuple[Part, ...], case: Mapping[str, Any], path: str) -> str:
+def _parts(parts: tuple[FrozenTable, ...], case: Mapping[str, Any], path: str) -> str:
     said = []
     for i, part in enumerate(parts, 1):
         place = f"{path}.{i}"
-        entry = Entry(substituted(part, case, place, None), place, "")
+        entry = FileTable(substituted(part, case, place, None), place, "")
         times = repeats(entry)
         if times == 0:
             continue
@@ -126,7 +128,7 @@ def _parts(parts: tuple[Part, ...], case: Mapping[str, Any], path: str) -> str:
     return "; ".join(said)
 
 
-def _marked(parts: tuple[Part, ...], case: Mapping[str, Any], varied: Mapping[str, list[Any]]) -> str:
+def _marked(parts: tuple[FrozenTable, ...], case: Mapping[str, Any], varied: Mapping[str, list[Any]]) -> str:
     """The steps of one case; a number that changes with a name is called after it: ``at this frequency``."""
     base = _TOKENS.findall(_parts(parts, case, "steps"))
     marked = list(base)

@@ -1,131 +1,30 @@
-"""Steps of a protocol: what the valve and the motor shall do, for how long, and how a person reads it."""
+"""Steps of a protocol: what the valve and the motor do, for how long, and how they are made of a protocol's words."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
+from .. import schema
+from ..errors import InputError, suggest
+from ..schema import FileTable, FrozenTable, Place, read_table, thawed
+from .commands import MODES, OPEN, Command, Follow, RampTo, read_command
+from .until import Until, read_until
+from .waveforms import time_words
 
-from ..errors import InputError
-from .amounts import Amount, in_metres, table_words
-from .until import Until
-from .waveforms import Constant, Sine, Table, Triangle, Waveform, read_waveform, time_words
-from .waveforms.waveform import RELATIVE
-
-MOST_CYCLES = 100_000
-USUAL_REST_LENGTH = 0.14  # [m]
-MODES = ("span", "velocity", "tension")
-
-
-@dataclass(frozen=True)
-class Follow:
-    """Follow a waveform from the beginning of the step; its unit is SI, ``L0`` or ``L0/s``.
-
-    Some values may be in rest lengths and others not. `mixed` then has the waveform's table, and `waveform` is that of a
-    muscle of `USUAL_REST_LENGTH`, whose kind and times are those of any other.
-    """
-
-    waveform: Waveform
-    unit: str
-    mixed: Any = None
-    place: str = field(default="", compare=False)
-
-    def at(self, times: np.ndarray, rest_length: float) -> np.ndarray:
-        """Set-points [SI] at times [s] from the beginning of the step, shape of the times."""
-        if self.mixed is not None:
-            table = in_metres(self.mixed, self.unit, rest_length)
-            return read_waveform(table, self.unit, field=self.place, where=None).at(times)
-        return self.waveform.at(times) * (rest_length if self.unit in RELATIVE else 1.0)
-
-    def sentence(self, channel: str) -> str:
-        """Such as ``span as triangle from 0.75 L0 to 1 L0 at 1 Hz``, ``pressure 5 bar``."""
-        if self.mixed is not None:
-            return f"{channel} as {table_words(self.mixed, self.unit)}"
-        joint = "" if isinstance(self.waveform, Constant) else "as "
-        return f"{channel} {joint}{self.waveform.sentence(self.unit)}"
+GROUP_KEYS = ("label", "steps", "repeat")
+_NAME = re.compile(r"\$([a-z][a-z0-9_]*)")
+MOST_STEPS = 200_000
+NEEDS = (
+    "valve", "motor", "shut-off", "accumulators", "plate", "person",
+    "pressure sensor", "span sensor", "tension sensor",
+)  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Go:
-    """Go on a line from where it is to a value, in a time [s] or at a speed."""
-
-    to: Amount
-    seconds: float | None = None
-    speed: Amount | None = None
-
-    def duration(self, start: float, rest_length: float) -> float:
-        """Time that it takes from a start [SI], s; NaN where the start is unknown and only a speed is stated."""
-        if self.seconds is not None:
-            return self.seconds
-        assert self.speed is not None  # the reader asks for one of the two
-        return abs(self.to.si(rest_length) - start) / self.speed.si(rest_length)
-
-    def sentence(self, channel: str) -> str:
-        """Such as ``pressure to 5 bar in 1 s``."""
-        way = f"at {self.speed.sentence()}" if self.speed is not None else f"in {time_words(self.seconds or 0.0)}"
-        return f"{channel} to {self.to.sentence()} {way}"
-
-
-@dataclass(frozen=True)
-class Phased:
-    """Pressure by the direction of the motion: one value while the muscle shortens, another while it lengthens.
-
-    Each change leads the reversal of the motion by `lead` [s] and takes `ramp` [s]; one that would lie before the motion
-    begins starts with it. Pressures [Pa].
-    """
-
-    shortening: float
-    lengthening: float
-    lead: float
-    ramp: float
-
-    def table(self, motion: Waveform, duration: float) -> Table:
-        """The pressure over a duration [s] of a sine or triangle of the span.
-
-        Raises:
-            InputError: if the motion is another one, or its strokes are shorter than the ramps.
-        """
-        start, share, period = _shortening(motion)
-        if self.ramp >= period * min(share, 1.0 - share):
-            stroke = time_words(period * min(share, 1.0 - share))
-            raise InputError("ramp", time_words(self.ramp), f"allowed is less than the shorter stroke, {stroke}")
-        if duration > MOST_CYCLES * period:
-            raise InputError(
-                "cycles", f"{duration / period:.6g}", f"allowed are {MOST_CYCLES} with pressure by direction"
-            )
-        changes = []
-        for k in range(-1, math.ceil(duration / period) + 2):
-            rise, fall = start + k * period, start + (k + share) * period
-            if fall > 1e-9:  # a stroke under way at the beginning has its pressure from there on
-                changes += [(max(rise - self.lead, 0.0), self.shortening), (fall - self.lead, self.lengthening)]
-        times, values = [0.0], [self.lengthening]
-        for begin, to in changes:
-            if begin < times[-1]:
-                raise InputError("lead", time_words(self.lead), "allowed is less: one change would overtake another")
-            if begin > times[-1]:
-                times, values = [*times, begin], [*values, values[-1]]
-            times, values = [*times, begin + self.ramp], [*values, to]
-        return Table(times=tuple(times), values=tuple(values))
-
-    def sentence(self, channel: str) -> str:
-        """In words."""
-        high, low = Amount(self.shortening, "Pa").sentence(), Amount(self.lengthening, "Pa").sentence()
-        early = f", {time_words(self.lead)} early" if self.lead else ""
-        return f"{channel} {high} while it shortens and {low} while it lengthens{early}, in ramps of {time_words(self.ramp)}"
-
-
-@dataclass(frozen=True)
-class Shut:
-    """The muscle is shut off from valve and vent: its gas stays."""
-
-    def sentence(self, channel: str) -> str:
-        """In words."""
-        return f"{channel} shut off"
-
-
-Command = Follow | Go | Phased | Shut
+def _read_until(raw: Any, place: Place) -> Until:
+    return read_until(raw, field=place.field, where=place.where)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,12 +40,30 @@ class Step:
     ask: str = ""
     pressure: Command | None = None
     mode: str | None = None
-    motor: Follow | Go | None = None
-    duration: float | None = None
-    cycles: float | None = None
-    until: Until | None = None
-    otherwise: str = "stop"
+    motor: Command | None = None
+    duration: float | None = schema.number("s", OPEN, "longest time", key="for", default=None)
+    cycles: float | None = schema.number("1", (1e-6, 1e6), "cycles of the waveform", default=None)
+    until: Until | None = schema.entry(_read_until, default=None)
+    otherwise: str = schema.word(among=("stop", "go on"), default="stop")
     record: bool = True
+
+    def commands(self) -> Iterator[tuple[str, Command]]:
+        """Every command with its channel."""
+        if self.pressure is not None:
+            yield "pressure", self.pressure
+        if self.motor is not None and self.mode is not None:
+            yield self.mode, self.motor
+
+    def needs(self) -> set[str]:
+        """Sensors and parts that a rig must have for it, in the words of `NEEDS`."""
+        found = {need for channel, command in self.commands() for need in command.needs(channel)}
+        if self.mode == "tension":
+            found.add("tension sensor")
+        if self.ask:
+            found.add("person")
+        if self.until is not None:
+            found.add(f"{'span' if self.until.channel == 'velocity' else self.until.channel} sensor")
+        return found
 
     def frequency(self) -> float | None:
         """Of its periodic waveform, the motor's first [1/s]."""
@@ -165,10 +82,7 @@ class Step:
     def sentence(self) -> str:
         """In words, with all its numbers."""
         said = [f"ask to {self.ask}"] if self.ask else []
-        if self.pressure is not None:
-            said.append(self.pressure.sentence("pressure"))
-        if self.motor is not None and self.mode is not None:
-            said.append(self.motor.sentence(self.mode))
+        said += [command.sentence(channel) for channel, command in self.commands()]
         if self.until is not None:
             said.append(f"until {self.until.sentence()}")
         time = self._time()
@@ -185,14 +99,97 @@ class Step:
         return time_words(self.duration) if self.duration is not None else ""
 
 
-def _shortening(motion: Waveform) -> tuple[float, float, float]:
-    """When a motion first begins to shorten within its first cycle [s], the share of the cycle it does, the period [s]."""
-    if isinstance(motion, Triangle):
-        period = 1.0 / motion.frequency
-        return motion.rising * period, 1.0 - motion.rising, period
-    if isinstance(motion, Sine):
-        period = 1.0 / motion.frequency
-        turn = (0.25 - motion.phase / (2.0 * math.pi) + (0.5 if motion.amplitude < 0.0 else 0.0)) % 1.0
-        turn = 0.0 if turn > 1.0 - 1e-9 else turn
-        return turn * period, 0.5, period
-    raise InputError("span.kind", motion.kind, "pressure by direction needs sine or triangle")
+def bind(
+    parts: tuple[FrozenTable, ...], case: Mapping[str, Any], path: str, where: str | None = None
+) -> list[tuple[str, Step]]:
+    """Steps with the values of a case, groups and repeats unrolled, each with its dotted path.
+
+    Raises:
+        InputError: names what is unknown, missing, out of bounds or in the wrong unit.
+    """
+    done: list[tuple[str, Step]] = []
+    for i, part in enumerate(parts, 1):
+        place = f"{path}.{i}"
+        entry = FileTable(substituted(part, case, place, where), place, where or "")
+        times = repeats(entry)
+        if "steps" in part:
+            entry.only(GROUP_KEYS, "a group of steps has")
+            inner = part["steps"]
+            if not isinstance(inner, tuple) or not inner:
+                raise entry.fail("steps", thawed(inner), "must be a list of one or more")
+            for i_inner, one in enumerate(inner, 1):
+                FileTable.of(one, f"{place}.steps.{i_inner}", where or "")
+            group = bind(inner, case, f"{place}.steps", where)
+        else:
+            group = [(place, read_step(entry))]
+        if len(done) + len(group) * times > MOST_STEPS:
+            raise entry.fail("repeat", times, f"must be at most {MOST_STEPS} steps in all")
+        done += group * times
+    return done
+
+
+def repeats(entry: FileTable) -> int:
+    """How often a step or a group is done; once where it is not said."""
+    return entry.whole("repeat", 0, 100_000, 1)
+
+
+def substituted(value: Any, case: Mapping[str, Any], path: str, where: str | None) -> Any:
+    """Words with the values of their ``$names``; a list of steps is left for later."""
+    if isinstance(value, Mapping):
+        return {k: v if k == "steps" else substituted(v, case, f"{path}.{k}", where) for k, v in value.items()}
+    if isinstance(value, tuple | list):
+        return [substituted(v, case, f"{path}.{i}", where) for i, v in enumerate(value, 1)]
+    if not isinstance(value, str) or "$" not in value:
+        return value
+    for name in _NAME.findall(value):
+        if name not in case:
+            known = ", ".join(f"${n}" for n in case) or "none"
+            raise InputError(path, f"${name}", f"{suggest(name, case)}known are {known}", where=where)
+    match = _NAME.fullmatch(value)
+    return case[match[1]] if match else _NAME.sub(lambda m: str(case[m[1]]), value)
+
+
+def names_in(value: Any) -> set[str]:
+    """All parameters that words refer to."""
+    if isinstance(value, Mapping):
+        return set().union(*(names_in(v) for v in value.values())) if value else set()
+    if isinstance(value, tuple | list):
+        return set().union(*(names_in(v) for v in value)) if value else set()
+    return set(_NAME.findall(value)) if isinstance(value, str) else set()
+
+
+def read_step(entry: FileTable) -> Step:
+    """Make one step of its words, all names replaced.
+
+    Raises:
+        InputError: names what is unknown, missing, out of bounds or in the wrong unit.
+    """
+    keys = ("label", "ask", "pressure", *MODES, "for", "cycles", "until", "otherwise", "record", "repeat")
+    entry.only(keys, "a step has")
+    modes = [m for m in MODES if m in entry]
+    if len(modes) > 1:
+        raise entry.fail(modes[1], f"beside {modes[0]}", "the motor controls one of span, velocity, tension")
+    commands: dict[str, Any] = {"mode": modes[0] if modes else None, "pressure": None, "motor": None}
+    for channel in [c for c in ("pressure", *modes) if c in entry]:
+        place = Place(entry.field(channel), entry.where or None)
+        commands["pressure" if channel == "pressure" else "motor"] = read_command(entry.values[channel], place, channel)
+    step = read_table(Step, entry.without("pressure", *modes, "repeat"), owner="a step has", **commands)
+    _check(entry, step)
+    return step
+
+
+def _check(entry: FileTable, step: Step) -> None:
+    if step.cycles is not None and step.frequency() is None:
+        raise entry.fail("cycles", step.cycles, "a step with cycles follows a waveform with a frequency")
+    if step.cycles is not None and step.duration is not None:
+        raise entry.fail("for", "beside cycles", "a step states one of the two")
+    if step.stated_duration() is None:
+        if step.until is not None:
+            raise entry.fail("for", "missing", "a step with until says how long it may take at most")
+        if not any(isinstance(c, RampTo) for _, c in step.commands()) and not step.ask:
+            raise entry.fail("for", "missing", "a step says how long it takes: for, cycles, or a line to somewhere")
+    for _, command in step.commands():
+        try:
+            command.check(step)
+        except InputError as error:
+            raise entry.located(error) from None

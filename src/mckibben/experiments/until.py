@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, suggest
 from .amounts import CHANNELS, Amount, read_amount
-from .waveforms import near, time_words
+from .waveforms import time_words
 
 _COMPARE = re.compile(r"(\w+)\s*(>=|<=|>|<)\s*(.+?)(?:\s+for\s+(.+))?")
 _STILL = re.compile(r"(\w+)\s+settled\s+within\s+(.+?)\s+for\s+(.+)")
@@ -112,7 +112,7 @@ def read_until(raw: Any, *, field: str, where: str | None = None) -> Until:
     else:
         raise InputError(field, raw if isinstance(raw, str) else f"{type(raw).__name__} {raw}", _ALLOWED, where=where)
     if channel not in CHANNELS:
-        known = f"{near(channel, CHANNELS)}measured are {', '.join(CHANNELS)}"
+        known = f"{suggest(channel, CHANNELS)}measured are {', '.join(CHANNELS)}"
         raise InputError(field, channel, known, where=where)
     band = None if kind in (">=", "<=") else (0.0, float("inf"))
     value = read_amount(amount, CHANNELS[channel], field=field, where=where, bounds=band)

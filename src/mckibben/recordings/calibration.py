@@ -16,8 +16,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from .. import schema
 from ..errors import InputError
-from ..quantities import with_unit
+from ..quantities import Quantity
+from ..schema import FileTable, Place, read_table
 from .units import is_si
 
 SCHEMA = 1
@@ -26,6 +28,34 @@ LONGEST = 36525.0 * DAY  # for which a calibration may be said to be valid [s]; 
 # Value where nobody determined it, and bounds [unit of the channel; gain 1, skew s].
 TERMS = {"gain": (1.0, 1e-3, 1e3), "zero": (0.0, -1e9, 1e9), "skew": (0.0, -1.0, 1.0)}
 Moment = datetime.datetime | str
+
+
+def moment(value: Moment) -> datetime.datetime:
+    """A date and time in UTC, which is meant where a text names no zone.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        found = datetime.datetime.fromisoformat(value) if isinstance(value, str) else value
+        return found.replace(tzinfo=datetime.UTC) if found.tzinfo is None else found.astimezone(datetime.UTC)
+    except (TypeError, ValueError, AttributeError, OverflowError):
+        raise InputError("date", str(value), "must be a date such as 2026-03-31T12:00:00+00:00") from None
+
+
+def _read_line(raw: Any, place: Place) -> str:
+    if not isinstance(raw, str) or not raw.isprintable():
+        raise place.fail(raw, "must be one line of text")
+    return raw
+
+
+def _read_date(raw: Any, place: Place) -> str:
+    line = _read_line(raw, place)
+    try:
+        moment(line)
+    except InputError as error:
+        raise place.fail(line, error.allowed) from None
+    return line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,13 +72,13 @@ class Origin:
         points: how many were compared.
     """
 
-    method: str
-    date: str
-    reference: str = ""
-    reference_uncertainty: float = 0.0
-    scale_uncertainty: float = 0.0
-    valid_for: float = math.inf
-    points: int = 0
+    method: str = schema.entry(_read_line)
+    date: str = schema.entry(_read_date)
+    reference: str = schema.entry(_read_line, default="")
+    reference_uncertainty: float = schema.number("channel", (0.0, 1e9), default=0.0)
+    scale_uncertainty: float = schema.number("1", (0.0, 1.0), default=0.0)
+    valid_for: float = schema.number("s", (1.0, LONGEST), default=math.inf, endless=True)
+    points: int = schema.whole(0, 10**9, default=0)
 
     @property
     def expires(self) -> datetime.datetime | None:
@@ -68,9 +98,9 @@ class CorrectionTerm:
     The uncertainty is NaN, and the origin None, where nobody determined it.
     """
 
-    value: float
-    uncertainty: float = math.nan
-    degrees: float = math.inf
+    value: float = schema.number("term")
+    uncertainty: float = schema.number("term", (0.0, 1e9), default=math.nan)
+    degrees: float = schema.number("1", (0.5, 1e12), default=math.inf, endless=True)
     origin: Origin | None = None
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
@@ -93,9 +123,9 @@ class Correction:
 
     unit: str
     terms: Mapping[str, CorrectionTerm] = field(default_factory=dict)
-    sensor: str = ""
-    correlation: float = 0.0
-    linearity: float = math.nan
+    sensor: str = schema.entry(_read_line, default="")
+    correlation: float = schema.number("1", (-1.0, 1.0), default=0.0)
+    linearity: float = schema.number("channel", (0.0, 1e9), default=math.nan)
 
     def term(self, name: str) -> CorrectionTerm:
         """One of `TERMS`, as it is without a calibration where nobody determined it."""
@@ -157,8 +187,8 @@ class Correction:
 class Calibration:
     """Of the channels of a rig, with the date of its last change in ISO 8601."""
 
-    rig: str
-    created: str
+    rig: str = schema.entry(_read_line)
+    created: str = schema.entry(_read_date)
     corrections: Mapping[str, Correction] = field(default_factory=dict)
 
     def correction(self, channel: str) -> Correction:
@@ -204,21 +234,8 @@ class Calibration:
 
     def plain(self) -> dict[str, Any]:
         """As a table of JSON's own types, in SI: what `read_plain` takes."""
-        channels = {name: _plain_correction(one) for name, one in self.corrections.items()}
+        channels = {name: correction_table(one, bare=True) for name, one in self.corrections.items()}
         return {"schema": SCHEMA, "rig": self.rig, "created": self.created, "channels": channels}
-
-
-def moment(value: Moment) -> datetime.datetime:
-    """A date and time in UTC, which is meant where a text names no zone.
-
-    Raises:
-        InputError: it is none.
-    """
-    try:
-        found = datetime.datetime.fromisoformat(value) if isinstance(value, str) else value
-        return found.replace(tzinfo=datetime.UTC) if found.tzinfo is None else found.astimezone(datetime.UTC)
-    except (TypeError, ValueError, AttributeError, OverflowError):
-        raise InputError("date", str(value), "allowed is a date such as 2026-03-31T12:00:00+00:00") from None
 
 
 def coverage(degrees: float, confidence: float = 0.95) -> float:
@@ -229,109 +246,65 @@ def coverage(degrees: float, confidence: float = 0.95) -> float:
     return float(stats.norm.ppf(share) if math.isinf(degrees) else stats.t.ppf(share, degrees))
 
 
-def _plain_correction(one: Correction) -> dict[str, Any]:
-    out: dict[str, Any] = {"unit": one.unit, "sensor": one.sensor, "correlation": one.correlation}
-    if not math.isnan(one.linearity):
-        out["linearity"] = one.linearity
+def correction_table(one: Correction, *, bare: bool) -> dict[str, Any]:
+    """The table of a correction that `read_plain` reads: numbers in SI without units where it is `bare`, else in words."""
+    units = {"channel": one.unit}
+    out = {"unit": one.unit, "sensor": one.sensor, "correlation": one.correlation} if bare else {}
+    out |= schema.write_table(one, units=units, bare=bare, skip=("terms",))
     for name, term in one.terms.items():
+        own = {**units, "term": {"gain": "1", "zero": one.unit, "skew": "s"}[name]}
         number: dict[str, Any] = {"value": term.value}
         if not math.isnan(term.uncertainty):
             number |= {"uncertainty": term.uncertainty, "degrees": term.degrees}
-        out[name] = number | ({} if term.origin is None else dict(vars(term.origin)))
+        if not bare:
+            number = schema.write_table(term, units=own, skip=("origin",))
+        if term.origin is not None:
+            number |= dict(vars(term.origin)) if bare else schema.write_table(term.origin, units=own)
+        out[name] = number
     return out
 
 
-def read_plain(table: Any, *, where: str = "calibration") -> Calibration:
-    """A calibration from a table in SI, as `Calibration.plain` makes it and a recording's meta has it.
+ORIGIN = tuple(Origin.__dataclass_fields__)
+
+
+def read_plain(table: object, *, where: str = "calibration", bare: bool = True) -> Calibration:
+    """Make a calibration of a table, as `Calibration.plain` makes it and a recording's meta has it.
+
+    Args:
+        table: of words and numbers.
+        where: file for complaints.
+        bare: take numbers without a unit as SI; a file states units.
 
     Raises:
-        InputError: names the dotted path, the value and what is allowed; a newer schema is refused.
+        InputError: names the dotted path, the value and what it must be; a newer schema is refused.
     """
-    top = _Table(table, "", where)
+    top = FileTable.of(table, "calibration" if not isinstance(table, Mapping) else "", where)
     schema = top.values.get("schema", "missing")
-    if isinstance(schema, bool) or not isinstance(schema, int) or schema < 1:
-        raise top.fail("schema", schema, f"this version reads schema {SCHEMA}")
-    if schema > SCHEMA:
+    if isinstance(schema, int) and not isinstance(schema, bool) and schema > SCHEMA:
         raise top.fail("schema", schema, f"a newer version of mckibben wrote it; this one reads schema {SCHEMA}")
-    top.only("schema", "rig", "created", "channels")
-    channels = top.below("channels")
-    corrections = {name: _read_correction(channels.below(name)) for name in channels.values}
-    return Calibration(rig=top.text("rig"), created=top.date("created"), corrections=corrections)
+    top.schema(SCHEMA)
+    top.only(("schema", "rig", "created", "channels"))
+    channels = top.table("channels")
+    corrections = {name: _read_correction(channels.table(name), bare) for name in channels.values}
+    return read_table(Calibration, top.without("schema", "channels"), bare=bare, corrections=corrections)
 
 
-def _read_correction(at: _Table) -> Correction:
-    at.only("unit", "sensor", "correlation", "linearity", *TERMS)
-    unit = at.text("unit")
+def _read_correction(at: FileTable, bare: bool) -> Correction:
+    at.only(("unit", "sensor", "correlation", "linearity", *TERMS), "a channel has")
+    unit = at.word("unit")
     if not is_si(unit):
-        raise at.fail("unit", unit, "allowed is an SI unit such as 'Pa' or 'N'")
-    terms = {name: _read_term(at.below(name), name, unit) for name in TERMS if name in at.values}
-    return Correction(
-        unit=unit, terms=terms, sensor=at.text("sensor", ""), correlation=at.number("correlation", -1.0, 1.0, "1", 0.0),
-        linearity=at.number("linearity", 0.0, 1e9, unit, math.nan),
-    )  # fmt: skip
+        raise at.fail("unit", unit, "must be an SI unit such as 'Pa' or 'N'")
+    terms = {name: _read_term(at.table(name), name, unit, bare) for name in TERMS if name in at}
+    return read_table(Correction, at.without(*TERMS), units={"channel": unit}, bare=bare, terms=terms)
 
 
-def _read_term(at: _Table, name: str, unit: str) -> CorrectionTerm:
-    at.only("value", "uncertainty", "degrees", *Origin.__dataclass_fields__)
+def _read_term(at: FileTable, name: str, unit: str, bare: bool) -> CorrectionTerm:
+    at.only(("value", "uncertainty", "degrees", *ORIGIN), f"{name} has")
+    units = {"channel": unit, "term": {"gain": "1", "zero": unit, "skew": "s"}[name]}
+    stated = at.derived({k: v for k, v in at.values.items() if k in ORIGIN})
+    origin = read_table(Origin, stated, units=units, bare=bare) if "method" in at else None
+    term = read_table(CorrectionTerm, at.without(*ORIGIN), units=units, bare=bare, origin=origin)
     _, low, high = TERMS[name]
-    own = {"gain": "1", "zero": unit, "skew": "s"}[name]
-    origin = None
-    if "method" in at.values:
-        points = at.number("points", 0.0, 1e9, "1", 0.0)
-        origin = Origin(
-            method=at.text("method"), date=at.date("date"), reference=at.text("reference", ""),
-            reference_uncertainty=at.number("reference_uncertainty", 0.0, 1e9, unit, 0.0),
-            scale_uncertainty=at.number("scale_uncertainty", 0.0, 1.0, "1", 0.0),
-            valid_for=at.number("valid_for", 1.0, LONGEST, "s", math.inf, endless=True), points=int(points),
-        )  # fmt: skip
-    return CorrectionTerm(
-        at.number("value", low, high, own), at.number("uncertainty", 0.0, 1e9, own, math.nan),
-        at.number("degrees", 0.5, 1e12, "1", math.inf, endless=True), origin,
-    )  # fmt: skip
-
-
-class _Table:
-    """A table with its dotted path and its place, for complaints."""
-
-    def __init__(self, values: Any, path: str, where: str) -> None:
-        if not isinstance(values, Mapping):
-            raise InputError(path or "calibration", type(values).__name__, "allowed is a table", where=where)
-        self.values, self.path, self.where = values, path, where
-
-    def fail(self, key: str, value: Any, allowed: str) -> InputError:
-        shown = value if isinstance(value, str | int | float) else type(value).__name__
-        return InputError(f"{self.path}.{key}" if self.path else key, shown, allowed, where=self.where)
-
-    def only(self, *known: str) -> None:
-        for key in self.values:
-            if key not in known:
-                raise self.fail(key, "unknown", f"known are {', '.join(known)}")
-
-    def below(self, key: str) -> _Table:
-        return _Table(self.values.get(key, {}), f"{self.path}.{key}" if self.path else key, self.where)
-
-    def text(self, key: str, default: str | None = None) -> str:
-        value = self.values.get(key, default)
-        if not isinstance(value, str) or not value.isprintable():
-            raise self.fail(key, "missing" if value is None else value, "allowed is one line of text")
-        return value
-
-    def date(self, key: str) -> str:
-        value = self.text(key)
-        try:
-            moment(value)
-        except InputError as error:
-            raise self.fail(key, value, error.allowed) from None
-        return value
-
-    def number(
-        self, key: str, low: float, high: float, unit: str, default: float | None = None, *, endless: bool = False
-    ) -> float:
-        value = self.values.get(key, default)
-        if value is default and default is not None:
-            return default
-        if value is None or isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.fail(key, "missing" if value is None else value, "allowed is a number")
-        if not (low <= value <= high or (endless and value == math.inf)):
-            raise self.fail(key, value, f"allowed is {with_unit(low, unit)} to {with_unit(high, unit)}")
-        return float(value)
+    if not low <= term.value <= high:
+        Quantity(units["term"], (low, high), "", "", (low, high)).check(at.field("value"), term.value, where=at.where)
+    return term

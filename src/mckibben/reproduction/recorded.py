@@ -10,7 +10,7 @@ from typing import Any
 from ..analysis.segments import segments
 from ..bench.run import prepare, run
 from ..errors import ConvergenceError
-from ..experiments.library import protocol
+from ..experiments.read import protocol
 from ..recordings import Recording
 from . import rows
 from .sharing import shared

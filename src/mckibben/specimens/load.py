@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import os
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..documents import parse_toml, read_text
-from ..errors import InputError
-
-if TYPE_CHECKING:
-    from .model import Specimen
+from ..errors import InputError, suggest
+from ..schema import FileTable
+from .model import SCHEMA, Specimen
 
 FOLDER_VARIABLE = "MCKIBBEN_SPECIMENS"
 LONGEST = 100  # letters of an id; longer ones are no name of a file
@@ -63,8 +60,7 @@ def specimen(name: str | os.PathLike[str]) -> Specimen:
             return alone
     found = _by_id()
     if text.lower() not in found:
-        near = difflib.get_close_matches(text.lower(), found, n=1)
-        hint = f"did you mean {near[0]}? " if near else ""
+        hint = suggest(text.lower(), found)
         raise InputError("specimen", text, f"{hint}known are {', '.join(specimen_ids())}, or a .toml file")
     return found[text.lower()]
 
@@ -124,24 +120,18 @@ def _files(folders: str) -> Iterator[tuple[str, str]]:
 
 
 def _read(text: str, *, where: str) -> Specimen:
-    from .model import SCHEMA, Specimen
-
-    data = parse_toml(text, where=where)
-    if data.get("schema") != SCHEMA:
-        raise InputError("schema", data.get("schema", "missing"), f"this version reads schema {SCHEMA}", where=where)
-    one = Specimen.read(data, where=where)
+    table = FileTable(parse_toml(text, where=where), "", where)
+    table.schema(SCHEMA)
+    one = Specimen.read(table.values, where=where)
     if one.kind != "valve" and (one.element or one.valve):
         field = "element" if one.element else "valve"
-        raise InputError(field, one.element or ", ".join(one.valve), "allowed in the file of a valve only", where=where)
+        raise table.fail(field, one.element or ", ".join(one.valve), "allowed in the file of a valve only")
     if one.kind != "valve" and one.law not in one.laws:
-        raise InputError("law", one.law, f"the file states {', '.join(one.laws) or 'none'}", where=where)
-    for name in one.properties:
-        if name not in KNOWN_PROPERTIES:
-            raise InputError(f"properties.{name}", "unknown", f"known are {', '.join(KNOWN_PROPERTIES)}", where=where)
-        _positive(one.properties[name].si(KNOWN_PROPERTIES[name], field=f"properties.{name}", where=where), name, where)
+        raise table.fail("law", one.law, f"the file states {', '.join(one.laws) or 'none'}")
+    properties = table.table("properties")
+    properties.only(KNOWN_PROPERTIES)
+    for name, stated in one.properties.items():
+        value = stated.si(KNOWN_PROPERTIES[name], field=properties.field(name), where=where)
+        if isinstance(value, float) and value < 0.0:
+            raise properties.fail(name, value, "must be a number that is not negative")
     return one
-
-
-def _positive(value: float | list[float], name: str, where: str) -> None:
-    if isinstance(value, float) and value < 0.0:
-        raise InputError(f"properties.{name}", value, "allowed is a number that is not negative", where=where)

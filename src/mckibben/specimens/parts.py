@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import functools
 from importlib import resources
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..documents import parse_toml
 from ..errors import InputError
+from ..schema import FileTable, read_table
 from .model import Parameter
 
 SCHEMA = 1
@@ -30,10 +31,11 @@ KINDS: dict[str, dict[str, str]] = {
         "rated_pressure": "Pa", "fittings_mass": "kg", "mass_per_length": "kg/m",
     },
 }  # fmt: skip
+WORDS = ("title", "sources", "note", "law", "form")
 FILES = {"tube": "tubes", "gas_source": "gas_sources", "fluidic_muscle": "fluidic_muscles"}
 
 
-class Part(NamedTuple):
+class CataloguePart(NamedTuple):
     """One part: its numbers [SI] by name, and as stated; `law` names the specimen whose law it borrows."""
 
     id: str
@@ -51,7 +53,7 @@ class Part(NamedTuple):
 
 
 @functools.cache
-def parts(kind: str) -> tuple[Part, ...]:
+def parts(kind: str) -> tuple[CataloguePart, ...]:
     """All shipped parts of a kind.
 
     Raises:
@@ -63,35 +65,25 @@ def parts(kind: str) -> tuple[Part, ...]:
     return read_parts((resources.files(__package__) / "published" / name).read_text(encoding="utf-8"), where=name)
 
 
-def read_parts(text: str, *, where: str) -> tuple[Part, ...]:
+def read_parts(text: str, *, where: str) -> tuple[CataloguePart, ...]:
     """The parts of a file's text; raises `InputError` with the file, the entry and what is allowed."""
-    document = parse_toml(text, where=where)
-    if document.get("schema") != SCHEMA:
-        raise InputError(
-            "schema", document.get("schema", "missing"), f"this version reads schema {SCHEMA}", where=where
-        )
-    kind = document.get("kind")
-    if kind not in KINDS:
-        raise InputError("kind", kind or "missing", f"known are {', '.join(KINDS)}", where=where)
-    entries = {k: v for k, v in document.items() if isinstance(v, dict)}
-    return tuple(_part(id_, entry, KINDS[kind], where) for id_, entry in entries.items())
+    top = FileTable(parse_toml(text, where=where), "", where)
+    top.schema(SCHEMA)
+    kind = top.word("kind", among=KINDS)
+    entries = [key for key, value in top.values.items() if isinstance(value, dict)]
+    return tuple(_part(id_, top.table(id_), KINDS[kind]) for id_ in entries)
 
 
-def _part(id_: str, entry: dict[str, Any], units: dict[str, str], where: str) -> Part:
-    words = ("title", "sources", "note", "law", "form")
-    for key in ("title", "sources"):
-        if key not in entry:
-            raise InputError(f"{id_}.{key}", "missing", "it is required", where=where)
-    stated, values = {}, {}
-    for key, raw in entry.items():
-        if key in words:
-            continue
-        if key not in units:
-            raise InputError(f"{id_}.{key}", "unknown", f"known are {', '.join([*words, *units])}", where=where)
-        one = Parameter.read(raw, field=f"{id_}.{key}", where=where)
-        value = one.si(units[key], field=f"{id_}.{key}", where=where)
+def _part(id_: str, table: FileTable, units: dict[str, str]) -> CataloguePart:
+    table.only((*WORDS, *units), "a part has")
+    stated = {
+        key: read_table(Parameter, table.table(key), owner="a number has") for key in table.values if key in units
+    }
+    values = {}
+    for key, one in stated.items():
+        value = one.si(units[key], field=table.field(key), where=table.where)
         if not isinstance(value, float) or value < 0.0:
-            raise InputError(f"{id_}.{key}", str(one.value), "allowed is one number, not negative", where=where)
-        stated[key], values[key] = one, value
-    given = {k: entry.get(k, "") for k in ("form", "law", "note")}
-    return Part(id_, entry["title"], tuple(entry["sources"]), values, stated, **given)
+            raise table.fail(key, str(one.value), "must be one number, not negative")
+        values[key] = value
+    given = {key: table.text(key) for key in ("form", "law", "note")}
+    return CataloguePart(id_, table.word("title"), table.texts("sources"), values, stated, **given)

@@ -7,32 +7,39 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import dataclass
 from importlib import resources
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..documents import parse_toml
 from ..errors import InputError
+from ..quantities import to_si
+from ..schema import FileTable, Place, entry, flag, read_table, word, words
 
 SCHEMA = 1
-_KEYS = ("property", "low", "high", "unit", "source", "through", "derived", "note")
 
 
-class PublishedRange(NamedTuple):
+def _read_number(raw: Any, place: Place) -> float:
+    if isinstance(raw, bool) or not isinstance(raw, int | float) or not math.isfinite(raw):
+        raise place.fail(raw, "must be a finite number")
+    return float(raw)
+
+
+@dataclass(frozen=True)
+class PublishedRange:
     """From where to where a property lies, as its sources print it, and what they are."""
 
     property: str
-    low: float  # [unit]
-    high: float  # [unit]
-    unit: str  # in words, without the rest length that the property may be taken over
-    sources: tuple[str, ...]  # citation keys
-    through: str = ""  # the paper that cites them, where they were not at hand
-    derived: bool = False  # computed by its source of other numbers
-    note: str = ""
+    low: float = entry(_read_number)  # [unit]
+    high: float = entry(_read_number)  # [unit]
+    unit: str = word("in words, without the rest length that the property may be taken over")
+    sources: tuple[str, ...] = words("citation keys", key="source")
+    through: str = word("the paper that cites them, where they were not at hand", default="")
+    derived: bool = flag("computed by its source of other numbers", default=False)
+    note: str = word(default="")
 
     def si(self, unit: str) -> tuple[float, float]:
         """Both ends in an SI unit; raises `InputError` when the dimension is another."""
-        from ..quantities import to_si
-
         low, high = (to_si(end, self.unit, unit, field=self.property) for end in (self.low, self.high))
         return low, high
 
@@ -46,41 +53,20 @@ def published_ranges(name: str = "biological") -> dict[str, PublishedRange]:
     """
     file = resources.files(__package__) / "published" / f"{name}.toml"
     if not file.is_file():
-        raise InputError("published", name, "known is biological")
+        raise InputError("published", name, "known are biological")
     return read_ranges(file.read_text(encoding="utf-8"), where=f"{name}.toml")
 
 
 def read_ranges(text: str, *, where: str) -> dict[str, PublishedRange]:
     """The ranges of a file's text; raises `InputError` with the file, the entry and what is allowed."""
-    document = parse_toml(text, where=where)
-    if document.get("schema") != SCHEMA:
-        raise InputError(
-            "schema", document.get("schema", "missing"), f"this version reads schema {SCHEMA}", where=where
-        )
+    top = FileTable(parse_toml(text, where=where), "", where)
+    top.schema(SCHEMA)
     found: dict[str, PublishedRange] = {}
-    for i, entry in enumerate(document.get("range", []), 1):
-        one = _range(entry, f"range.{i}", where)
+    for table in top.listed("range"):
+        one = read_table(PublishedRange, table, owner="a range has")
+        if one.low > one.high:
+            raise table.fail("low", one.low, f"must be at most high, {one.high:g}")
         if one.property in found:
-            raise InputError(f"range.{i}.property", one.property, "it stands twice", where=where)
+            raise table.fail("property", one.property, "it stands twice")
         found[one.property] = one
     return found
-
-
-def _range(entry: dict[str, Any], field: str, where: str) -> PublishedRange:
-    for key in entry:
-        if key not in _KEYS:
-            raise InputError(f"{field}.{key}", "unknown", f"known are {', '.join(_KEYS)}", where=where)
-    for key in ("property", "low", "high", "unit", "source"):
-        if key not in entry:
-            raise InputError(f"{field}.{key}", "missing", "it is required", where=where)
-    low, high = (_number(entry[key], f"{field}.{key}", where) for key in ("low", "high"))
-    if low > high:
-        raise InputError(f"{field}.low", low, f"allowed is at most high, {high:g}", where=where)
-    sources, rest = tuple(entry["source"]), {k: entry[k] for k in ("through", "derived", "note") if k in entry}
-    return PublishedRange(entry["property"], low, high, entry["unit"], sources, **rest)
-
-
-def _number(value: Any, field: str, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(field, str(value), "allowed is a finite number", where=where)
-    return float(value)

@@ -56,9 +56,9 @@ def test_several_channels_see_the_same_pressures_and_the_encoder_gets_no_zero():
 @pytest.mark.parametrize(
     ("change", "call", "said"),
     [
-        ({"sensors.tension.noise": "20 N"}, "weights", r"scatter of tension is '\d+.* N'; allowed is 11 N: is it at rest\?"),
+        ({"sensors.tension.noise": "20 N"}, "weights", r"scatter of tension must be 11 N, got '\d+.* N': is it at rest\?"),
         ({"sensors.tension.offset": "1095 N"}, "weights", "at an end of its converter for"),
-        ({"sensors.tension.high": "50 N"}, "weights", "reference for tension is '98.07 N'; the sensor sees -1000 N to 50 N"),
+        ({"sensors.tension.high": "50 N"}, "weights", "reference for tension is 98.07 N: the sensor sees -1000 N to 50 N"),
         ({"sensors.pressure.offset": "-1.1 bar"}, "zero", "reading of pressure is 'at an end of its converter"),
     ],
 )  # fmt: skip
@@ -96,11 +96,11 @@ def test_a_refused_point_is_asked_for_again_where_somebody_can_do_it():
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda s: s.weights([1.0]), "masses is '1 kg'; allowed are two different ones"),
-        (lambda s: s.weights([]), "masses is 'none'"),
-        (lambda s: s.weights([1.0, 1.0]), "masses is '1 kg, 1 kg'; allowed are different ones"),
-        (lambda s: s.weights([-1.0, 1.0]), "masses is '-1 kg'; allowed is 0 kg or more"),
-        (lambda s: s.weights([0.0, 1.0], channel="tenson"), "channel is 'tenson'; the rig has pressure"),
+        (lambda s: s.weights([1.0]), "masses must be two different ones, got 1 kg"),
+        (lambda s: s.weights([]), "masses is none"),
+        (lambda s: s.weights([1.0, 1.0]), "masses must be different ones, got '1 kg, 1 kg'"),
+        (lambda s: s.weights([-1.0, 1.0]), "masses must be 0 kg or more, got -1 kg"),
+        (lambda s: s.weights([0.0, 1.0], channel="tenson"), "channel is 'tenson': the rig has pressure"),
         (lambda s: s.zero(["span"]), "an encoder is zeroed where it is mounted"),
         (lambda s: s.skew(["pressure"], frequency=20.0), "two or more"),
         (lambda s: s.pressure([0.0, float("nan")], Reference(), ["pressure"]), "pressures is 'nan bar'"),
@@ -116,7 +116,7 @@ def test_what_no_session_can_be_made_of_is_refused_before_anybody_is_asked(call,
 def test_a_rig_without_an_encoder_has_none_to_calibrate():
     source = SimulatedSensors(MODERN)
     source.grids = {n: g for n, g in source.grids.items() if n != "span"}
-    with pytest.raises(InputError, match="channel is 'span'; the rig has pressure"):
+    with pytest.raises(InputError, match="channel is 'span': the rig has pressure"):
         session(source, SimulatedPerson(source)).encoder([0.0, 0.1], Reference())
 
 
@@ -205,5 +205,5 @@ def test_a_lost_line_ends_the_reading_with_its_reason_and_the_machine_is_let_go(
 def test_channels_that_a_machine_does_not_have_are_named():
     machine = Machine()
     machine.names = ("pressure",)
-    with pytest.raises(InputError, match="channels is 'valve_pressure, tension'; the machine has pressure"):
+    with pytest.raises(InputError, match="channels is 'valve_pressure, tension': the machine has pressure"):
         HardwareReadings(machine, MODERN.converters(0.2))

@@ -195,7 +195,7 @@ def test_the_zero_of_a_quiet_sensor_is_known_to_its_count_and_no_better():
 @pytest.mark.parametrize(
     ("xs", "ys", "said"),
     [
-        ([], [], "points is 'none'"),
+        ([], [], "points is none"),
         ([1.0], [1.0], "points is '1 of one value'"),
         ([1.0, 1.0], [1.0, 1.1], "points is '2 of one value'"),
         ([0.0, 1.0], [1.0, 0.0], "does not rise with the reference"),
@@ -211,9 +211,9 @@ def test_points_of_which_no_line_follows_are_refused(xs, ys, said):
     [
         ({"a": 1.0}, 20.0, None, "two or more"),
         ({"a": 1.0, "b": 0.0}, 20.0, None, "signal of b is 'an amplitude of 0'"),
-        ({"a": 1.0, "b": 1.0}, 1.0, None, "frequency is '1 Hz'; allowed is 3 Hz to 400 Hz"),
-        ({"a": 1.0, "b": 1.0}, 20.0, 450.0, "allowed is 3 Hz to 400 Hz"),
-        ({"a": 1.0, "b": 1.0}, 60.0, None, "% something else'; allowed is a sine of 60 Hz"),
+        ({"a": 1.0, "b": 1.0}, 1.0, None, "frequency must be between 3 Hz and 400 Hz, got 1 Hz"),
+        ({"a": 1.0, "b": 1.0}, 20.0, 450.0, "must be between 3 Hz and 400 Hz"),
+        ({"a": 1.0, "b": 1.0}, 60.0, None, "% something else'; must be a sine of 60 Hz"),
     ],
 )
 def test_signals_that_tell_no_skew_are_refused(signals, frequency, to, said):
@@ -223,5 +223,5 @@ def test_signals_that_tell_no_skew_are_refused(signals, frequency, to, said):
 
 
 def test_samples_that_are_no_numbers_are_refused():
-    with pytest.raises(InputError, match="allowed are 4 finite ones"):
+    with pytest.raises(InputError, match="must be 4 finite ones"):
         reading(np.array([1.0, math.nan, 1.0, 1.0, 1.0]))

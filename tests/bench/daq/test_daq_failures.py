@@ -147,7 +147,7 @@ def test_samples_are_waited_for_one_after_another() -> None:
             hardware.wait(0)
         hardware.start(PERIOD)
         for wrong in (1, -1, 5):
-            with pytest.raises(InputError, match="allowed is 0"):
+            with pytest.raises(InputError, match="must be 0"):
                 hardware.wait(wrong)
         assert hardware.wait(0) >= 0.0
         hardware.close()

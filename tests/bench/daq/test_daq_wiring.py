@@ -172,7 +172,7 @@ def test_a_wrong_table_is_told_in_one_line(wrong: str) -> None:
 def test_what_is_required_is_asked_for(key: str) -> None:
     table = tomllib.loads(TABLE)["daq"]
     del table[key]
-    with pytest.raises(InputError, match=f"lab.toml: daq.{key} is 'missing'"):
+    with pytest.raises(InputError, match=f"lab.toml: daq.{key} is missing"):
         wiring(table, where="lab.toml")
 
 

@@ -281,7 +281,7 @@ def test_the_wrong_firmware_is_refused(chosen: Path | None) -> None:
     with in_thread(Tiny(), library=chosen, faults=Faults(version=9)) as device:
         with pytest.raises(InputError) as error:
             SerialHardware(device.port)
-        one_line(error, device.port, "protocol of the device is 9; allowed is 1")
+        one_line(error, device.port, "protocol of the device must be 1, got 9")
 
 
 @pytest.mark.parametrize(

@@ -180,15 +180,15 @@ def test_the_header_names_every_argument_by_its_path() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"name": "2fast"}, "name is '2fast'; allowed is a name in C"),
+        ({"name": "2fast"}, "name must be a name in C, got .2fast"),
         ({"name": "double"}, "name is 'double'"),
-        ({"arguments": ("a",)}, "arguments is 'a'; allowed are 2 names"),
-        ({"arguments": ("same", "same")}, "allowed are names that differ"),
-        ({"arguments": ("state", "v1")}, "arguments is 'v1'; allowed is a name in C"),
+        ({"arguments": ("a",)}, "arguments must be 2 names, got 'a'"),
+        ({"arguments": ("same", "same")}, "must be names that differ"),
+        ({"arguments": ("state", "v1")}, "arguments must be a name in C, got 'v1'"),
         ({"arguments": ("state", "input"), "results": ("input", "output")}, "results is 'input'; "),
-        ({"values": {"nothing": []}}, "values is 'nothing'; known are argument0, argument1"),
-        ({"values": {"argument0": [1.0]}}, "argument0 is '1 values'; allowed are 2"),
-        ({"values": {"argument1": [[1.0, 2.0]]}}, "argument1.* is 'of shape \\(2,\\)'; allowed is \\(\\)"),
+        ({"values": {"nothing": []}}, "Unknown values 'nothing'. Known are argument0, argument1"),
+        ({"values": {"argument0": [1.0]}}, "argument0 must be 2, got 1 values"),
+        ({"values": {"argument1": [[1.0, 2.0]]}}, "argument1.* must be \\(\\), got 'of shape \\(2,\\)'"),
         ({"mode": "loose"}, "mode is 'loose'"),
     ],
 )

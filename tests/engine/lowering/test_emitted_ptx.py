@@ -300,7 +300,7 @@ def test_what_fails_is_said(name: str, value: int, kind: Any, message: str, fake
 
 @compiled
 def test_an_unknown_device_is_refused(fake: Fake) -> None:
-    with pytest.raises(InputError, match="device is 1; known are 0 to 0: Processor in disguise"):
+    with pytest.raises(InputError, match="Unknown device 1. Known are 0 to 0: Processor in disguise"):
         on_gpu(program("loops"), device=1)
 
 

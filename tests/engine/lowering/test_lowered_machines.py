@@ -153,7 +153,7 @@ def test_the_whole_bench_with_its_software_stays_with_xla():
     from mckibben.bench.prepare import prepare
     from mckibben.bench.segment import SegmentMachine, software_of, timing_of
     from mckibben.engine import sampled
-    from mckibben.experiments.library import protocol
+    from mckibben.experiments.read import protocol
 
     bench = prepare(protocol("isotonic-triangle", load="50 N", frequency="5 Hz", cycles=2), muscle="nylon", rig="paper")
     part, timing = next(iter(bench.parts())), timing_of(bench)

@@ -140,7 +140,7 @@ INJECTED = {
 
 @pytest.mark.parametrize("change", INJECTED.values(), ids=INJECTED)
 def test_what_a_graph_cannot_have_is_refused_before_it_becomes_assembly(run, change):
-    with pytest.raises(InputError, match="allowed is a file that Program.save wrote"):
+    with pytest.raises(InputError, match="must be a file that Program.save wrote"):
         Program.unpacked(changed(run, change), "forged.kernel")
 
 

@@ -25,7 +25,6 @@ The terms of a channel may come from different days; each says where it comes fr
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -33,15 +32,7 @@ from typing import Any
 
 from ...documents import read_toml, write_text
 from ...errors import InputError
-from ...experiments.words import Entry
-from ...recordings.calibration import DAY, SCHEMA, TERMS, Calibration, Correction, read_plain
-
-_TOP = ("schema", "rig", "created", "channels")
-_CHANNEL = ("unit", "sensor", "correlation", "linearity", *TERMS)
-_TERM = (
-    "value", "uncertainty", "degrees", "method", "date", "reference", "reference_uncertainty", "scale_uncertainty",
-    "valid_for", "points",
-)  # fmt: skip
+from ...recordings.calibration import DAY, TERMS, Calibration, Correction, correction_table, read_plain
 
 
 def read_calibration(path: str | os.PathLike[str]) -> Calibration:
@@ -51,15 +42,7 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
         InputError: names the file, the dotted path, the value and what is allowed; a newer schema is refused.
     """
     where = os.fspath(path)
-    document = read_toml(path, field="calibration")
-    schema = document.get("schema")
-    if isinstance(schema, int) and schema > SCHEMA:
-        return read_plain(document, where=where)  # complains about that before any key that this version cannot know
-    top = Entry(document, "", where)
-    top.only(_TOP)
-    channels = top.table("channels")
-    plain = {name: _channel(channels.table(name)) for name in channels.values}
-    return read_plain({**document, "channels": plain}, where=where)
+    return read_plain(read_toml(path, field="calibration"), where=where, bare=False)
 
 
 def write_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> Path:
@@ -87,53 +70,14 @@ def merged(path: Path, rig: str, found: Mapping[str, Correction], date: str) -> 
 
 def document(calibration: Calibration) -> dict[str, Any]:
     """The tables of a file."""
-    plain = calibration.plain()
-    channels = {}
-    for name, table in plain["channels"].items():
-        unit = table["unit"]
-        out = {k: v for k, v in table.items() if k not in TERMS and v != ""}
-        if "linearity" in out:
-            out["linearity"] = _words(out["linearity"], unit)
+    channels = {name: correction_table(one, bare=False) for name, one in calibration.corrections.items()}
+    for table in channels.values():
         for term in TERMS:
-            if term in table:
-                out[term] = _term(table[term], {"gain": "1", "zero": unit, "skew": "s"}[term], unit)
-        channels[name] = out
-    return {**plain, "channels": channels}
+            if term in table and "valid_for" in table[term]:
+                table[term]["valid_for"] = _in_days(table[term]["valid_for"])
+    return {**calibration.plain(), "channels": channels}
 
 
-def _term(table: Mapping[str, Any], own: str, unit: str) -> dict[str, Any]:
-    plain = ("reference_uncertainty", "scale_uncertainty")
-    out = {k: v for k, v in table.items() if v not in ("", math.inf) and not (k in plain and v == 0.0)}
-    for key in ("value", "uncertainty"):
-        if key in out:
-            out[key] = _words(out[key], own)
-    if "reference_uncertainty" in out:
-        out["reference_uncertainty"] = _words(out["reference_uncertainty"], unit)
-    if "valid_for" in out:
-        days = out["valid_for"] / DAY
-        out["valid_for"] = f"{days:.0f} day" if days == round(days) else _words(out["valid_for"], "s")
-    return out
-
-
-def _words(value: float, unit: str) -> Any:
-    """A number that reads back exactly; pure numbers stay numbers."""
-    return value if unit == "1" else f"{value!r} {unit}"
-
-
-def _channel(entry: Entry) -> dict[str, Any]:
-    """The plain table of a channel, from its words."""
-    entry.only(_CHANNEL, "a channel has")
-    out = {k: v for k, v in entry.values.items() if k not in (*TERMS, "linearity")}
-    unit = entry.word("unit")
-    if "linearity" in entry.values:
-        out["linearity"] = entry.number("linearity", unit)
-    for term, own in (("gain", "1"), ("zero", unit), ("skew", "s")):
-        if term not in entry.values:
-            continue
-        at = entry.table(term)
-        at.only(_TERM, f"{term} has")
-        out[term] = dict(at.values)
-        for key, si in (("value", own), ("uncertainty", own), ("reference_uncertainty", unit), ("valid_for", "s")):
-            if key in at.values:
-                out[term][key] = at.number(key, si)
-    return out
+def _in_days(words: str) -> str:
+    days = float(words.removesuffix(" s")) / DAY
+    return f"{days:.0f} day" if days == round(days) else words

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...errors import InputError
-from ...experiments.library import protocol_names
+from ...experiments.read import protocol_names
 
 FORMATS = (".nc", ".csv", ".mcap", ".mat", ".parquet", ".tdms")
 LISTS = ("protocols", "muscles", "rigs")

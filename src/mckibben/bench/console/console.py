@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from ...errors import InputError
+from ...errors import InputError, suggest
 from ...experiments.dry_run import check
-from ...experiments.library import protocol_names, shipped
 from ...experiments.protocol import Protocol
-from ...experiments.read import SETTINGS, values_of, with_values
-from ...experiments.waveforms import near
+from ...experiments.read import SETTINGS, protocol_names, shipped, values_of, with_values
 from ...quantities import parse, with_unit
 from ...recordings import write
 from ...recordings.recording import Recording
@@ -64,7 +62,7 @@ class Console:
             return ""
         name, rest = words[0].lower(), words[1:]
         if name not in COMMANDS:
-            hint = near(name, COMMANDS)
+            hint = suggest(name, COMMANDS)
             raise InputError("command", words[0], f"{hint}known are {', '.join(COMMANDS)}")
         answer: str = getattr(self, f"_{name}")(rest)
         return answer
@@ -215,7 +213,7 @@ class Console:
         if not words:
             return _columns([(c.usage, c.about) for c in COMMANDS.values()])
         if len(words) != 1 or words[0] not in COMMANDS:
-            raise InputError("help", " ".join(words), f"{near(words[0], COMMANDS)}known are {', '.join(COMMANDS)}")
+            raise InputError("help", " ".join(words), f"{suggest(words[0], COMMANDS)}known are {', '.join(COMMANDS)}")
         command = COMMANDS[words[0]]
         return f"{command.usage}\n{command.about}"
 

@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from ...assembly.signal_table import read_points
-from ...errors import InputError
+from ...errors import InputError, suggest
 from ...experiments.amounts import CHANNELS
-from ...experiments.library import shipped
 from ...experiments.protocol import Protocol
-from ...experiments.read import build_protocol
-from ...experiments.waveforms import near
+from ...experiments.read import build_protocol, shipped
 from ..software.waveform_import import read_protocol
 
 PROTOCOL = ".toml"
@@ -29,7 +27,7 @@ def loaded(name: str, channel: str | None = None) -> Protocol:
         InputError: names what is unknown or cannot be read.
     """
     if channel is not None and channel not in CHANNELS:
-        raise InputError("as", channel, f"{near(channel, CHANNELS)}known are {', '.join(CHANNELS)}")
+        raise InputError("as", channel, f"{suggest(channel, CHANNELS)}known are {', '.join(CHANNELS)}")
     path = Path(name)
     if path.suffix.lower() == PROTOCOL:
         return read_protocol(name)

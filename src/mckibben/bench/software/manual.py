@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 
 from ...components import Module, Scalar
-from ...experiments.limits import Limits
+from ...experiments.dry_run import Limits
 from ...quantities import quantity
 from .sequencer import SPAN, TENSION, VELOCITY, SetPoints
 

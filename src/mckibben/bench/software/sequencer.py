@@ -15,8 +15,8 @@ import numpy as np
 
 from ...components import Module
 from ...experiments import until
-from ...experiments.plan import Deferred, PlannedStep
-from ...experiments.steps import MODES
+from ...experiments.commands import MODES, Deferred
+from ...experiments.plan import PlannedStep
 from ...experiments.until import KINDS
 
 SPAN, VELOCITY, TENSION = range(3)

@@ -5,13 +5,26 @@ the same values on every machine, noise included. ``straight`` says how it goes 
 held until the next one. A jump belongs to the time that it is stated for.
 """
 
-from .combined import Sequence, Sum, Table
-from .read import KINDS, near, read_waveform
-from .smooth import Chirp, MultiSine, Noise, Ramp, Sine, Triangle
-from .switched import Binary, Constant, Pulse, PulseWidth, Square, Steps
-from .waveform import Waveform, time_words
+from .shapes import (
+    Binary,
+    Chirp,
+    Constant,
+    MultiSine,
+    Noise,
+    Pulse,
+    PulseWidth,
+    Ramp,
+    Sequence,
+    Sine,
+    Square,
+    Steps,
+    Sum,
+    Table,
+    Triangle,
+)  # fmt: skip
+from .waveform import KINDS, Waveform, read_waveform, time_words
 
 __all__ = [
     "KINDS", "Binary", "Chirp", "Constant", "MultiSine", "Noise", "Pulse", "PulseWidth", "Ramp", "Sequence", "Sine",
-    "Square", "Steps", "Sum", "Table", "Triangle", "Waveform", "near", "read_waveform", "time_words",
+    "Square", "Steps", "Sum", "Table", "Triangle", "Waveform", "read_waveform", "time_words",
 ]  # fmt: skip

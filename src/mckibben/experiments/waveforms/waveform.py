@@ -1,26 +1,32 @@
-"""What a waveform is, and how its numbers become words."""
+"""What a waveform is, how its table becomes one, and how its numbers become words."""
 
 from __future__ import annotations
 
 import abc
-import math
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from ...errors import InputError
 from ...quantities import with_unit
+from ...schema import FileTable, Place, read_table
 
-VALUE, TIME, RATE, SHARE, ANGLE = "value", "s", "1/s", "1", "rad"  # VALUE: in the unit of the signal
-WORD, WHOLE, PARTS, TIMED = "word", "whole", "parts", "timed"  # neither: text, integers, waveforms, and pieces of time
+VALUE = "value"  # the unit of the signal, which only the table that names the waveform knows
 RELATIVE = {"L0": "m", "L0/s": "m/s"}  # a muscle's own units, and what they are once its rest length is known
 JUMP = 1e-9  # [s]; a sample so close before a jump stands for it: 0.3 is no whole number of milliseconds in binary
+KINDS: dict[str, type[Waveform]] = {}  # every waveform by the word that names it in a file
+
+# Reads the points of a file: (file, time column, value column, unit) -> times [s], values [unit].
+ReadTable = Callable[[str, str | None, str | None, str], tuple[Any, Any]]
+W = TypeVar("W", bound="Waveform")
 
 
-def part(unit: str, low: float = -math.inf, high: float = math.inf, *, key: str = "", **options: Any) -> Any:
-    """A field of a waveform: its unit, its inclusive bounds, and its key in a file where that is a word of Python."""
-    return field(metadata={"unit": unit, "bounds": (low, high), "key": key}, **options)
+def register(kind: type[W]) -> type[W]:
+    """Make a waveform readable by its ``kind``."""
+    KINDS[kind.kind] = kind
+    return kind
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +52,50 @@ class Waveform(abc.ABC):
     def fastest(self) -> float:
         """Highest frequency that samples must resolve [1/s]; zero where only jumps would ask for one."""
         return 0.0
+
+    @classmethod
+    def prepared(cls, table: FileTable, unit: str, files: ReadTable | None) -> tuple[FileTable, dict[str, Any]]:
+        """Rewrite a table that states the waveform in another way than by its fields: the table, and fields made of it."""
+        return table, {}
+
+
+def read_waveform(
+    entry: Any, unit: str, *, field: str, where: str | None = None, table: ReadTable | None = None
+) -> Waveform:
+    """Make a waveform of its table, or a constant of a value alone.
+
+    Args:
+        entry: such as ``{"kind": "ramp", "from": "0 bar", "to": "5 bar", "duration": "2 s"}`` or ``"3 bar"``.
+        unit: SI unit of the signal.
+        field: dotted path for complaints.
+        where: file for complaints.
+        table: reads the file that a table names.
+
+    Raises:
+        InputError: names what is unknown, missing, out of bounds or in the wrong unit.
+    """
+    stated = entry if isinstance(entry, Mapping) else {"kind": "constant", "value": entry}
+    whole = FileTable(stated, field, where or "")
+    kind = KINDS[whole.word("kind", among=KINDS)]
+    prepared, given = kind.prepared(whole.without("kind"), unit, table)
+    return read_table(kind, prepared, units={VALUE: unit}, files=table, owner=f"{kind.kind} has", **given)
+
+
+def read_parts(raw: Any, place: Place) -> tuple[Waveform, ...]:
+    """Read a list of waveforms in the unit of the signal, their places counted from 1."""
+    if not isinstance(raw, list | tuple) or not raw:
+        raise place.fail(raw, "must be a list of one or more")
+    return tuple(_read_below(one, place.unit(VALUE), place.below(i)) for i, one in enumerate(raw, 1))
+
+
+def read_share(raw: Any, place: Place) -> Waveform:
+    """Read a waveform that is a pure number."""
+    return _read_below(raw, "1", place)
+
+
+def _read_below(raw: Any, unit: str, place: Place) -> Waveform:
+    files: Any = place.files
+    return read_waveform(raw, unit, field=place.field, where=place.where, table=files)
 
 
 def words(value: float, unit: str) -> str:

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...analysis.segments import amount_of, steps_of
-from ...errors import InputError
-from ...experiments.waveforms import near
+from ...errors import InputError, suggest
 from ...quantities import from_si, shown_unit
 from ...recordings.recording import Recording
 
@@ -73,7 +72,7 @@ def checked_names(record: Recording, names: Iterable[str], *, field: str = "--ch
     for name in wanted:
         if name not in record:
             has = ", ".join(record.names())
-            raise InputError(field, name, f"{near(name, record.names())}the recording has {has}")
+            raise InputError(field, name, f"{suggest(name, record.names())}the recording has {has}")
     return wanted
 
 

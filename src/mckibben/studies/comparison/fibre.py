@@ -26,7 +26,8 @@ from ...components import Scalar
 from ...components.system import Moment, System
 from ...engine import held, integrate, ramped
 from ...errors import InputError
-from ...experiments.plan import Deferred, PlannedStep
+from ...experiments.commands import Deferred
+from ...experiments.plan import PlannedStep
 from ...experiments.protocol import Protocol
 from ...experiments.until import KINDS, START, advance
 from ...muscles.biological import BiologicalMuscle

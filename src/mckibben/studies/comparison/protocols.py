@@ -27,9 +27,8 @@ from ...bench.prepare import prepare
 from ...bench.rig import Rig
 from ...bench.run import run
 from ...errors import ConvergenceError, InputError
-from ...experiments.library import protocol
 from ...experiments.protocol import Protocol
-from ...experiments.read import build_protocol, parse_protocol, with_values
+from ...experiments.read import build_protocol, parse_protocol, protocol, with_values
 from ...recordings import Channel, Recording
 from .fibre import fibre_run
 from .subject import Subject

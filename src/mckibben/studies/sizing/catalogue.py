@@ -10,7 +10,7 @@ from ...errors import MckibbenError
 from ...muscles.build import law_from_specimen
 from ...muscles.law import TensionLaw
 from ...specimens import Specimen, specimen, specimens
-from ...specimens.parts import Part, parts
+from ...specimens.parts import CataloguePart, parts
 from .braid_law import usual
 from .candidate import Candidate, Ends, judged
 from .trust import error_of_size, error_of_specimen
@@ -80,7 +80,7 @@ def of_sizes(wish: Wish) -> list[Candidate]:
     return [one for part in parts("fluidic_muscle") if (one := of_size(part, wish)) is not None]
 
 
-def of_size(part: Part, wish: Wish) -> Candidate | None:
+def of_size(part: CataloguePart, wish: Wish) -> Candidate | None:
     """A bore, cut to the wish; None where no cut leaves room for the stroke."""
     v = part.values
     shortest = max(v["shortest_length"], wish.stroke / v["largest_contraction"])
@@ -99,11 +99,11 @@ def of_size(part: Part, wish: Wish) -> Candidate | None:
     return _cut(part, float(cuts[low]), wish)
 
 
-def _does(part: Part, length: float, wish: Wish) -> bool:
+def _does(part: CataloguePart, length: float, wish: Wish) -> bool:
     return judged(_cut(part, length, wish), wish).margins["force"] >= 0.0
 
 
-def _cut(part: Part, length: float, wish: Wish) -> Candidate:
+def _cut(part: CataloguePart, length: float, wish: Wish) -> Candidate:
     v, of = part.values, specimen(part.law)
     name = SIZE_LAWS[of.id]
     own = law_from_specimen(of, name)
@@ -147,14 +147,14 @@ def outer_diameter(law: TensionLaw, wish: Wish, longest: float, wall: float) -> 
     return 2.0 * float(np.sqrt(volume / (np.pi * end))) + 2.0 * wall
 
 
-def friction_of(spec: Specimen, law: TensionLaw, longest: float, wish: Wish, range_: Part | None) -> float:
+def friction_of(spec: Specimen, law: TensionLaw, longest: float, wish: Wish, range_: CataloguePart | None) -> float:
     """Friction that the promised force is less [N]: stated, or a usual share of the largest tension."""
     if "coulomb_friction" in spec.properties and range_ is None:
         return spec.property_si("coulomb_friction", "N")
     return usual("friction_share") * float(Ends(law, wish.pressure).tension(longest))
 
 
-def _range_of(spec: Specimen) -> Part | None:
+def _range_of(spec: Specimen) -> CataloguePart | None:
     """The fluidic muscles of which a specimen is one."""
     if "rest_inner_diameter" not in spec.properties:
         return None

@@ -31,7 +31,7 @@ from ...pneumatics.gas import REFERENCE_DENSITY
 from ...pneumatics.tubes import LumpedTube
 from ...pneumatics.valves import PressureRegulator
 from ...specimens import Specimen, specimen, specimen_ids
-from ...specimens.parts import Part, parts
+from ...specimens.parts import CataloguePart, parts
 from .candidate import Judged, air_of_cycle, unit_of
 from .circuit import Course, Lane, courses
 from .settled import settled_courses
@@ -121,7 +121,9 @@ def lines_for(
     return [replace(line, speed=by.get((line.valve, line.tube))) for line in ranked]
 
 
-def _lane(muscle: Judged, wish: Wish, valve: Specimen, tube: Part, length: float, at: float, **more: float) -> Lane:
+def _lane(
+    muscle: Judged, wish: Wish, valve: Specimen, tube: CataloguePart, length: float, at: float, **more: float
+) -> Lane:
     element = valve_from_specimen(valve)
     regulated = isinstance(element, PressureRegulator)
     pipe = LumpedTube(
@@ -131,14 +133,21 @@ def _lane(muscle: Judged, wish: Wish, valve: Specimen, tube: Part, length: float
     return Lane(unit_of(muscle.muscle), element, pipe, wish.pressure, supply, at, environment=wish.environment, **more)
 
 
-def _held(muscle: Judged, wish: Wish, valve: Specimen, tube: Part, length: float) -> list[Lane]:
+def _held(muscle: Judged, wish: Wish, valve: Specimen, tube: CataloguePart, length: float) -> list[Lane]:
     longest = muscle.muscle.longest
     ends = (longest, longest - wish.stroke)
     return [_lane(muscle, wish, valve, tube, length, at) for at in ends]
 
 
 def _found(
-    muscle: Judged, wish: Wish, valve: Specimen, tube: Part, length: float, long_: Both, short: Both, lane: Lane
+    muscle: Judged,
+    wish: Wish,
+    valve: Specimen,
+    tube: CataloguePart,
+    length: float,
+    long_: Both,
+    short: Both,
+    lane: Lane,
 ) -> LineFound:
     wanted = wish.force + muscle.muscle.friction + muscle.passive
     rise, fall = _transitions(*long_) if long_[0].sound else (None, None)

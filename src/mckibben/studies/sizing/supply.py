@@ -22,7 +22,7 @@ from ...errors import MckibbenError
 from ...pneumatics.compressor import Compressor
 from ...pneumatics.gas import AIR, REFERENCE_DENSITY
 from ...quantities import with_unit
-from ...specimens.parts import Part, parts
+from ...specimens.parts import CataloguePart, parts
 from .candidate import Ends, Judged
 from .lines import LineFound
 from .wish import Wish
@@ -79,13 +79,13 @@ def _work(wish: Wish) -> float:
     return wish.force * wish.stroke
 
 
-def _isothermal(part: Part, wish: Wish, pressure: float) -> float:
+def _isothermal(part: CataloguePart, wish: Wish, pressure: float) -> float:
     """Least work to bring gas from the room to a gauge pressure [J/kg]."""
     room = float(wish.environment.pressure_abs)
     return part.values["gas_constant"] * float(wish.environment.temperature) * math.log1p(pressure / room)
 
 
-def _bottle(part: Part, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
+def _bottle(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
     v = part.values
     room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
     gas = air * float(AIR.gas_constant) / v["gas_constant"]
@@ -101,7 +101,7 @@ def _bottle(part: Part, muscle: Judged, wish: Wish, air: float, pressure: float)
     )  # fmt: skip
 
 
-def _compressor(part: Part, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
+def _compressor(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
     v = part.values
     ideal = air * adiabatic_work(wish, pressure)
     energy = ideal / v["efficiency"]
@@ -127,7 +127,7 @@ def adiabatic_work(wish: Wish, pressure: float) -> float:
     return float(machine.shaft_power(gas, (), 1.0, 1.0) / flow)
 
 
-def _heated(part: Part, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
+def _heated(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
     v, p = part.values, wish.pressure
     room, cold = float(wish.environment.pressure_abs), float(wish.environment.temperature)
     ends = Ends(muscle.muscle.law, p)

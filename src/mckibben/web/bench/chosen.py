@@ -16,11 +16,9 @@ from ...bench.rig_file import rig_names
 from ...bench.run import compile_run
 from ...documents import write_text
 from ...errors import InputError, MckibbenError
-from ...experiments.checks_parameters import check_lengths
-from ...experiments.library import protocol_names, shipped
-from ...experiments.limits import Limits
+from ...experiments.dry_run import Limits, check_lengths
 from ...experiments.protocol import Protocol
-from ...experiments.read import parse_protocol
+from ...experiments.read import parse_protocol, protocol_names, shipped
 from ...quantities import with_unit
 from ...specimens import Specimen
 from ..shelf import Shelf

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from ...bench.console import Console
 from ...bench.console.commands import COMMANDS, words_of
-from ...errors import InputError, MckibbenError
-from ...experiments.library import protocol_names
-from ...experiments.waveforms import near
+from ...errors import InputError, MckibbenError, suggest
+from ...experiments.read import protocol_names
 
 if TYPE_CHECKING:
     from ...bench.rig import Rig
@@ -55,7 +54,7 @@ class PageConsole(Console):
             raise InputError("command", name, NOT_HERE[name])
         if name not in COMMANDS and name not in MORE:
             known = [*(c for c in COMMANDS if c not in NOT_HERE), *MORE]
-            raise InputError("command", words[0], f"{near(name, known)}known are {', '.join(known)}")
+            raise InputError("command", words[0], f"{suggest(name, known)}known are {', '.join(known)}")
         found = getattr(self, f"_{name}")(rest)
         return str(found)
 

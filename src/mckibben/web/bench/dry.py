@@ -12,9 +12,9 @@ from ...assembly.muscle_unit import MuscleUnit
 from ...bench.prepare import PreparedRun, expected, prepare
 from ...bench.rig import Rig
 from ...errors import InputError
-from ...experiments.bind import names_in
 from ...experiments.protocol import Parameter, Protocol
 from ...experiments.read import with_values
+from ...experiments.steps import names_in
 from ...quantities import from_si, shown_unit, with_unit
 from ...specimens import Specimen
 

@@ -33,7 +33,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ....errors import InputError
-from ....experiments.words import Entry
+from ....schema import FileTable
 from .terminals import (
     INPUT,
     LEVEL,
@@ -144,7 +144,7 @@ def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq"
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.
     """
-    top = Entry.of(table, path, where)
+    top = FileTable.of(table, path, where)
     top.only(("connection", "clock", "inputs", "valve", "motor", "shut_off", "encoder"))
     inputs = top.table("inputs")
     for key in ("inputs", "valve"):
@@ -167,11 +167,11 @@ def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq"
         raise InputError(top.field(error.field), error.value, error.allowed, where=where) from None
 
 
-def _analog(entry: Entry, kind: Any = Analog, more: tuple[str, ...] = (), needed: tuple[str, ...] = SCALE) -> Any:
+def _analog(entry: FileTable, kind: Any = Analog, more: tuple[str, ...] = (), needed: tuple[str, ...] = SCALE) -> Any:
     return _made(kind, entry, (*needed, "range", *more), needed)
 
 
-def _made(kind: Any, entry: Entry, known: Iterable[str], needed: Iterable[str]) -> Any:
+def _made(kind: Any, entry: FileTable, known: Iterable[str], needed: Iterable[str]) -> Any:
     """A part from the words of its table."""
     entry.only(known)
     for key in needed:
@@ -184,14 +184,14 @@ def _made(kind: Any, entry: Entry, known: Iterable[str], needed: Iterable[str]) 
         raise InputError(inside, error.value, error.allowed, where=entry.where) from None
 
 
-def _value(entry: Entry, key: str) -> Any:
+def _value(entry: FileTable, key: str) -> Any:
     if key in ("low", "high", "rest"):
         return entry.number(key, "V", declared=LEVEL)
     if key == "range":
         raw = entry.values[key]
         if not isinstance(raw, list) or len(raw) != 2:
             raise entry.fail(key, raw, "allowed is a list of two levels such as ['-10 V', '10 V']")
-        return tuple(Entry({key: level}, entry.path, entry.where).number(key, "V", declared=LEVEL) for level in raw)
+        return tuple(FileTable({key: level}, entry.path, entry.where).number(key, "V", declared=LEVEL) for level in raw)
     if key == "bits":
         value = entry.values[key]
         if isinstance(value, bool) or not isinstance(value, int):

@@ -1,0 +1,420 @@
+"""What the valve or the motor does in a step: follow a waveform, ramp to a value, isolate the muscle, and others.
+
+A command is one class: how its words are read, what the rig must have for it, its set-points, and its sentence. An installed
+package adds one by an entry point of the group ``mckibben.steps``.
+"""
+
+from __future__ import annotations
+
+import abc
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from .. import schema
+from ..errors import InputError
+from ..registry import plugins
+from ..schema import FileTable, Place, frozen, read_table
+from .amounts import CHANNELS, Amount, has_both, in_metres, in_si, read_amount, relative_unit, table_words
+from .waveforms import Constant, Sine, Table, Triangle, Waveform, read_waveform, time_words
+from .waveforms.waveform import RELATIVE
+
+if TYPE_CHECKING:
+    from .steps import Step
+
+MOST_CYCLES = 100_000
+USUAL_REST_LENGTH = 0.14  # [m]
+OPEN = (1e-9, 1e7)  # times and rates that a step may state
+MODES = ("span", "velocity", "tension")  # what the motor can control
+
+
+@dataclass(frozen=True)
+class Deferred:
+    """A set-point that begins where the machine is by then: it stays there, or goes on a line `to` [SI] in `seconds`."""
+
+    to: float | None = None
+    seconds: float | None = None
+
+    def at(self, start: Any, times: Any) -> Any:
+        """Set-points at times [s] from the beginning of the step, for a start [SI]."""
+        if self.to is None or self.seconds is None:
+            return start + 0.0 * np.asarray(times)
+        return start + (self.to - start) * np.clip(np.asarray(times) / self.seconds, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Where a set-point or the span lies, as far as it is known beforehand [SI]; `low` equals `high` where it is certain."""
+
+    low: float
+    high: float
+
+    @property
+    def known(self) -> bool:
+        """Whether it is certain."""
+        return self.low == self.high
+
+
+ANYWHERE = Reach(float("-inf"), float("inf"))
+
+
+@dataclass(frozen=True, eq=False)
+class SetPoints:
+    """The set-points of one channel in one step.
+
+    Attributes:
+        values: [SI], (samples,); deferred where they depend on the machine, None while the muscle is isolated.
+        reach: where they go.
+        after: where the channel is after the step.
+    """
+
+    values: np.ndarray | Deferred | None
+    reach: Reach
+    after: Reach
+
+
+@dataclass(frozen=True)
+class StepClock:
+    """The samples of a step: their times from its beginning [s], its duration [s], the rest length [m] of its muscle."""
+
+    times: np.ndarray
+    duration: float
+    rest_length: float
+    step: Step
+
+
+class Command(abc.ABC):
+    """One way to drive a channel in a step."""
+
+    digest_name: ClassVar[str]  # under which the hash of a protocol knows it; never changes
+
+    @classmethod
+    @abc.abstractmethod
+    def accepts(cls, raw: object, channel: str) -> bool:
+        """Whether words of a channel state this command."""
+
+    @classmethod
+    @abc.abstractmethod
+    def read(cls, raw: Any, place: Place, channel: str) -> Command:
+        """Make it of its words; raises `InputError` with the dotted path of what is wrong."""
+
+    @abc.abstractmethod
+    def needs(self, channel: str) -> frozenset[str]:
+        """Sensors and parts that a rig must have for it on a channel."""
+
+    @abc.abstractmethod
+    def set_points(self, before: Reach, clock: StepClock) -> SetPoints:
+        """Its set-points, where the channel is `before` the step [SI]."""
+
+    @abc.abstractmethod
+    def sentence(self, channel: str) -> str:
+        """It in words, with all its numbers."""
+
+    def duration(self, start: Reach, rest_length: float) -> float | None:
+        """Time that it takes by itself from a start [s]; NaN where that is not known, None where the step decides."""
+        return None
+
+    def target(self, rest_length: float) -> float | None:
+        """Where it goes whatever the start is [SI]; None where its set-points say that."""
+        return None
+
+    def check(self, step: Step) -> None:  # noqa: B027 - most go together with any step
+        """Refuse a step that it does not go together with; raises `InputError`."""
+
+
+@dataclass(frozen=True)
+class Follow(Command):
+    """Follow a waveform from the beginning of the step; its unit is SI, ``L0`` or ``L0/s``.
+
+    Some values may be in rest lengths and others not. `mixed` then has the waveform's table, and `waveform` is that of a
+    muscle of `USUAL_REST_LENGTH`, whose kind and times are those of any other.
+    """
+
+    digest_name: ClassVar[str] = "Follow"
+    waveform: Waveform
+    unit: str
+    mixed: Any = None
+    place: str = field(default="", compare=False)
+
+    @classmethod
+    def accepts(cls, raw: object, channel: str) -> bool:
+        """Whether these are the words of a waveform, or a value that is held."""
+        return not isinstance(raw, Mapping) or "kind" in raw
+
+    @classmethod
+    def read(cls, raw: Any, place: Place, channel: str) -> Follow:
+        """Make it of a waveform's table, or of a value."""
+        unit, where = CHANNELS[channel], place.where
+        if has_both(raw, unit):
+            usual = read_waveform(in_metres(raw, unit, USUAL_REST_LENGTH), unit, field=place.field, where=where)
+            return cls(usual, unit, frozen(in_si(raw, unit)), place.field)
+        freed, own = relative_unit(raw, unit)
+        try:
+            return cls(read_waveform(freed, unit if own == unit else "1", field=place.field, where=where), own)
+        except InputError as error:
+            if own != unit and "pure number" in error.allowed:
+                demand = f"must be a value in {own} or {unit}, or another unit of that dimension"
+                raise InputError(error.field, error.value, demand, where=where) from None
+            raise
+
+    def at(self, times: np.ndarray, rest_length: float) -> np.ndarray:
+        """Set-points [SI] at times [s] from the beginning of the step, shape of the times."""
+        if self.mixed is not None:
+            table = in_metres(self.mixed, self.unit, rest_length)
+            return read_waveform(table, self.unit, field=self.place, where=None).at(times)
+        return self.waveform.at(times) * (rest_length if self.unit in RELATIVE else 1.0)
+
+    def needs(self, channel: str) -> frozenset[str]:
+        """The valve, or the motor where the set-point changes or is no span."""
+        if channel == "pressure":
+            return frozenset(("valve",))
+        return frozenset(() if channel == "span" and isinstance(self.waveform, Constant) else ("motor",))
+
+    def set_points(self, before: Reach, clock: StepClock) -> SetPoints:
+        """The waveform's values."""
+        values = self.at(np.append(clock.times, clock.duration), clock.rest_length)
+        return known_set_points(values[:-1], float(values[-1] if self.waveform.straight else values[-2]), clock)
+
+    def sentence(self, channel: str) -> str:
+        """Such as ``span as triangle from 0.75 L0 to 1 L0 at 1 Hz``, ``pressure 5 bar``."""
+        if self.mixed is not None:
+            return f"{channel} as {table_words(self.mixed, self.unit)}"
+        joint = "" if isinstance(self.waveform, Constant) else "as "
+        return f"{channel} {joint}{self.waveform.sentence(self.unit)}"
+
+
+@dataclass(frozen=True)
+class RampTo(Command):
+    """Go on a line from where it is to a value, in a time [s] or at a speed."""
+
+    digest_name: ClassVar[str] = "Go"
+    to: Amount
+    seconds: float | None = None
+    speed: Amount | None = None
+
+    @classmethod
+    def accepts(cls, raw: object, channel: str) -> bool:
+        """Whether these are the words of a line: a table with ``to`` and no ``kind``."""
+        return isinstance(raw, Mapping) and "to" in raw and "kind" not in raw
+
+    @classmethod
+    def read(cls, raw: Any, place: Place, channel: str) -> RampTo:
+        """Make it of ``to`` and one of ``in`` and ``at``."""
+        unit, table = CHANNELS[channel], FileTable(raw, place.field, place.where or "")
+        table.only(("to", "in", "at"), "a line has")
+        if ("in" in table) == ("at" in table):
+            stated = "missing" if "in" not in table else "beside at"
+            raise table.fail("in", stated, "a line has either a time, in, or a speed, at")
+        to = read_amount(raw["to"], unit, field=table.field("to"), where=place.where)
+        if "in" in table:
+            return cls(to, read_amount(raw["in"], "s", field=table.field("in"), where=place.where, bounds=OPEN).value)
+        field, bounds = table.field("at"), (1e-12, 1e12)
+        return cls(to, speed=read_amount(raw["at"], f"{unit}/s", field=field, where=place.where, bounds=bounds))
+
+    def needs(self, channel: str) -> frozenset[str]:
+        """The valve or the motor."""
+        return frozenset(("valve" if channel == "pressure" else "motor",))
+
+    def duration(self, start: Reach, rest_length: float) -> float:
+        """Time that the line takes [s]; NaN where only a speed is stated and the start is not known."""
+        if self.seconds is not None:
+            return self.seconds
+        assert self.speed is not None  # the reader asks for one of the two
+        begin = start.low if start.known else float("nan")
+        return abs(self.to.si(rest_length) - begin) / self.speed.si(rest_length)
+
+    def target(self, rest_length: float) -> float:
+        """The value at its end [SI]."""
+        return self.to.si(rest_length)
+
+    def set_points(self, before: Reach, clock: StepClock) -> SetPoints:
+        """The line, and after its end that value."""
+        to = self.to.si(clock.rest_length)
+        if not before.known:
+            hull = Reach(min(before.low, to), max(before.high, to))
+            ends = self.seconds is not None and clock.duration >= self.seconds * (1.0 - 1e-12)
+            there = clock.step.until is None and ends
+            return SetPoints(Deferred(to, self.seconds), hull, Reach(to, to) if there else hull)
+        seconds = self.duration(before, clock.rest_length)
+        ends_at = np.append(clock.times, clock.duration)
+        share = np.clip(ends_at / seconds, 0.0, 1.0) if seconds > 0.0 else np.ones(ends_at.shape)
+        values = before.low + (to - before.low) * share
+        # the set-point at the end belongs to the first sample of the next step
+        end = to if clock.duration >= seconds * (1.0 - 1e-12) else float(values[-1])
+        return known_set_points(values[:-1], end, clock)
+
+    def sentence(self, channel: str) -> str:
+        """Such as ``pressure to 5 bar in 1 s``."""
+        way = f"at {self.speed.sentence()}" if self.speed is not None else f"in {time_words(self.seconds or 0.0)}"
+        return f"{channel} to {self.to.sentence()} {way}"
+
+
+@dataclass(frozen=True)
+class DirectionDependent(Command):
+    """Pressure by the direction of the motion: one value while the muscle shortens, another while it lengthens.
+
+    Each change leads the reversal of the motion by `lead` [s] and takes `ramp` [s]; one that would lie before the motion
+    begins starts with it. Pressures are gauge [Pa].
+    """
+
+    digest_name: ClassVar[str] = "Phased"
+    shortening: float = schema.number("Pa", (-1e9, 1e9), "pressure while the muscle shortens")
+    lengthening: float = schema.number("Pa", (-1e9, 1e9), "pressure while the muscle lengthens")
+    lead: float = schema.number("s", (0.0, 1e3), "time by which a change leads the reversal", default=0.0)
+    ramp: float = schema.number("s", (1e-4, 1e3), "time that a change takes", kw_only=True)
+
+    @classmethod
+    def accepts(cls, raw: object, channel: str) -> bool:
+        """Whether a pressure is stated by ``shortening`` and its other keys."""
+        return channel == "pressure" and isinstance(raw, Mapping) and "shortening" in raw and "kind" not in raw
+
+    @classmethod
+    def read(cls, raw: Any, place: Place, channel: str) -> DirectionDependent:
+        """Make it of its table."""
+        return read_table(cls, FileTable(raw, place.field, place.where or ""), owner="pressure by direction has")
+
+    def needs(self, channel: str) -> frozenset[str]:
+        """The valve."""
+        return frozenset(("valve",))
+
+    def check(self, step: Step) -> None:
+        """Refuse a step whose span follows no sine or triangle, or whose strokes are too short."""
+        if not isinstance(step.motor, Follow) or step.mode != "span":
+            demand = "it needs a span that follows a sine or triangle in this step"
+            raise InputError("pressure", "by direction", demand)
+        try:
+            self.table(step.motor.waveform, step.stated_duration() or 0.0)
+        except InputError as error:
+            raise error.changed(field=error.field if "." in error.field else f"pressure.{error.field}") from None
+
+    def set_points(self, before: Reach, clock: StepClock) -> SetPoints:
+        """The pressures of every stroke of the motion."""
+        motion = clock.step.motor
+        assert isinstance(motion, Follow)  # `check` has seen to it
+        values = self.table(motion.waveform, clock.duration).at(np.append(clock.times, clock.duration))
+        return known_set_points(values[:-1], float(values[-1]), clock)
+
+    def table(self, motion: Waveform, duration: float) -> Table:
+        """The pressure over a duration [s] of a sine or triangle of the span.
+
+        Raises:
+            InputError: if the motion is another one, or its strokes are shorter than the ramps.
+        """
+        start, share, period = _shortening(motion)
+        if self.ramp >= period * min(share, 1.0 - share):
+            stroke = time_words(period * min(share, 1.0 - share))
+            raise InputError("ramp", time_words(self.ramp), f"must be less than the shorter stroke, {stroke}")
+        if duration > MOST_CYCLES * period:
+            demand = f"must be at most {MOST_CYCLES} with pressure by direction"
+            raise InputError("cycles", f"{duration / period:.6g}", demand)
+        changes = []
+        for k in range(-1, math.ceil(duration / period) + 2):
+            rise, fall = start + k * period, start + (k + share) * period
+            if fall > 1e-9:  # a stroke under way at the beginning has its pressure from there on
+                changes += [(max(rise - self.lead, 0.0), self.shortening), (fall - self.lead, self.lengthening)]
+        times, values = [0.0], [self.lengthening]
+        for begin, to in changes:
+            if begin < times[-1]:
+                raise InputError("lead", time_words(self.lead), "must be less: one change would overtake another")
+            if begin > times[-1]:
+                times, values = [*times, begin], [*values, values[-1]]
+            times, values = [*times, begin + self.ramp], [*values, to]
+        return Table(times=tuple(times), values=tuple(values))
+
+    def sentence(self, channel: str) -> str:
+        """Such as ``pressure 5 bar while it shortens and 1 bar while it lengthens, in ramps of 20 ms``."""
+        high, low = Amount(self.shortening, "Pa").sentence(), Amount(self.lengthening, "Pa").sentence()
+        early = f", {time_words(self.lead)} early" if self.lead else ""
+        return f"{channel} {high} while it shortens and {low} while it lengthens{early}, in ramps of {time_words(self.ramp)}"
+
+
+@dataclass(frozen=True)
+class Isolate(Command):
+    """Shut the muscle off from valve and vent: its gas stays."""
+
+    digest_name: ClassVar[str] = "Shut"
+
+    @classmethod
+    def accepts(cls, raw: object, channel: str) -> bool:
+        """Whether a pressure is stated as ``shut``."""
+        return channel == "pressure" and raw == "shut"
+
+    @classmethod
+    def read(cls, raw: Any, place: Place, channel: str) -> Isolate:
+        """Make it; its word has no parts."""
+        return cls()
+
+    def needs(self, channel: str) -> frozenset[str]:
+        """A shut-off valve."""
+        return frozenset(("shut-off",))
+
+    def set_points(self, before: Reach, clock: StepClock) -> SetPoints:
+        """None; the pressure may leak to that of the room meanwhile."""
+        leaked = Reach(min(0.0, before.low), max(0.0, before.high))
+        return SetPoints(None, leaked, leaked)
+
+    def sentence(self, channel: str) -> str:
+        """Such as ``pressure shut off``."""
+        return f"{channel} shut off"
+
+
+COMMANDS: tuple[type[Command], ...] = (Isolate, RampTo, DirectionDependent, Follow)
+
+
+def read_command(raw: Any, place: Place, channel: str) -> Command:
+    """Make the command of a channel of its words.
+
+    Args:
+        raw: the words.
+        place: of them.
+        channel: ``pressure``, ``span``, ``velocity`` or ``tension``.
+
+    Raises:
+        InputError: names the dotted path, the value and what it must be.
+    """
+    kind: type[Command] | None = next((k for k in COMMANDS if k.accepts(raw, channel)), None)
+    if kind is None:
+        kind = next((k for k in plugins("mckibben.steps").values() if k.accepts(raw, channel)), Follow)
+    return kind.read(raw, place, channel)
+
+
+def kept(before: Reach, clock: StepClock) -> SetPoints:
+    """The set-points of a channel without a command: it stays where it is."""
+    if not before.known:
+        return SetPoints(Deferred(), before, before)
+    return SetPoints(_fixed(np.full(clock.times.shape, before.low)), before, before)
+
+
+def known_set_points(values: np.ndarray, end: float, clock: StepClock) -> SetPoints:
+    """Set-points that are known beforehand.
+
+    Args:
+        values: of every sample [SI], (samples,).
+        end: set-point at the end of the step, which the next one begins with [SI].
+        clock: of the step; where a test may end it early, the channel is anywhere on its way afterwards.
+    """
+    reach = Reach(float(values.min()), float(values.max()))
+    if clock.step.until is not None and not reach.known:
+        return SetPoints(_fixed(values), reach, Reach(min(reach.low, end), max(reach.high, end)))
+    return SetPoints(_fixed(values), reach, Reach(end, end))
+
+
+def _fixed(values: np.ndarray) -> np.ndarray:
+    values.setflags(write=False)
+    return values
+
+
+def _shortening(motion: Waveform) -> tuple[float, float, float]:
+    """When a motion first begins to shorten within its first cycle [s], the share of the cycle it does, the period [s]."""
+    if isinstance(motion, Triangle):
+        period = 1.0 / motion.frequency
+        return motion.rising * period, 1.0 - motion.rising, period
+    if isinstance(motion, Sine):
+        period = 1.0 / motion.frequency
+        turn = (0.25 - motion.phase / (2.0 * math.pi) + (0.5 if motion.amplitude < 0.0 else 0.0)) % 1.0
+        turn = 0.0 if turn > 1.0 - 1e-9 else turn
+        return turn * period, 0.5, period
+    raise InputError("span.kind", motion.kind, "pressure by direction needs a sine or a triangle")

@@ -1,0 +1,89 @@
+"""Kinds by name: those of the laboratory, and those that installed packages add by entry points.
+
+A package that has a tension law, a valve, a step of a protocol, a sensor or an import format of its own names it in its
+``pyproject.toml``::
+
+    [project.entry-points."mckibben.laws"]
+    my_law = "my_package.laws:MyLaw"
+
+The groups are ``mckibben.laws``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors`` and ``mckibben.formats``.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+from collections.abc import Iterator, Mapping
+from typing import Any, Generic, TypeVar
+
+from .errors import InputError, suggest
+
+T = TypeVar("T")
+
+
+@functools.cache
+def plugins(group: str) -> dict[str, Any]:
+    """What installed packages add to a group, by name, loaded.
+
+    Raises:
+        InputError: an entry point names what cannot be imported.
+    """
+    from importlib.metadata import entry_points
+
+    found = {}
+    for point in entry_points(group=group):
+        try:
+            found[point.name] = point.load()
+        except (ImportError, AttributeError) as error:
+            demand = f"the entry point {point.value} of {group} cannot be loaded: {error}"
+            raise InputError(point.name, point.value, demand, sentence=f"{point.name}: {demand}") from None
+    return found
+
+
+class Registry(Mapping[str, T], Generic[T]):
+    """Kinds by name, those of installed packages after the laboratory's own.
+
+    Args:
+        group: of the entry points.
+        noun: what a kind is called in a complaint, such as ``law``.
+        known: the laboratory's own; a text ``module:name`` is imported when it is asked for.
+    """
+
+    def __init__(self, group: str, noun: str, known: Mapping[str, T | str]) -> None:
+        self.group, self.noun = group, noun
+        self._known: dict[str, Any] = dict(known)
+
+    def __getitem__(self, name: str) -> T:
+        if name not in self._known:
+            found: T = plugins(self.group)[name]
+            return found
+        own = self._known[name]
+        if isinstance(own, str):
+            module, _, attribute = own.partition(":")
+            own = self._known[name] = getattr(importlib.import_module(module), attribute)
+        result: T = own
+        return result
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._known or name in plugins(self.group)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self._known, *(name for name in plugins(self.group) if name not in self._known)))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    def find(self, name: str, *, field: str = "", where: str | None = None) -> T:
+        """The kind of a name.
+
+        Args:
+            name: of it.
+            field: dotted path for a complaint; the noun where it is left out.
+            where: file for a complaint.
+
+        Raises:
+            InputError: there is none of that name.
+        """
+        if name not in self:
+            raise InputError(field or self.noun, name, f"{suggest(name, self)}known are {', '.join(self)}", where=where)
+        return self[name]
