@@ -41,7 +41,7 @@ plan:
 	  "  3. figure 3a of the paper, recorded on the simulated test machine    20 s" \
 	  "  4. every law, fitted to two force maps and ranked                    60 s"
 
-wheel: $(VENV)/.run ## Build wheel and source archive; call every command from a wheel without extras
+wheel: $(VENV)/.run ## Build wheels and source archives of both packages; call every command from wheels without extras
 	$(BIN)/python tests/wheel/check.py
 
 test: lint ## Run the whole suite
@@ -78,10 +78,10 @@ $(VENV)/bin/python $(VENV)/Scripts/python.exe:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mckibben needs Python 3.11 or newer; say which with make PYTHON=...")'
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.run: requirements/run.txt pyproject.toml
+$(VENV)/.run: requirements/run.txt pyproject.toml packages/lanewise/pyproject.toml
 	@$(MAKE) --no-print-directory $(VENV)/bin/python
 	$(RUN) pip install --quiet --disable-pip-version-check -r requirements/run.txt
-	$(RUN) pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	$(RUN) pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e packages/lanewise -e .
 	@touch $@
 
 $(VENV)/.test: requirements/test.txt $(VENV)/.run

@@ -59,11 +59,11 @@ def native(
 
 def lowered(batch: Batch, inner: int = INNER) -> tuple[Any, Any]:
     """The compiled run, and the trees that it is called with, lanes last."""
-    from mckibben.engine.integration import compiled_march
+    from mckibben.engine.integration import compile_march
 
     case, one = batch.case, batch.first(1)
     examples = [trees(one, lambda x: x[..., 0])]
-    run = compiled_march(
+    run = compile_march(
         *examples[0], period=PERIOD, inner=inner, outputs=sorted(case.outputs), engine="native"
     )  # the outputs come in the order of their names, which is that of the kernels
     return run, examples[0] if batch.lanes == 1 else trees(batch, lambda x: x)

@@ -67,22 +67,20 @@ def by_xla(name: str, batch: cases.Batch) -> Any:
 
 def by_native(name: str, batch: cases.Batch) -> Any:
     """The run, its tangents or the adjoint by the library's kernels; results as `by_xla` has them."""
-    from mckibben.engine.lowering import lower
-    from mckibben.engine.lowering.adjoint import adjoint as adjoint_of
-    from mckibben.engine.lowering.tangents import tangents as tangents_of
+    import lanewise
 
     one = batch.first(1)
     example = {name: np.asarray(v[0]) for name, v in one.changes.items()}, one.commands[:, :, 0]
     function = summed(batch) if name == "adjoint" else batch.one()
-    program, _ = lower(function, *example, title=name)
+    program, _ = lanewise.lower(function, *example, title=name)
     names = [leaf.name for leaf in program.arguments]
     places = lambda wanted: [names.index(f"[0]['{n}']") for n in wanted]  # noqa: E731
     given = [np.asarray(leaf) for leaf in jax.tree.leaves((batch.changes, batch.commands))]
     if name == "tangents":
-        program = tangents_of(program, places(TANGENTS), len(TANGENTS))
+        program = lanewise.tangents(program, places(TANGENTS), len(TANGENTS))
         given += list(np.eye(len(TANGENTS)))
     if name == "adjoint":
-        program = adjoint_of(program, places(ADJOINTS))
+        program = lanewise.adjoint(program, places(ADJOINTS))
         given.append(np.ones(()))
 
     def call() -> Any:

@@ -74,7 +74,7 @@ def growth(seen: list[tuple[int, float]]) -> dict[str, float]:
 def rigs(quick: bool, patience: float = 600.0) -> dict[str, Any]:
     """Machines of 1 to 1,000 muscles, one lane: compilation and cost per muscle-step."""
     from mckibben.engine import held
-    from mckibben.engine.integration import compiled_march
+    from mckibben.engine.integration import compile_march
 
     rows: list[Any] = []
     notes = []
@@ -91,7 +91,7 @@ def rigs(quick: bool, patience: float = 600.0) -> dict[str, Any]:
         given = (machine, *start, {signal: held(values)})
         begin = time.perf_counter()
         names = [f"m{i:04d}.length" for i in range(muscles)]
-        run = compiled_march(*given, period=cases.PERIOD, inner=cases.INNER, outputs=names, engine=engine)
+        run = compile_march(*given, period=cases.PERIOD, inner=cases.INNER, outputs=names, engine=engine)
         run(*given)
         compiling = time.perf_counter() - begin
         call = (lambda r=run, g=given: r(*g)) if engine == "xla" else leaves_of(run, given)

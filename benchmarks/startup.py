@@ -36,7 +36,7 @@ def machine(engine: str) -> dict[str, float]:
 def saved(path: str, inputs: str) -> dict[str, float]:
     import numpy as np
 
-    from mckibben.engine.lowering.program import Program
+    from lanewise import Program
 
     with np.load(inputs) as known:
         given = [known[f"{i:04d}"] for i in range(len(known.files))]

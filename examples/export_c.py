@@ -18,11 +18,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from lanewise import lower, to_c
 from mckibben.assembly.build import Line, several, unit_from_specimen
 from mckibben.assembly.loads import Plate
 from mckibben.engine import held, march
-from mckibben.engine.lowering import lower
-from mckibben.engine.lowering.emit_c import c_sources
 from mckibben.engine.signals import Value
 from mckibben.muscles.elements import Tendon
 from mckibben.muscles.hysteresis import Dahl, FrictionLimit
@@ -101,7 +100,7 @@ def main(folder: Path) -> None:
         sys.exit("This example needs a C compiler: cc, gcc or clang.")
     muscle, (state, memory) = machine()
     program, _ = lower(sample, muscle, state, memory, {"fill": 0.0, "vent": 0.0}, title="A muscle, one sample of 1 ms")
-    sources = c_sources(
+    sources = to_c(
         program, "muscle", arguments=("parameters", "state", "memory", "inputs"), results=("state", "memory", "outputs"),
         values={"parameters": jax.tree.leaves(muscle), "state": jax.tree.leaves(state), "memory": jax.tree.leaves(memory)},
     )  # fmt: skip

@@ -12,7 +12,6 @@ import json
 import os
 import re
 import secrets
-import stat
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -280,28 +279,6 @@ class ErrorKeepingFile(io.RawIOBase):
         self._file.close()
         if self.error is not None:
             raise self.error
-
-
-def only_ours(place: str | os.PathLike[str] | int) -> bool:
-    """Whether nobody but this user and the administrator owns a folder or file, and can write to it.
-
-    Args:
-        place: a path, which is true where there is nothing yet, or the number of an open file.
-    """
-    if not hasattr(os, "geteuid"):
-        return True  # Windows: a user's own folders have access lists that keep others out
-    try:
-        about = os.stat(place)
-    except OSError:
-        return True
-    return about.st_uid in (0, os.geteuid()) and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-
-
-def make_private_folder(path: Path) -> None:
-    """Make a folder, and those above it that are not there yet, for this user alone."""
-    for folder in (*reversed(path.parents), path):
-        if not folder.is_dir():
-            folder.mkdir(mode=0o700, exist_ok=True)
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, field: str = "file") -> Path:

@@ -205,25 +205,9 @@ class EmptyRunError(MckibbenError):
     """A run ended before its first step that is recorded; says why it ended."""
 
 
-class LoweringError(MckibbenError):
-    """An operation cannot become part of a native kernel; names it, and where it is written."""
-
-    def __init__(self, what: str, why: str, found: str | None = None, *, where: str | None = None) -> None:
-        self.what, self.why, self.where = what, why, where
-        place = f" ({where})" if where else ""
-        more = f"; {found}" if found else ""
-        super().__init__(f"{what}{place} cannot become a native kernel: {why}{more}")
+class EngineError(MckibbenError):
+    """The engine that was asked for cannot run a function here: an operation without a kernel, no driver, or no GPU."""
 
 
 class MissingDataError(MckibbenError):
     """Measured data that do not ship with the package were asked for and are not there."""
-
-
-class CacheWarning(UserWarning):
-    """A folder of kept machine code is not used, since other users own it or can write to it."""
-
-    def __init__(self, folder: object, variable: str) -> None:
-        super().__init__(
-            f"The cache folder {folder} is not used, because other users own it or can write to it and the machine code in "
-            f"it is run; take that permission away (chmod go-w), or name another folder with {variable}"
-        )

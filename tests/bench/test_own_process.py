@@ -14,7 +14,7 @@ from mckibben.bench.hardware.serial_line.hosting import in_thread
 from mckibben.bench.prepare import prepare
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.bench.session.own_process import OwnProcess
-from mckibben.errors import InputError, LineLostError, LoweringError
+from mckibben.errors import EngineError, InputError, LineLostError
 from mckibben.specimens import specimen
 
 OPERATED = """
@@ -131,7 +131,7 @@ def test_what_the_machine_refuses_is_refused_here_in_the_same_words(device):
 
 
 @pytest.mark.parametrize(
-    "error", [InputError("span", 3.0, "must be less", where="a.toml"), LoweringError("sort", "no such operation")]
+    "error", [InputError("span", 3.0, "must be less", where="a.toml"), EngineError("no such operation")]
 )
 def test_an_error_goes_whole_from_one_process_to_another(error):
     found = pickle.loads(pickle.dumps(error))

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import mckibben
+from lanewise import ArgumentError, Program, cache
 from mckibben.cli import main
 from mckibben.documents import ErrorKeepingFile, write_whole
-from mckibben.engine.lowering import disk
-from mckibben.engine.lowering.program import Program
+from mckibben.engine import native  # noqa: F401 - its programs are kept where the variable of the laboratory says
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.recordings.live_log import LiveLog
@@ -59,7 +59,7 @@ def full(tmp_path):
 @pytest.fixture
 def said(capsys, full, monkeypatch):
     """What a command says that has no room, and that nothing is left of it."""
-    monkeypatch.setenv(disk.VARIABLE, str(full / "kernels"))
+    monkeypatch.setenv("MCKIBBEN_KERNELS", str(full / "kernels"))
 
     def call(*words, size=300):
         with room(size), pytest.raises(SystemExit) as stop:
@@ -146,17 +146,17 @@ def test_a_log_without_a_head_is_none_and_one_that_was_cut_off_keeps_what_it_has
 
 
 def test_a_cache_without_room_keeps_nothing_and_says_nothing(full, monkeypatch):
-    monkeypatch.setenv(disk.VARIABLE, str(full))
+    monkeypatch.setenv("MCKIBBEN_KERNELS", str(full))
     with room(300):
-        disk.keep(f"{1:040x}.o", bytes(1_000), {})
+        cache.store(f"{1:040x}.o", bytes(1_000), {})
     assert os.listdir(full) == []
-    assert disk.kept(f"{1:040x}.o", lambda: (b"code", {})) == (b"code", {})
+    assert cache.load_or_make(f"{1:040x}.o", lambda: (b"code", {})) == (b"code", {})
 
 
 def test_a_saved_program_is_written_whole_or_not_at_all(full):
     program = Program(None, [], [])
-    program.packed = bytes(1_000)
-    with room(300), pytest.raises(InputError, match=r"a.kernel'; it cannot be written \(File too large\)"):
+    program.serialised = bytes(1_000)
+    with room(300), pytest.raises(ArgumentError, match=r"a.kernel cannot be written \(File too large\)"):
         program.save(full / "a.kernel")
     assert os.listdir(full) == []
 

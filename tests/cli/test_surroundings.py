@@ -7,8 +7,8 @@ import warnings
 
 import pytest
 
+from lanewise.errors import CacheWarning
 from mckibben.cli import app, main
-from mckibben.errors import CacheWarning
 
 
 def test_processes_that_a_command_starts_take_no_module_from_the_working_folder(tmp_path, monkeypatch):

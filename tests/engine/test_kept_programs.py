@@ -15,30 +15,31 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import lanewise
 import mckibben
+from lanewise import CacheWarning, cache
+from lanewise.cache import is_private
 from mckibben.assembly.build import unit_from_specimen
 from mckibben.cli.app import _keep_compilations as keep_compilations
 from mckibben.components import Module, Scalar, field
 from mckibben.components.system import System
-from mckibben.documents import only_ours
 from mckibben.engine import held, program_key, programs, step
-from mckibben.engine.integration import _outputs, compiled_march
-from mckibben.engine.lowering import disk, from_jax
-from mckibben.engine.native import compiled
-from mckibben.errors import CacheWarning
+from mckibben.engine.integration import _outputs, compile_march
+from mckibben.engine.native import compile_function
+from mckibben.engine.signals import Value
 from mckibben.muscles.elements import Tendon
 from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
 from mckibben.pneumatics.volume import MovingVolume
 
 TENDON = Tendon(stiffness=1e5, toe_length=5e-4, loss=0.2)
 STRETCH = np.float64(1e-3)
-ROOT = Path(mckibben.__file__).parents[1]
+ROOT, COMPILER = (Path(package.__file__).parents[1] for package in (mckibben, lanewise))
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     """A folder of its own, for no test may find what another one left."""
-    monkeypatch.setenv(disk.VARIABLE, str(tmp_path / "kept"))
+    monkeypatch.setenv("MCKIBBEN_KERNELS", str(tmp_path / "kept"))
     return tmp_path / "kept"
 
 
@@ -46,15 +47,15 @@ def folder(tmp_path, monkeypatch):
 def lowered(monkeypatch):
     """How often something was lowered."""
     times = []
-    real = from_jax.lower
-    monkeypatch.setattr(from_jax, "lower", lambda *a, **k: times.append(1) or real(*a, **k))
+    real = programs.lower
+    monkeypatch.setattr(programs, "lower", lambda *a, **k: times.append(1) or real(*a, **k))
     return times
 
 
 def tension(**changes):
     """The force of a tendon, anew, as a fresh process has it."""
     tendon = TENDON.replace(**changes)
-    return compiled(Tendon.force, tendon, STRETCH, engine="native")(tendon, STRETCH)
+    return compile_function(Tendon.force, tendon, STRETCH, engine="native")(tendon, STRETCH)
 
 
 def march_key(system=None, **changes):
@@ -65,7 +66,7 @@ def march_key(system=None, **changes):
 def test_what_is_kept_is_found_and_gives_the_same_bits(lowered, monkeypatch):
     first, second = tension(), tension()
     assert len(lowered) == 1
-    monkeypatch.setenv(disk.VARIABLE, "off")
+    monkeypatch.setenv("MCKIBBEN_KERNELS", "off")
     third = tension()
     assert len(lowered) == 2
     assert first == second == third != 0.0
@@ -77,7 +78,7 @@ def test_parameters_are_arguments_and_not_part_of_a_program(lowered):
 
 
 def test_off_keeps_nothing(folder, monkeypatch):
-    monkeypatch.setenv(disk.VARIABLE, "off")
+    monkeypatch.setenv("MCKIBBEN_KERNELS", "off")
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
     tension()
     assert not folder.exists()
@@ -146,7 +147,7 @@ def test_what_has_no_sure_name_has_no_key(lowered):
     for tree in (Inner(1.0), Named(1.0, name="a"), object(), {"a": "text"}, jnp.sum):  # types of a test, and no trees
         assert program_key.key(Tendon.force, (tree, STRETCH)) is None
     # it is lowered each time, and right
-    doubled = [compiled(lambda t, x, k=k: k * t.force(x), TENDON, STRETCH, engine="native") for k in (2.0, 3.0)]
+    doubled = [compile_function(lambda t, x, k=k: k * t.force(x), TENDON, STRETCH, engine="native") for k in (2.0, 3.0)]
     assert doubled[1](TENDON, STRETCH) == pytest.approx(1.5 * doubled[0](TENDON, STRETCH), rel=1e-15)
     assert len(lowered) == 2
 
@@ -159,7 +160,7 @@ def test_a_changed_source_gives_another_key(tmp_path):
     )
 
     def asked():
-        settings = {**os.environ, "PYTHONPATH": str(tmp_path / "src")}
+        settings = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (tmp_path / "src", COMPILER)))}
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=settings)
         return done.stdout.strip()
 
@@ -189,7 +190,7 @@ def test_results_that_are_trees_come_back_as_they_were():
         return run(*given)
 
     given = MaxwellSlip.geometric(FrictionLimit(constant=1.0), elements=3), np.zeros(3), np.float64(1e-3)
-    runs = [compiled(_advanced, *given, engine="native") for _ in range(2)]
+    runs = [compile_function(_advanced, *given, engine="native") for _ in range(2)]
     native, again = map(shown, runs)
     assert type(native) is type(again) is type(_advanced(*given))
     for a, b in zip(native, again, strict=True):
@@ -205,7 +206,7 @@ def test_the_words_of_a_structure_are_understood_or_nothing_is_kept():
 
     trees = [
         {"a": 1.0, "b": (2.0, [3.0, None])}, TENDON, held(np.zeros(3)),
-        programs.Leaf("x", None, (2,)),
+        Value(1.0, 2.0),
     ]  # fmt: skip
     for tree in trees:
         said = programs._said(jax.tree.map(lambda _: 0.0, tree))  # noqa: SLF001
@@ -216,9 +217,10 @@ def test_the_words_of_a_structure_are_understood_or_nothing_is_kept():
 
 def test_two_processes_at_once_make_one_program(folder):
     program = (
-        "import numpy as np\nfrom mckibben.engine.native import compiled\nfrom mckibben.muscles.elements import Tendon\n"
+        "import numpy as np\nfrom mckibben.engine.native import compile_function\n"
+        "from mckibben.muscles.elements import Tendon\n"
         "t = Tendon(stiffness=1e5, toe_length=5e-4, loss=0.2)\n"
-        "print(float(compiled(Tendon.force, t, np.float64(1e-3), engine='native')(t, np.float64(1e-3))))"
+        "print(float(compile_function(Tendon.force, t, np.float64(1e-3), engine='native')(t, np.float64(1e-3))))"
     )
     both = [subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(2)]
     said = {p.communicate()[0].strip() for p in both}
@@ -228,26 +230,26 @@ def test_two_processes_at_once_make_one_program(folder):
 
 
 def test_the_folder_is_bounded_and_what_was_used_last_stays(folder, monkeypatch):
-    monkeypatch.setattr(disk, "LIMIT", 10_000)
+    monkeypatch.setattr(cache, "LIMIT", 10_000)
     names = [f"{k:040x}.o" for k in range(12)]
     for k, name in enumerate(names):
-        disk.keep(name, bytes(1_000), {})
+        cache.store(name, bytes(1_000), {})
         os.utime(folder / name, (k, k))
         if k:
-            assert disk.found(names[0]) is not None  # which is used all the time
+            assert cache.load(names[0]) is not None  # which is used all the time
             os.utime(folder / names[0], (1_000, 1_000))
     left = {p.name for p in folder.iterdir()}
     assert names[0] in left and names[-1] in left and names[1] not in left
-    assert sum(p.stat().st_size for p in folder.iterdir()) <= disk.LIMIT
+    assert sum(p.stat().st_size for p in folder.iterdir()) <= cache.LIMIT
 
 
 def test_what_others_put_there_and_what_is_being_written_stays(folder, monkeypatch):
-    monkeypatch.setattr(disk, "LIMIT", 0)
+    monkeypatch.setattr(cache, "LIMIT", 0)
     folder.mkdir()
     for name in ("notes.txt", "part-young", "part-old"):
         (folder / name).write_bytes(bytes(100))
-    os.utime(folder / "part-old", (time.time() - 2 * disk.LEFT_BEHIND,) * 2)
-    disk.keep(f"{1:040x}.o", b"code", {})
+    os.utime(folder / "part-old", (time.time() - 2 * cache.LEFT_BEHIND,) * 2)
+    cache.store(f"{1:040x}.o", b"code", {})
     assert {p.name for p in folder.iterdir()} == {"notes.txt", "part-young"}
 
 
@@ -273,7 +275,7 @@ def test_a_run_of_a_type_that_is_not_the_packages_own_is_right_and_kept_by_nobod
     signals = {"push": held(np.zeros(11))}
     for gravity in (1.0, 2.0):
         system, state = Falling(gravity=np.float64(gravity)), {"v": np.float64(0.0)}
-        run = compiled_march(system, state, (), signals, period=1e-3, inner=2, engine="native")
+        run = compile_march(system, state, (), signals, period=1e-3, inner=2, engine="native")
         # 10 samples of 1 ms at a constant rate: exact to rounding
         assert run(system, state, (), signals)["v"][-1] == pytest.approx(0.01 * gravity, rel=1e-13)
     assert len(lowered) == 2
@@ -295,12 +297,12 @@ FORGED = {
     "a type of another package": {"named": "subprocess:Popen", "parts": ["echo"]},
     "a module that is not loaded": {"named": "antigravity:fly", "parts": []},
     "a function of the package": {"named": "mckibben.documents:write_text", "parts": ["forged.txt", "text"]},
-    "another package through this one": {"named": "mckibben.engine.lowering.disk:os.system", "parts": ["echo"]},
+    "another package through this one": {"named": "mckibben.documents:os.system", "parts": ["echo"]},
     "a method of the package's type": {"module": "mckibben.muscles.elements:Tendon.force", "fields": []},
     "a module of the package that is not loaded": {"named": "mckibben.cli.not_there:Found", "parts": []},
     "a type that is no tree": {"module": "mckibben.errors:InputError", "fields": []},
     "a tree with other fields": {"module": "mckibben.muscles.elements:Tendon", "fields": [["__class__", 1.0]]},
-    "a tuple of another length": {"named": "mckibben.engine.lowering.program:Leaf", "parts": [0.0]},
+    "a tuple of another length": {"named": "mckibben.engine.signals:Value", "parts": [0.0]},
     "more results than there are": {"tuple": [0.0, 0.0]},
     "a tree without an end": json.loads("[" * 900 + "]" * 900),
     "no words at all": {"named": 1.0},
@@ -350,13 +352,13 @@ def test_a_file_that_others_can_write_is_made_anew(folder, lowered):
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="folders have no such owners there")
 def test_what_another_user_owns_is_not_ours(tmp_path, monkeypatch):
     place = tmp_path / "k"
-    assert only_ours(place)  # where there is nothing yet
+    assert is_private(place)  # where there is nothing yet
     place.mkdir(mode=0o700)
     about = place.stat()
     for owner, ours in ((os.geteuid(), True), (0, True), (os.geteuid() + 1, False)):
         changed = os.stat_result((about.st_mode, *about[1:4], owner, *about[5:10]))
         monkeypatch.setattr(os, "stat", lambda _, changed=changed: changed)
-        assert only_ours(place) == ours
+        assert is_private(place) == ours
         monkeypatch.undo()
 
 
@@ -364,9 +366,9 @@ def test_what_another_user_owns_is_not_ours(tmp_path, monkeypatch):
 def test_folders_are_made_for_their_user_alone(tmp_path, monkeypatch):
     before = os.umask(0)
     try:
-        monkeypatch.setenv(disk.VARIABLE, str(tmp_path / "a" / "b"))
-        disk.keep(f"{1:040x}.o", b"code", {})
-        monkeypatch.delenv(disk.VARIABLE)
+        monkeypatch.setenv("MCKIBBEN_KERNELS", str(tmp_path / "a" / "b"))
+        cache.store(f"{1:040x}.o", b"code", {})
+        monkeypatch.delenv("MCKIBBEN_KERNELS")
         monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
         monkeypatch.delitem(sys.modules, "jax")  # as in a process that begins
         for home in ("c", "d"):

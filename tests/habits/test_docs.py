@@ -27,7 +27,7 @@ PLAIN = {page: re.sub(r"^```.*?^```", "", text, flags=re.M | re.S) for page, tex
 
 NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
 # Rooms without a page in the reference of Python: command line and screen have pages of their own.
-NO_ROOM = ("mckibben.cli", "mckibben.__main__", "mckibben.batch", "mckibben.engine.lowering", "mckibben.web")
+NO_ROOM = ("mckibben.cli", "mckibben.__main__", "mckibben.batch", "mckibben.web")
 
 
 def generated() -> ModuleType:

@@ -14,11 +14,13 @@ from typing import Any
 
 import pytest
 
+import lanewise
 import mckibben
 from mckibben.muscles.laws import LAWS, law_type
 from mckibben.quantities import Quantity, declared, to_si
 
 PACKAGE = Path(mckibben.__file__).parent
+COMPILER = Path(lanewise.__file__).parent
 ROOT = Path(__file__).parents[2]
 HEAVY = ("jax", "matplotlib", "pint", "scipy", "equinox", "pydantic")
 
@@ -116,9 +118,9 @@ def sources() -> list[Path]:
 
 def test_every_module_class_and_public_function_says_what_it_is() -> None:
     silent: list[str] = []
-    for path in sources():
+    for path in [*sources(), *sorted(COMPILER.rglob("*.py"))]:
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        where = str(path.relative_to(PACKAGE))
+        where = "/".join(path.parts[path.parts.index("src") + 1 :])
         if tree.body and ast.get_docstring(tree) is None and path.name not in ("__init__.py", "__main__.py"):
             silent.append(where)
         silent += [
@@ -184,7 +186,7 @@ def test_importing_the_package_is_light() -> None:
 def _environment() -> dict[str, str]:
     import os
 
-    return os.environ | {"PYTHONPATH": str(PACKAGE.parent)}
+    return os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (PACKAGE.parent, COMPILER.parent)))}
 
 
 def test_the_version_is_stated_once() -> None:

@@ -6,12 +6,14 @@ from pathlib import Path
 
 from packaging.specifiers import SpecifierSet
 
+import lanewise
 import mckibben
 from mckibben.extras import LIBRARIES
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-BOUNDED = PROJECT["dependencies"]
+COMPILER = tomllib.loads((ROOT / "packages/lanewise/pyproject.toml").read_text(encoding="utf-8"))["project"]
+BOUNDED = [r for r in {*PROJECT["dependencies"], *COMPILER["dependencies"]} if not r.startswith("lanewise")]
 WORKFLOW = (ROOT / ".github/workflows/test.yml").read_text(encoding="utf-8")
 
 
@@ -33,6 +35,13 @@ def test_the_package_says_that_it_is_typed() -> None:
     assert "Typing :: Typed" in PROJECT["classifiers"]
 
 
+def test_the_compiler_of_this_repository_is_the_one_that_the_laboratory_asks_for() -> None:
+    (asked,) = [r for r in PROJECT["dependencies"] if r.startswith("lanewise")]
+    assert lanewise.__version__ in SpecifierSet(asked.removeprefix("lanewise"))
+    assert COMPILER["requires-python"] == PROJECT["requires-python"]
+    assert Path(lanewise.__file__).with_name("py.typed").is_file()
+
+
 def test_every_python_that_is_promised_is_tried() -> None:
     promised = [c.rsplit(" ", 1)[1] for c in PROJECT["classifiers"] if re.search(r"Python :: 3\.\d+$", c)]
     assert re.search(r"python: \[(.*)\]", WORKFLOW).group(1).replace('"', "").split(", ") == promised
@@ -48,7 +57,7 @@ def test_the_workflow_calls_what_continuous_integration_calls() -> None:
 def test_the_demonstration_installs_what_the_package_needs_and_what_writes_pdf() -> None:
     """`make demo` is the first command of the README; it has these requirements and no others."""
     asked = names([line for line in lines("requirements/run.in") if line and not line.startswith("#")])
-    assert names(PROJECT["dependencies"]) | {"typst"} <= asked
+    assert names(BOUNDED) | {"typst"} <= asked
     pinned = names([line for line in lines("requirements/run.txt") if line and not line.startswith(" ")])
     assert asked <= pinned
 

@@ -1,14 +1,16 @@
-"""What a person gets who installs the wheel and nothing else: `make wheel`.
+"""What a person gets who installs the wheels and nothing else: `make wheel`.
 
-Wheel and source archive are built, the wheel is installed without extras into an empty environment, and every command is
-called there. It works; or it says in one sentence, before it computes anything, which extra or which file it needs, and
-ends with exit code 2. A command that is not in `CALLS` is an error, so that a new one cannot be forgotten.
+Wheels and source archives of the laboratory and of its compiler are built. The compiler is installed alone into an empty
+environment, where the example of its README runs; then the laboratory without extras, and every command is called there.
+It works; or it says in one sentence, before it computes anything, which extra or which file it needs, and ends with exit
+code 2. A command that is not in `CALLS` is an error, so that a new one cannot be forgotten.
 
 Run by a Python that has hatchling; needs nothing else of the package.
 """
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tarfile
@@ -21,7 +23,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
+COMPILER = ROOT / "packages" / "lanewise"
 CIRCUITS = ROOT / "examples" / "circuits"
+KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
 AT_ONCE = 2  # commands that run beside each other
 LONG = ("study tube", "size")  # begun first, so that nobody waits for them at the end
 LONGEST = 300.0  # after which a command is ended [s]
@@ -156,9 +160,14 @@ def main() -> int:
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="mckibben-wheel-") as name:
         place = Path(name)
-        wheel, wrong = built(place)
-        python = installed(wheel, place / "venv")
-        print(f"Built {wheel.name} and installed it without extras: {time.monotonic() - began:.0f} s", flush=True)
+        compiler, wrong = built(COMPILER, "lanewise", ("README.md", "LICENSE"), place / "compiler")
+        wheel, more = built(ROOT, "mckibben", KEPT, place / "laboratory")
+        wrong += more
+        python = environment(place / "venv")
+        install(python, compiler)
+        wrong += example_runs(python, place)
+        install(python, compiler, wheel)
+        print(f"Built and installed {compiler.name} and {wheel.name}: {time.monotonic() - began:.0f} s", flush=True)
         wrong += called(python, place)
     for line in wrong:
         print(f"wrong: {line}")
@@ -169,9 +178,9 @@ def main() -> int:
 # ---- what is built
 
 
-def built(place: Path) -> tuple[Path, list[str]]:
-    """The wheel, made of the source archive, and what is wrong with either."""
-    hatch(ROOT, place, "sdist", "wheel")
+def built(root: Path, package: str, kept: Sequence[str], place: Path) -> tuple[Path, list[str]]:
+    """The wheel of a package, made of the source archive, and what is wrong with either."""
+    hatch(root, place, "sdist", "wheel")
     (wheel,), (archive,) = place.glob("*.whl"), place.glob("*.tar.gz")
     with tarfile.open(archive) as tar:
         tar.extractall(place / "source", filter="data")
@@ -181,15 +190,14 @@ def built(place: Path) -> tuple[Path, list[str]]:
     wrong = [
         f"{what} is in the wheel of the tree or of the source archive only" for what in names(wheel) ^ names(again)
     ]
-    shipped = {str(p.relative_to(ROOT / "src")) for p in (ROOT / "src" / "mckibben").rglob("*") if p.is_file()}
+    shipped = {str(p.relative_to(root / "src")) for p in (root / "src" / package).rglob("*") if p.is_file()}
     shipped = {p for p in shipped if "__pycache__" not in p}
     wrong += [f"{p} is not in the wheel" for p in sorted(shipped - names(wheel))]
-    if "mckibben/py.typed" not in names(wheel):
-        wrong.append("py.typed is not in the wheel, so that its types count for nobody")
+    if f"{package}/py.typed" not in names(wheel):
+        wrong.append(f"py.typed is not in the wheel of {package}, so that its types count for nobody")
     with tarfile.open(archive) as tar:
         inside = {m.name.split("/", 1)[-1] for m in tar.getmembers()}
-    kept = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
-    return wheel, wrong + [f"{p} is not in the source archive" for p in kept if p not in inside]
+    return wheel, wrong + [f"{p} is not in the source archive of {package}" for p in kept if p not in inside]
 
 
 def hatch(source: Path, place: Path, *targets: str) -> None:
@@ -207,14 +215,32 @@ def names(wheel: Path) -> set[str]:
         return {n for n in packed.namelist() if not n.endswith("RECORD")}
 
 
-def installed(wheel: Path, place: Path) -> Path:
-    """The Python of a new environment that has the wheel and what it needs, at the versions of `requirements/run.txt`."""
+def environment(place: Path) -> Path:
+    """The Python of a new environment."""
     subprocess.run([sys.executable, "-m", "venv", str(place)], check=True)
-    python = place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    return place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+
+
+def install(python: Path, *wheels: Path) -> None:
+    """Install wheels and what they need, at the versions of `requirements/run.txt`."""
     pins = ROOT / "requirements" / "run.txt"
-    words = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-c", str(pins), str(wheel)]
+    words = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-c", str(pins), *map(str, wheels)]
     subprocess.run([str(python), *words], check=True)
-    return python
+
+
+def example_runs(python: Path, place: Path) -> list[str]:
+    """Run the first example of the compiler's README, and see that the compiler came without the laboratory."""
+    example = re.search(
+        r"^```python\n(.*?)^```", (COMPILER / "README.md").read_text(encoding="utf-8"), flags=re.M | re.S
+    )
+    assert example is not None
+    alone = "import importlib.util, lanewise\nassert importlib.util.find_spec('mckibben') is None\n"
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "LANEWISE"))}
+    done = subprocess.run(
+        [python, "-c", alone + example[1]], cwd=place, env=env | {"LANEWISE_CACHE": str(place / "cache")},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return [f"the example of the compiler's README: {done.stderr[-300:]}"] if done.returncode else []
 
 
 # ---- what is called

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 
 from ..engine import Run
-from ..engine.native import called
+from ..engine.native import call_compiled
 from ..muscles.stored import stored_change
 from ..pneumatics.exergy import stored_exergy
 from .machine import Machine
@@ -59,7 +59,7 @@ def accounts(
     (begin, memory), end = start, run.state
     flow = {k: float(v) for k, v in run.integrals.items()}
     before, after = (
-        _Held(*map(float, called(_held, machine, state, z, dict(inputs))))
+        _Held(*map(float, call_compiled(_held, machine, state, z, dict(inputs))))
         for state, z, inputs in ((begin, memory, first), (end, run.memory, last))
     )
     more = _Held(*(b - a for a, b in zip(before, after, strict=True)))

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..components import Environment, Scalar
 from ..components.system import Moment, System
-from ..engine.native import called
+from ..engine.native import call_compiled
 from ..engine.signals import Value
 from ..errors import InputError
 from ..muscles.law import law_name
@@ -108,7 +108,7 @@ class Machine(System):
                     f"pressure of {name}", p, "allowed is an absolute pressure above 0 Pa", where="machine"
                 )
         given = {name: np.asarray(pressures[name], float) for name in self.circuit.chambers}
-        start: tuple[Any, Any] = jax.device_put(called(_at_rest, self, given, dict(inputs)))
+        start: tuple[Any, Any] = jax.device_put(call_compiled(_at_rest, self, given, dict(inputs)))
         return start
 
     def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any]) -> tuple[Any, Any]:

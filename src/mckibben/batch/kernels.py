@@ -18,7 +18,7 @@ import numpy as np
 from ..bench import channels
 from ..bench.hardware.plant import InstrumentedPlant
 from ..engine import sampled
-from ..engine.native import Compiled, compiled
+from ..engine.native import EngineFunction, compile_function
 from . import rest, tally
 from .outputs import Output
 
@@ -116,7 +116,7 @@ class Kernels:
         self.kind = kind
         self._leaves = tuple(None if s else 0 for s in kind.shared)
         self._rows = 0 if kind.seeds else None
-        self._native: dict[bool, Compiled] = {}  # by whether the method is the stiff one
+        self._native: dict[bool, EngineFunction] = {}  # by whether the method is the stiff one
         self._begin = jax.jit(jax.vmap(self._begin_lane, in_axes=(self._leaves, None, 0)))
         self._count = jax.jit(jax.vmap(self._counted_lane, in_axes=(self._leaves, 0, -1, None)))
         self._by_xla = jax.jit(self._all, static_argnums=(6,))
@@ -145,13 +145,13 @@ class Kernels:
 
     def _lowered(
         self, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int, stiff: bool
-    ) -> Compiled | None:
+    ) -> EngineFunction | None:
         """The native kernel; None where there is none, and XLA has to do."""
         if self.kind.engine != "xla" and stiff not in self._native:
             one = tuple(x if s else x[0] for x, s in zip(leaves, self.kind.shared, strict=True))
             row = jax.tree.map(lambda x: x[0], rows) if self.kind.seeds else rows
             first = jax.tree.map(lambda x: x[0], carry)
-            self._native[stiff] = compiled(
+            self._native[stiff] = compile_function(
                 functools.partial(physics, self.kind._replace(engine="", threads=0), stiff=stiff),
                 one, first, row, np.float64(period), np.int64(inner), engine=self.kind.engine, title="a lane of a batch",
             )  # fmt: skip
@@ -159,7 +159,7 @@ class Kernels:
         return found if found is not None and found.engine != "xla" else None
 
     def _called(
-        self, native: Compiled, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int
+        self, native: EngineFunction, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int
     ) -> Physics:
         """A chunk in native kernels, which have the lanes last."""
         last = [x if s else np.moveaxis(x, 0, -1) for x, s in zip(leaves, self.kind.shared, strict=True)]

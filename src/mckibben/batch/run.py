@@ -11,7 +11,7 @@ import numpy as np
 from ..assembly.accounts import accounts
 from ..bench.segment import SensorNoise
 from ..engine import sampled
-from ..engine.native import ENGINES, called
+from ..engine.native import ENGINES, call_compiled
 from ..errors import InputError
 from . import march, rest, tally
 from .kernels import Kernels, Kind, channels_of
@@ -185,7 +185,7 @@ class _Piece:
         if not wanted:
             return
         plant, latency = kernels.tree(leaves)["plant"], float(kernels.tree(leaves)["latency"])
-        first, last = (called(sampled.inputs_of, plant, c, latency, self.period) for c in (begun, ended))
+        first, last = (call_compiled(sampled.inputs_of, plant, c, latency, self.period) for c in (begun, ended))
         run: Any = _Ended(ended.state["machine"], ended.memory, ended.integrals)
         closed = accounts(plant.machine, (begun.state["machine"], begun.memory), run, first, last)
         for name in wanted:

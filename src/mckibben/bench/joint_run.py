@@ -20,7 +20,7 @@ from ..assembly.muscle_unit import MuscleUnit
 from ..assembly.pair_map import NAMES, pair_map
 from ..assembly.where_it_went import document
 from ..engine import STEP, sampled
-from ..engine.native import called
+from ..engine.native import call_compiled
 from ..errors import InputError
 from ..recordings.recording import Channel, Recording
 from ..specimens import Specimen
@@ -174,8 +174,8 @@ def run_joint(
     start = plant.at_rest(commands, {node: commands[n] for n in NAMES for node in (n, f"{n}.port")})
     rows = _rows(set_points, np.random.default_rng(seed), len(time))
     row = jax.tree.map(lambda v: v[0], rows)
-    carry = called(sampled.begin, plant, software, start, commands, row, depth=timing.depth)
-    first = called(sampled.inputs_of, plant, carry, timing.latency, timing.period)
+    carry = call_compiled(sampled.begin, plant, software, start, commands, row, depth=timing.depth)
+    first = call_compiled(sampled.inputs_of, plant, carry, timing.latency, timing.period)
     parts, finest = [], timing.inner
     for k in range(0, len(rows["angle"]), CHUNK):
         chunk = jax.tree.map(lambda v, k=k: v[k : k + CHUNK], rows)
@@ -184,7 +184,7 @@ def run_joint(
         )
         parts.append(seen)
         finest = max(finest, inner)
-    last = called(sampled.inputs_of, plant, carry, timing.latency, timing.period)
+    last = call_compiled(sampled.inputs_of, plant, carry, timing.latency, timing.period)
     ended: Any = carry._replace(state=carry.state["machine"])
     closed = accounts(plant.machine, (start[0]["machine"], start[1]), ended, first, last)
     whole = jax.tree.map(lambda *v: np.concatenate(v)[: len(time)], *parts)

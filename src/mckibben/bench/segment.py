@@ -12,7 +12,7 @@ import numpy as np
 
 from ..assembly.accounts import Accounts, accounts
 from ..engine import sampled
-from ..engine.native import called
+from ..engine.native import call_compiled
 from .hardware.computer import Timing, configure
 from .hardware.in_process import Rows, SimulatedMachine
 from .hardware.plant import InstrumentedPlant
@@ -95,13 +95,17 @@ class SegmentMachine:
 
     def carry(self, software: BenchSoftware) -> sampled.Carry:
         """What goes into the first sample of a simulation with some software."""
-        found: sampled.Carry = called(sampled.with_software, self.plant, software, self.rested, self.rows.first())
+        found: sampled.Carry = call_compiled(
+            sampled.with_software, self.plant, software, self.rested, self.rows.first()
+        )
         return found
 
     @functools.cached_property
     def rested(self) -> sampled.Carry:
         """The machine where the part begins, commanded by nobody."""
-        found: sampled.Carry = called(sampled.rest, self.plant, self.start, self.commands, depth=self.timing.depth)
+        found: sampled.Carry = call_compiled(
+            sampled.rest, self.plant, self.start, self.commands, depth=self.timing.depth
+        )
         return found
 
     def at_border(self, ahead: float = 0.0, *, watched: bool = True) -> SimulatedMachine:
@@ -126,7 +130,7 @@ class SegmentMachine:
         timing = self.timing
         begun = self.rested if begun is None else begun
         at = timing.latency, timing.period
-        first, last = (called(sampled.inputs_of, self.plant, c, *at) for c in (begun, carry))
+        first, last = (call_compiled(sampled.inputs_of, self.plant, c, *at) for c in (begun, carry))
         sums = jax.tree.map(lambda end, begin: end - begin, carry.integrals, begun.integrals)
         ended: Any = _Ended(carry.state["machine"], carry.memory, sums)
         return accounts(self.machine, (begun.state["machine"], begun.memory), ended, first, last)

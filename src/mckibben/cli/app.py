@@ -14,9 +14,11 @@ from typing import Annotated, Any
 
 import typer
 
+from lanewise.cache import is_private, make_private_folder
+from lanewise.errors import CacheWarning
+
 from .. import __version__
-from ..documents import make_private_folder, only_ours
-from ..errors import CacheWarning, ConvergenceError, MckibbenError
+from ..errors import ConvergenceError, MckibbenError
 from . import (
     calibrate,
     circuit_fit,
@@ -162,7 +164,7 @@ def _keep_compilations() -> None:
     folder = Path(home, "mckibben", "compiled")
     if not folder.is_absolute():
         return
-    if not only_ours(folder):
+    if not is_private(folder):
         warnings.warn(CacheWarning(folder, "JAX_COMPILATION_CACHE_DIR"), stacklevel=2)
         return
     with contextlib.suppress(OSError):  # a home that cannot be written, or is full, keeps nothing

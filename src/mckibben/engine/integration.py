@@ -17,7 +17,7 @@ import numpy as np
 
 from ..components.system import System
 from ..errors import ConvergenceError, InputError
-from .native import Compiled, called, compiled
+from .native import EngineFunction, call_compiled, compile_function
 from .rates import RK4_LIMIT, fastest_rate
 from .signals import Signal
 from .step import nothing, outputs_of, step
@@ -147,7 +147,7 @@ def _run(
     system: System, state: Any, memory: Any, signals: Any, period: float, inner: int, samples: int, stiff: bool
 ) -> Any:
     given = system, state, memory, signals, np.float64(period), np.int64(inner)  # the number of steps is tried out
-    return called(march, *given, samples=samples, stiff=stiff)
+    return call_compiled(march, *given, samples=samples, stiff=stiff)
 
 
 def march(
@@ -189,10 +189,10 @@ def march(
     return carry, jax.tree.map(lambda many, one: jnp.concatenate([many, jnp.asarray(one)[None]]), kept, end)
 
 
-def compiled_march(
+def compile_march(
     system: Any, state: Any, memory: Any, signals: Mapping[str, Any], *, period: float, inner: int, stiff: bool = False,
     outputs: Sequence[str] | None = None, engine: str = "auto",
-) -> Compiled:  # fmt: skip
+) -> EngineFunction:  # fmt: skip
     """The run of a system, called with (system, state, memory, signals); see `march`.
 
     Args:
@@ -204,7 +204,7 @@ def compiled_march(
         inner: steps per sample.
         stiff: use the Rosenbrock method.
         outputs: names of the outputs that are wanted, all where left out: what nobody asks for is not computed.
-        engine: see `native.compiled`.
+        engine: see `native.compile_function`.
 
     Returns:
         What returns the outputs by name, each (samples + 1, lanes).
@@ -212,7 +212,7 @@ def compiled_march(
     samples = min(len(s.values) for s in signals.values()) - 1
     wanted = None if outputs is None else tuple(outputs)
     function = functools.partial(_outputs, period=period, inner=inner, samples=samples, stiff=stiff, outputs=wanted)
-    return compiled(function, system, state, memory, dict(signals), engine=engine, title=type(system).__name__)
+    return compile_function(function, system, state, memory, dict(signals), engine=engine, title=type(system).__name__)
 
 
 def _outputs(

@@ -20,7 +20,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from . import program_key
-from .native import compiled
+from .native import compile_function
 
 
 class Packed:
@@ -37,7 +37,7 @@ class Packed:
             trees = function(*(back(v) for back, v in zip(self._backs, given, strict=True)))
             return tuple(_packed(tree)[0] for tree in trees)
 
-        made = compiled(flat, *vectors, title="a sample")
+        made = compile_function(flat, *vectors, title="a sample")
         if made.engine == "xla":
             self._call: Callable[..., Any] = jax.jit(flat).lower(*vectors).compile()
         else:

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from .differentiable import Kernels
-from .native import compiled
+from lanewise import Derivatives
+
+from .native import compile_function
 
 MOST = 32  # predictions that are remembered
 _known: dict[Any, Any] = {}
@@ -31,13 +32,13 @@ def prediction(
         function: of (values, *fixed).
         count: of the values.
         *fixed: trees that stay as they are.
-        engine: see `native.compiled`.
+        engine: see `native.compile_function`.
         name: of the function, where another one of that name, with trees of the same structure and shapes, is the same
             function; it is then compiled once.
 
     Raises:
         InputError: an unknown engine.
-        LoweringError: with ``native``, an operation that no kernel can do.
+        EngineError: with ``native``, an operation that no kernel can do.
     """
     leaves, structure = jax.tree.flatten(fixed)
     key = (name, count, structure, tuple(np.shape(x) for x in leaves), engine)
@@ -54,11 +55,11 @@ def prediction(
 
 
 def _made(function: Callable[..., Any], count: int, fixed: Any, engine: str) -> tuple[Any, Any]:
-    made = compiled(function, np.zeros(count), *fixed, engine=engine)
+    made = compile_function(function, np.zeros(count), *fixed, engine=engine)
     if made.engine == "xla":
         jacobian = jax.jit(jax.jacfwd(function))
         return (lambda values, fixed: made(values, *fixed)), (lambda values, fixed: jacobian(values, *fixed))
-    kernels = Kernels(made.program, "default", None)
+    kernels = Derivatives(made.program, "default", None)
 
     def arrays(values: Any, fixed: Any) -> list[np.ndarray]:
         return [np.asarray(values, float), *map(np.asarray, jax.tree.leaves(fixed))]
@@ -68,6 +69,6 @@ def _made(function: Callable[..., Any], count: int, fixed: Any, engine: str) -> 
 
     def slopes(values: Any, fixed: Any) -> Any:
         given = [x[None] for x in arrays(values, fixed)]
-        return np.moveaxis(kernels.push([*given, np.eye(count)], 1, (0,))[0], 0, -1)
+        return np.moveaxis(kernels.jvp([*given, np.eye(count)], 1, (0,))[0], 0, -1)
 
     return predict, slopes

@@ -1,6 +1,6 @@
 """The name of a program: a hash of all that tracing a function for examples of its arguments depends on.
 
-* the sources of this package, and the versions of Python, JAX, NumPy and llvmlite;
+* the sources of this package and of the compiler, and the versions of Python, JAX and NumPy;
 * the function: where it stands, and what is bound to it (`functools.partial`);
 * the examples: structure, with types and static fields, and shapes and types of the leaves, not their values;
 * the modules that all these come from and those they use: their plain constants, as they are now, and the names of their
@@ -27,11 +27,13 @@ from typing import Any
 import jax
 import numpy as np
 
+import lanewise
+
 from ..components import Module
 from . import step
 
 OWN = __name__.partition(".")[0]
-LIBRARIES = frozenset({"builtins", "functools", "operator", "math", "jax", "jaxlib", "numpy"})
+LIBRARIES = frozenset({"builtins", "functools", "operator", "math", "jax", "jaxlib", "numpy", "lanewise"})
 PLAIN = (bool, int, float, str, bytes, type(None))
 MODULES = (step.__name__,)  # on which every program depends
 
@@ -60,17 +62,15 @@ def key(function: Callable[..., Any], examples: Sequence[Any]) -> str | None:
 @functools.cache
 def base() -> bytes:
     """What every key depends on: sources and versions."""
-    import llvmlite
-
     digest = hashlib.sha256()
-    versions = (sys.version, jax.__version__, np.__version__, llvmlite.__version__)
+    versions = (sys.version, jax.__version__, np.__version__)
     for text in versions:
         digest.update(text.encode() + b"\n")
-    folder = str(Path(__file__).parents[1])
-    for path in sources(folder):
-        with open(path, "rb") as file:
-            data = file.read()
-        digest.update(f"{path.removeprefix(folder)} {len(data)}\n".encode() + data)
+    for folder in (str(Path(__file__).parents[1]), str(Path(lanewise.__file__).parent)):
+        for path in sources(folder):
+            with open(path, "rb") as file:
+                data = file.read()
+            digest.update(f"{path.removeprefix(folder)} {len(data)}\n".encode() + data)
     return digest.digest()
 
 

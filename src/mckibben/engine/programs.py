@@ -10,33 +10,31 @@ from __future__ import annotations
 import dataclasses
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import jax
 
+from lanewise import Leaf, Program, cache, lower
+
 from ..components import Module
 from . import program_key
-from .lowering import disk
-from .lowering.program import Leaf, Program
 
 
-def program(function: Callable[..., Any], examples: Sequence[Any], title: str) -> tuple[Program, Any]:
-    """A function's program and the structure of its results, from disk or lowered; see `lowering.from_jax.lower`."""
-    key = None if disk.folder() is None else program_key.key(function, examples)
+def lower_or_load(function: Callable[..., Any], *examples: Any, title: str = "") -> tuple[Program, Any]:
+    """Find a function's program and the structure of its results on disk, or lower it; see `lanewise.lower`."""
+    key = None if cache.cache_folder() is None else program_key.key(function, examples)
     known = None if key is None else _known(f"{key}.program")
     if known is not None:
         return known
-    from .lowering.from_jax import lower
-
-    made, tree = lower(function, *examples, title=title)
+    program, tree = lower(function, *examples, title=title)
     if key is not None:
-        _keep(f"{key}.program", made, tree)
-    return made, tree
+        _keep(f"{key}.program", program, tree)
+    return program, tree
 
 
 def _known(file: str) -> tuple[Program, Any] | None:
-    found = disk.found(file)
+    found = cache.load(file)
     if found is None:
         return None
     data, about = found
@@ -45,7 +43,7 @@ def _known(file: str) -> tuple[Program, Any] | None:
         tree: Any = jax.tree.structure(_built(about["tree"]))
         if tree.num_leaves != len(wanted):
             return None
-        return Program.kept(data, given, wanted, about["title"]), tree
+        return Program.from_parts(data, given, wanted, about["title"]), tree
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
 
@@ -59,7 +57,7 @@ def _keep(file: str, made: Program, tree: Any) -> None:
     if jax.tree.structure(_built(said)) != tree:
         return
     about = {"arguments": list(map(list, made.arguments)), "results": list(map(list, made.results))}
-    disk.keep(file, made.packed, {**about, "title": made.title, "tree": said})
+    cache.store(file, made.serialised, {**about, "title": made.title, "tree": said})
 
 
 def _said(value: Any) -> Any:

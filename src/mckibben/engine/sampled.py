@@ -18,7 +18,7 @@ import numpy as np
 from ..components.sampled import Plant, Software
 from ..errors import ConvergenceError
 from .integration import MOST_PARTS, ROS2_LIMIT
-from .native import called
+from .native import call_compiled
 from .rates import RK4_LIMIT
 from .signals import Signal, Value
 from .step import nothing, step
@@ -210,7 +210,7 @@ def advance(
         inner_now = inner * steps.split
         now = np.float64(period), np.int64(inner_now), np.float64(latency)
         # every operation as it is written, so that samples that come one by one are these, bit for bit
-        after, seen = called(march, plant, software, carry, rows, *now, mode="strict", stiff=steps.stiff)
+        after, seen = call_compiled(march, plant, software, carry, rows, *now, mode="strict", stiff=steps.stiff)
         seen = jax.tree.map(np.asarray, seen)
         h, fastest = period / inner_now, float(np.max(seen.steepest))
         if steps.short(fastest, period / inner):

@@ -18,14 +18,14 @@ import numpy as np
 from ....assembly.circuit_plan import CircuitPlan
 from ....components.system import Moment, System
 from ....engine.integration import ATTEMPTS, MOST_PARTS, ROS2_LIMIT, march
-from ....engine.native import Compiled, compiled
+from ....engine.native import EngineFunction, compile_function
 from ....engine.rates import RK4_LIMIT
 from ....errors import ConvergenceError
 from ....pneumatics.balance import Balance, balance
 from ....pneumatics.circuit import Circuit
 
 MOST = 24  # kernels that are kept
-_kept: OrderedDict[Any, Compiled] = OrderedDict()
+_kept: OrderedDict[Any, EngineFunction] = OrderedDict()
 _locks: dict[Any, threading.Lock] = {}
 _guard = threading.Lock()
 
@@ -127,7 +127,7 @@ def _key(plan: CircuitPlan, given: Any, method: Method) -> Any:
     return jax.tree.structure(given), shapes, plan.period, plan.inner_step, plan.samples, method
 
 
-def _kernel(plan: CircuitPlan, given: Any, method: Method) -> Compiled:
+def _kernel(plan: CircuitPlan, given: Any, method: Method) -> EngineFunction:
     key = _key(plan, given, method)
     with _guard:
         lock = _locks.setdefault(key, threading.Lock())
@@ -137,7 +137,7 @@ def _kernel(plan: CircuitPlan, given: Any, method: Method) -> Compiled:
                 _outputs, period=plan.period, inner=max(1, round(plan.period / plan.inner_step)) * method.split,
                 samples=plan.samples, stiff=method.stiff,
             )  # fmt: skip
-            made = compiled(function, *given, title="circuit")
+            made = compile_function(function, *given, title="circuit")
             made(*given)  # machine code is made at the first call
             with _guard:
                 _kept[key] = made

@@ -1,0 +1,299 @@
+"""A native kernel as a JAX function: under `jit` and `vmap`, with its derivatives by kernels too.
+
+    run = differentiable(function, *examples)      # of trees, like `compile`
+    jax.grad(lambda mass: loss(run(system.replace(mass=mass), state)))(0.2)
+
+Derivatives are those of the lowered function itself, `tangents` and `adjoint`; each is made when it is
+first asked for. What `vmap` maps over goes to the lanes; directions of `jacfwd` go there too, or, where the lanes are taken,
+several to one kernel. Derivatives of derivatives have no kernel.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
+
+from ._adjoint import adjoint
+from ._compiled import Lowering, compile
+from ._derivatives import tangents
+from ._program import Leaf, Program
+from .errors import ArgumentError, LoweringError
+
+DIRECTIONS = 4  # that one kernel takes along, where lanes are taken otherwise
+DTYPES = {"real": np.float64, "int": np.int64, "bool": np.bool_}
+
+
+def differentiable(
+    function: Callable[..., Any],
+    *examples: Any,
+    engine: str = "auto",
+    title: str = "",
+    mode: str = "default",
+    threads: int | None = None,
+    lower: Lowering | None = None,
+) -> Callable[..., Any]:
+    """A JAX function that is computed, and differentiated, by native kernels.
+
+    Args:
+        function: of trees, as for `compile`.
+        *examples: trees like its arguments.
+        engine: ``native``, ``xla``, or ``auto``: native where the function can be lowered, else the function itself.
+        title: what errors call it.
+        mode: of the kernels, see `Program`.
+        threads: of the kernels, at most; all cores where left out.
+        lower: as for `compile`.
+
+    Returns:
+        A function of trees like the examples, for JAX.
+
+    Raises:
+        InputError: an unknown engine; when called, trees that are not like the examples.
+        LoweringError: with ``native``, an operation that no kernel can do; when differentiated, a derivative of a
+            derivative, or backwards through a loop whose trips are counted only when it runs.
+        UnavailableError: with ``native``, if LLVM cannot be loaded.
+    """
+    compiled = compile(function, *examples, engine=engine, title=title, lower=lower)
+    if compiled.engine == "xla":
+        return jax.jit(function)
+    structure: Any = jax.tree.structure(tuple(examples))
+    kernels = Derivatives(compiled.program, mode, threads)
+
+    def run(*trees: Any) -> Any:
+        if jax.tree.structure(trees) != structure:
+            raise ArgumentError("arguments", "arguments must be trees like the examples")
+        leaves = [
+            _checked_leaf(x, leaf) for x, leaf in zip(jax.tree.leaves(trees), kernels.program.arguments, strict=True)
+        ]
+        found = iter(_RUN.bind(*leaves, kernels=kernels, depth=0))
+        every = [
+            np.zeros(leaf.shape, jax.dtypes.float0) if leaf.kind is None else next(found)
+            for leaf in kernels.program.results
+        ]
+        return jax.tree.unflatten(compiled.tree, every)
+
+    return run
+
+
+def _checked_leaf(value: Any, leaf: Leaf) -> Any:
+    if jnp.shape(value) != leaf.shape:
+        raise ArgumentError(leaf.name, f"{leaf.name} must have the shape {leaf.shape}, got {jnp.shape(value)}")
+    return jnp.asarray(value, DTYPES[leaf.kind or "real"])
+
+
+class Derivatives:
+    """A program and its derivatives, called with arrays that have axes of batches in front, of one element or of all."""
+
+    def __init__(self, program: Program, mode: str, threads: int | None) -> None:
+        self.program, self.options = program, {"mode": mode, "threads": threads}
+        self.results = [leaf for leaf in program.results if leaf.kind is not None]
+        self.differentiable_results = [leaf for leaf in self.results if leaf.kind == "real"]
+        self.tangents = functools.cache(lambda places, count: tangents(program, places, count))
+        self.adjoint = functools.cache(lambda places: adjoint(program, places))
+
+    def run(self, arrays: Sequence[np.ndarray], depth: int) -> list[np.ndarray]:
+        """The results, with the axes of all batches in front."""
+        batch = _batch(arrays, depth)
+        return _call_program(self.program, arrays, batch, self.options, self.results)
+
+    def jvp(self, arrays: Sequence[np.ndarray], depth: int, places: tuple[int, ...]) -> list[np.ndarray]:
+        """Changes of the results, from arguments and their changes at some places."""
+        known, batch = len(self.program.arguments), _batch(arrays, depth)
+        own = _batch(arrays[:known], depth)
+        if _is_one(own):  # one run: its directions are the lanes
+            return [x.squeeze(depth) for x in self._jvp_of_lanes(arrays, [np.expand_dims(x, depth) for x in arrays[known:]],
+                                                           batch, places)]  # fmt: skip
+        fixed = [k for k in range(depth) if own[k] == 1]
+        sizes = [batch[k] for k in fixed]
+        many, lanes = math.prod(sizes), tuple(n for k, n in enumerate(own) if k not in fixed)
+        last = range(depth - len(fixed), depth)
+        changes = []
+        for x in arrays[known:]:
+            whole = np.broadcast_to(x, [batch[k] if k in fixed else n for k, n in enumerate(x.shape)])
+            moved = np.moveaxis(whole, fixed, last)
+            changes.append(moved.reshape((*moved.shape[: len(lanes)], many, *x.shape[depth:])))
+        given = [x.squeeze(tuple(fixed)) for x in arrays[:known]]
+        found = self._jvp_of_lanes(given, changes, lanes, places)
+        return [np.moveaxis(x.reshape((*lanes, *sizes, *x.shape[len(lanes) + 1 :])), last, fixed) for x in found]
+
+    def _jvp_of_lanes(
+        self, arrays: Any, changes: Any, batch: tuple[int, ...], places: tuple[int, ...]
+    ) -> list[np.ndarray]:
+        """The same with an axis of directions behind those of the batches."""
+        depth, begin = len(batch), len(self.program.results)
+        many = changes[0].shape[depth]
+        count = min(many, DIRECTIONS)
+        program = self.tangents(places, count)
+        leaves, parts = program.results[begin:], []
+        for k in range(0, many, count):
+            few = [x[(slice(None),) * depth + (slice(k, k + count),)] for x in changes]
+            rest = [(0, 0)] * depth + [(0, count - few[0].shape[depth])]
+            some = [np.pad(x, rest + [(0, 0)] * (x.ndim - depth - 1)) for x in few]
+            given = [*arrays[: len(self.program.arguments)], *some]
+            found = iter(
+                _call_program(program, given, batch, self.options, [x for x in leaves if x.kind is not None], begin)
+            )
+            parts.append([
+                np.zeros((*batch, *leaf.shape)) if leaf.kind is None else next(found)
+                for leaf, own in zip(leaves, self.program.results, strict=True) if own.kind == "real"
+            ])  # fmt: skip
+        return [np.take(np.concatenate(p, depth), range(many), depth) for p in zip(*parts, strict=True)]
+
+    def vjp(self, arrays: Sequence[np.ndarray], depth: int, places: tuple[int, ...]) -> list[np.ndarray]:
+        """The derivatives by some places of a weighted sum of the results, from arguments and weights."""
+        program, batch = self.adjoint(places), _batch(arrays, depth)
+        begin = len(self.program.results)
+        return _call_program(program, arrays, batch, self.options, program.results[begin:], begin)
+
+
+def _batch(arrays: Sequence[Any], depth: int) -> tuple[int, ...]:
+    """Sizes of the axes in front."""
+    return tuple(np.broadcast_shapes(*(x.shape[:depth] for x in arrays))) if depth else ()
+
+
+def _is_one(batch: tuple[int, ...]) -> bool:
+    return all(n == 1 for n in batch)
+
+
+def _call_program(
+    program: Program,
+    arrays: Sequence[np.ndarray],
+    batch: tuple[int, ...],
+    options: Any,
+    leaves: Sequence[Leaf],
+    begin: int = 0,
+) -> list[np.ndarray]:
+    """Results of a program from `begin` on, for arrays with the axes of batches in front."""
+    depth, lanes = len(batch), int(np.prod(batch))
+    if lanes == 0:
+        return [np.zeros((*batch, *leaf.shape), DTYPES[leaf.kind or "real"]) for leaf in leaves]
+    given = []
+    for x, leaf in zip(arrays, program.arguments, strict=True):
+        x = np.asarray(x)
+        if _is_one(x.shape[:depth]):
+            given.append(x.reshape(leaf.shape))
+        else:
+            whole = np.broadcast_to(x, (*batch, *leaf.shape)).reshape((lanes, *leaf.shape))
+            given.append(np.moveaxis(whole, 0, -1))
+    found = program.call(given, lanes=None if lanes == 1 else lanes, **options)[begin:]
+    found = [x for x in found if x is not None]
+    if lanes > 1:
+        found = [np.moveaxis(x, -1, 0) for x in found]
+    return [
+        np.ascontiguousarray(x).reshape((*batch, *leaf.shape)).astype(DTYPES[leaf.kind or "real"], copy=False)
+        for x, leaf in zip(found, leaves, strict=True)
+    ]
+
+
+def _primitive(name: str, host: Callable[..., Any], leaves: Callable[..., Sequence[Leaf]]) -> Primitive:
+    """A primitive of JAX that calls kernels, mapped by axes in front of all its arguments."""
+    made = Primitive(name)
+    made.multiple_results = True
+
+    def shapes(*arrays: Any, kernels: Derivatives, depth: int, **more: Any) -> list[Any]:
+        batch = _batch(arrays, depth)
+        return [jax.ShapeDtypeStruct((*batch, *x.shape), DTYPES[x.kind or "real"]) for x in leaves(kernels, **more)]
+
+    def call(*arrays: Any, kernels: Derivatives, depth: int, **more: Any) -> Any:
+        def on_host(*given: Any) -> Any:
+            return host(kernels, [np.asarray(x) for x in given], depth, **more)
+
+        return jax.pure_callback(on_host, shapes(*arrays, kernels=kernels, depth=depth, **more), *arrays)
+
+    def mapped(arrays: Any, axes: Any, *, depth: int, **more: Any) -> Any:
+        moved = [
+            jnp.expand_dims(x, 0) if axis is None else jnp.moveaxis(x, axis, 0)
+            for x, axis in zip(arrays, axes, strict=True)
+        ]
+        found = made.bind(*moved, depth=depth + 1, **more)
+        return found, [0] * len(found)
+
+    def abstract(*arrays: Any, **more: Any) -> list[Any]:
+        return [jax.core.ShapedArray(s.shape, s.dtype) for s in shapes(*arrays, **more)]
+
+    made.def_impl(jax.jit(call, static_argnames=("kernels", "depth", "places")))
+    made.def_abstract_eval(abstract)
+    batching.primitive_batchers[made] = mapped
+    mlir.register_lowering(made, mlir.lower_fun(call, multiple_results=True))
+    return made
+
+
+_RUN = _primitive(
+    "native_run", lambda kernels, given, depth: kernels.run(given, depth), lambda kernels: kernels.results
+)
+_PUSH = _primitive(
+    "native_tangents",
+    lambda kernels, given, depth, places: kernels.jvp(given, depth, places),
+    lambda kernels, places: kernels.differentiable_results,
+)
+_PULL = _primitive(
+    "native_adjoint",
+    lambda kernels, given, depth, places: kernels.vjp(given, depth, places),
+    lambda kernels, places: [kernels.program.arguments[p] for p in places],
+)
+
+
+def _zero(value: Any) -> Any:
+    return ad.Zero(jax.typeof(value).to_tangent_aval())
+
+
+def _jvp_of_run(primals: Any, changes: Any, *, kernels: Derivatives, depth: int) -> tuple[Any, Any]:
+    found = _RUN.bind(*primals, kernels=kernels, depth=depth)
+    places = tuple(
+        k
+        for k, (x, leaf) in enumerate(zip(changes, kernels.program.arguments, strict=True))
+        if leaf.kind == "real" and type(x) is not ad.Zero
+    )
+    moved = iter(())
+    if places:
+        moved = iter(_PUSH.bind(*primals, *(changes[p] for p in places), kernels=kernels, depth=depth, places=places))
+    return found, [
+        next(moved) if leaf.kind == "real" and places else _zero(x)
+        for x, leaf in zip(found, kernels.results, strict=True)
+    ]
+
+
+def _transpose_jvp(weights: Any, *arrays: Any, kernels: Derivatives, depth: int, places: tuple[int, ...]) -> list[Any]:
+    known = len(kernels.program.arguments)
+    if any(ad.is_undefined_primal(x) for x in arrays[:known]):
+        raise LoweringError("a derivative of a derivative", "no kernel can do that")
+    given = [ad.instantiate_zeros(w) for w in weights]
+    found = _PULL.bind(*arrays[:known], *given, kernels=kernels, depth=depth, places=places)
+    out: list[Any] = [None] * known
+    for x, slope in zip(arrays[known:], found, strict=True):
+        # what was one for all of a batch has the sum of their derivatives
+        shape = x.aval.shape
+        axes = tuple(k for k in range(depth) if shape[k] == 1 and slope.shape[k] != 1)
+        out.append(jnp.sum(slope, axes, keepdims=True) if axes else slope)
+    return out
+
+
+def _refuse_second(*_: Any, **__: Any) -> Any:
+    raise LoweringError("a derivative of a derivative", "no kernel can do that; use engine='xla'")
+
+
+ad.primitive_jvps[_RUN] = _jvp_of_run
+ad.primitive_transposes[_PUSH] = _transpose_jvp
+
+
+def _jvp_of_jvp(
+    primals: Any, changes: Any, *, kernels: Derivatives, depth: int, places: tuple[int, ...]
+) -> tuple[Any, Any]:
+    """What goes along with changes is linear in them; by the arguments it would be a second derivative."""
+    known = len(kernels.program.arguments)
+    if any(type(x) is not ad.Zero for x in changes[:known]):
+        _refuse_second()
+    own = [ad.instantiate_zeros(x) for x in changes[known:]]
+    more = {"kernels": kernels, "depth": depth, "places": places}
+    return _PUSH.bind(*primals, **more), _PUSH.bind(*primals[:known], *own, **more)
+
+
+ad.primitive_jvps[_PUSH] = _jvp_of_jvp
+ad.primitive_jvps[_PULL] = _refuse_second

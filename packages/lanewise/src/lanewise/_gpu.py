@@ -1,0 +1,355 @@
+"""A program for NVIDIA's GPUs: one thread per lane, the time loop in the kernel, the state in registers.
+
+    fast = to_gpu(program)                  # one line says so where there is no GPU
+    fast.run({..}, lanes=262144, real="float32")
+
+is called like `Program`; a run without lanes is the processor's. Arguments are copied there and results back for every
+call, in chunks that fit the GPU's memory; `GpuKernel.seconds` is what the GPU itself took for the last one.
+
+The text is that of `_llvm` for blocks of a single lane; only an entry is put before it, that finds a thread's lane:
+
+    lanes(ptr memory, ptr scratch, i64 stride, i64 last)
+
+does the lanes below `last`. All slots stand in one piece of memory: first what is one value for all lanes, then the
+others, each as on the processor, [.., stride], so that neighbouring threads read and write side by side; see `MemoryLayout`.
+Scratch memory up to `OWN` bytes is a thread's own; beyond that the caller brings it for each lane in one piece, so that
+neighbouring threads do not write side by side there, and reach only a part of the memory's speed.
+
+Operations keep their rounding (``.rn``, which forbids the assembler to join a product and a sum, and small numbers are
+not flushed to zero), so that in the modes ``default`` and ``strict`` lanes are meant to have the same bits as on the
+processor. Mode ``fast`` takes reciprocals together in float64, see `_passes`, and in float32 the GPU's own divisions
+and roots, within 2 units in the last place for common numbers.
+
+What is known of it: NVIDIA's ptxas assembles the PTX for sm_80 and sm_90, its operations are counted, and the text it is
+made from is run on the processor, entry and index arithmetic included, by a stand-in for the driver. What only a GPU shows
+has not been seen: that its results are those of the processor, that NVIDIA's driver takes the calls, and how fast it is.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Collection, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from . import _gpu_driver
+from ._analysis import find_divergence
+from ._kernel import Kernel, Slot, cache_key, llvm
+from ._llvm import emit
+from ._program import Program
+from .cache import load_or_make
+from .errors import ArgumentError, UnavailableError
+
+# ---- assembly
+
+
+OLDEST, USUAL = (6, 0), (8, 0)  # compute capabilities; PTX for the usual one runs on all later ones
+VERSION = "+ptx70"  # read by drivers since CUDA 11
+OWN = 1024  # bytes of scratch memory that a thread has for itself; the driver sets them aside for all threads a GPU can hold
+ENTRY = "lanes"
+TRIPLE = 'target triple = "nvptx64-nvidia-cuda"'
+PLACE = ("tid.x", "ctaid.x", "ntid.x")
+
+
+class MemoryLayout(NamedTuple):
+    """Where slots begin, in bytes from the begin of their memory; the stride is a multiple of 8 lanes.
+
+    Attributes:
+        begins: of each slot (a, b): it begins at a + b stride.
+        fixed: bytes of what is one value for all lanes.
+        per_lane: bytes of the others per lane of the stride.
+    """
+
+    begins: list[tuple[int, int]]
+    fixed: int
+    per_lane: int
+
+
+def gpu_assembly(
+    program: Program, differs: frozenset[int], *, mode: str = "default", real: str = "float64"
+) -> tuple[str, dict[str, Any]]:
+    """LLVM assembly for a GPU, and what its caller must know: slots, and bytes of scratch memory to bring for each lane.
+
+    Args:
+        program: what is written.
+        differs: places of the arguments that are given per lane.
+        mode: see `Program`.
+        real: type of its numbers.
+    """
+    graph, plan = program.prepared(mode, real)
+    given, wanted = ([b for b in graph.buffers if b.role == role] for role in ("argument", "result"))
+    divergence = find_divergence(graph, plan, {given[k] for k in differs}, lanes=True)
+    kind = "double" if real == "float64" else "float"
+    text, layout = emit(graph, plan, divergence, width=1, real=kind, features="alwaysinline nounwind ")
+    text = text.replace("define void @kernel", "define internal void @kernel")
+    if mode == "fast" and real == "float32":
+        text = re.sub(r"= (fdiv|call(?= (?:<1 x float>|float) @llvm\.sqrt))", r"= \1 afn", text)
+    numbers = dict(zip(given, range(len(given)), strict=True))
+    numbers |= dict(zip(wanted, (k for k, leaf in enumerate(program.results) if leaf.kind is not None), strict=True))
+    slots = [[b.role, numbers[b], b.kind, list(b.shape), b in divergence.buffers] for b in layout.external]
+    brought = layout.scratch if layout.scratch > OWN else 0
+    places = placed(slots, real)
+    entry = _entry(places, layout.scratch, brought)
+    return f"{TRIPLE}\n{text}{entry}", {"slots": slots, "scratch": brought, "places": list(places)}
+
+
+def placed(slots: Sequence[Sequence[Any]], real: str) -> MemoryLayout:
+    """Where each slot (role, place, kind, shape, differs) of a kernel begins."""
+    fixed, per_lane = 0, 0
+    begins = []
+    for _, _, kind, shape, differs in slots:
+        size = math.prod(shape) * {"real": 8 if real == "float64" else 4, "int": 8, "bool": 1}[kind]
+        begins.append((0 if differs else fixed, per_lane if differs else 0, differs))
+        if differs:
+            per_lane += size
+        else:
+            fixed += -(-size // 64) * 64
+    return MemoryLayout([(fixed if differs else a, b) for a, b, differs in begins], fixed, per_lane)
+
+
+def _entry(places: MemoryLayout, scratch: int, brought: int) -> str:
+    """The function that a launch calls: it makes the table of pointers, of which inlining `kernel` leaves nothing."""
+    slots = len(places.begins)
+    lines = [f"declare i32 @llvm.nvvm.read.ptx.sreg.{place}()" for place in PLACE]
+    lines.append(
+        f"define ptx_kernel void @{ENTRY}(ptr noalias %memory, ptr noalias %brought, i64 %stride, i64 %last) {{"
+    )
+    lines.append(f"  %pointers = alloca [{slots + 1} x ptr]")
+    if scratch and not brought:
+        lines.append(f"  %scratch = alloca [{scratch} x i8], align 64")
+    for k, place in enumerate(PLACE):
+        lines += [f"  %n{k} = call i32 @llvm.nvvm.read.ptx.sreg.{place}()", f"  %w{k} = zext i32 %n{k} to i64"]
+    lines += ["  %before = mul i64 %w1, %w2", "  %lane = add i64 %before, %w0", "  %some = icmp slt i64 %lane, %last"]
+    lines += ["  br i1 %some, label %work, label %idle", "work:"]
+    for k, (fixed, per_lane) in enumerate(places.begins):
+        lines += [f"  %far{k} = mul i64 %stride, {per_lane}", f"  %at{k} = add i64 %far{k}, {fixed}"]
+        lines += [
+            f"  %p{k} = getelementptr i8, ptr %memory, i64 %at{k}",
+            f"  %to{k} = getelementptr ptr, ptr %pointers, i64 {k}",
+        ]
+        lines.append(f"  store ptr %p{k}, ptr %to{k}")
+    if brought:
+        lines += [f"  %skipped = mul i64 %lane, {brought}", "  %scratch = getelementptr i8, ptr %brought, i64 %skipped"]
+    if scratch:
+        lines += [f"  %to = getelementptr ptr, ptr %pointers, i64 {slots}", "  store ptr %scratch, ptr %to"]
+    lines += ["  %next = add i64 %lane, 1", "  call void @kernel(ptr %pointers, i64 %stride, i64 %lane, i64 %next)"]
+    return "\n".join([*lines, "  br label %idle", "idle:", "  ret void", "}"]) + "\n"
+
+
+def to_ptx(
+    program: Program,
+    per_lane: Collection[str],
+    *,
+    mode: str = "default",
+    real: str = "float64",
+    capability: tuple[int, int] = USUAL,
+) -> str:
+    """PTX of a program for lanes, with the entry ``lanes`` that the docstring of this module describes.
+
+    Args:
+        program: what is written.
+        per_lane: names of the arguments that have a value per lane.
+        mode: see `Program`.
+        real: type of its numbers, ``float64`` or ``float32``.
+        capability: compute capability of the GPU; above `USUAL` that of `USUAL` is written.
+
+    Raises:
+        ArgumentError: an argument that the program does not take.
+    """
+    names = [leaf.name for leaf in program.arguments]
+    for name in per_lane:
+        if name not in names:
+            raise ArgumentError("per_lane", f"Unknown argument {name!r}. The program takes {', '.join(names)}")
+    text, _ = gpu_assembly(program, frozenset(map(names.index, per_lane)), mode=mode, real=real)
+    return compile_ptx(text, capability)
+
+
+def compile_ptx(text: str, capability: tuple[int, int] = USUAL) -> str:
+    """PTX from the LLVM assembly of `gpu_assembly`.
+
+    Args:
+        text: the assembly.
+        capability: of the GPU; above `USUAL` that of `USUAL` is written.
+    """
+    binding, machine = _machine(f"sm_{''.join(map(str, min(capability, USUAL)))}")
+    module = binding.parse_assembly(text)
+    module.data_layout = str(machine.target_data)
+    module.verify()
+    passes = binding.create_new_module_pass_manager()
+    passes.add_always_inliner_pass()
+    passes.add_sroa_pass()  # the table of pointers goes, so that what it holds is known to be global memory
+    passes.add_instruction_combine_pass()
+    passes.add_simplify_cfg_pass()
+    passes.run(module, binding.create_pass_builder(machine, binding.create_pipeline_tuning_options()))
+    return str(machine.emit_assembly(module))
+
+
+@functools.cache
+def _machine(name: str) -> Any:
+    """LLVM's binding, and its description of a GPU."""
+    binding = llvm()
+    binding.initialize_all_targets()
+    binding.initialize_all_asmprinters()
+    return binding, binding.Target.from_triple("nvptx64-nvidia-cuda").create_target_machine(
+        cpu=name, features=VERSION, opt=3
+    )
+
+
+# ---- kernels
+
+
+BLOCK = 64  # threads: kernels of this size need so many registers that larger blocks leave some unused
+SHARE = 0.9  # of the free memory that a chunk may take
+ROUND = 64  # lanes to which a stride is rounded up, so that every row begins at a whole line of memory
+
+
+class GpuKernel(Kernel):
+    """A kernel on a GPU with what its caller brings.
+
+    Args:
+        device: where it runs.
+        text: its PTX.
+        slots: of its arguments and results, in its order.
+        places: where they begin.
+        scratch: bytes of memory to bring for each lane.
+        real: type of its numbers.
+        most: lanes at a time, at most; what fits the memory where left out.
+
+    Attributes:
+        seconds: that the GPU took for the last call, copies left out [s].
+    """
+
+    def __init__(
+        self, device: _gpu_driver.Device, text: str, slots: Sequence[Slot], places: MemoryLayout, scratch: int, real: Any,
+        most: int | None = None,
+    ) -> None:  # fmt: skip
+        self.device, self.slots, self.places, self.scratch = device, list(slots), places, scratch
+        self.real, self.most, self.seconds = np.dtype(real), most, 0.0
+        _gpu_driver.use_device(device)
+        self.function = _gpu_driver.load_ptx(text, ENTRY)
+
+    def chunk(self, lanes: int) -> int:
+        """How many lanes fit at a time.
+
+        Raises:
+            InputError: if not a single one does.
+        """
+        each = self.places.per_lane + self.scratch
+        room = int(SHARE * _gpu_driver.free_memory()) - self.places.fixed
+        fitting = lanes if not each else room // each // ROUND * ROUND
+        if fitting < 1:
+            need = self.places.fixed + ROUND * each
+            raise ArgumentError(
+                "lanes",
+                f"{lanes} lanes do not fit: the GPU has {room} bytes of memory left, and {ROUND} lanes need {need}",
+            )
+        return min(lanes, fitting, self.most or lanes)
+
+    def __call__(
+        self, arguments: Sequence[Any], results: int, lanes: int | None, threads: int | None = None
+    ) -> list[Any]:
+        """Run it; see `Kernel.__call__`."""
+        n = 1 if lanes is None else lanes
+        found: list[Any] = [None] * results
+        arrays = []
+        for slot in self.slots:
+            if slot.role == "argument":
+                arrays.append(np.ascontiguousarray(arguments[slot.place], self.type(slot)))
+            else:
+                found[slot.place] = np.empty((*slot.shape, n), self.type(slot))
+                arrays.append(found[slot.place])
+        _gpu_driver.use_device(self.device)
+        size, self.seconds = self.chunk(n), 0.0
+        stride = -(-size // ROUND) * ROUND
+        with (
+            _gpu_driver.allocate(self.places.fixed + stride * self.places.per_lane) as memory,
+            _gpu_driver.allocate(stride * self.scratch) as scratch,
+        ):
+            for k, first in enumerate(range(0, n, size)):
+                last = min(first + size, n)
+                self._put(arrays, memory, stride, first, last, fixed=k == 0)
+                blocks = -(-(last - first) // BLOCK)
+                self.seconds += _gpu_driver.launch(self.function, blocks, BLOCK, memory, scratch, stride, last - first)
+                self._get(arrays, memory, stride, first, last)
+        return found
+
+    def _put(self, arrays: Sequence[Any], memory: int, stride: int, first: int, last: int, *, fixed: bool) -> None:
+        """Copy the arguments of a chunk of lanes."""
+        for slot, array, (a, b) in zip(self.slots, arrays, self.places.begins, strict=True):
+            if slot.role != "argument":
+                continue
+            if slot.differs:
+                part = np.zeros((*slot.shape, stride), array.dtype)
+                part[..., : last - first] = array[..., first:last]
+                _gpu_driver.copy_to_device(memory + a + b * stride, part)
+            elif fixed:
+                _gpu_driver.copy_to_device(memory + a, array)
+
+    def _get(self, arrays: Sequence[Any], memory: int, stride: int, first: int, last: int) -> None:
+        """Copy the results of a chunk of lanes."""
+        for slot, array, (a, b) in zip(self.slots, arrays, self.places.begins, strict=True):
+            if slot.role == "result":
+                part = np.empty((*slot.shape, stride), array.dtype)
+                _gpu_driver.copy_from_device(part, memory + a + b * stride)
+                array[..., first:last] = part[..., : last - first]
+
+
+class GpuProgram(Program):
+    """A program whose runs of many lanes are a GPU's."""
+
+    device: _gpu_driver.Device
+    most: int | None = None
+
+    def kernel(
+        self, differs: frozenset[int] = frozenset(), *, lanes: bool = False, mode: str = "default", real: str = "float64",
+        width: int | None = None,
+    ) -> Kernel:  # fmt: skip
+        """See `Program.kernel`; the width is always 1."""
+        if not lanes:
+            return super().kernel(differs, lanes=False, mode=mode, real=real, width=width)
+        known = (differs, mode, real)
+        if known not in self._kernels:
+            capability = min(self.device.capability, USUAL)
+
+            def make() -> tuple[bytes, dict[str, Any]]:
+                text, about = gpu_assembly(self, differs, mode=mode, real=real)
+                return compile_ptx(text, capability).encode(), about
+
+            name = cache_key(self.serialised, "gpu", capability, sorted(differs), mode, real)
+            code, about = load_or_make(f"{name}.o", make)
+            slots = [Slot(role, place, kind, tuple(shape), many) for role, place, kind, shape, many in about["slots"]]
+            begins, fixed, per_lane = about["places"]
+            places = MemoryLayout([(a, b) for a, b in begins], fixed, per_lane)
+            self._kernels[known] = GpuKernel(
+                self.device, code.decode(), slots, places, about["scratch"], np.dtype(real), self.most
+            )
+        return self._kernels[known]
+
+
+def to_gpu(program: Program, *, device: int = 0, most: int | None = None) -> GpuProgram:
+    """A program for a GPU.
+
+    Args:
+        program: what is to run there.
+        device: which one, from 0.
+        most: lanes at a time, at most; as many as fit its memory where left out.
+
+    Raises:
+        MissingDataError: no driver, no GPU, or one that is too old; says which in one line.
+        InputError: there is no such device.
+    """
+    found = _gpu_driver.devices()
+    if not 0 <= device < len(found):
+        raise ArgumentError(
+            "device", f"Unknown device {device}. Known are 0 to {len(found) - 1}: {', '.join(d.name for d in found)}"
+        )
+    if found[device].capability < OLDEST:
+        version = ".".join(map(str, found[device].capability))
+        raise UnavailableError(f"No GPU: {found[device].name} has compute capability {version}; 6.0 is needed.")
+    made = GpuProgram(program.graph, program.arguments, program.results, program.title)
+    made.serialised = program.serialised
+    made.device, made.most = found[device], most
+    return made

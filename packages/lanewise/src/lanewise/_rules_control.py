@@ -1,0 +1,426 @@
+"""Rules of calls, choices and loops, and what a loop carries from trip to trip while a function is traced.
+
+A loop of few trips is written out; a longer one stays a loop. What it carries and leaves unchanged, and whole numbers that
+it counts up, are no carried values but known ones. What it stacks stands in memory, one row per trip. A long array that is
+carried must be known when the loop begins, and is only added to: this is what the derivative of a signal is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
+
+from ._graph import Graph, Loop, Node
+from ._rules_arrays import shaped
+from ._trace import (
+    RULES,
+    SMALL,
+    Filled,
+    Growing,
+    Joined,
+    Refusal,
+    Rows,
+    Tracer,
+    View,
+    as_node,
+    at,
+    copy,
+    flat,
+    is_long,
+    is_zero,
+    minus,
+    plus,
+    rule,
+    shape_of,
+    solid,
+    stored,
+    times,
+)
+
+# ---- calls and choices
+
+
+@rule(
+    "jit",
+    "pjit",
+    "closed_call",
+    "core_call",
+    "custom_jvp_call",
+    "custom_vjp_call",
+    "custom_vjp_call_jaxpr",
+    "remat2",
+    "checkpoint",
+)
+def _call(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
+    p = eqn.params
+    if eqn.primitive.name == "custom_jvp_call":
+        return _with_slopes(t, eqn, values)
+    inner = p.get("jaxpr", p.get("call_jaxpr", p.get("fun_jaxpr")))
+    return t.closed(inner, values) if hasattr(inner, "consts") else t.run(inner, [], values)
+
+
+def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
+    """A function that says its derivatives itself: they are traced beside it, one input at a time."""
+    found = t.run(eqn.params["call_jaxpr"].jaxpr, [t.constant(c) for c in eqn.params["call_jaxpr"].consts], values)
+    inputs = [k for k, v in enumerate(values) if isinstance(v, Node) and v.kind == "real" and v.op != "const"]
+    numbers = all(isinstance(v, Node) for v in (*values, *found))
+    if not numbers or not inputs:
+        return found  # of arrays the operations themselves are differentiated
+    known = {v: value for v, value in zip(eqn.invars, values, strict=True) if not isinstance(v, Literal)}
+    slopes: dict[Any, list[Any]] = {}
+    for var in known:
+        if known[var].kind == "real" and known[var].op != "const":
+            key = id(eqn), list(known).index(var)  # an equation of a compiled function stands for all its calls
+            if key not in t.slopes:
+                t.slopes[key] = eqn, _slope(eqn, list(known), var)
+            exact, t.graph.exact = t.graph.exact, False  # what is multiplied by 0 is gone
+            try:
+                slopes[var] = t.closed(t.slopes[key][1], list(known.values()))
+            finally:
+                t.graph.exact = exact
+    told: list[Any] = []
+    for k, value in enumerate(found):
+        rows = [x for var, d in slopes.items() for x in (known[var], d[k])]
+        if value.kind != "real" or any(not isinstance(x, Node) for x in rows):
+            told.append(value)
+        else:
+            told.append(t.graph.make("given", (value, *rows), kind="real"))
+    return told
+
+
+def _slope(eqn: Any, names: list[Any], by: Any) -> Any:
+    """The derivatives of a call by one of its inputs, as a jaxpr of all of them."""
+    own = eqn.params["call_jaxpr"].jaxpr
+    call = jaxpr_as_fun(ClosedJaxpr(own.replace(constvars=[], invars=names, outvars=eqn.outvars, eqns=[eqn]), ()))
+    change = tuple(jnp.zeros(v.aval.shape, _tangent(v)) if v is not by else jnp.ones(()) for v in names)
+    shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in names]
+    return _needed(jax.make_jaxpr(lambda *at: jax.jvp(call, at, change)[1])(*shapes))
+
+
+def _needed(closed: Any) -> Any:
+    """A jaxpr without what its results do not depend on: the function itself, of which only the slopes are wanted."""
+    wanted, kept = {v for v in closed.jaxpr.outvars if not isinstance(v, Literal)}, []
+    for eqn in reversed(closed.jaxpr.eqns):
+        if not wanted.isdisjoint(eqn.outvars):
+            kept.append(eqn)
+            wanted.update(v for v in eqn.invars if not isinstance(v, Literal))
+    return ClosedJaxpr(closed.jaxpr.replace(eqns=kept[::-1]), closed.consts)
+
+
+def _tangent(var: Any) -> Any:
+    return var.aval.dtype if jnp.issubdtype(var.aval.dtype, jnp.floating) else jax.dtypes.float0
+
+
+@rule("cond")
+def _cond(t: Tracer, eqn: Any, which: Any, *values: Any) -> list[Any]:
+    """All branches, and a choice: there is no lane of its own that could jump."""
+    if isinstance(which, Refusal):
+        return [which] * len(eqn.outvars)
+    cases = [t.closed(b, values) for b in eqn.params["branches"]]
+    found = []
+    for outs in zip(*cases, strict=True):
+        refused = [v for v in outs if isinstance(v, Refusal)]
+        found.append(refused[0] if refused else RULES["select_n"](t, eqn, which, *outs))
+    return found
+
+
+# ---- what a loop carries
+
+
+def steady(jaxpr: Any, consts: int, count: int, inits: Sequence[Any]) -> tuple[set[int], dict[int, int]]:
+    """Places of a carry that a trip leaves as they are, and whole numbers to which it adds one number."""
+    vars_in = jaxpr.invars[consts : consts + count]
+    made = {v: e for e in jaxpr.eqns for v in e.outvars}
+    stays, counts = set(), {}
+    for k, (var, out) in enumerate(zip(vars_in, jaxpr.outvars, strict=False)):
+        eqn = made.get(out) if not isinstance(out, Literal) else None
+        if out is var:
+            stays.add(k)
+        elif eqn is not None and eqn.primitive.name == "add" and isinstance(inits[k], Node) and inits[k].kind == "int":
+            a, b = eqn.invars
+            by = b if a is var else a
+            if (a is var or b is var) and isinstance(by, Literal):
+                counts[k] = int(by.val)
+    return stays, counts
+
+
+def grown_memory(t: Tracer, inits: Sequence[Any], stays: set[int]) -> dict[int, Growing]:
+    """Memory for long arrays that a loop changes."""
+    g, found = t.graph, {}
+    for k, value in enumerate(inits):
+        if k in stays or not (is_long(value) or isinstance(value, Growing)):
+            continue
+        if isinstance(value, Growing):
+            found[k] = Growing(value.buffer, value.shape)
+        elif value.kind != "real":
+            raise NotImplementedError("long arrays of whole numbers cannot be carried through a loop")
+        else:
+            buffer = g.buffer("scratch", "real", value.shape)
+            loop = g.open_loop(math.prod(value.shape))
+            whole = View((math.prod(value.shape),), "real", value.at) if len(value.shape) == 1 else None
+            if whole is None and value.fill is None:
+                raise NotImplementedError(
+                    "a long array with several axes can be carried only if it begins as one number"
+                )
+            node = value.fill if value.fill is not None else at(g, whole, (loop.index,))
+            g.store(buffer, loop.index, node)
+            g.pin()
+            g.close_loop(loop, ())
+            found[k] = Growing(buffer, value.shape)
+            found[k].filled = g.done(loop)
+    return found
+
+
+class LoopCarry:
+    """What a loop carries: the places in JAX's order, and the nodes that stand for them."""
+
+    def __init__(
+        self, g: Graph, loop: Loop, inits: list[Any], stays: set[int], counts: dict[int, int], grown: dict[int, Growing]
+    ) -> None:
+        self.g, self.loop, self.inits, self.stays, self.counts, self.grown = g, loop, inits, stays, counts, grown
+        self.during: list[Any] = []
+        for k, value in enumerate(inits):
+            if k in grown:
+                token = grown[k].filled
+                if token is not None:
+                    loop.after.append(token)
+                self.during.append(grown[k])
+            elif k in stays:
+                self.during.append(value)
+            elif k in counts:
+                self.during.append(self._counted(k, loop.index))
+            else:
+                written = solid(g, value)
+                phi = g.carry(loop, written) if isinstance(written, Node) else self._each(written)
+                self.during.append(phi)
+
+    def _each(self, written: np.ndarray) -> np.ndarray:
+        out = np.empty(written.shape, object)
+        for index in np.ndindex(written.shape):
+            init: Any = written[index]
+            out[index] = self.g.carry(self.loop, init)
+        return out
+
+    def _counted(self, k: int, trips: Any) -> Node:
+        return as_node(self.g, plus(self.g, self.inits[k], times(self.g, trips, self.counts[k])))
+
+    def close(self, nexts: Sequence[Any]) -> list[Any]:
+        """End the loop; what is in the places afterwards."""
+        g, loop, flattened = self.g, self.loop, []
+        refused = [v for v in nexts if isinstance(v, Refusal)]
+        for k, value in enumerate(nexts):
+            if k in self.stays or k in self.counts or refused:
+                continue
+            if k in self.grown:
+                self._add(self.grown[k], value)
+            else:
+                written = solid(g, value)
+                flattened += [written] if isinstance(written, Node) else list(written.ravel())
+        ends = iter(g.close_loop(loop, loop.phis if refused else flattened))
+        if refused:
+            raise refused[0].why
+        after: list[Any] = []
+        for k, value in enumerate(self.inits):
+            if k in self.stays:
+                after.append(value)
+            elif k in self.counts:
+                after.append(self._counted(k, loop.trips))
+            elif k in self.grown:
+                own = self.grown[k]
+                whole = isinstance(value, Growing)
+                rows = Rows(g, own.buffer, own.shape, (g.done(loop),))
+                rows.sum_of = own if is_zero(value) else None
+                after.append(value if whole else rows)
+            elif isinstance(self.during[k], Node):
+                after.append(next(ends))
+            else:
+                shape = shape_of(self.during[k])
+                out = np.empty(shape, object)
+                for index in np.ndindex(shape):
+                    out[index] = next(ends)
+                after.append(out)
+        return after
+
+    def _add(self, own: Growing, value: Any) -> None:
+        if not isinstance(value, Growing) or value.buffer is not own.buffer:
+            raise NotImplementedError("a long array that a loop carries can only be added to")
+        for start, block in value.blocks:
+            sizes = shape_of(block)
+            copy_to = self._adder(own, start, sizes)
+            copy(self.g, block, copy_to)
+
+    def _adder(self, own: Growing, start: Any, sizes: tuple[int, ...]) -> Any:
+        g, shape = self.g, own.shape
+        inner = math.prod(shape[1:])
+        if sizes[1:] != tuple(shape[1:]):
+            if math.prod(sizes) > SMALL:
+                raise NotImplementedError("such a part of a long array can not be added to")
+            places = [
+                flat(g, tuple(plus(g, s, i) for s, i in zip(start, index, strict=True)), shape)
+                for index in np.ndindex(sizes)
+            ]
+            return lambda place, node: g.store(own.buffer, places[place], node, adds=True)
+        begin = times(g, start[0], inner)
+        return lambda place, node: g.store(own.buffer, plus(g, begin, place), node, adds=True)
+
+
+# ---- loops
+
+
+FEW, MUCH = 4, 16000  # trips up to which a loop is written out, and trips times operations
+LITTLE = 96  # trips times operations up to which more trips are
+
+
+def operations(jaxpr: Any) -> int:
+    """How many operations a jaxpr has, loops multiplied."""
+    total = 0
+    for eqn in jaxpr.eqns:
+        inner = [v for p in eqn.params.values() for v in (p if isinstance(p, tuple | list) else [p])]
+        inside = sum(operations(getattr(v, "jaxpr", v)) for v in inner if hasattr(getattr(v, "jaxpr", v), "eqns"))
+        total += (inside or 1) * (eqn.params["length"] if eqn.primitive.name == "scan" else 1)
+    return total
+
+
+@rule("scan")
+def _scan(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
+    p = eqn.params
+    consts, carry = p["num_consts"], p["num_consts"] + p["num_carry"]
+    known, inits, xs = values[:consts], list(values[consts:carry]), values[carry:]
+    length, closed = p["length"], p["jaxpr"]
+    if length * operations(closed.jaxpr) <= (MUCH if length <= FEW else LITTLE):
+        return _unrolled(t, eqn, known, inits, xs)
+    refused = [v for v in (*known, *inits, *xs) if isinstance(v, Refusal)]
+    if refused:
+        return [refused[0]] * len(eqn.outvars)
+    g = t.graph
+    xs = tuple(stored(g, x) if isinstance(x, np.ndarray) else x for x in xs)
+    stays, counts = steady(closed.jaxpr, consts, len(inits), inits)
+    starts = grown_memory(t, inits, stays)
+    loop = g.open_loop(length)
+    row = minus(g, length - 1, loop.index) if p["reverse"] else loop.index
+    places = LoopCarry(g, loop, inits, stays, counts, starts)
+    rows = [_row(g, x, row) for x in xs]
+    found = t.closed(closed, [*known, *places.during, *rows])
+    stacked = [_stacked(t, v, loop, row, length) for v in found[len(inits) :]]
+    ends = places.close(found[: len(inits)])
+    return [*ends, *(_after(g, v, loop) for v in stacked)]
+
+
+def _unrolled(t: Tracer, eqn: Any, known: Any, carry: list[Any], xs: Any) -> list[Any]:
+    g, p = t.graph, eqn.params
+    count, length = len(carry), p["length"]
+    order = range(length - 1, -1, -1) if p["reverse"] else range(length)
+    rows: dict[int, list[Any]] = {}
+    for i in order:
+        part = [x if isinstance(x, Refusal) else _row(g, x, i) for x in xs]
+        found = t.closed(p["jaxpr"], [*known, *carry, *part])
+        carry, rows[i] = found[:count], found[count:]
+    ys = []
+    for k, var in enumerate(eqn.outvars[count:]):
+        parts = [rows[i][k] for i in range(length)]
+        refused = [v for v in parts if isinstance(v, Refusal)]
+        ys.append(refused[0] if refused else _stack_of(g, parts, var.aval.shape))
+    return [*carry, *ys]
+
+
+def _stack_of(g: Graph, parts: list[Any], shape: tuple[int, ...]) -> Any:
+    if math.prod(shape) <= SMALL:
+        out = np.empty(shape, object)
+        for i, part in enumerate(parts):
+            out[i] = solid(g, part)
+        return out
+    grown = [_with_axis(g, part) for part in parts]
+    return Joined(g, grown, shape, parts[0].kind)
+
+
+def _with_axis(g: Graph, part: Any) -> Any:
+    return shaped(g, (1, *shape_of(part)), part.kind, lambda i: at(g, part, i[1:]))
+
+
+def _row(g: Graph, x: Any, row: Any) -> Any:
+    """One row of what a loop goes through."""
+    shape = shape_of(x)[1:]
+    if isinstance(x, Filled):
+        return Filled(shape, x.node) if shape else x.node
+    if isinstance(x, View) and shape:
+        return View(shape, x.kind, lambda i: x.at((row, *i)))
+    return shaped(g, shape, x.kind if isinstance(x, View) else x.flat[0].kind, lambda i: at(g, x, (row, *i)))
+
+
+def _stacked(t: Tracer, value: Any, loop: Loop, row: Node, length: int) -> Any:
+    """Put a trip's result into its row; what is the same in all trips needs no memory."""
+    g = t.graph
+    if isinstance(value, Refusal):
+        return value
+    if isinstance(value, Node) and value.op == "const":
+        return Filled((length,), value)
+    if isinstance(value, Growing):
+        raise NotImplementedError("a long array that a loop changes can not be stacked")
+    shape = shape_of(value)
+    size = math.prod(shape)
+    kind = value.kind if not isinstance(value, np.ndarray) else value.flat[0].kind if value.size else "real"
+    buffer = g.buffer("scratch", kind, (length, *shape))
+    own = isinstance(value, Rows) and value.buffer.role == "scratch" and value.written and value.buffer.within is None
+    if own and size > FEW:
+        value.buffer.within = (
+            buffer,
+            (length - 1) * size if row is not loop.index else 0,
+            loop,
+            -size if row is not loop.index else size,
+        )
+    else:
+        copy(g, value, lambda place, node: g.store(buffer, plus(g, times(g, row, size), place), node))
+    return buffer
+
+
+def _after(g: Graph, value: Any, loop: Loop) -> Any:
+    if isinstance(value, View | Refusal):
+        return value
+    return Rows(g, value, value.shape, (g.done(loop),), written=True)
+
+
+@rule("while")
+def _while(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
+    """A loop whose number of trips is known when it begins: a count up to a limit that stays."""
+    g, p = t.graph, eqn.params
+    n_cond, n_body = p["cond_nconsts"], p["body_nconsts"]
+    cond_consts, known, inits = values[:n_cond], values[n_cond : n_cond + n_body], list(values[n_cond + n_body :])
+    refused = [v for v in values if isinstance(v, Refusal)]
+    if refused:
+        return [refused[0]] * len(eqn.outvars)
+    body, cond = p["body_jaxpr"], p["cond_jaxpr"].jaxpr
+    stays, counts = steady(body.jaxpr, n_body, len(inits), inits)
+    trips = _trips(g, cond, cond_consts, inits, stays, counts, p["cond_jaxpr"])
+    starts = grown_memory(t, inits, stays)
+    loop = g.open_loop(trips)
+    places = LoopCarry(g, loop, inits, stays, counts, starts)
+    return places.close(t.closed(body, [*known, *places.during]))
+
+
+def _trips(
+    g: Graph, cond: Any, consts: Any, inits: list[Any], stays: set[int], counts: dict[int, int], closed: Any
+) -> Any:
+    refusal = NotImplementedError("only a loop that counts up to a limit, with no other condition, has a kernel")
+    if len(cond.eqns) != 1 or cond.eqns[0].primitive.name not in ("lt", "lt_to") or closed.consts:
+        raise refusal
+    counter, limit = cond.eqns[0].invars
+    places = {v: k for k, v in enumerate(cond.invars)}
+    k = places.get(counter, -1) - len(consts)
+    if counts.get(k) != 1:
+        raise refusal
+    if isinstance(limit, Literal):
+        top: Any = int(limit.val)
+    elif places[limit] < len(consts):
+        top = consts[places[limit]]
+    elif places[limit] - len(consts) in stays:
+        top = inits[places[limit] - len(consts)]
+    else:
+        raise refusal
+    trips = g.make("max", (minus(g, top, inits[k]), g.const(0, "int")))
+    return trips.attr if trips.op == "const" and trips.attr > 0 else trips

@@ -1,0 +1,499 @@
+"""Interpretation of a jaxpr with nodes in the place of numbers.
+
+While a function is traced, a number is a `Node`, a small array an object array of nodes, anything larger a `View`. A
+view has no elements of its own: it says which node stands at an index, so that a row of a long signal is a load, and an
+operation on long arrays is done where its elements are used. `Tracer` runs the equations of a jaxpr by the rules that
+`_rules_elementwise`, `_rules_arrays` and `_rules_control` register in `RULES`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jax.extend.core import ClosedJaxpr, Literal
+
+from ._graph import Buffer, Graph, Node
+from .errors import LoweringError
+
+# ---- values while tracing
+
+
+SMALL = 64  # elements up to which an array is written out
+FEW = 4  # elements up to which one is picked by choices instead of from memory
+
+Index = tuple[Any, ...]  # of ints and int nodes
+
+
+class View:
+    """An array of nodes that are made when asked for; `at` takes one int or int node per axis.
+
+    `fill` is the node that stands everywhere, where one does.
+    """
+
+    fill: Node | None = None
+
+    def __init__(self, shape: Sequence[int], kind: str, at: Callable[[Index], Node]) -> None:
+        self.shape, self.kind, self._make = tuple(shape), kind, at
+        self._made: dict[Index, Node] = {}
+
+    @property
+    def touched(self) -> bool:
+        """Whether an element has been asked for."""
+        return bool(self._made)
+
+    def at(self, index: Index) -> Node:
+        """The node at an index."""
+        node = self._made.get(index)
+        if node is None:
+            node = self._made[index] = self._make(index)
+        return node
+
+
+class Filled(View):
+    """One node everywhere."""
+
+    def __init__(self, shape: Sequence[int], fill: Node) -> None:
+        super().__init__(shape, fill.kind, lambda index: fill)
+        self.fill = self.node = fill
+
+
+class Rows(View):
+    """The whole of a buffer, in C order; readable once the tokens are there.
+
+    `written` says that a loop writes every element of it, so that it may stand inside a larger buffer; `sum_of` that it
+    began as zeros and was only added to.
+    """
+
+    sum_of: Growing | None = None
+
+    def __init__(
+        self, graph: Graph, buffer: Buffer, shape: Sequence[int], tokens: tuple[Node, ...] = (), written: bool = False
+    ) -> None:
+        self.graph, self.buffer, self.tokens, self.written = graph, buffer, tokens, written
+        super().__init__(shape, buffer.kind, self._at)
+
+    def _at(self, index: Index) -> Node:
+        if self.sum_of is not None and self.buffer.within is not None:
+            raise NotImplementedError("a long sum is needed by itself, and in a longer one")
+        return self.graph.load(self.buffer, flat(self.graph, index, self.shape), tokens=self.tokens)
+
+
+class Joined(View):
+    """Parts one behind the other along the first axis."""
+
+    def __init__(self, graph: Graph, parts: Sequence[Any], shape: Sequence[int], kind: str) -> None:
+        self.graph, self.parts = graph, list(parts)
+        super().__init__(shape, kind, self._at)
+
+    def _at(self, index: Index) -> Node:
+        return element_of_join(self.graph, self.parts, 0, index)
+
+
+class Update(View):
+    """Zeros but for some blocks that are added: (start indices, block) each; what a slice's derivative is made of."""
+
+    def __init__(self, graph: Graph, shape: Sequence[int], blocks: list[tuple[Index, Any]]) -> None:
+        self.graph, self.blocks = graph, blocks
+        super().__init__(shape, "real", self._at)
+
+    def _at(self, index: Index) -> Node:
+        g, total = self.graph, self.graph.const(0.0)
+        for start, block in self.blocks:
+            here, inside = [], g.const(True, "bool")
+            for i, begin, n in zip(index, start, shape_of(block), strict=True):
+                place = minus(g, i, begin)
+                inside = g.make("and", (inside, within(g, place, n)))
+                here.append(clamped(g, place, n))
+            value = at(g, block, tuple(here))
+            total = g.make("add", (total, g.make("select", (inside, value, g.const(0.0)))))
+        return total
+
+
+class Growing(View):
+    """A long array that a loop carries and only adds to: its present additions on top of a buffer."""
+
+    def __init__(self, buffer: Buffer, shape: Sequence[int], blocks: tuple[tuple[Index, Any], ...] = ()) -> None:
+        self.buffer, self.blocks = buffer, blocks
+        self.filled: Node | None = None  # the token of what wrote its beginning
+        super().__init__(shape, "real", self._at)
+
+    def _at(self, index: Index) -> Node:
+        raise NotImplementedError("an array that a loop changes in place is read while it changes")
+
+
+def shape_of(value: Any) -> tuple[int, ...]:
+    """Shape of a value."""
+    return () if isinstance(value, Node) else value.shape
+
+
+def kind_of(value: Any) -> str:
+    """Kind of a value's elements; an array without elements is real."""
+    if isinstance(value, np.ndarray):
+        return str(value.flat[0].kind) if value.size else "real"
+    return str(value.kind)
+
+
+def flat(graph: Graph, index: Index, shape: Sequence[int]) -> Any:
+    """The place in C order of an index, an int or an int node."""
+    place: Any = 0
+    for i, n in zip(index, shape, strict=True):
+        place = plus(graph, times(graph, place, n), i)
+    return place
+
+
+def as_node(graph: Graph, value: Any) -> Node:
+    """An index as an int node."""
+    return value if isinstance(value, Node) else graph.const(value, "int")
+
+
+def plus(graph: Graph, a: Any, b: Any) -> Any:
+    """Sum of indices."""
+    if isinstance(a, int) and isinstance(b, int):
+        return a + b
+    return graph.make("add", (as_node(graph, a), as_node(graph, b)))
+
+
+def minus(graph: Graph, a: Any, b: Any) -> Node:
+    """Difference of indices, as a node."""
+    return graph.make("sub", (as_node(graph, a), as_node(graph, b)))
+
+
+def times(graph: Graph, a: Any, b: int) -> Any:
+    """Product of an index with a number."""
+    return a * b if isinstance(a, int) else graph.make("mul", (a, graph.const(b, "int")))
+
+
+def clamped(graph: Graph, index: Any, rows: int) -> Any:
+    """An index within 0 .. rows - 1."""
+    low = graph.make("max", (as_node(graph, index), graph.const(0, "int")))
+    node = graph.make("min", (low, graph.const(rows - 1, "int")))
+    return node.attr if node.op == "const" else node
+
+
+def within(graph: Graph, index: Node, rows: int) -> Node:
+    """Whether an index is in 0 .. rows - 1."""
+    low = graph.make("le", (graph.const(0, "int"), index))
+    return graph.make("and", (low, graph.make("lt", (index, graph.const(rows, "int")))))
+
+
+def at(graph: Graph, value: Any, index: Index) -> Node:
+    """An element of a value; the index is within its shape."""
+    if isinstance(value, Node):
+        return value
+    index = tuple(i.attr if isinstance(i, Node) and i.op == "const" else i for i in index)
+    if isinstance(value, View):
+        return value.at(index)
+    if all(isinstance(i, int) for i in index):
+        found: Node = value[index]
+        return found
+    return _picked(graph, value, index)
+
+
+def element_of_join(graph: Graph, parts: Sequence[Any], axis: int, index: Index) -> Node:
+    """An element of parts that stand one behind the other along an axis; the index is within their joint shape."""
+    begin, chosen = 0, None
+    for part in parts:
+        rows = shape_of(part)[axis]
+        if isinstance(index[axis], int):
+            if begin <= index[axis] < begin + rows:
+                return at(graph, part, (*index[:axis], index[axis] - begin, *index[axis + 1 :]))
+        elif rows:
+            place = minus(graph, index[axis], begin)
+            low, high = place.value_range
+            if high >= 0 and low < rows:
+                value = at(graph, part, (*index[:axis], clamped(graph, place, rows), *index[axis + 1 :]))
+                inside = graph.make("le", (graph.const(0, "int"), place))
+                chosen = value if chosen is None else graph.make("select", (inside, value, chosen))
+        begin += rows
+    if chosen is None:
+        raise IndexError("no element there")
+    return chosen
+
+
+def _picked(graph: Graph, value: np.ndarray, index: Index) -> Node:
+    """An element of an array of nodes at an index that is not known beforehand."""
+    fixed = tuple(i if isinstance(i, int) else slice(None) for i in index)
+    part, moving = value[fixed], tuple(i for i in index if not isinstance(i, int))
+    flattened, place = part.ravel(), flat(graph, moving, part.shape)
+    if len(flattened) <= FEW:
+        found: Node = flattened[-1]
+        for k in range(len(flattened) - 2, -1, -1):
+            here = graph.make("le", (place, graph.const(k, "int")))
+            found = graph.make("select", (here, flattened[k], found))
+        return found
+    return stored(graph, flattened).at((place,))
+
+
+def stored(graph: Graph, value: np.ndarray) -> Rows:
+    """An array of nodes in memory, so that it can be read at any index."""
+    flattened = tuple(value.ravel())
+    kind = flattened[0].kind
+    if all(n.op == "const" for n in flattened):
+        data = np.array([n.attr for n in flattened])
+        for known in graph.buffers:
+            if known.role == "constant" and known.kind == kind and np.array_equal(known.data, data):
+                return Rows(graph, known, value.shape)
+        return Rows(graph, graph.buffer("constant", kind, (len(data),), data=data), value.shape)
+    key = ("table", kind, tuple(n.serial for n in flattened))
+    token = graph.lookup(key)
+    if token is None:
+        token = graph.intern(key, "table", flattened, graph.buffer("scratch", kind, (len(flattened),)), "token")
+    return Rows(graph, token.attr, value.shape, (token,))
+
+
+def solid(graph: Graph, value: Any) -> Any:
+    """A value with its elements written out."""
+    if not isinstance(value, View):
+        return value
+    out = np.empty(value.shape, object)
+    for index in itertools.product(*map(range, value.shape)):
+        out[index] = value.at(index)
+    return out
+
+
+def unwrapped(value: Any) -> Any:
+    """An array without axes as the node that it holds."""
+    return value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
+
+
+def is_zero(value: Any) -> bool:
+    """Whether a value is known to be zero everywhere."""
+    node = value.fill if isinstance(value, View) else value if isinstance(value, Node) else None
+    return node is not None and node.op == "const" and node.attr == 0
+
+
+def is_long(value: Any) -> bool:
+    """Whether a value is too large to be written out."""
+    return isinstance(value, View) and math.prod(value.shape) > SMALL
+
+
+def each(graph: Graph, make: Callable[..., Node], *values: Any) -> Any:
+    """An operation on every element of values; single numbers, and axes of one element, go with all others."""
+    if all(isinstance(v, Node) for v in values):
+        return make(*values)
+    if any(is_long(v) for v in values) and not any(isinstance(v, np.ndarray) for v in values):
+        shape = np.broadcast_shapes(*map(shape_of, values))
+        first = make(*(_one(graph, v, (0,) * len(shape)) for v in values))
+        return View(shape, first.kind, lambda index: make(*(_one(graph, v, index) for v in values)))
+    whole = np.broadcast_arrays(*(np.asarray(solid(graph, v), object) for v in values))
+    return np.asarray(np.frompyfunc(make, len(whole), 1)(*whole), object)
+
+
+def _one(graph: Graph, value: Any, index: Index) -> Node:
+    if isinstance(value, Node):
+        return value
+    return at(graph, value, tuple(0 if n == 1 else i for i, n in zip(index, value.shape, strict=True)))
+
+
+# ---- the tracer
+
+
+LoweringRule = Callable[..., Any]  # (tracer, eqn, *values) -> a value, or a list where there are several
+RULES: dict[str, LoweringRule] = {}
+
+
+class Refusal(NamedTuple):
+    """The value of an operation that cannot be lowered: an error as soon as a result depends on it."""
+
+    why: LoweringError
+
+
+def rule(*names: str) -> Callable[[LoweringRule], LoweringRule]:
+    """Register what becomes of primitives."""
+
+    def registered(function: LoweringRule) -> LoweringRule:
+        RULES.update(dict.fromkeys(names, function))
+        return function
+
+    return registered
+
+
+KINDS: dict[Any, str | None] = {np.dtype(name): "int" for name in ("int64", "int32", "int16", "int8")}
+KINDS |= {np.dtype(np.float64): "real", np.dtype(np.bool_): "bool", jax.dtypes.float0: None}
+
+
+def kind_of_dtype(dtype: Any) -> str | None:
+    """Kind of node for a type of JAX: None for one that carries nothing, KeyError for one that is not lowered."""
+    return KINDS[dtype]
+
+
+def checked_kind(dtype: Any, what: str) -> str | None:
+    """Kind of node for a type of JAX; refuses one that cannot be lowered, naming what has it."""
+    try:
+        return kind_of_dtype(dtype)
+    except KeyError:
+        raise LoweringError(what, "float64, integers and truth values can be lowered", f"it is {dtype}") from None
+
+
+class Tracer:
+    """Interprets jaxprs; all values are nodes, arrays of nodes, views, or `Refusal`."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.calls: list[Any] = []  # operations in work, from the outermost in
+        self.slopes: dict[Any, Any] = {}  # derivatives that functions say themselves, by call and input
+
+    def closed(self, closed: ClosedJaxpr, values: Sequence[Any]) -> list[Any]:
+        """Results of a jaxpr with its constants."""
+        return self.run(closed.jaxpr, [self.constant(c) for c in closed.consts], values)
+
+    def constant(self, value: Any) -> Any:
+        """A number or an array that is known."""
+        if type(value) in (float, int, bool):
+            return self.graph.const(value, {float: "real", int: "int", bool: "bool"}[type(value)])
+        array = np.asarray(value)
+        if array.ndim == 0:
+            return self.graph.const(array.item(), checked_kind(array.dtype, "constant") or "bool")
+        kind = checked_kind(array.dtype, "constant") or "bool"
+        if array.size > SMALL:
+            buffer = self.graph.buffer("constant", kind, (array.size,), data=array.ravel())
+            return Rows(self.graph, buffer, array.shape)
+        out = np.empty(array.shape, object)
+        for index in np.ndindex(array.shape):
+            out[index] = self.graph.const(array[index], kind)
+        return unwrapped(out)
+
+    def run(self, jaxpr: Any, consts: Sequence[Any], values: Sequence[Any]) -> list[Any]:
+        """Results of a jaxpr."""
+        known: dict[Any, Any] = {}
+
+        def read(v: Any) -> Any:
+            return self.constant(v.val) if isinstance(v, Literal) else known[v]
+
+        known.update(zip(jaxpr.constvars, consts, strict=True))
+        known.update(zip(jaxpr.invars, values, strict=True))
+        for eqn in jaxpr.eqns:
+            found = self.equation(eqn, read)
+            for var, value in zip(eqn.outvars, found, strict=True):
+                known[var] = value
+        return [read(v) for v in jaxpr.outvars]
+
+    def equation(self, eqn: Any, read: Callable[[Any], Any]) -> list[Any]:
+        """Results of one operation; refusals are passed on, for what is refused may not be needed."""
+        name = eqn.primitive.name
+        inner, depth = name in CALLS, self.graph.depth
+        refused = [v for v in (read(x) for x in eqn.invars if not isinstance(x, Literal)) if isinstance(v, Refusal)]
+        if refused and not inner:
+            return [refused[0]] * len(eqn.outvars)
+        self.calls.append(eqn)
+        try:
+            values = [read(x) for x in eqn.invars]
+            for var in eqn.outvars:
+                if not inner and var.aval.dtype not in KINDS:
+                    raise self.refusal(
+                        eqn, f"it makes {var.aval.dtype}; float64, integers and truth values can be lowered"
+                    )
+            made = RULES.get(name)
+            if made is None:
+                raise self.refusal(eqn, "no kernel can do that")
+            found = made(self, eqn, *values)
+        except LoweringError as error:
+            self.graph.unwind(depth)
+            return [Refusal(error)] * len(eqn.outvars)
+        except NotImplementedError as error:
+            self.graph.unwind(depth)
+            return [Refusal(self.refusal(eqn, str(error)))] * len(eqn.outvars)
+        finally:
+            self.calls.pop()
+        return found if isinstance(found, list) else [found]
+
+    def refusal(self, eqn: Any, why: str) -> LoweringError:
+        """Why an operation cannot be lowered, with the place where it is written."""
+        # a function of JAX's own is traced once, and remembers where it was called first: what counts is its call
+        inside = next((k for k, e in enumerate(self.calls) if _of_jax(e)), len(self.calls))
+        places = (written_at(e) for e in (*reversed(self.calls[: inside + 1]), eqn))
+        return LoweringError(eqn.primitive.name, why, source=next((p for p in places if p), None))
+
+    def result(self, value: Any, leaf: Any, name: str) -> Buffer | None:
+        """Put a result of the whole function into memory of its own."""
+        if isinstance(value, Refusal):
+            raise value.why
+        kind = kind_of_dtype(leaf.dtype)
+        if kind is None:
+            return None
+        buffer = self.graph.buffer("result", kind, leaf.shape, name)
+        self.write(value, buffer, 0)
+        return buffer
+
+    def write(self, value: Any, buffer: Buffer, offset: int) -> None:
+        """Put a value into a buffer from an element on, outside of all loops; what a loop stacks is made there at once."""
+        if isinstance(value, Joined):
+            for part in value.parts:
+                self.write(part, buffer, offset)
+                offset += math.prod(shape_of(part))
+        elif (
+            isinstance(value, Rows) and value.buffer.role == "scratch" and value.buffer.within is None and value.written
+        ):
+            value.buffer.within = (buffer, offset, None, 0)
+        else:
+            copy(self.graph, value, lambda place, node: self.graph.store(buffer, place, node, offset=offset))
+
+
+def copy(graph: Graph, value: Any, put: Callable[[Any, Node], None]) -> None:
+    """Give every element of a value with its place in C order to `put`, by loops where there are many."""
+
+    def walk(begin: tuple[Any, ...], place: Any, rest: tuple[int, ...]) -> None:
+        if not rest:
+            put(place, at(graph, value, begin))
+            return
+        size, inner = rest[0], math.prod(rest[1:])
+        if size * inner <= 32:
+            for i in range(size):
+                walk((*begin, i), plus(graph, place, i * inner), rest[1:])
+        elif size:
+            loop = graph.open_loop(size)
+            walk((*begin, loop.index), plus(graph, place, times(graph, loop.index, inner)), rest[1:])
+            graph.close_loop(loop, ())
+
+    if is_long(value):
+        walk((), 0, value.shape)
+        return
+    value = solid(graph, value)
+    for place, node in enumerate([value] if isinstance(value, Node) else value.ravel()):
+        put(place, node)
+
+
+def _of_jax(eqn: Any) -> bool:
+    """Whether it is a call of a function of JAX's own."""
+    if eqn.primitive.name not in ("jit", "pjit"):
+        return False
+    try:
+        return "jax" in Path(eqn.params["jaxpr"].jaxpr.debug_info.func_src_info.split(" at ")[-1]).parts
+    except (AttributeError, KeyError):
+        return True
+
+
+def written_at(eqn: Any) -> str | None:
+    """File, line and function in which an operation is written; None where JAX does not know."""
+    try:
+        from jax._src import source_info_util
+
+        frames = list(source_info_util.user_frames(eqn.source_info.traceback))
+    except (ImportError, AttributeError, TypeError):
+        return None
+    frames = [f for f in frames if not any(library in f.file_name for library in WRAPPERS)] or frames
+    if not frames:
+        return None
+    frame = frames[0]
+    return f"{_short_path(Path(frame.file_name))}, line {frame.start_line}, {frame.function_name}"
+
+
+def _short_path(path: Path) -> str:
+    """A path from the top-level package that the file belongs to, or the name of a file that belongs to none."""
+    root = path.parent
+    while (root / "__init__.py").is_file():
+        root = root.parent
+    return path.relative_to(root).as_posix()
+
+
+WRAPPERS = ("equinox",)  # libraries that call the functions of others
+CALLS = frozenset(
+    {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr", "remat2",
+     "checkpoint", "custom_linear_solve", "scan", "while", "cond"}
+)  # fmt: skip
