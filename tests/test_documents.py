@@ -138,6 +138,6 @@ def test_toml_and_json_are_parsed_in_one_place():
     assert found == {
         "documents.py",
         "engine/programs.py",  # its own words, just written
-        "recordings/outside.py",  # from a process that it has started
+        "recordings/_isolation.py",  # from a process that it has started
         "batch/distribute.py",  # likewise, and between machines of one cluster
     }

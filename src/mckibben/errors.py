@@ -14,7 +14,7 @@ LONGEST = 300  # characters of a text that is shown
 
 # Values that describe the state of an input and that nobody typed, which a sentence shows without quotation marks.
 STATES = frozenset(
-    "missing; not given; none; nothing; empty; alone; constant; damaged; nobody; unused; unreadable; not finite; not TOML; "
+    "missing; not given; none; empty; alone; constant; damaged; nobody; unused; unreadable; not finite; not TOML; "
     "not known; not recorded; not installed; not relaxing; too long; too much; nested too deeply; no column; no unit; "
     "no samples; no channel; no numbers; no messages; no header; no variable; no pressure; no tension; no length; no width; "
     "no element; no turning point; no common time; no moving volume; another tree; another shape; asked for; by direction; "

@@ -28,16 +28,25 @@ def plugins(group: str) -> dict[str, Any]:
     Raises:
         InputError: an entry point names what cannot be imported.
     """
-    from importlib.metadata import entry_points
-
     found = {}
-    for point in entry_points(group=group):
+    for point in _entry_points():
+        if point.group != group:
+            continue
         try:
             found[point.name] = point.load()
         except (ImportError, AttributeError) as error:
             demand = f"the entry point {point.value} of {group} cannot be loaded: {error}"
             raise InputError(point.name, point.value, demand, sentence=f"{point.name}: {demand}") from None
     return found
+
+
+@functools.cache
+def _entry_points() -> tuple[Any, ...]:
+    """Every entry point of the laboratory's groups; looking through all installed packages takes some milliseconds."""
+    from importlib.metadata import distributions
+
+    every = (point for package in distributions() for point in package.entry_points)
+    return tuple(point for point in every if point.group.startswith("mckibben."))
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -72,6 +81,20 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def __len__(self) -> int:
         return len(list(iter(self)))
+
+    def add(self, name: str, kind: T) -> None:
+        """Add a kind for this process, as a script or a test does; a package names it as an entry point instead.
+
+        Raises:
+            InputError: there is one of that name.
+        """
+        if name in self._known:
+            raise InputError(self.noun, name, f"another {self.noun} has that name")
+        self._known[name] = kind
+
+    def own(self) -> tuple[T, ...]:
+        """The laboratory's own kinds and added ones, without a search for installed packages."""
+        return tuple(self[name] for name in self._known)
 
     def find(self, name: str, *, field: str = "", where: str | None = None) -> T:
         """The kind of a name.

@@ -123,7 +123,7 @@ def test_records_without_a_response_are_refused():
         sine_response(run(x, x), [1.0, 2.0], **CHANNELS)
     with pytest.raises(InputError, match="constant"):
         sine_response(run(x, still), [1.0], **CHANNELS)
-    for wrong, says in (([0.0], "allowed"), ([600.0], "allowed"), ([1.0, 1.0], "told apart"), ([np.nan], "finite")):
+    for wrong, says in (([0.0], "must be"), ([600.0], "must be"), ([1.0, 1.0], "told apart"), ([np.nan], "finite")):
         with pytest.raises(InputError, match=says):
             sine_response(run(x, x), wrong, **CHANNELS)
     with pytest.raises(InputError, match="tank"):

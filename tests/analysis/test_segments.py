@@ -95,7 +95,7 @@ def test_a_selection_leaves_the_steps_that_it_holds():
         (None, "lists none"),
         ([], "lists none"),
         ("all", "must be a list"),
-        ([3], "steps.1 is 'int'"),
+        ([3], "must be a table with start, end, label and case"),
         ([{"start": 0.0}], "steps.1.end"),
         ([{"start": float("nan"), "end": 1.0}], "steps.1.start"),
         ([{"start": 0.0, "end": 1.0, "case": "x"}], "steps.1.case"),

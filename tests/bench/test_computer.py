@@ -39,7 +39,7 @@ def test_a_period_holds_the_fewest_whole_steps_that_are_short_enough(largest):
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, 0.5, 5001.0, float("nan"), float("inf")])
 def test_a_rate_that_it_cannot_run_at_is_refused_with_what_is_allowed(rate):
-    with pytest.raises(InputError, match=r"sample_rate must be 1 1/s to 5000 1/s"):
+    with pytest.raises(InputError, match=r"sample_rate must be between 1 1/s"):
         Computer().period(rate)
 
 

@@ -202,5 +202,5 @@ def test_stands_that_cannot_be_are_refused():
         TestStand(held=("a", "b"), start=0.14)
     with pytest.raises(InputError, match="signal"):
         TestStand(held=("m",), motor=Motor(), start=0.14, signal=None)
-    with pytest.raises(InputError, match="start is"):
+    with pytest.raises(InputError, match="start must be"):
         TestStand(held=("m",), start=-1.0)

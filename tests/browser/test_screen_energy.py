@@ -101,7 +101,7 @@ def test_a_pressure_below_the_threshold_is_refused_in_the_words_of_the_command(v
     assert number(page, "In") == before
     page.fill(".supply .field input", "5 furlong")
     page.keyboard.press("Tab")
-    until(lambda: "the unit" in page.inner_text(".supply .said") or "allowed" in page.inner_text(".supply .said"))
+    until(lambda: "the unit" in page.inner_text(".supply .said") or "must be" in page.inner_text(".supply .said"))
     page.fill(".supply .field input", "4")
     page.keyboard.press("Tab")
     until(lambda: number(page, "In") != before, 60.0)

@@ -95,7 +95,7 @@ def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_besid
     page.evaluate(DROPPED, [path.name, path.read_text()])
     wrong = page.locator(".fit .stack .err")
     wrong.wait_for()
-    assert "pressure is 'no column': the file has way, air [kPa], load" in wrong.inner_text()
+    assert "pressure is no column: the file has way, air [kPa], load" in wrong.inner_text()
     assert "unnamed.csv" in wrong.inner_text() and "/" not in wrong.inner_text()  # nothing of the machine's folders
     for i, what in enumerate(("length", "pressure", "tension")):
         page.locator(".map select[aria-label^='What']").nth(i).select_option(what)

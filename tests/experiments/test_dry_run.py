@@ -7,7 +7,10 @@ import pytest
 
 from mckibben.errors import InputError
 from mckibben.experiments.dry_run import Limits, TensionTable, check, dry_run
-from mckibben.experiments.read import NEEDS, parse_protocol, protocol, protocol_names
+from mckibben.experiments.read import parse_protocol, protocol, protocol_names
+from mckibben.experiments.steps import PARTS
+
+EVERYTHING = frozenset((*PARTS, "pressure sensor", "span sensor", "tension sensor"))
 
 L0 = 0.14
 
@@ -27,7 +30,7 @@ RIG = Limits(
     speed=2.0,
     acceleration=1500.0,
     sample_rates=(1.0, 5000.0),
-    has=frozenset(NEEDS),
+    has=EVERYTHING,
 )
 
 
@@ -152,9 +155,7 @@ OF_THE_RIG = [
 @pytest.mark.parametrize("case", OF_THE_RIG)
 def test_a_rig_without_that_limit_takes_the_same_step(case):
     step = BAD[case][0]
-    free = Limits(
-        pressure=(-1e9, 1e9), pressure_rate=1e12, tension=1e9, span=(-1e3, 1e3), speed=1e9, has=frozenset(NEEDS)
-    )
+    free = Limits(pressure=(-1e9, 1e9), pressure_rate=1e12, tension=1e9, span=(-1e3, 1e3), speed=1e9, has=EVERYTHING)
     assert found(made(HOLD + step), free, None) == []
 
 

@@ -51,7 +51,7 @@ TYPES = declaring_types()
 
 def test_the_declarations_are_found() -> None:
     # All laws among them, and the friction and creep elements and the environment: else the tests below look at nothing.
-    assert {f"mckibben.muscles.laws.{module}.{kind}" for module, kind in LAWS.items()} <= set(TYPES)
+    assert {f"{kind.__module__}.{kind.__qualname__}" for kind in LAWS.values()} <= set(TYPES)
     assert "mckibben.components.environment.Environment" in TYPES
     assert len(TYPES) > len(LAWS) + 5
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 from ..errors import InputError, suggest
 from ..pneumatics.build import ELEMENTS, build_element, known_keys
 from ..pneumatics.circuit import Branch
-from ..pneumatics.valves import PressureRegulator
 from ..schema import FileTable
 from ..specimens import Specimen, specimen
 
@@ -43,7 +42,7 @@ def read_branch(entry: FileTable, nodes: Sequence[str]) -> PlannedBranch:
         hint = suggest(key, known_keys(kind)) if error.value == "unknown" else ""
         raise InputError(entry.field(key), error.value, hint + error.allowed, where=entry.where) from None
     command = entry.word("command") if "command" in entry.values else None
-    return PlannedBranch(Branch(element, ends, command), "Pa" if isinstance(element, PressureRegulator) else "1")
+    return PlannedBranch(Branch(element, ends, command), element.command_unit)
 
 
 def _end(entry: FileTable, key: str, keys: Sequence[str], nodes: Sequence[str]) -> str:

@@ -15,7 +15,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ..bench.rig import Rig
-from ..bench.rig_file import LENGTH, UNITS
+from ..bench.rig_file import LENGTH
+from ..bench.sensors import SENSORS
 from ..components import Environment, paths
 from ..errors import InputError, suggest
 from ..experiments.amounts import read_amount
@@ -142,7 +143,7 @@ def _owner(rig: Rig, names: list[str]) -> tuple[Any, str]:
     at: Any
     if names[0] == "sensors" and len(names) > 1 and names[1] in rig.sensors:
         at = rig.sensors[names[1]]
-        return (at.converter if names[2:] == ["converter"] else at if len(names) == 2 else None), UNITS[names[1]]
+        return (at.converter if names[2:] == ["converter"] else at if len(names) == 2 else None), SENSORS[names[1]].unit
     if names[0] == "outputs":
         both = {"valve": (rig.valve_out, "Pa"), "motor": (rig.motor_out, "N")}
         return both.get(".".join(names[1:]), (None, ""))

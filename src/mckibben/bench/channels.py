@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from .sensors import SENSORS
+
 # Outputs by the last part of their name: unit and meaning.
 OUTPUTS = {
     "pressure_abs": ("Pa", "absolute pressure"),
@@ -36,12 +38,8 @@ RENAMED = {
 }
 CONSTANT = ("supply.", "room.")  # of nodes whose state is given; not recorded
 
-MEASURED = {
-    "pressure": ("Pa", "gauge pressure at the muscle, measured"),
-    "valve_pressure": ("Pa", "gauge pressure at the valve, measured"),
-    "tension": ("N", "tension, measured"),
-    "span": ("m", "span by the encoder, measured"),
-}
+MEASURED = {name: (kind.unit, kind.meaning) for name, kind in SENSORS.items()}
+MEASURED["span"] = ("m", "span by the encoder, measured")
 COMMANDS = {
     "command.pressure": ("Pa", "set-point of the pressure"),
     "command.span": ("m", "set-point of the span"),

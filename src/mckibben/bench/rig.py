@@ -110,9 +110,9 @@ class Rig:
         return (exact or enough or list(self.plumbing))[0]
 
     def parts(self, layout: str) -> frozenset[str]:
-        """Sensors and parts that a protocol can use, in the words of `experiments.read.NEEDS`."""
+        """Sensors and parts that a protocol can use, in the words of `Step.needs`."""
         found = set(self.plumbing[layout].parts()) | {"plate", "person"}
-        found |= {f"{n} sensor" for n in ("pressure", "tension") if n in self.sensors}
+        found |= {f"{n} sensor" for n in self.sensors}
         found |= {"motor"} if self.motor is not None else set()
         found |= {"span sensor"} if self.encoder is not None else set()
         return frozenset(found)

@@ -4,7 +4,7 @@
     name = "paper"
     [computer]
     latency = "1 ms"
-    [sensors.pressure]              # and valve_pressure, tension: transducer, filter, converter
+    [sensors.pressure]              # and the others of `sensors.SENSORS`: transducer, filter, converter
     low = "0 bar"
     high = "6.8 bar"
     cutoff = "500 Hz"
@@ -42,12 +42,12 @@ from .hardware.frame import Frame
 from .hardware.motor import Encoder, Motor
 from .hardware.pneumatics import Plumbing
 from .rig import OperatorAction, Rig
+from .sensors import SENSORS
 from .software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .software.interlocks import Interlocks
 
 SCHEMA = 1
 T = TypeVar("T")
-UNITS = {"pressure": "Pa", "valve_pressure": "Pa", "tension": "N"}
 SECTIONS = (
     "schema", "name", "title", "source", "note", "inferred", "computer", "sensors", "encoder", "outputs", "motor",
     "frame", "plumbing", "control", "interlocks", "environment", "hands", "daq",
@@ -101,7 +101,7 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
     top.only(SECTIONS)
     top.schema(SCHEMA)
     sensors, outputs, control = top.table("sensors"), top.table("outputs"), top.table("control")
-    sensors.only(UNITS)
+    sensors.only(SENSORS)
     outputs.only(("valve", "motor"))
     control.only(("motion", "pressure", "position", "force"))
     frame = top.table("frame")
@@ -119,7 +119,7 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
         name=top.word("name"), title=top.word("title"), source=top.text("source"), note=top.text("note"),
         inferred=_words(top, "inferred"),
         computer=read_table(Computer, top.table("computer")),
-        sensors={name: _sensor(sensors.table(name), UNITS[name]) for name in sensors.values},
+        sensors={name: _sensor(sensors.table(name), SENSORS[name].unit) for name in sensors.values},
         encoder=read_table(Encoder, top.table("encoder")) if "encoder" in document else None,
         valve_out=_channel_part(AnalogOut, outputs.table("valve"), "Pa"),
         motor_out=_channel_part(AnalogOut, outputs.table("motor"), "N") if motor is not None else None,

@@ -29,7 +29,9 @@ class FlowElement(Module):
     ports: ClassVar[tuple[str, ...]]
     paths: ClassVar[tuple[tuple[int, int], ...]]  # by port index; flow from the first to the second is positive
     commanded: ClassVar[bool] = False  # whether a signal must drive it
+    command_unit: ClassVar[str] = "1"  # SI unit of that signal
     undriven: ClassVar[float] = 0.0  # the command where no signal does
+    symbol: ClassVar[str] = ""  # of ISO 1219-1 in a diagram; a box with the name of the type where it is empty
 
     def initial(self) -> Any:
         """The element's own continuous state at rest: a tree of arrays, empty where it has none."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from .. import schema
 from ..errors import InputError
-from ..registry import plugins
+from ..registry import Registry
 from ..schema import FileTable, Place, frozen, read_table
 from .amounts import CHANNELS, Amount, has_both, in_metres, in_si, read_amount, relative_unit, table_words
 from .waveforms import Constant, Sine, Table, Triangle, Waveform, read_waveform, time_words
@@ -361,7 +361,11 @@ class Isolate(Command):
         return f"{channel} shut off"
 
 
-COMMANDS: tuple[type[Command], ...] = (Isolate, RampTo, DirectionDependent, Follow)
+COMMANDS: Registry[type[Command]] = Registry(
+    "mckibben.steps",
+    "step",
+    {"isolate": Isolate, "ramp": RampTo, "direction_dependent": DirectionDependent, "follow": Follow},
+)
 
 
 def read_command(raw: Any, place: Place, channel: str) -> Command:
@@ -375,9 +379,9 @@ def read_command(raw: Any, place: Place, channel: str) -> Command:
     Raises:
         InputError: names the dotted path, the value and what it must be.
     """
-    kind: type[Command] | None = next((k for k in COMMANDS if k.accepts(raw, channel)), None)
+    kind = next((k for k in COMMANDS.own() if k.accepts(raw, channel)), None)
     if kind is None:
-        kind = next((k for k in plugins("mckibben.steps").values() if k.accepts(raw, channel)), Follow)
+        kind = next((k for k in COMMANDS.values() if k.accepts(raw, channel)), Follow)
     return kind.read(raw, place, channel)
 
 

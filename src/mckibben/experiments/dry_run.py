@@ -44,7 +44,7 @@ class Limits:
     resolution: Mapping[str, float] = field(default_factory=dict)  # smallest step of a measured channel [SI]
     has: frozenset[str] = frozenset(
         ("valve", "motor", "person", "pressure sensor", "span sensor", "tension sensor")
-    )  # sensors and parts, in the words of `steps.NEEDS`
+    )  # sensors and parts, in the words of `Step.needs`
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from ..quantities import split_values
 from ..schema import FileTable, FrozenTable, shown
 from .amounts import read_amount
 from .protocol import ORDERS, SCHEMA, Choice, Parameter, Protocol
-from .steps import NEEDS, names_in
+from .steps import PARTS, names_in
 
 TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
 SETTINGS = ("title", "note", "sample_rate", "order", "seed", "repeat")
@@ -271,7 +271,13 @@ def _options(entry: FileTable, key: str, options: Mapping[str, Any]) -> tuple[st
 
 
 def _needs(top: FileTable) -> tuple[str, ...]:
-    return tuple(top.derived({"needs": v}).word("needs", among=NEEDS) for v in top.texts("needs"))
+    needs = top.texts("needs")
+    for need in needs:
+        if not re.fullmatch(r"[a-z][a-z0-9_]* sensor", need):
+            top.derived({"needs": need}).word(
+                "needs", among=(*PARTS, "pressure sensor", "span sensor", "tension sensor")
+            )
+    return needs
 
 
 def protocol_names() -> list[str]:

@@ -17,10 +17,7 @@ from .waveforms import time_words
 GROUP_KEYS = ("label", "steps", "repeat")
 _NAME = re.compile(r"\$([a-z][a-z0-9_]*)")
 MOST_STEPS = 200_000
-NEEDS = (
-    "valve", "motor", "shut-off", "accumulators", "plate", "person",
-    "pressure sensor", "span sensor", "tension sensor",
-)  # fmt: skip
+PARTS = ("valve", "motor", "shut-off", "accumulators", "plate", "person")  # that a protocol can need; and "NAME sensor"
 
 
 def _read_until(raw: Any, place: Place) -> Until:
@@ -55,7 +52,7 @@ class Step:
             yield self.mode, self.motor
 
     def needs(self) -> set[str]:
-        """Sensors and parts that a rig must have for it, in the words of `NEEDS`."""
+        """Sensors and parts that a rig must have for it, in the words of `PARTS`, or ``pressure sensor`` and the like."""
         found = {need for channel, command in self.commands() for need in command.needs(channel)}
         if self.mode == "tension":
             found.add("tension sensor")

@@ -14,6 +14,7 @@ from typing import Any
 from ..components.flow import FlowElement
 from ..errors import InputError
 from ..quantities import Quantity, declared, parse
+from ..registry import Registry
 from ..specimens import Specimen
 from . import sizes
 from .compressor import Compressor
@@ -24,31 +25,25 @@ from .sizes import DIAMETER, ORIFICE_FIELDS, PASSAGE_WAYS, SIZES, Way, canonical
 from .tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube
 from .valves import CheckValve, OnOffValve, PressureRegulator, QuickExhaust, Solenoid, SpoolValve, ThreeWayValve
 
-ELEMENTS: dict[str, type[FlowElement]] = {
-    "orifice": Orifice,
-    "leak": Leak,
-    "check_valve": CheckValve,
-    "on_off_valve": OnOffValve,
-    "three_way_valve": ThreeWayValve,
-    "spool_valve": SpoolValve,
-    "pressure_regulator": PressureRegulator,
-    "quick_exhaust": QuickExhaust,
-    "compressor": Compressor,
-    "linear_tube": LinearTube,
-    "quadratic_tube": QuadraticTube,
-    "inertial_tube": InertialTube,
-    "lumped_tube": LumpedTube,
-}
-
-PASSAGES = {
-    "check_valve": ("passage",),
-    "on_off_valve": ("passage",),
-    "three_way_valve": ("fill", "vent"),
-    "spool_valve": ("fill", "vent"),
-    "pressure_regulator": ("fill", "relief"),
-    "quick_exhaust": ("feed", "vent"),
-}
-DRIVEN = ("on_off_valve", "three_way_valve")  # those with a solenoid
+ELEMENTS: Registry[type[FlowElement]] = Registry(
+    "mckibben.valves",
+    "kind",
+    {
+        "orifice": Orifice,
+        "leak": Leak,
+        "check_valve": CheckValve,
+        "on_off_valve": OnOffValve,
+        "three_way_valve": ThreeWayValve,
+        "spool_valve": SpoolValve,
+        "pressure_regulator": PressureRegulator,
+        "quick_exhaust": QuickExhaust,
+        "compressor": Compressor,
+        "linear_tube": LinearTube,
+        "quadratic_tube": QuadraticTube,
+        "inertial_tube": InertialTube,
+        "lumped_tube": LumpedTube,
+    },
+)
 
 LENGTH = Quantity("m", (1e-4, 100.0), "length", "l", (1e-2, 5.0))
 FRICTION = Quantity("1", (1e-4, 1.0), "friction factor", "f", (0.01, 0.05))
@@ -101,6 +96,16 @@ WAYS: dict[str, tuple[Way, ...]] = {
 }
 
 
+def passages_of(kind: str) -> tuple[str, ...]:
+    """The fields of an element that are orifices, whose size a catalogue states; none of an orifice itself."""
+    return tuple(f.name for f in dataclasses.fields(ELEMENTS[kind]) if f.type in ("Orifice", Orifice))
+
+
+def is_driven(kind: str) -> bool:
+    """Whether an element has a solenoid, whose times stand beside its own keys."""
+    return any(f.type in ("Solenoid", Solenoid) for f in dataclasses.fields(ELEMENTS[kind]))
+
+
 def build_element(
     kind: str, values: Mapping[str, str | float], *, where: str | None = None, specimen: Specimen | None = None
 ) -> FlowElement:
@@ -115,8 +120,7 @@ def build_element(
     Raises:
         InputError: names the element, the key, its value and what is allowed.
     """
-    if kind not in ELEMENTS:
-        raise InputError("kind", kind, f"known are {', '.join(ELEMENTS)}", where=where)
+    ELEMENTS.find(kind, where=where)
     if specimen is not None:
         return valve_from_specimen(specimen, kind, values=values, where=where)
     return _build(kind, _numbers(kind, values, where), where)
@@ -146,16 +150,14 @@ def valve_from_specimen(
     place = spec.where or spec.id
     if spec.kind != "valve":
         raise InputError("specimen", spec.id, "it is a muscle; allowed is a valve", where=place)
-    own_kind = spec.element or kind  # a file may leave the element open
-    if own_kind not in ELEMENTS:
-        raise InputError("element", own_kind or "missing", f"known are {', '.join(ELEMENTS)}", where=place)
+    own_kind = spec.element or kind or "missing"  # a file may leave the element open
+    ELEMENTS.find(own_kind, field="element", where=place)
     chosen = kind or own_kind
-    if chosen not in ELEMENTS:
-        raise InputError("kind", chosen, f"known are {', '.join(ELEMENTS)}", where=where or place)
+    ELEMENTS.find(chosen, where=where or place)
     stated = _numbers(chosen, values or {}, where or place)
     given = dict(stated)
     own, wanted = known_keys(own_kind), known_keys(chosen)
-    passages = PASSAGES.get(own_kind, ())
+    passages = passages_of(own_kind)
     for key, p in spec.valve.items():
         if key not in own:
             raise InputError(f"valve.{key}", "unknown", f"{own_kind} has {', '.join(own)}", where=place)
@@ -170,10 +172,10 @@ def valve_from_specimen(
             and not sizes.replaced(target, stated, passages)
         ):
             given.setdefault(target, value)
-    if effective and (has_size(stated) or not PASSAGES.get(chosen)):
+    if effective and (has_size(stated) or not passages_of(chosen)):
         raise InputError("effective", "asked for", f"the values state the size, or {chosen} has no flow", where=place)
     if "flow_into_the_room" in wanted and (effective or not has_size(given)):
-        _state_flow(spec, given, effective, PASSAGES.get(chosen, ()))
+        _state_flow(spec, given, effective, passages_of(chosen))
     if "flow_into_the_room" in given and "flow_pressure" in spec.properties:
         given.setdefault("flow_pressure", spec.property_si("flow_pressure", "Pa"))
     return _build(chosen, given, where or place)
@@ -196,11 +198,11 @@ def _state_flow(spec: Specimen, given: dict[str, float], effective: bool, passag
 def known_keys(kind: str) -> dict[str, Quantity]:
     """Every key that an element can be stated by, with its declaration; other names of a key stand behind it."""
     known = dict(declared(ELEMENTS[kind]))
-    if kind in DRIVEN:
+    if is_driven(kind):
         known |= declared(Solenoid)
     for way in WAYS.get(kind, ()):
         known |= {**way.needs, **way.may}
-    passages = PASSAGES.get(kind, ())
+    passages = passages_of(kind)
     keys = _passage_keys() if passages else {}
     known |= keys
     if len(passages) > 1:
@@ -219,7 +221,7 @@ def _passage_keys() -> dict[str, Quantity]:
 
 def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[str, float]:
     """Values in SI by key, in its one name; unknown keys, missing units and values out of bounds are named."""
-    known, passages = known_keys(kind), PASSAGES.get(kind, ())
+    known, passages = known_keys(kind), passages_of(kind)
     found: dict[str, float] = {}
     for key, value in values.items():
         if key not in known:
@@ -259,7 +261,7 @@ def with_usual_unit(key: str, value: str | float, passages: Sequence[str] = ()) 
 def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElement:
     rest = dict(given)
     parts: dict[str, Any] = {}
-    passages = PASSAGES.get(kind, ())
+    passages = passages_of(kind)
     shared = {key: rest.pop(key) for key in _passage_keys() if key in rest} if passages else {}
     for passage in passages:
         prefix = f"{passage}_"
@@ -271,7 +273,7 @@ def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElem
         parts[passage] = _one(
             Orifice, PASSAGE_WAYS, common | own, f"{kind}.{prefix if len(passages) > 1 else ''}", where
         )
-    if kind in DRIVEN:
+    if is_driven(kind):
         times = {key: rest.pop(key) for key in declared(Solenoid) if key in rest}
         parts["drive"] = _one(Solenoid, (), times, f"{kind}.", where)
     built: FlowElement = _one(ELEMENTS[kind], WAYS.get(kind, ()), rest, f"{kind}.", where, parts)

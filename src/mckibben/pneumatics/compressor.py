@@ -32,6 +32,7 @@ class Compressor(FlowElement):
     A command, where a signal gives one, is the switch of the motor: above 0.5 it runs if the pressure switch lets it.
     """
 
+    symbol: ClassVar[str] = "compressor"
     ports: ClassVar[tuple[str, ...]] = ("intake", "outlet")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)
     undriven: ClassVar[float] = 1.0

@@ -11,7 +11,7 @@ an ideal gas.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
@@ -25,6 +25,7 @@ from .gas import AIR, REFERENCE_DENSITY, REFERENCE_PRESSURE, REFERENCE_TEMPERATU
 class Leak(TwoPort):
     """A leak between two ports, or to the room; both directions alike."""
 
+    symbol: ClassVar[str] = "leak"
     conductance: Scalar = quantity(
         "m^3/(s*Pa)", (0.0, 1e-6), "reference air per pressure", symbol="G", typical=(1e-14, 1e-10)
     )

@@ -68,6 +68,7 @@ def smooth_root(square: Any, start: Any, factor: Any = 1.0) -> Scalar:
 class Orifice(TwoPort):
     """A restriction between two ports: fully open, or by a command."""
 
+    symbol: ClassVar[str] = "restriction"
     undriven: ClassVar[float] = 1.0
     conductance: Scalar = quantity("m^3/(s*Pa)", (0.0, 1e-5), "sonic conductance", symbol="C", typical=(1e-10, 1e-7))
     critical_ratio: Scalar = quantity(

@@ -12,7 +12,8 @@ import numpy as np
 from ...errors import InputError, LineLostError
 from ..hardware.converters import SPAN, Converters
 from ..hardware.interface import Hardware
-from .sources import PERIOD, UNITS, Grid
+from ..sensors import SENSORS
+from .sources import PERIOD, Grid
 
 PATIENCE = 5.0  # beyond the time that the samples take [s]
 
@@ -38,13 +39,14 @@ class HardwareReadings:
         """
         self.period, self._hardware = period, hardware
         self._scales = dict(converters.analog)
-        self._encoder = converters.encoder if hardware.has_encoder else None
+        self._encoder = converters.encoder if hardware.encoder is not None else None
         self._rest = 0 if converters.motor is None else int(converters.motor.count(0.0))
-        missing = [n for n in self._scales if n not in hardware.names]
+        missing = [n for n in self._scales if n not in hardware.analog_in.names]
         if missing:
-            raise InputError("channels", ", ".join(missing), f"the machine has {', '.join(hardware.names)}")
+            raise InputError("channels", ", ".join(missing), f"the machine has {', '.join(hardware.analog_in.names)}")
         self.grids = {
-            n: Grid(float(s.low), float(s.top), float(s.resolution), UNITS.get(n, "1")) for n, s in self._scales.items()
+            n: Grid(float(s.low), float(s.top), float(s.resolution), SENSORS[n].unit if n in SENSORS else "1")
+            for n, s in self._scales.items()
         }
         if self._encoder is not None:
             self.grids[SPAN] = Grid(-math.inf, math.inf, float(self._encoder.resolution), "m")
@@ -57,7 +59,7 @@ class HardwareReadings:
 
     def __enter__(self) -> HardwareReadings:
         self._hardware.start(self.period)
-        self._hardware.vent()
+        self._hardware.valve.vent()
         self._thread.start()
         return self
 
@@ -83,7 +85,7 @@ class HardwareReadings:
             if self._wanted:
                 raise LineLostError(f"machine: {len(self._rows)} of {samples} samples came in time")
             rows = self._rows
-        names = self._hardware.names
+        names = self._hardware.analog_in.names
         counts = np.array([row for row, _ in rows], float).reshape(samples, len(names))
         found = {n: np.asarray(s.value(counts[:, names.index(n)])) for n, s in self._scales.items()}
         if self._encoder is not None:
@@ -97,8 +99,11 @@ class HardwareReadings:
                 request = self._request  # a sample that was taken before somebody asked does not count
                 machine.wait(k)
                 k += 1
-                counts, edges = tuple(int(c) for c in machine.counts), machine.edges
-                machine.write(0, self._rest)
+                counts = tuple(int(c) for c in machine.analog_in.read())
+                edges = 0 if machine.encoder is None else int(machine.encoder.read())
+                if machine.motor is not None:
+                    machine.motor.write(self._rest)
+                machine.send()
                 with self._news:
                     if self._wanted and request == self._request:
                         self._rows.append((counts, edges))

@@ -22,13 +22,13 @@ from ..hardware.analogue import Sensor
 from ..hardware.converters import SPAN
 from ..hardware.motor import Encoder
 from ..rig import Rig
+from ..sensors import SENSORS
 from .estimate import Reference
 
 PERIOD = 1e-3  # of the samples [s]
 FINE = 8  # straight pieces per sample from which a filter sees a waveform
 SWING = 0.4  # of a sensor's range, to either side of its middle, that a waveform takes
 LEAD = 0.5  # time for which a filter has seen a waveform before the first sample is kept [s]
-UNITS = {"pressure": "Pa", "valve_pressure": "Pa", "tension": "N", SPAN: "m"}
 
 
 class Grid(NamedTuple):
@@ -97,7 +97,7 @@ def grids(rig: Rig) -> dict[str, Grid]:
     for name, sensor in rig.sensors.items():
         at = sensor.converter
         ends = float(sensor.low), float(sensor.high)
-        found[name] = Grid(float(at.low), float(at.top), float(at.resolution), UNITS[name], *ends)
+        found[name] = Grid(float(at.low), float(at.top), float(at.resolution), SENSORS[name].unit, *ends)
     if rig.encoder is not None:
         found[SPAN] = Grid(-math.inf, math.inf, float(rig.encoder.resolution), "m")
     return found

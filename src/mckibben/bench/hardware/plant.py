@@ -18,12 +18,10 @@ from ...components import Scalar, field
 from ...components.sampled import Plant
 from ...components.system import Moment
 from ...engine.signals import Signal, Value
+from ..sensors import SENSORS
 from .analogue import Sensor
 from .converters import Converters
 from .frame import TestStand
-from .pneumatics import PORT
-
-ANALOGUE = ("pressure", "valve_pressure", "tension")
 
 
 class MeasuredPlant(Plant):
@@ -118,17 +116,8 @@ class InstrumentedPlant(MeasuredPlant):
         return {n: v for n, v in held.items() if n == "valve" or n in needed}
 
     def seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
-        """What the sensors are put to [SI]; the tension is that at the load, behind whatever the muscle lies over."""
-        machine = self.machine
-        room = machine.environment.pressure_abs
-        at = state["circuit"]["pressure"]
-        seen = {"pressure": at[self.tested] - room, "valve_pressure": at[PORT] - room}
-        if machine.units:
-            _, _, felt = machine.pulls(state, memory, inputs)
-            seen["tension"] = sum(felt.values(), start=jnp.zeros(()))
-        else:
-            seen["tension"] = jnp.zeros(())
-        return seen
+        """What the sensors are put to [SI], as `bench.sensors` declares them."""
+        return {name: SENSORS[name].true_value(self, state, memory, inputs) for name in self.sensors}
 
     def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
         """The measured channels, and beside each ``<channel>.code``, what was counted."""

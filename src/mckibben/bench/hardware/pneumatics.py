@@ -49,7 +49,7 @@ class Plumbing(Module):
         return MUSCLE if self.has_muscle else VESSEL
 
     def parts(self) -> frozenset[str]:
-        """What it offers to a protocol, in the words of `experiments.read.NEEDS`."""
+        """What it offers to a protocol, in the words of `Step.needs`."""
         found = {"valve"}
         found |= {"shut-off"} if self.shut_off is not None else set()
         held = float(self.valve_accumulator) + float(self.muscle_accumulator)

@@ -1,6 +1,5 @@
-"""A machine and its clock in somebody's hands: by hand, through protocols, and seen by whoever looks."""
+"""A machine that goes on between runs: by hand, through protocols, and seen by whoever looks; `session.Session` is it."""
 
 from .session import Session
-from .status import Message, Status
 
-__all__ = ["Message", "Session", "Status"]
+__all__ = ["Session"]

@@ -14,12 +14,13 @@ import jax.numpy as jnp
 from ...components import Scalar, field
 from ...components.sampled import Software
 from ...quantities import quantity
+from ..sensors import SENSORS
 from .controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .interlocks import Interlocks
 from .manual import Manual
 from .sequencer import SPAN, TENSION, VELOCITY, Sequencer, SetPoints
 
-CHANNELS = ("pressure", "valve_pressure", "tension", "span")
+CHANNELS = (*SENSORS, "span")
 
 
 class BenchSoftware(Software):

@@ -1,36 +1,36 @@
 """Tension laws, one file each, named after their authors.
 
-``LAWS`` lists them by the name under which they are addressed; the module is loaded on first use.
+`LAWS` has them by the name under which they are addressed, those of installed packages too (entry points of the group
+``mckibben.laws``); a module is loaded on first use.
 """
 
 from __future__ import annotations
 
-import difflib
-import importlib
-
-from ...errors import InputError
+from ...registry import Registry
 from ..law import TensionLaw
 
-LAWS = {
-    "ideal": "Ideal",
-    "thick_wall": "ThickWall",
-    "gas_spring": "GasSpring",
-    "linear_threshold": "LinearThreshold",
-    "tondu_lopez": "TonduLopez",
-    "martens_boblan": "MartensBoblan",
-    "hyperelastic_braid": "HyperelasticBraid",
-    "seated_braid": "SeatedBraid",
-    "sarosi": "Sarosi",
-    "three_element": "ThreeElement",
-}
+LAWS: Registry[type[TensionLaw]] = Registry(
+    "mckibben.laws",
+    "law",
+    {
+        "ideal": f"{__name__}.ideal:Ideal",
+        "thick_wall": f"{__name__}.thick_wall:ThickWall",
+        "gas_spring": f"{__name__}.gas_spring:GasSpring",
+        "linear_threshold": f"{__name__}.linear_threshold:LinearThreshold",
+        "tondu_lopez": f"{__name__}.tondu_lopez:TonduLopez",
+        "martens_boblan": f"{__name__}.martens_boblan:MartensBoblan",
+        "hyperelastic_braid": f"{__name__}.hyperelastic_braid:HyperelasticBraid",
+        "seated_braid": f"{__name__}.seated_braid:SeatedBraid",
+        "sarosi": f"{__name__}.sarosi:Sarosi",
+        "three_element": f"{__name__}.three_element:ThreeElement",
+    },
+)
 
 
 def law_type(name: str) -> type[TensionLaw]:
-    """The class of a law by its name."""
-    if name not in LAWS:
-        near = difflib.get_close_matches(name, LAWS, n=1)
-        hint = f"did you mean {near[0]}? " if near else ""
-        raise InputError("law", name, f"{hint}known are {', '.join(LAWS)}")
-    module = importlib.import_module(f".{name}", __package__)
-    found: type[TensionLaw] = getattr(module, LAWS[name])
-    return found
+    """The class of a law by its name.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    return LAWS.find(name)

@@ -9,7 +9,7 @@ Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
@@ -28,6 +28,7 @@ def inertance(*, length: Any, area: Any) -> Scalar:
 class InertialTube(TwoPort):
     """Resistance and inertance; its state is the mass flow [kg/s] (eqs. 25-31)."""
 
+    symbol: ClassVar[str] = "tube"
     viscous: Scalar = quantity("Pa*s/m", (0.0, 1e8), "viscous coefficient", symbol="R1", typical=(1.0, 1e3))
     turbulent: Scalar = quantity("Pa*s^2/m^2", (0.0, 1e8), "turbulent coefficient", symbol="R2", typical=(0.1, 1e3))
     area: Scalar = quantity("m^2", (1e-9, 1e-2), "effective cross section", symbol="A", typical=(1e-6, 1e-4))

@@ -9,7 +9,7 @@ constant. Range: small changes around one pressure. Source: C.-P. Chou and B. Ha
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from ...components import Scalar
 from ...components.flow import GasState, TwoPort
@@ -19,6 +19,7 @@ from ...quantities import quantity
 class LinearTube(TwoPort):
     """Linear resistance (eqs. 17-19)."""
 
+    symbol: ClassVar[str] = "tube"
     resistance: Scalar = quantity("Pa*s/kg", (1e3, 1e14), "pressure per mass flow", symbol="R", typical=(1e6, 1e10))
 
     def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:

@@ -16,7 +16,7 @@ Fluid Flow, 1953; friction as in the distributed tube.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
@@ -35,6 +35,7 @@ class LumpedTube(TwoPort):
     `friction_scale` is for what a straight smooth pipe does not have: bends, couplings, a collapsed bore.
     """
 
+    symbol: ClassVar[str] = "tube"
     length: Scalar = quantity("m", (1e-3, 100.0), "length", symbol="l", typical=(0.1, 5.0))
     diameter: Scalar = quantity("m", (1e-4, 0.1), "inner diameter", symbol="D", typical=(1e-3, 1e-2))
     roughness: Scalar = quantity("m", (0.0, 1e-3), "height of the wall's roughness", symbol="eps", default=1.5e-6)

@@ -8,7 +8,7 @@ chatter is not shown. Source of w_ISO: ISO 6358-1:2013, see `mckibben.pneumatics
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
@@ -22,6 +22,7 @@ from .shares import EASED_SLOPE, eased
 class CheckValve(TwoPort):
     """Opens from a to b only."""
 
+    symbol: ClassVar[str] = "check_valve"
     passage: Orifice = field(kw_only=True)
     cracking_pressure: Scalar = quantity(
         "Pa", (0.0, 1e6), "pressure difference at which it opens", symbol="Pc", typical=(1e3, 5e4), default=5e3

@@ -19,6 +19,7 @@ from .solenoid import Solenoid
 class OnOffValve(TwoPort):
     """Open above a command of 0.5, closed below, after its dead and switching times."""
 
+    symbol: ClassVar[str] = "on_off_valve"
     commanded: ClassVar[bool] = True
     passage: Orifice = field(kw_only=True)
     drive: Solenoid = field(kw_only=True)

@@ -37,6 +37,8 @@ class PressureRegulator(FlowElement):
     set-point [Pa], its memory the sensed absolute pressure [Pa].
     """
 
+    symbol: ClassVar[str] = "regulator"
+    command_unit: ClassVar[str] = "Pa"
     ports: ClassVar[tuple[str, ...]] = ("supply", "outlet", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
     fill: Orifice = field(kw_only=True)

@@ -25,6 +25,7 @@ from .shares import EASED_SLOPE, eased
 class QuickExhaust(FlowElement):
     """Shuttle between inlet and exhaust, moved by the pressures alone."""
 
+    symbol: ClassVar[str] = "quick_exhaust"
     ports: ClassVar[tuple[str, ...]] = ("inlet", "work", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
     feed: Orifice = field(kw_only=True)

@@ -27,6 +27,7 @@ from .shares import between, share
 class SpoolValve(FlowElement):
     """Proportional valve with dead time, lag, speed limit, overlap and leakage; its state is the spool's position."""
 
+    symbol: ClassVar[str] = "proportional_valve"
     ports: ClassVar[tuple[str, ...]] = ("supply", "work", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
     commanded: ClassVar[bool] = True

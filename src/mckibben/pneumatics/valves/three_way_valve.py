@@ -25,6 +25,7 @@ from .solenoid import Solenoid
 class ThreeWayValve(FlowElement):
     """Supply to work above a command of 0.5, work to exhaust below."""
 
+    symbol: ClassVar[str] = "on_off_valve"
     ports: ClassVar[tuple[str, ...]] = ("supply", "work", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
     commanded: ClassVar[bool] = True

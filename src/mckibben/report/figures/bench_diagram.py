@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from ...bench.hardware.analogue import AnalogOut, Sensor
 from ...bench.rig import Rig
+from ...bench.sensors import SENSORS
 from ...engine import STEP
 from ...experiments.waveforms import time_words
 from ...quantities import with_unit
@@ -26,15 +27,12 @@ from .style import COLOURS, INK, INK_3, NORMAL, PANEL, SMALL, SUNKEN
 WIDE, HIGH = 756.0, 430.0  # of the picture [pt]
 LEFT, RIGHT = 14.0, WIDE - 14.0
 TOP = 314.0  # of the line along which the parts that hold gas or pull stand
-SENSORS, BORDER, BUS, WORK, COMMANDS = 238.0, 168.0, 116.0, 90.0, 42.0  # upper edges of the rows below it
-PHYSICS, SOFTWARE = (SENSORS - 52.0, HIGH - 36.0), (6.0, BUS + 10.0)  # grounds, from and to
+SENSOR_ROW, BORDER, BUS, WORK, COMMANDS = 238.0, 168.0, 116.0, 90.0, 42.0  # upper edges of the rows below it
+PHYSICS, SOFTWARE = (SENSOR_ROW - 52.0, HIGH - 36.0), (6.0, BUS + 10.0)  # grounds, from and to
 BOX = 112.0  # width of a box of a channel
 VALVE, MOTOR = 84.0, 672.0  # where commands go up
 WATCH = 557.0  # of the interlocks, the last of what the software does
 TAPS = {"valve_pressure": 209.0, "pressure": 325.0, "tension": 441.0, "span": 557.0}
-QUANTITIES = {"valve_pressure": "pressure", "pressure": "pressure", "tension": "tension", "span": "length"}
-NAMES = {"valve_pressure": "pressure, valve", "pressure": "pressure, muscle", "tension": "tension", "span": "span"}
-UNITS = {"valve_pressure": "Pa", "pressure": "Pa", "tension": "N"}
 ANGLE = 0.6  # of the threads that are drawn [rad]
 DASH = (3.0, 2.0)
 HEAD = 4.0  # of a lead's arrow [pt]
@@ -158,16 +156,21 @@ class _Drawing:
         """Sensors with their filters and converters, and the outputs at the sides."""
         here = {**self.rig.sensors, **({"span": self.rig.encoder} if self.rig.encoder is not None else {})}
         pulled = ("tension", "span") if self.plumbing.has_muscle else ()
-        for name in [n for n in TAPS if n in here and (n in pulled or n not in ("tension", "span"))]:
-            x, colour, one = TAPS[name], COLOURS[QUANTITIES[name]], here[name]
+        names = [n for n in (*TAPS, *here) if n in here and (n in pulled or n not in ("tension", "span"))]
+        columns, wide = _columns(list(dict.fromkeys(names)))
+        for name, x in columns.items():
+            kind, one = SENSORS[name] if name in self.rig.sensors else None, here[name]
+            label, colour = (
+                ("span", COLOURS["length"]) if kind is None else (kind.label, COLOURS.get(kind.quantity, INK))
+            )
             shaft = MOTOR - 26.0  # the encoder is on the motor's
-            bends: list[Point] = [(shaft, TOP - 18.0), (shaft, SENSORS + 16.0), (x, SENSORS + 16.0)]
-            self.lead([*(bends if name == "span" else [(x, TOP)]), (x, SENSORS)], colour)
-            called = NAMES[name] if self.plumbing.has_muscle else NAMES[name].replace("muscle", "end")
+            bends: list[Point] = [(shaft, TOP - 18.0), (shaft, SENSOR_ROW + 16.0), (x, SENSOR_ROW + 16.0)]
+            self.lead([*(bends if name == "span" else [(x, TOP)]), (x, SENSOR_ROW)], colour)
+            called = label if self.plumbing.has_muscle else label.replace("muscle", "end")
             head = Words(called, SMALL, True, colour)
-            self.box(x - BOX / 2, SENSORS, BOX, 42.0, [head, *self._sensor_words(name, one)])
-            self.lead([(x, SENSORS - 42.0), (x, BORDER)], colour)
-            self.box(x - BOX / 2, BORDER, BOX, 30.0, self._converter_words(name, one))
+            self.box(x - wide / 2, SENSOR_ROW, wide, 42.0, [head, *self._sensor_words(name, one)])
+            self.lead([(x, SENSOR_ROW - 42.0), (x, BORDER)], colour)
+            self.box(x - wide / 2, BORDER, wide, 30.0, self._converter_words(name, one))
             self.lead([(x, BORDER - 30.0), (x, BUS)], colour)
         valve = self._output_words("valve", self.rig.valve_out, "Pa")
         self.output(VALVE, TOP - 14.0, valve)
@@ -178,13 +181,13 @@ class _Drawing:
         if not isinstance(one, Sensor):
             edges = self.of("edges", f"{one.edges} edges each", "encoder")
             return [Words(self.of("steps_per_turn", f"{one.steps_per_turn} steps a turn", "encoder")), Words(edges)]
-        low, high = (with_unit(_si(v), UNITS[name], 4) for v in (one.low, one.high))
+        low, high = (with_unit(_si(v), SENSORS[name].unit, 4) for v in (one.low, one.high))
         cutoff = self.of("cutoff", f"filter {_si(one.cutoff):g} Hz", f"sensors.{name}")
         return [Words(self.of("high", f"{low} to {high}", f"sensors.{name}")), Words(cutoff)]
 
     def _converter_words(self, name: str, one: Any) -> list[Words]:
         if isinstance(one, Sensor):
-            each, kind, bits = _step(_si(one.resolution), UNITS[name]), "converter", one.converter.bits
+            each, kind, bits = _step(_si(one.resolution), SENSORS[name].unit), "converter", one.converter.bits
         else:
             each, kind, bits = _step(_si(one.resolution), "m"), "counter", one.counter_bits
         return [Words(kind, SMALL, True, INK), Words(f"{bits} bits, {each}")]
@@ -248,13 +251,22 @@ class _Drawing:
         self.texts += stacked(words, x, top, align)
 
 
+def _columns(names: list[str]) -> tuple[dict[str, float], float]:
+    """Where the boxes of channels stand, and how wide they are [pt]; evenly where there are others than usual."""
+    if set(names) <= set(TAPS):
+        return {name: TAPS[name] for name in names}, BOX
+    first, last = min(TAPS.values()), max(TAPS.values())
+    apart = (last - first) / (len(names) - 1)
+    return {name: first + i * apart for i, name in enumerate(names)}, min(BOX, apart - 4.0)
+
+
 def _si(value: Any) -> float:
     return float(value)
 
 
 def _step(size: float, unit: str) -> str:
     """One count in the unit in which small ones are read."""
-    scale, small = {"Pa": (1e-2, "mbar"), "N": (1.0, "N"), "m": (1e6, "um")}[unit]
+    scale, small = {"Pa": (1e-2, "mbar"), "m": (1e6, "um")}.get(unit, (1.0, unit))
     return _micro(f"{style.number(float(f'{scale * size:.2g}'))} {small}")
 
 

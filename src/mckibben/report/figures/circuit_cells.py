@@ -57,19 +57,18 @@ class Cell(NamedTuple):
 def symbol_of(element: FlowElement, driven: bool) -> tuple[Symbol, str]:
     """The symbol of an element, and the name to write into it where it has none of its own."""
     ports = element.ports
-    for kind in type(element).__mro__:
-        if kind.__name__ in SYMBOLS and _suits(kind.__name__, ports):
-            return SYMBOLS[kind.__name__](ports, driven), ""
+    if element.symbol in SYMBOLS and _suits(element.symbol, ports):
+        return SYMBOLS[element.symbol](ports, driven), ""
     name = type(element).__name__
     return plain_box(name, width(name, SMALL, False))(ports, driven), name
 
 
-def _suits(kind: str, ports: Sequence[str]) -> bool:
+def _suits(symbol: str, ports: Sequence[str]) -> bool:
     """Whether a symbol has places for these ports."""
     role = roles(ports)
-    if "Valve" in kind and kind != "CheckValve":
+    if symbol in ("on_off_valve", "proportional_valve"):
         return role.count("in") == 1 and 1 <= role.count("out") <= 2 and role.count("exhaust") <= 2
-    if kind in ("PressureRegulator", "QuickExhaust"):
+    if symbol in ("regulator", "quick_exhaust"):
         return len(set(role)) == len(role)
     return len(ports) == 2
 

@@ -149,20 +149,15 @@ def _inside(kind: str, wide: float, y: float, role: Sequence[str]) -> list[Mark]
     return marks
 
 
+# By the name that an element declares as its `symbol`.
 SYMBOLS: dict[str, Callable[[Sequence[str], bool], Symbol]] = {
-    "Orifice": restriction,
-    "Leak": leak,
-    "CheckValve": check_valve,
-    "OnOffValve": on_off_valve,
-    "TwoWayValve": on_off_valve,
-    "ThreeWayValve": on_off_valve,
-    "SpoolValve": proportional_valve,
-    "ProportionalValve": proportional_valve,
-    "PressureRegulator": regulator,
-    "QuickExhaust": quick_exhaust,
-    "Compressor": compressor,
-    "LinearTube": tube,
-    "QuadraticTube": tube,
-    "InertialTube": tube,
-    "LumpedTube": tube,
+    "restriction": restriction,
+    "leak": leak,
+    "check_valve": check_valve,
+    "on_off_valve": on_off_valve,
+    "proportional_valve": proportional_valve,
+    "regulator": regulator,
+    "quick_exhaust": quick_exhaust,
+    "compressor": compressor,
+    "tube": tube,
 }

@@ -11,7 +11,7 @@ from ....assembly.circuit_file import TIME
 from ....assembly.circuit_nodes import HEATS
 from ....assembly.circuit_plan import CircuitPlan
 from ....components import paths
-from ....pneumatics.build import PASSAGES, known_keys, with_usual_unit
+from ....pneumatics.build import known_keys, passages_of, with_usual_unit
 from ....pneumatics.heat import WallHeat
 from ....pneumatics.orifice import Orifice
 from ....pneumatics.sizes import BARE_UNITS, PASSAGE_WAYS, SIZES, TITLES, canonical, put_value, size_as
@@ -87,7 +87,7 @@ def _element(document: Document, plan: CircuitPlan, name: str, put: Put, model: 
             lambda v: put(lambda d: _changed(d, "elements", name, "specimen", v)),
         )
     size = _size(words)
-    if size and (kind == "orifice" or kind in PASSAGES):
+    if size and (kind == "orifice" or passages_of(kind)):
         _choice("Size stated by", TITLES, size, lambda v: put(lambda d: _restated(d, plan, name, v)))
     known = known_keys(kind)
     own = {p: float(paths.get(element, p)) for p, _ in paths.parameters(element) if "." not in p and _plain(element, p)}
@@ -109,7 +109,7 @@ def _size(words: Mapping[str, Any]) -> str:
 def _restated(document: Document, plan: CircuitPlan, name: str, size: str) -> Document:
     """The same size, stated in another way; of the first passage, where an element has several."""
     words, one = document["elements"][name], plan.circuit.elements[name]
-    orifice: Any = one if isinstance(one, Orifice) else getattr(one, PASSAGES[words["kind"]][0])
+    orifice: Any = one if isinstance(one, Orifice) else getattr(one, passages_of(words["kind"])[0])
     way = next((w for w in PASSAGE_WAYS if size in w.needs), None)
     quantity = declared(Orifice)["conductance"] if way is None else way.needs[size]
     value, unit = size_as(orifice, size), BARE_UNITS.get(size, "l/min")
