@@ -1,4 +1,4 @@
-"""The page and the pictures of a benchmark run."""
+"""Write the page and the figures of a benchmark run."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ TITLES = {
     "batch": "Many muscles on one core",
     "peak": "The processor's peak",
     "single": "One muscle for 2 s",
-    "s1": "Yardstick S1, 10 s",
+    "s1": "Benchmark system S1, 10 s",
     "cores": "Two cores",
     "rig": "Many muscles in one machine",
     "gradients": "Derivatives of whole runs",
     "startup": "First result of a fresh process",
     "peers": "Other programs",
     "tank": "FONSim's network",
-    "work": "Pieces of work",
-    "clock": "The loop by the wall clock",
+    "work": "Applications",
+    "clock": "The real-time loop",
 }
 COLUMNS = {
     "program": "program",
@@ -25,7 +25,7 @@ COLUMNS = {
     "engine": "engine",
     "setting": "setting",
     "lanes": "muscles",
-    "muscles": "muscles in it",
+    "muscles": "muscles in the machine",
     "states": "states",
     "dtype": "numbers",
     "rate": "per second",
@@ -43,21 +43,21 @@ COLUMNS = {
     "share": "share",
     "error": "error",
     "samples": "samples",
-    "late": "late by 0.1 of a period",
-    "behind": "by a period",
+    "late": "samples late by 0.1 of a period",
+    "behind": "samples late by a period",
     "lateness": "lateness, 50, 99, 99.9 and 100 %, ms",
-    "core": "of a core",
+    "core": "share of a core",
 }
 
 
 def write(result: dict[str, Any], folder: Path) -> None:
-    """Write results.md and its pictures."""
+    """Write results.md and its figures."""
     drawn = [name for name, draw in PICTURES.items() if draw(result, folder / f"{name}.svg")]
     (folder / "results.md").write_text(text(result, drawn))
 
 
 def text(result: dict[str, Any], drawn: list[str]) -> str:
-    """The page."""
+    """Return the text of the page."""
     m = result["machine"]
     lines = [
         "# Benchmarks",
@@ -66,14 +66,14 @@ def text(result: dict[str, Any], drawn: list[str]) -> str:
         + ", ".join(f"{name} {v}" for name, v in m["versions"].items() if v)
         + ".",
         "",
-        "Medians of one run, everything side by side. An error is the largest deviation from a converged result over",
-        "the range of the channel. Full muscle: length, velocity, pressure, gas, tube flow, friction; Runge-Kutta at",
-        "100 us, outputs at 1 kHz.",
+        "Medians of one run in which all programs were measured alternately. An error is the largest deviation from a",
+        "converged result, relative to the range of the channel. Full muscle: length, velocity, pressure, gas, tube flow,",
+        "friction; Runge-Kutta at 100 us, outputs at 1 kHz.",
         "",
     ]
     if result["quick"]:
-        lines += ["**A quick run: it shows that everything works; its numbers mean little.**", ""]
-    lines += ["| | measured | wanted | |", "|---|---|---|---|"]
+        lines += ["**A quick run: it shows that everything works, but its numbers are not representative.**", ""]
+    lines += ["| ratio or time | measured | target | met |", "|---|---|---|---|"]
     for name, want in result["wanted"].items():
         got = result["ratios"].get(name)
         fair = got is not None and (got >= want["value"] if want["sign"] == ">=" else got <= want["value"])
@@ -90,17 +90,17 @@ def text(result: dict[str, Any], drawn: list[str]) -> str:
             lines += [f"## {title}", "", *table(rows), ""]
     for engine, line in result["linear"].items():
         lines.append(
-            f"Cost of {engine} against batch size over {line['decades']:.1f} decades: power {line['exponent']:.3f}, at most "
-            f"a factor {line['off']:.2f} off it."
+            f"Cost of {engine} against batch size over {line['decades']:.1f} decades: exponent {line['exponent']:.3f}, "
+            f"with a deviation of at most a factor {line['off']:.2f}."
         )
     notes = [f"{name}: {why}" for name, why in result["left_out"].items()] + result["notes"]
     if notes:
-        lines += ["", "## Left out", "", *(f"- {note}" for note in notes)]
+        lines += ["", "## Not measured", "", *(f"- {note}" for note in notes)]
     return "\n".join(lines).rstrip() + "\n"
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
-    """Rows as Markdown, with the columns that they have."""
+    """Return rows as a Markdown table, with the columns for which they have values."""
     keys = [key for key in COLUMNS if any(key in row for row in rows)]
     lines = ["| " + " | ".join(COLUMNS[key] for key in keys) + " |", "|" + "---|" * len(keys)]
     for row in rows:
@@ -109,7 +109,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def cell(row: dict[str, Any], key: str) -> str:
-    """One value."""
+    """Return the text of one cell."""
     value = row.get(key, "")
     if key == "lateness" and value:
         return ", ".join(f"{1e3 * late:.3g}" for late in value)
@@ -142,7 +142,7 @@ def _saved(figure: Any, path: Path) -> bool:
 
 
 def batches(result: dict[str, Any], path: Path) -> bool:
-    """Rate against the size of a batch."""
+    """Draw the rate over the size of a batch."""
     rows = [r for r in result["rows"] if r["group"] == "batch" and r["case"] == "muscle"]
     if not rows:
         return False
@@ -166,7 +166,7 @@ def batches(result: dict[str, Any], path: Path) -> bool:
 
 
 def errors(result: dict[str, Any], path: Path) -> bool:
-    """Simulated time per second against error, one muscle, all programs."""
+    """Draw simulated time per second over error, for one muscle and all programs."""
     rows = [
         r
         for r in result["rows"]
@@ -179,14 +179,14 @@ def errors(result: dict[str, Any], path: Path) -> bool:
     for i, name in enumerate(names):
         mine = [(r["error"], r["real_time"]) for r in rows if name_of(r) == name]
         axes.loglog(*zip(*mine, strict=True), "osD^vP*X"[i % 8], color=f"C{i % 10}", ms=6, label=name)
-    axes.set_xlabel("largest error over the range, each against its own converged result")
+    axes.set_xlabel("largest error over the range, relative to the converged result of each program")
     axes.set_ylabel("simulated seconds per second")
     axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.14), ncols=2)
     return _saved(figure, path)
 
 
 def name_of(row: dict[str, Any]) -> str:
-    """Program and case of a row, for a legend."""
+    """Return program and case of a row, for the legend."""
     who = row.get("program") or f"mckibben, {row['engine'].split(',')[0]}"
     who = row["engine"].split(",")[0] if row.get("engine", "").startswith(("C", "LSODA")) else who
     return f"{who}: {row['case'].split(', error')[0]}"

@@ -1,10 +1,10 @@
-"""All benchmarks, side by side, in one run: `make bench`, or
+"""Run all benchmarks: `make bench`, or
 
     python benchmarks/suite.py [--quick] [--only PART ..] [--out FOLDER]
 
-Writes results.json, whose `ratios` are medians of the run, and a page results.md with its pictures. Run it on an idle
-machine: one core is kept for what is timed on one core. `--quick` is a smoke test of two minutes; its numbers mean little,
-and other programs are left out.
+Writes results.json, whose `ratios` are medians of the run, and a page results.md with its figures. Use an idle machine:
+one core is reserved for measurements on one core. `--quick` is a smoke test of two minutes without other programs; its
+numbers are not representative.
 """
 
 from __future__ import annotations
@@ -26,34 +26,34 @@ sys.path.insert(0, str(HERE))
 from timing import CORES, pin  # noqa: E402
 
 PARTS = ("batches", "single", "scaling", "gradients", "startup", "peers", "work")
-# What the issue asks for: at least, or at most.
+# Target values: minimum or maximum.
 WANTED: dict[str, tuple[str, float, str]] = {
     "c_share_of_peak": (
         ">=",
         0.35,
-        "the C kernel's algebraic operations over the measured peak, 1,024 muscles, float64",
+        "algebraic operations per second of the C kernel relative to the measured peak, 1,024 muscles, float64",
     ),
-    "batch1024_f64_vs_c": (">=", 0.75, "native kernel over C kernel, 1,024 muscles, float64, one core"),
-    "batch1024_f64_fast_vs_c": (">=", 0.85, "the same with the fast option"),
-    "batch1024_f64_vs_mujoco": (">=", 15.0, "muscle-steps per second over MuJoCo's fastest, one core each"),
-    "valve1024_f64_vs_c": (">=", 0.75, "native over C with an ISO 6358 valve in the circuit"),
-    "two_cores_vs_one": (">=", 1.8, "native kernel, 16,384 muscles"),
-    "two_cores_vs_one_peak": (">=", 1.8, "bare multiply and add: what the two cores of this machine give at all"),
-    "single_vs_lsoda": (">=", 70.0, "one muscle for 2 s, errors below 1e-3, over LSODA in plain Python"),
-    "s1_vs_c": (">=", 0.70, "S1, one muscle, over the C kernel at the same step"),
-    "s1_off": ("<=", 1e-6, "S1, contraction off the exact path [m]"),
-    "tangents4_vs_primal": ("<=", 3.5, "time of four tangents over that of the run"),
-    "adjoint8_vs_primal": ("<=", 4.0, "time of the adjoint by eight parameters over that of the run"),
-    "tangents4_vs_jax": (">=", 10.0, "four tangents over JAX's own"),
-    "adjoint8_vs_jax": (">=", 20.0, "adjoint over JAX's own"),
-    "first_result_cached_s": ("<=", 0.2, "first result in a fresh process beyond importing JAX, kernels cached [s]"),
+    "batch1024_f64_vs_c": (">=", 0.75, "native kernel relative to the C kernel, 1,024 muscles, float64, one core"),
+    "batch1024_f64_fast_vs_c": (">=", 0.85, 'the same with `mode="fast"`'),
+    "batch1024_f64_vs_mujoco": (">=", 15.0, "muscle-steps per second relative to MuJoCo's fastest, one core each"),
+    "valve1024_f64_vs_c": (">=", 0.75, "native kernel relative to the C kernel, with an ISO 6358 valve in the circuit"),
+    "two_cores_vs_one": (">=", 1.8, "two cores relative to one: native kernel, 16,384 muscles"),
+    "two_cores_vs_one_peak": (">=", 1.8, "two cores relative to one: multiply and add only, the limit of this machine"),
+    "single_vs_lsoda": (">=", 70.0, "one muscle for 2 s, errors below 1e-3: speed relative to LSODA with plain Python"),
+    "s1_vs_c": (">=", 0.70, "S1, one muscle: speed relative to the C kernel at the same step"),
+    "s1_off": ("<=", 1e-6, "S1: error of the contraction [m]"),
+    "tangents4_vs_primal": ("<=", 3.5, "time of four tangents relative to the simulation"),
+    "adjoint8_vs_primal": ("<=", 4.0, "time of the adjoint for eight parameters relative to the simulation"),
+    "tangents4_vs_jax": (">=", 10.0, "speed of four tangents relative to JAX's derivatives"),
+    "adjoint8_vs_jax": (">=", 20.0, "speed of the adjoint relative to JAX's derivatives"),
+    "first_result_cached_s": ("<=", 0.2, "first result of a fresh process after importing JAX, kernels cached [s]"),
     "first_result_cold_s": ("<=", 0.5, "the same, nothing cached [s]"),
     "saved_program_s": ("<=", 0.3, "whole process with a saved program, without JAX [s]"),
 }
 
 
 def machine() -> dict[str, Any]:
-    """What it ran on."""
+    """Describe the machine of this run."""
     import importlib.metadata as known
 
     versions = {}
@@ -112,7 +112,7 @@ def measured(parts: list[str], quick: bool, say: Any) -> dict[str, Any]:
 
 
 def ratios(found: dict[str, Any]) -> dict[str, float]:
-    """The numbers that are asked for, of what was measured."""
+    """Return those measured numbers that have a target value."""
     rows = [row for part in found.values() for row in part["rows"]]
 
     def pick(key: str, **wanted: Any) -> float | None:
@@ -146,10 +146,10 @@ def ratios(found: dict[str, Any]) -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, write, and say which numbers fall short."""
+    """Measure, write the results, and print which numbers miss their target."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a smoke test of two minutes, without other programs")
-    parser.add_argument("--only", nargs="+", choices=PARTS, help="some parts only")
+    parser.add_argument("--only", nargs="+", choices=PARTS, help="parts to run")
     parser.add_argument("--out", type=Path, default=HERE, help="folder of results.json and results.md")
     given = parser.parse_args()
     pin()

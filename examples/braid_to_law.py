@@ -1,8 +1,8 @@
-"""From braid dimensions to a tension law: what a muscle on the desk will pull.
+"""Compute the tension of a muscle from the dimensions of its braid.
 
     python examples/braid_to_law.py [FOLDER]
 
-Prints tensions and free lengths and draws the muscle to scale and its curves into the folder (`out` if none is given).
+Prints tensions and free lengths, and saves a figure with the curves of the muscle in the folder (default `out`).
 """
 
 import math

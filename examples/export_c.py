@@ -1,9 +1,9 @@
-"""A muscle with gas, friction and a valve as C: a controller in C moves it, and Python finds the same motion.
+"""Export a muscle with gas, friction and a valve to C, control it by a program in C, and compare the motion with Python.
 
     python examples/export_c.py [FOLDER]
 
-One sample of 1 ms is lowered and written as muscle.c and muscle.h into the folder, beside a controller that calls it once
-per sample. Both are compiled (this needs a C compiler) and run, and compared with the library's own run under the same
+One sample of 1 ms is compiled to muscle.c and muscle.h in the folder, with a controller that calls it once per sample.
+Both are compiled (this requires a C compiler) and run; the result is compared with a simulation in Python under the same
 commands.
 """
 
@@ -73,7 +73,7 @@ int main(void)
 
 
 def machine() -> tuple[Any, Any]:
-    """The nylon muscle with Dahl's friction, behind two valves and half a metre of tube, and a mass on a spring; at rest."""
+    """Build the nylon muscle with Dahl friction, two valves, a tube, and a mass on a spring, with its state at rest."""
     unit = unit_from_specimen("nylon").replace(
         friction=Dahl(limit=FrictionLimit(constant=0.5, per_pressure=4e-6), stiffness=2500.0),
         tendon=Tendon(stiffness=1500.0, slack_length=0.0, toe_length=5e-3, loss=0.2),
@@ -88,7 +88,7 @@ def machine() -> tuple[Any, Any]:
 
 
 def sample(parameters: Any, state: Any, memory: Any, inputs: Any) -> Any:
-    """One sample under held commands: state and memory at its end, and what a controller sees there."""
+    """Integrate one sample with held commands; return state, memory and the outputs for the controller at its end."""
     signals = {f"m.{name}": held(jnp.stack([value, value])) for name, value in inputs.items()}
     (state, memory, _), kept = march(parameters, state, memory, signals, PERIOD, INNER, 1, False)
     return state, memory, {"length": kept[2]["m.length"][-1], "pressure_abs": kept[2]["m.pressure_abs"][-1]}
@@ -115,13 +115,13 @@ def main(folder: Path) -> None:
     begin = time.perf_counter()
     printed = subprocess.run([str(run)], capture_output=True, text=True, check=True).stdout
     took = time.perf_counter() - begin
-    print(f"{SAMPLES * PERIOD:.0f} s of muscle and controller in {1e3 * took:.0f} ms")
+    print(f"{SAMPLES * PERIOD:.0f} s of muscle and controller computed in {1e3 * took:.0f} ms")
     wanted, fill, vent, length, pressure = np.array(printed.split(), float).reshape(-1, 5).T
 
     signals = {"m.fill": held(np.append(fill, 0.0)), "m.vent": held(np.append(vent, 0.0))}
     _, kept = jax.jit(march, static_argnums=(5, 6, 7))(muscle, state, memory, signals, PERIOD, INNER, SAMPLES, False)
     away = np.abs(length - kept[2]["m.length"][1:]).max()
-    print(f"length in C and in Python under the same commands: at most {away:.0e} m apart")
+    print(f"largest difference of the length in C and in Python: {away:.0e} m")
 
     channels = {
         "m.length": Channel(length, "m"),

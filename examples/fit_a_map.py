@@ -1,9 +1,9 @@
-"""Fit two laws to a measured force map, and ask both about pressures that they were not shown.
+"""Fit two laws to a measured force map, and predict the tension at pressures left out of the fit.
 
     python examples/fit_a_map.py [FOLDER]
 
-The map is that of M. Martens and I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0. Draws the curves of the law that
-errs least above 4 bar into the folder.
+The map is that of M. Martens and I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0. Saves a figure of the law with
+the smallest error above 4 bar in the folder.
 """
 
 import sys

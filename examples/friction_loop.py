@@ -1,8 +1,8 @@
-"""A friction loop of the nylon muscle: halve the range with its lower end held, and the rising path stays where it was.
+"""Compute friction loops of the nylon muscle: halving the range from above leaves the rising branch unchanged.
 
     python examples/friction_loop.py [FOLDER]
 
-The whole loop is a `scan` over pieces of path, as a simulation does it.
+The loop is a `scan` over pieces of the path, as in a simulation.
 """
 
 import sys
@@ -38,8 +38,8 @@ def main(folder: Path) -> None:
     force = np.asarray(muscle.law.tension(SHORTEST + path[1:], PRESSURE) + friction)
     whole, half = slice(2 * PIECES, 4 * PIECES), slice(4 * PIECES, 6 * PIECES)
     rise = [np.interp(5e-3, path[1:][s][:PIECES], force[s][:PIECES]) for s in (whole, half)]
-    print(f"rising path at 5 mm: {rise[0]:.6f} N over the whole range, {rise[1]:.6f} N over half of it")
-    print(f"work taken {1e3 * work:.3f} mJ = heat {1e3 * heat:.3f} mJ + stored {1e3 * stored:.3f} mJ")
+    print(f"rising branch at 5 mm: {rise[0]:.6f} N for the whole range, {rise[1]:.6f} N for half of it")
+    print(f"work done {1e3 * work:.3f} mJ = heat {1e3 * heat:.3f} mJ + stored {1e3 * stored:.3f} mJ")
 
     loops = (Loop(path[1:][part], force[part]) for part in (whole, half))
     figure = loop_figure(*loops, title="Nylon muscle at 5 bar", note="dashed: half the range", zero=False)
