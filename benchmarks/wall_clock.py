@@ -15,9 +15,9 @@ import time
 from pathlib import Path
 
 from mckibben.bench.hardware.connect import connected
-from mckibben.bench.hardware.in_process import SimulatedMachine
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.hosting import in_process
+from mckibben.bench.hardware.simulated import SimulatedMachine
 from mckibben.bench.prepare import PreparedRun, prepare
 from mckibben.bench.run import run
 from mckibben.bench.segment import SegmentMachine, timing_of
@@ -34,7 +34,7 @@ def bench_of(rate: float, seconds: float) -> PreparedRun:
 def machine_of(rate: float, seconds: float) -> SimulatedMachine:
     """The machine that a device hosts; called in its process."""
     bench = bench_of(rate, seconds)
-    return SegmentMachine(bench, 0, next(bench.segments()), timing_of(bench)).at_border(ahead=seconds)
+    return SegmentMachine(bench, 0, next(bench.segments()), timing_of(bench)).at_interface(ahead=seconds)
 
 
 def measured(rate: float, seconds: float, *, serial: bool, log: Path) -> tuple[Recording, float, float]:

@@ -1,13 +1,13 @@
 """Build the documentation into site/: run every example, generate the reference, and let zensical make the site.
 
     python docs/build.py                 everything, as `make docs` does
-    python docs/build.py --fresh         the same, though nothing changed since a page was made (see kept.py)
-    python docs/build.py PAGE ..         only the examples of these pages, printed: for a writer
+    python docs/build.py --fresh         the same, without cached pages (see page_cache.py)
+    python docs/build.py PAGE ..         only these pages, printed with the output of their examples
     python docs/build.py --no-site       stage the pages in build/docs and stop
     python docs/build.py --readme        bring the numbers in README.md up to date
 
-The build fails when an example raises or warns, when a command ends with another code than its block says, when an image
-is missing, when zensical warns, and when a built page would load something from the network.
+The build fails if an example raises or warns, if the exit code of a command differs from the one stated in its block, if an
+image is missing, if zensical warns, or if a page of the site would load something from the network.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ sys.path.insert(0, str(DOCS))
 
 import examples  # noqa: E402
 import generated  # noqa: E402
-import kept  # noqa: E402
 import notebooks  # noqa: E402
+import page_cache  # noqa: E402
 
 
 def sources() -> list[Path]:
-    """The written pages and the notebooks, in order."""
+    """Return the paths of the written pages and the notebooks, in order."""
     return sorted([*DOCS.rglob("*.md"), *DOCS.rglob("*.ipynb")])
 
 
 def stage(*, fresh: bool = False) -> None:
-    """Write all pages with the output of their examples into the stage."""
+    """Write all pages, with the output of their examples, to the staging folder."""
     shutil.rmtree(STAGE, ignore_errors=True)
     for path in DOCS.rglob("*"):
         if path.is_file() and path.suffix in (".css", ".png", ".svg", ".ipynb"):
             _write(path.relative_to(DOCS), path.read_bytes())
-    made = {p.relative_to(DOCS).with_suffix(".md").as_posix(): p.read_bytes() for p in sources()}
-    made |= dict.fromkeys(generated.PAGES, b"")
-    for page in kept.make_all(made, make, fresh=fresh):
+    texts = {p.relative_to(DOCS).with_suffix(".md").as_posix(): p.read_bytes() for p in sources()}
+    texts |= dict.fromkeys(generated.PAGES, b"")
+    for page in page_cache.build_all(texts, build, fresh=fresh):
         _write(Path(page.name), (page.folder / "page.md").read_bytes())
         for figure in (page.folder / "figures").iterdir():
             _write(Path("assets", "generated", Path(page.name).stem, figure.name), figure.read_bytes())
@@ -52,8 +52,8 @@ def stage(*, fresh: bool = False) -> None:
     _images_exist()
 
 
-def make(name: str, figures: Path) -> str:
-    """One page, generated or with the output of its examples; their figures go to a folder."""
+def build(name: str, figures: Path) -> str:
+    """Return one page, generated or with the output of its examples; save their figures in a folder."""
     if name in generated.PAGES:
         return generated.PAGES[name](figures)
     if (book := (DOCS / name).with_suffix(".ipynb")).is_file():
@@ -62,21 +62,21 @@ def make(name: str, figures: Path) -> str:
 
 
 def site() -> None:
-    """Let zensical build the site; any warning is a failure."""
+    """Build the site by zensical; any warning is a failure."""
     shutil.rmtree(SITE, ignore_errors=True)
     command = [sys.executable, "-m", "zensical", "build", "--strict", "--clean", "-f", str(ROOT / "mkdocs.yml")]
     done = subprocess.run(command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     print(done.stdout, end="")
     if done.returncode or re.search(r"\b(warning|error)\b|^(griffe|mkdocstrings):", done.stdout, re.I | re.M):
-        raise SystemExit("docs: zensical was not content")
-    # Where the site is opened from the disk, a browser reads no JSON: the theme asks for the index as a script then.
+        raise SystemExit("docs: zensical reported a warning or an error")
+    # A browser that opens the site from the disk cannot read JSON; the theme then loads the index as a script.
     index = (SITE / "search.json").read_text(encoding="utf-8")
     (SITE / "search.js").write_text(f"var __index = {index}", encoding="utf-8")
     _loads_nothing()
 
 
 def _loads_nothing() -> None:
-    """No page may load a script, style, font or picture from elsewhere; links that a reader follows are no loads."""
+    """Fail if a page loads a script, style, font or image from the network; links for the reader are allowed."""
     loads = re.compile(
         r"""<(?:script|img|iframe|source|video|audio)\b[^>]*\bsrc=["']?(?:https?:)?//[^"'>\s]+|<link\b[^>]*\bhref=["']?(?:https?:)?//[^>]*>"""
     )
@@ -87,7 +87,7 @@ def _loads_nothing() -> None:
             found = [
                 m for m in (loads if path.suffix == ".html" else imports).findall(text) if 'rel="canonical"' not in m
             ]
-            # The theme would fetch the programs for these from elsewhere, if a page had one.
+            # For these classes the theme would load programs from the network.
             found += re.findall(r'class="[^"]*(?:mermaid|glightbox|pyodide)[^"]*"', text)
             if found:
                 raise SystemExit(f"docs: {path.relative_to(ROOT)} loads from the network: {found[0]}")
@@ -97,7 +97,7 @@ def _images_exist() -> None:
     for path in STAGE.rglob("*.md"):
         for target in re.findall(r"!\[[^\]]*\]\(([^)\s]+)", path.read_text(encoding="utf-8")):
             if not (path.parent / target).is_file():
-                raise SystemExit(f"docs: {path.relative_to(STAGE)} shows {target}, which is not there")
+                raise SystemExit(f"docs: {path.relative_to(STAGE)} shows {target}, but this file does not exist")
 
 
 def _write(name: Path, data: bytes) -> None:
@@ -107,7 +107,7 @@ def _write(name: Path, data: bytes) -> None:
 
 
 def main(words: list[str]) -> None:
-    """See the module's docstring."""
+    """Run the command line described in the docstring of this module."""
     warnings.simplefilter("error")
     pages = [w for w in words if not w.startswith("-")]
     if pages:
@@ -115,7 +115,7 @@ def main(words: list[str]) -> None:
             path = Path(page).resolve()
             figures = ROOT / "build" / "examples" / path.stem
             figures.mkdir(parents=True, exist_ok=True)
-            print(make(path.relative_to(DOCS).with_suffix(".md").as_posix(), figures))
+            print(build(path.relative_to(DOCS).with_suffix(".md").as_posix(), figures))
         return
     if "--readme" in words:
         import readme

@@ -1,13 +1,13 @@
-"""Run the examples of a page and put what they print below them.
+"""Run the examples of a page and insert their output below them.
 
-A ```python block runs in the namespace of its page; what it prints follows as a block of text. In a ```console block every
-line that begins with ``$ mckibben`` runs, and its output follows. Words after ``console`` say what is expected:
+A ```python block runs in the namespace of its page, and its output follows as a block of text. In a ```console block every
+line that begins with ``$ mckibben`` runs, and its output follows. Options after the language control the output:
 
-    ```console exit=2          the command must end with this code; its line on standard error is shown
-    ```console lines=12        show so many lines of the output, then an ellipsis
-    ```python quiet            run, and show neither the code nor its output
+    ```console exit=2          the command must end with this exit code; standard error is shown
+    ```console lines=12        show at most this many lines of the output, then an ellipsis
+    ```python quiet            run without showing the code or its output
 
-Each page has an empty folder as its working directory; figures that it saves there become assets of the site.
+Each page runs in an empty working directory; figures saved there become assets of the site.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ FIGURES = (".svg", ".png")
 
 
 class ExampleError(Exception):
-    """An example did something else than the page says."""
+    """An example did not behave as its page states."""
 
 
 def run_page(text: str, name: str, figures: Path) -> str:
-    """The page with the output of its examples; figures go to a folder.
+    """Return a page with the output of its examples, and save their figures in a folder.
 
     Args:
-        text: the page.
-        name: what to call it in a complaint.
+        text: source of the page.
+        name: name of the page in error messages.
         figures: folder for the figures that the examples save.
     """
     if not FENCE.search(text):
@@ -90,14 +90,16 @@ def _python(body: str, space: dict[str, object], where: str) -> str:
 
 
 def _commands(body: str, code: int, most: int, where: str) -> str:
-    """The block with the output of each command after it; other lines of the source are dropped, being old output."""
+    """Return a block with the output of each command below it; other lines of the source are old output and are dropped."""
     lines = body.replace("\\\n", "\\\0").splitlines()
     shown = []
     for line in (x.replace("\\\0", "\\\n") for x in lines if x.startswith("$ ")):
         shown.append(line)
         words = shlex.split(line[2:].replace("\\\n", " "))
         if words[0] != "mckibben":
-            raise ExampleError(f"{where}: only `mckibben` is run, not {words[0]}; use a block of another kind")
+            raise ExampleError(
+                f"{where}: only `mckibben` commands can be run, not {words[0]}; use another kind of block"
+            )
         output, ended = run_command(words[1:])
         if ended != code:
             raise ExampleError(f"{where}: `{line[2:]}` ended with {ended} instead of {code}:\n{output}")
@@ -106,7 +108,7 @@ def _commands(body: str, code: int, most: int, where: str) -> str:
 
 
 def run_command(words: list[str]) -> tuple[str, int]:
-    """Output and exit code of a command line, run in this process; standard error is added when it fails."""
+    """Run a command line in this process; return its output and exit code, with standard error if it fails."""
     from mckibben.cli import main
 
     out, err = io.StringIO(), io.StringIO()
@@ -120,7 +122,7 @@ def run_command(words: list[str]) -> tuple[str, int]:
 
 
 def _plain(text: str) -> str:
-    """Without the codes that colour a terminal, and without spaces at the ends of lines."""
+    """Remove terminal colour codes and trailing spaces."""
     return re.sub(r"[ \t]+$", "", re.sub(r"\x1b\[[0-9;]*m", "", text), flags=re.M).strip("\n") + "\n"
 
 

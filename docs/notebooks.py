@@ -1,7 +1,7 @@
-"""A notebook as a page: executed in a kernel of its own, in an empty folder, with what its cells show below them.
+"""Convert a notebook to a page: run it in a kernel of its own, in an empty folder, and insert the outputs of its cells.
 
-The notebook is kept without outputs. A cell that raises, or that says anything on standard error, a warning for one, fails the
-build. The metadata of a cell may hold ``alt``, the words for a figure that it shows.
+Notebooks are stored without outputs. A cell that raises or writes to standard error, for instance a warning, fails the
+build. The metadata of a cell may contain ``alt``, the alternative text of its figure.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from typing import Any
 
 from examples import ExampleError
 
-LONGEST = 600  # of one cell, on a busy machine [s]
+CELL_TIMEOUT = 600  # of one cell, on a busy machine [s]
 FIGURES = {"image/svg+xml": "svg", "image/png": "png"}
 
 
 def run_notebook(path: Path, name: str, figures: Path) -> str:
-    """The page; figures go to a folder.
+    """Return a notebook as a page, and save its figures in a folder.
 
     Args:
-        path: the notebook.
-        name: of the page, from the folder of the documentation.
-        figures: folder for figures.
+        path: path of the notebook.
+        name: name of the page, relative to the folder of the documentation.
+        figures: folder for the figures.
     """
     import nbformat
     from nbclient import NotebookClient
@@ -34,9 +34,9 @@ def run_notebook(path: Path, name: str, figures: Path) -> str:
 
     book = nbformat.read(path, as_version=4)
     with tempfile.TemporaryDirectory() as folder:
-        # Between processes where there is that, and not over a port of the machine that others could listen to.
+        # Sockets between processes if available, instead of a network port that other users could listen to.
         sockets = {} if os.name == "nt" else {"transport": "ipc", "ip": os.path.join(folder, ".kernel")}
-        options: dict[str, Any] = {"timeout": LONGEST, "resources": {"metadata": {"path": folder}}}
+        options: dict[str, Any] = {"timeout": CELL_TIMEOUT, "resources": {"metadata": {"path": folder}}}
         try:
             NotebookClient(book, config=Config({"KernelManager": sockets}), **options).execute()
         except CellExecutionError as error:
@@ -56,7 +56,7 @@ def run_notebook(path: Path, name: str, figures: Path) -> str:
 
 
 def _joined(outputs: list[Any]) -> list[Any]:
-    """The outputs of a cell, with text that follows on text of the same stream in one piece: how it is cut is chance."""
+    """Return the outputs of a cell with consecutive text of the same stream joined, because its division is arbitrary."""
     found: list[Any] = []
     for output in outputs:
         if found and output.output_type == "stream" == found[-1].output_type and output.name == found[-1].name:
@@ -67,10 +67,10 @@ def _joined(outputs: list[Any]) -> list[Any]:
 
 
 def _shown(output: Any, cell: Any, place: str, figure: str, figures: Path, where: str) -> str:
-    """One output of a cell as Markdown; a figure becomes a file."""
+    """Return one output of a cell as Markdown, after saving a figure to a file."""
     if output.output_type == "stream":
         if output.name == "stderr":
-            raise ExampleError(f"{place} says on standard error:\n{output.text}")
+            raise ExampleError(f"{place} wrote to standard error:\n{output.text}")
         return f"```text\n{_plain(output.text)}\n```"
     data = output.data
     for kind, ending in FIGURES.items():
@@ -79,7 +79,7 @@ def _shown(output: Any, cell: Any, place: str, figure: str, figures: Path, where
             file.write_bytes(data[kind].encode() if ending == "svg" else base64.b64decode(data[kind]))
             alt = cell.metadata.get("alt")
             if not alt:
-                raise ExampleError(f"{place} shows a figure; its metadata need `alt`, the words for it")
+                raise ExampleError(f"{place} shows a figure, so its metadata must contain the alternative text `alt`")
             return f"![{alt}]({where}/{file.name})"
     return f"```text\n{_plain(data['text/plain'])}\n```"
 

@@ -1,7 +1,8 @@
-"""Bring the README up to date: what its commands print, and its pictures. `tests/habits/test_examples.py` says when it is not.
+"""Update the output of commands and the figures in the README.
 
-All commands of its console blocks run, in order and in one empty folder with the examples beside. Output is put below a command where some
-stood there; a picture that a command writes, and that the README shows, goes to `docs/assets`.
+All commands of the console blocks run in order, in one empty folder with a copy of the examples. Output is inserted below a
+command if the README shows output there; a figure that a command writes, and that the README shows, is copied to
+`docs/assets`. `tests/habits/test_examples.py` fails if the README is out of date.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from examples import ExampleError, run_command
 
 ROOT = Path(__file__).resolve().parents[1]
 ASSETS = ROOT / "docs" / "assets"
-# Pictures of `make demo`, whose commands take minutes together.
+# Figures of `make demo`, whose commands take minutes together.
 DEMO = {
     "demo.png": ["fit", "DMSP-10-250", "DMSP-20-300", "--train-below", "4 bar", "--figure", str(ASSETS / "demo.png")],
     "figure-3a.svg": ["reproduce", "--figure", "3a", "--out", str(ASSETS)],
@@ -25,7 +26,7 @@ DEMO = {
 
 
 def refresh(path: Path) -> None:
-    """Write the README anew; only what is made by commands changes."""
+    """Rewrite the README; only output and figures of commands change."""
     text = path.read_text(encoding="utf-8")
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
@@ -41,12 +42,12 @@ def refresh(path: Path) -> None:
             elif name in DEMO:
                 _run(DEMO[name])
             else:
-                raise ExampleError(f"README: no command makes {name}")
+                raise ExampleError(f"README: no command writes {name}")
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _commands(block: str) -> str:
-    """Each command; its output where some was shown."""
+    """Return each command, with its output if the block showed output."""
     out = []
     for piece in re.split(r"(?m)^(?=\$ )", block):
         if not piece.strip():
@@ -62,5 +63,5 @@ def _commands(block: str) -> str:
 def _run(words: list[str]) -> str:
     text, code = run_command(words)
     if code:
-        raise ExampleError(f"README: `mckibben {shlex.join(words)}` ended with {code}:\n{text}")
+        raise ExampleError(f"README: `mckibben {shlex.join(words)}` ended with exit code {code}:\n{text}")
     return text

@@ -1,9 +1,9 @@
-"""Take the pictures of the laboratory's screen that the documentation shows, into docs/assets/screen/.
+"""Take the screenshots of the web interface for the documentation, into docs/assets/screen/.
 
     python docs/screens.py [PAGE ..]
 
-Starts a laboratory of its own, does a run on the bench, opens every page light and dark in Chromium, and ends it. Needs
-playwright and a chromium on the path.
+Starts a server of its own, performs a run on the bench, opens every page with the light and the dark theme in Chromium, and
+stops the server. Requires playwright, and chromium on the path.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 TO = Path(__file__).resolve().parent / "assets" / "screen"
-# Page, its address, its height, and how long it may compute before its first picture [s].
+# Name of a page, its address, its height, and its computing time before the first screenshot [s].
 PAGES = {
     "bench": ("/?muscle=nylon&protocol=work-loop", 900, 0),
     "fit": ("/fit?map=DMSP-20-300", 900, 25),
@@ -28,16 +28,16 @@ PAGES = {
     "paper": ("/paper", 900, 120),
     "recordings": ("/recordings?a=work-loop-0001.nc&b=work-loop-0002.nc", 900, 5),
 }
-SETTLES = 8_000  # until charts are drawn on a slow machine [ms]
+SETTLES = 8_000  # time until charts are drawn on a slow machine [ms]
 
 
 def main(names: list[str]) -> None:
-    """All pages, or some."""
+    """Take screenshots of all pages, or of the named ones."""
     from playwright.sync_api import sync_playwright
 
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:
-        raise SystemExit("docs: no chromium on this machine")
+        raise SystemExit("docs: chromium was not found on the path")
     TO.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "mckibben", "serve", "--no-open", "--port", "0", "--folder", folder]
@@ -47,7 +47,9 @@ def main(names: list[str]) -> None:
             line = next(x for x in server.stdout if "http://" in x)
             address = next(w for w in line.split() if w.startswith("http://"))
             with sync_playwright() as play:
-                browser = play.chromium.launch(executable_path=chromium, args=["--headless", "--no-sandbox", "--disable-gpu"])
+                browser = play.chromium.launch(
+                    executable_path=chromium, args=["--headless", "--no-sandbox", "--disable-gpu"]
+                )
                 recorded(browser, address)
                 for name in names or PAGES:
                     for scheme in ("light", "dark"):
@@ -59,9 +61,9 @@ def main(names: list[str]) -> None:
 
 
 def opened(browser: Any, address: str, path: str, **options: Any) -> Any:
-    """A page in a browser of its own, which the token of the printed address lets in."""
+    """Open a page in a browser context of its own, with the token of the printed address."""
     home, _, token = address.partition("/?token=")
-    # playwright waits for text that it evaluates, which the policy of the pages forbids
+    # playwright evaluates text while waiting, which the content security policy of the pages forbids
     page = browser.new_context(bypass_csp=True, **options).new_page()
     page.set_default_timeout(180_000)
     page.goto(f"{home}{path}{'&' if '?' in path else '?'}token={token}")
@@ -69,7 +71,7 @@ def opened(browser: Any, address: str, path: str, **options: Any) -> Any:
 
 
 def recorded(browser: Any, address: str) -> None:
-    """Do a work loop with two muscles, so that there are recordings to show."""
+    """Record a work loop with two muscles, so that there are recordings to show."""
     for muscle in ("nylon", "fiberglass"):
         page = opened(browser, address, f"/?muscle={muscle}&protocol=work-loop")
         page.wait_for_function("window.lab && window.lab.lab.open")
@@ -86,7 +88,7 @@ def recorded(browser: Any, address: str) -> None:
 
 
 def picture(browser: Any, address: str, name: str, scheme: str) -> None:
-    """One page in one theme; the bench while it runs."""
+    """Take the screenshot of one page with one theme; the bench during a run."""
     path, height, computes = PAGES[name]
     page = opened(browser, address, path, viewport={"width": 1440, "height": height}, color_scheme=scheme)
     page.wait_for_function("window.lab && window.lab.lab.open")

@@ -1,4 +1,4 @@
-"""Docstrings as they are written here, as Markdown: equations are blocks of text, units in brackets are no links."""
+"""Convert the docstrings of this package to Markdown: equations become blocks of text, units in brackets no links."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ SECTIONS = ("Args:", "Returns:", "Raises:", "Attributes:", "Yields:")
 
 
 class Units(griffe.Extension):
-    """Changes the text of every docstring that is collected."""
+    """Extension of griffe that converts every collected docstring."""
 
     def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
-        """Called once for each object."""
+        """Convert the docstring of one object."""
         if obj.docstring is not None:
             obj.docstring.value = escaped(fenced(obj.docstring.value))
 
 
 def escaped(text: str) -> str:
-    """The second of two bracketed units escaped: ``[Pa] [N]`` would be a link."""
+    """Escape the second of two bracketed units: ``[Pa] [N]`` would be a link."""
     return re.sub(r"(\[[^\[\]\n]+\]) (\[)", r"\1 \\\2", text)
 
 
 def fenced(text: str) -> str:
-    """Indented equations in fences, so that a list before them ends; far-off equation numbers come near."""
+    """Put indented equations in fences, so that a preceding list ends, and shorten the gap before equation numbers."""
     out: list[str] = []
     block: list[str] = []
     lines = [*text.splitlines(), ""]

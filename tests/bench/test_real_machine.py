@@ -25,7 +25,7 @@ def prepared(**values):
 
 def simulated(made):
     (part,) = made.segments()
-    return SegmentMachine(made, 0, part, timing_of(made)).at_border()
+    return SegmentMachine(made, 0, part, timing_of(made)).at_interface()
 
 
 @contextlib.contextmanager

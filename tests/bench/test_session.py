@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from short_runs import bench, closes, paper
 
-from mckibben.bench.hardware.in_process import InProcess
+from mckibben.bench.hardware.simulated import SimulatedHardware
 from mckibben.bench.run import run
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.bench.session import Session
-from mckibben.bench.session.ring import Ring
+from mckibben.bench.session.status import SampleRing
 from mckibben.errors import InputError, LineLostError
 from mckibben.experiments.read import parse_protocol, protocol
 from mckibben.recordings import read_any
@@ -229,13 +229,13 @@ def test_what_the_rig_does_not_allow_is_refused_and_changes_nothing(machine, cas
 
 
 def test_a_protocol_that_the_machine_cannot_do_is_refused_before_anything_moves(machine):
-    before = machine.setup.ground.number
+    before = machine.machine.number
     for name, said in (("leak-down", "needs is 'shut-off'"), ("isometric-step", "samples at 1000 Hz")):
         with pytest.raises(InputError, match=said):
             machine.run(name)
     with pytest.raises(InputError, match="Did you mean 'quasi-static'"):
         machine.run("quasi-statik")
-    assert machine.setup.ground.number == before and machine.status().state == "idle"
+    assert machine.machine.number == before and machine.status().state == "idle"
 
 
 @pytest.mark.slow
@@ -258,7 +258,7 @@ def test_displays_get_every_sample_once_and_memory_is_bounded(machine):
 
 
 def test_the_ring_keeps_the_newest_samples():
-    ring = Ring(10)
+    ring = SampleRing(10)
     for first in range(0, 35, 7):
         times = np.arange(first, first + 7, dtype=float)
         ring.add(times, {"a": 2.0 * times} if first != 14 else {"b": times})
@@ -292,7 +292,7 @@ def test_many_hands_at_once_break_nothing(machine):
     assert failed == [] and machine.status().state == "manual"
 
 
-class Lost(InProcess):
+class Lost(SimulatedHardware):
     """A machine whose line is lost at some sample."""
 
     def wait(self, sample):
@@ -304,10 +304,10 @@ class Lost(InProcess):
 def test_a_lost_line_ends_the_session_and_says_so():
     prepared = bench("isotonic-triangle", load="50 N", frequency="5 Hz", cycles=1)
     (part,) = prepared.segments()
-    hardware = Lost(SegmentMachine(prepared, 0, part, timing_of(prepared)).at_border(), paced=False)
+    hardware = Lost(SegmentMachine(prepared, 0, part, timing_of(prepared)).at_interface())
     with Session(paper(), "nylon", hardware) as session:
         session.wait(5.0)
-        assert session.status().state == "lost" and "unplugged" in session.why and hardware.valve.vented
+        assert session.status().state == "lost" and "unplugged" in session.why and hardware.venting
         for act in (lambda: session.set(pressure="1 bar"), session.reset, session.vent):
             with pytest.raises(InputError, match="lost"):
                 act()

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from short_runs import SHORT, bench, closes, triangle
 
-from mckibben.bench.hardware.in_process import InProcess
+from mckibben.bench.hardware.clock import Clock
+from mckibben.bench.hardware.simulated import SimulatedHardware
 from mckibben.bench.run import EmergencyStop, run
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.errors import InputError, LineLostError
@@ -21,7 +22,9 @@ MEASURED = ("pressure", "tension", "span")
 
 def machine(prepared, *, paced=False):
     (part,) = prepared.segments()
-    return InProcess(SegmentMachine(prepared, 0, part, timing_of(prepared)).at_border(), paced=paced)
+    return SimulatedHardware(
+        SegmentMachine(prepared, 0, part, timing_of(prepared)).at_interface(), Clock() if paced else None
+    )
 
 
 class Until:
@@ -37,11 +40,11 @@ class Until:
         return self.asked > self.at
 
 
-class Wrapped(InProcess):
+class Wrapped(SimulatedHardware):
     """A machine that is lost at some sample."""
 
     def __init__(self, inner, at):
-        super().__init__(inner.machine, paced=False)
+        super().__init__(inner.machine)
         self.at = at
 
     def wait(self, sample):
@@ -102,13 +105,13 @@ def test_a_lost_line_ends_the_run_and_keeps_what_there_is():
     record = run(prepared, hardware=lost)
     assert record.meta["result"] == "stopped" and "nobody answers" in record.meta["message"]
     assert record.meta["events"][-1]["code"] == "lost_line"
-    assert lost.valve.vented and 100 < len(record) < len(triangle())
+    assert lost.venting and 100 < len(record) < len(triangle())
 
 
 def test_a_machine_that_lacks_a_channel_is_refused_before_anything_moves():
     prepared = bench("isotonic-triangle", **VALUES)
     hardware = machine(prepared)
-    hardware.analog_in.names = ("pressure",)
+    hardware.names = ("pressure",)
     with pytest.raises(InputError, match="analogue channels of the machine"):
         run(prepared, hardware=hardware)
 

@@ -6,7 +6,6 @@ import os
 import socket
 import sys
 import threading
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -19,10 +18,8 @@ from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid
 from mckibben.quantities import Quantity
 from mckibben.web.bench import drawing
-from mckibben.web.bench import pace as pace_module
 from mckibben.web.bench.dry import dry_run
 from mckibben.web.bench.faces import changed, faces
-from mckibben.web.bench.pace import LEAD, Pace
 from mckibben.web.charts import Axis, Chart, Line, thinned
 from mckibben.web.control import AFTER, HOLD, Control
 from mckibben.web.forms import accept
@@ -460,34 +457,6 @@ def test_the_dry_run_shows_what_is_expected_and_finds_the_value_that_fits():
     assert dry_run(changed(shipped("work-loop"), "shortening", "6.9"), spec, unit, on).passed
 
 
-def test_a_pace_halts_steps_and_goes_on():
-    pace, count = Pace("simulated"), []
-    done = threading.Event()
-
-    def loop():
-        while not done.is_set():
-            pace.turn(1e-3)
-            count.append(1)
-            if len(count) > 10**6:
-                return
-
-    pace.halt()
-    thread = threading.Thread(target=loop, daemon=True)
-    thread.start()
-    time.sleep(0.05)
-    assert not count
-    pace.step(3)
-    time.sleep(0.1)
-    assert len(count) == 3
-    pace.halt(False)
-    time.sleep(0.05)
-    done.set()
-    thread.join(5.0)
-    assert len(count) > 100
-    with pytest.raises(InputError, match="Known are"):
-        pace.choose("warp")
-
-
 def test_a_long_line_is_thinned_without_its_extremes():
     x = np.linspace(0.0, 10.0, 100_001)
     y = np.sin(3.0 * x)
@@ -531,34 +500,6 @@ def test_an_address_where_nobody_can_listen_is_refused_before_anything_is_made_r
     assert stop.value.code == 2 and err.count("\n") == 1 and "nobody can listen there" in err
 
 
-@pytest.mark.parametrize("name", ["simulated", "real"])
-def test_no_pace_goes_further_than_the_lead_over_what_the_page_in_control_has_shown(name, monkeypatch):
-    monkeypatch.setattr(pace_module, "PATIENCE", 60.0)  # longer than this test, on a busy machine too
-    pace, period, through = Pace(name), 1e-3, []
-    pace.begin()
-    pace.shown(0.0)
-
-    def run():
-        while len(through) < 200:
-            pace.turn(period)
-            through.append(time.perf_counter())
-
-    thread = threading.Thread(target=run, daemon=True)
-    thread.start()
-    lead = round(LEAD / period)
-    for shown in (0, 20, 60):
-        pace.shown(shown * period)
-        end = time.monotonic() + 10.0
-        while len(through) < shown + lead - 2 and time.monotonic() < end:
-            time.sleep(0.01)
-        time.sleep(0.1)  # in which a hundred more would come, if nothing held them
-        # a sample counts when it is asked for, and rounding may let one more or less through
-        assert shown + lead - 2 <= len(through) <= shown + lead + 1
-    pace.shown(None)  # nobody is in control any more
-    thread.join(20.0)
-    assert len(through) == 200
-
-
 def test_what_a_page_draws_after_it_wanted_a_stop_lets_the_machine_go_no_further():
     """Frames that were on their way arrive after the key was pressed; until the stop is done they count for nothing."""
     told, may_stop = [], threading.Event()
@@ -598,28 +539,6 @@ def test_what_a_page_draws_after_it_wanted_a_stop_lets_the_machine_go_no_further
 
     completed(asyncio.wait_for(go(), 20.0))
     assert told == [10, 95]
-
-
-def test_a_page_that_says_nothing_is_waited_for_and_then_time_is_real(monkeypatch):
-    monkeypatch.setattr(pace_module, "PATIENCE", 0.05)
-    pace, period, free = Pace("simulated"), 1e-3, round(LEAD / 1e-3) - 1
-    pace.begin()
-    begun = time.perf_counter()
-    pace.shown(0.0)
-    asked, taken = [], []
-    for _ in range(free + 30):
-        asked.append(time.perf_counter())
-        pace.turn(period)
-        taken.append(time.perf_counter())
-    # a sample is let through a period after the one before, which was not before it was asked for; the clock is the same
-    assert (np.array(taken[free + 1 :]) - asked[free:-1]).min() >= 0.99 * period
-    assert taken[free + 1] - begun >= 0.05
-    pace.shown(period * len(taken))
-    free_again = []
-    for _ in range(free):
-        pace.turn(period)
-        free_again.append(time.perf_counter())
-    assert np.median(np.diff(free_again)) < 0.5 * period  # the median of samples that wait for nothing
 
 
 def test_an_ordinary_stop_becomes_an_emergency_and_never_the_other_way_round():

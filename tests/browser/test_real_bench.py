@@ -16,7 +16,7 @@ from mckibben.bench.prepare import prepare
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.experiments.read import parse_protocol
 from mckibben.recordings import read_recording
-from mckibben.web.bench import Bench, Real
+from mckibben.web.bench import Bench, HardwareSpec
 from mckibben.web.laboratory import Laboratory
 
 MOUNTED = """schema = 1
@@ -63,14 +63,14 @@ def mounted():
 def laboratory(folder, mounted, **options):
     """One whose bench is a machine behind a pseudo-terminal."""
     (part,) = mounted.segments()
-    machine = SegmentMachine(mounted, 0, part, timing_of(mounted)).at_border(watched=False)
+    machine = SegmentMachine(mounted, 0, part, timing_of(mounted)).at_interface()
     with in_thread(machine, about=About(motor_rest=int(mounted.rig.motor_out.count(0.0))), **options) as device:
-        real = Real(f"serial:{device.port}", lock_step=True)
-        lab = Laboratory(folder, functools.partial(Bench, real=real))
+        spec = HardwareSpec(f"serial:{device.port}", lock_step=True)
+        lab = Laboratory(folder, functools.partial(Bench, spec=spec))
         lab.control.join("me")
         lab.begin()
         try:
-            until(lambda: lab.machine.hand.ready, "by hand")
+            until(lambda: lab.machine.manual.ready, "by hand")
             yield lab, lab.machine
         finally:
             lab.close()
@@ -91,7 +91,7 @@ def at_rest(shared):
     if bench.status()["shape"] == "tripped":
         done(lab, "reset")
     done(lab, "vent")
-    until(lambda: bench.hand.session.latest()["pressure"] < 5e3, "vented")
+    until(lambda: bench.manual.session.latest()["pressure"] < 5e3, "vented")
     return lab, bench
 
 
@@ -128,7 +128,7 @@ def run(lab, text):
 
 def ended(lab):
     """The recording of what runs."""
-    until(lambda: lab.machine.going is None, "the end of the run")
+    until(lambda: lab.machine.running is None, "the end of the run")
     return read_recording(lab.recordings.folder / lab.machine.ended["file"])
 
 
@@ -160,7 +160,7 @@ def test_its_stops_vent_and_only_an_emergency_has_to_be_reset(at_rest):
     for action in ("stop", "emergency_stop"):
         loaded(lab, LONG)
         done(lab, "start")
-        until(lambda: bench.going is not None and bench.going.time > 0.5, "half a second of the run")
+        until(lambda: bench.running is not None and bench.running.time > 0.5, "half a second of the run")
         done(lab, action)
         record = ended(lab)
         (event,) = [e for e in record.meta["events"] if "code" in e]
@@ -178,9 +178,9 @@ def test_a_stop_on_the_way_to_where_a_protocol_begins_leaves_no_run_and_no_file(
     for action in ("stop", "emergency_stop"):
         loaded(lab, FAR)
         done(lab, "start")
-        until(functools.partial(moved, bench.hand.session, bench.hand.session.latest()["span"]), "on its way")
+        until(functools.partial(moved, bench.manual.session, bench.manual.session.latest()["span"]), "on its way")
         done(lab, action)
-        until(lambda: bench.going is None, "the end")
+        until(lambda: bench.running is None, "the end")
         assert bench.status()["shape"] == {"stop": "idle", "emergency_stop": "tripped"}[action], bench.why
         assert bench.ended["file"] is None and not list(lab.recordings.folder.glob("far*"))
 
@@ -194,18 +194,18 @@ def test_what_a_real_machine_cannot_is_refused_in_a_sentence(at_rest):
         assert not answer["ok"] and said in answer["said"], action
     loaded(lab, LONG)
     done(lab, "start")
-    until(lambda: bench.going is not None and bench.going.time > 0.1, "the run")
+    until(lambda: bench.running is not None and bench.running.time > 0.1, "the run")
     answer = lab.act("me", "pause")
     assert not answer["ok"] and "own time" in answer["said"]
     done(lab, "stop")
-    until(lambda: bench.going is None, "the end of the run")
+    until(lambda: bench.running is None, "the end of the run")
 
 
 def test_a_line_that_is_unplugged_keeps_what_there_is_and_says_so(tmp_path, mounted):
     with laboratory(tmp_path, mounted, faults=Faults(at={2500: "unplug"})) as (lab, bench):
         loaded(lab, LONG)
         done(lab, "start")
-        until(lambda: bench.going is None and bench.status()["shape"] == "tripped", "the end of the run")
+        until(lambda: bench.running is None and bench.status()["shape"] == "tripped", "the end of the run")
         assert "unplugged" in bench.why
         record = read_recording(tmp_path / bench.ended["file"])
         assert record.meta["events"][-1]["code"] == "lost_line" and len(record) > 500
@@ -216,11 +216,11 @@ def test_a_line_that_is_unplugged_keeps_what_there_is_and_says_so(tmp_path, moun
 
 def test_a_machine_whose_process_ends_is_told_to_be_lost_and_can_be_had_again(at_rest):
     lab, bench = at_rest
-    os.kill(bench.hand.session.process, signal.SIGKILL)
+    os.kill(bench.manual.session.process, signal.SIGKILL)
     until(lambda: bench.status()["shape"] == "tripped", "the trip")
     assert "the process that had the machine ended" in bench.why
     done(lab, "reset")
-    until(lambda: bench.hand.ready, "by hand again")
+    until(lambda: bench.manual.ready, "by hand again")
     assert bench.status()["shape"] == "idle" and run(lab, SHORT).meta["result"] == "done"
 
 

@@ -48,16 +48,20 @@ class RunSegment(NamedTuple):
         layout: name of the plumbing.
         friction: over that of the untreated muscle.
         asked: what the person did before.
+        motor_held: the muscle hangs at the motor, which holds it where another machine has a plate.
     """
 
     steps: tuple[PlannedStep, ...]
     layout: str
     friction: float
     asked: str
+    motor_held: bool = False
 
     @property
     def moves(self) -> bool:
         """Whether the motor is used: else the end is fixed to a plate, as in isometric experiments."""
+        if self.motor_held:
+            return True
         spans = [s.motor for s in self.steps if s.mode == "span" and isinstance(s.motor, np.ndarray)]
         if len(spans) < len(self.steps):
             return True
@@ -95,6 +99,7 @@ class PreparedRun:
         faults: wires that open during the run.
         findings: all that speaks against it.
         accepted: findings about the cell's range that were accepted: the recording then tells of saturation.
+        motor_held: the muscle hangs at the motor all the time, as on a machine that somebody operates.
     """
 
     protocol: Protocol
@@ -109,6 +114,7 @@ class PreparedRun:
     faults: tuple[OpenWire, ...] = ()
     findings: tuple[Finding, ...] = ()
     accepted: tuple[Finding, ...] = ()
+    motor_held: bool = False
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -125,24 +131,24 @@ class PreparedRun:
         return (*old, *unknown)
 
     def segments(self) -> Iterator[RunSegment]:
-        """The plan, divided where a person is asked to do something."""
-        return _segments(self.rig, self.plan, self.layout)
+        """Divide the plan where a person is asked to do something."""
+        return _segments(self.rig, self.plan, self.layout, self.motor_held)
 
 
-def _segments(rig: Rig, plan: Plan, layout: str) -> Iterator[RunSegment]:
+def _segments(rig: Rig, plan: Plan, layout: str, motor_held: bool = False) -> Iterator[RunSegment]:
     steps: list[PlannedStep] = []
     friction, asked = 1.0, ""
     for step in plan.steps:
         if step.step.ask:
             if steps:
-                yield RunSegment(tuple(steps), layout, friction, asked)
+                yield RunSegment(tuple(steps), layout, friction, asked, motor_held)
                 steps = []
             asked = step.step.ask
             hand = rig.operator_action(asked)
             if hand is not None:
                 layout, friction = hand.plumbing or layout, hand.friction
         steps.append(step)
-    yield RunSegment(tuple(steps), layout, friction, asked)
+    yield RunSegment(tuple(steps), layout, friction, asked, motor_held)
 
 
 def prepare(
@@ -198,6 +204,29 @@ def prepare(
         wanted, on, unit, plan, layout, spec, every, step, seed, tuple(faults),
         tuple(f for f in found if f not in spared), tuple(spared),
     )  # fmt: skip
+
+
+def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float, **options: Any) -> PreparedRun:
+    """Prepare a run on a machine that is sampled already.
+
+    Args:
+        protocol: as of `prepare`.
+        rate: samples per second of that machine [1/s].
+        **options: of `prepare`.
+
+    Raises:
+        InputError: if the rate of the protocol is no whole part of it.
+    """
+    prepared = prepare(protocol, **options)
+    motor_held, own = prepared.rig.motor is not None, prepared.protocol.sample_rate
+    every = round(rate / own)
+    if every < 1 or abs(rate / own - every) > 1e-6:
+        allowed = f"the session samples at {rate:g} Hz; allowed is that or a whole part of it"
+        raise InputError("sample_rate", f"{own:g} Hz", allowed)
+    if prepared.findings or abs(prepared.plan.sample_rate - rate) < 1e-6 * rate:
+        return dataclasses.replace(prepared, motor_held=motor_held)
+    faster = prepare(dataclasses.replace(prepared.protocol, sample_rate=rate), **options)
+    return dataclasses.replace(faster, protocol=prepared.protocol, every=every, motor_held=motor_held)
 
 
 def _not_built(rig: Rig, unit: MuscleUnit, plan: Plan, layout: str) -> list[Finding]:

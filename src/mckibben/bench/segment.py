@@ -14,8 +14,8 @@ from ..assembly.accounts import Accounts, accounts
 from ..engine import sampled
 from ..engine.native import call_compiled
 from .hardware.computer import Timing, configure
-from .hardware.in_process import Rows, SimulatedMachine
 from .hardware.plant import InstrumentedPlant
+from .hardware.simulated import Rows, SimulatedMachine
 from .prepare import PreparedRun, RunSegment, with_friction_scale
 from .software.loop import BenchSoftware
 from .software.sequencer import Sequencer
@@ -31,13 +31,17 @@ class Chunk(NamedTuple):
         seen: of each, as arrays (size,); without true channels where the machine is real.
         size: number of the samples.
         inner: steps of the physics per sample; 0 where it was not computed here.
-        carry: the machine after them, where it was.
+        carry: the machine after them, where it was scanned: then no stop was seen at the samples.
+        numbers: of the samples since the machine was started (size,), where they came one by one.
+        lateness: of the same (size,) [s].
     """
 
     seen: sampled.Seen
     size: int
     inner: int = 0
     carry: sampled.Carry | None = None
+    numbers: np.ndarray = np.zeros(0, int)
+    lateness: np.ndarray = np.zeros(0)
 
 
 def simulated(
@@ -108,11 +112,8 @@ class SegmentMachine:
         )
         return found
 
-    def at_border(self, ahead: float = 0.0, *, watched: bool = True) -> SimulatedMachine:
-        """The machine behind the hardware border; for `ahead` [s] all draws are made before it begins.
-
-        `watched`: somebody takes what was true at every sample; otherwise it is forgotten.
-        """
+    def at_interface(self, ahead: float = 0.0) -> SimulatedMachine:
+        """The machine behind its converters; for `ahead` [s] all draws of the noise are made before it begins."""
         timing = self.timing
         return SimulatedMachine(
             self.plant,
@@ -122,7 +123,6 @@ class SegmentMachine:
             inner=timing.inner,
             latency=timing.latency,
             ahead=ahead,
-            watched=watched,
         )
 
     def closed(self, carry: sampled.Carry, begun: sampled.Carry | None = None) -> Accounts:

@@ -195,7 +195,7 @@ def _at_a_prompt(console: Console) -> None:
 
 
 def _mounted(console: Console) -> str:
-    bench = console.session.setup.bench
+    bench = console.session.setup.prepared
     return "a muscle" if bench.specimen is None else bench.specimen.id
 
 

@@ -42,7 +42,7 @@ def device(
         raise InputError("--port", str(port), "allowed is a file in a folder that is there")
     bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)
     part = next(bench.segments())
-    machine = SegmentMachine(bench, 0, part, timing_of(bench)).at_border(watched=False)
+    machine = SegmentMachine(bench, 0, part, timing_of(bench)).at_interface()
     out, converters = bench.rig.motor_out, bench.rig.converters(part.start_span)
     about = About(
         encoder=converters.encoder is not None, motor=out is not None,

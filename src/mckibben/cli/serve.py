@@ -40,7 +40,7 @@ def serve(
         library(name, "The laboratory's screen needs")
     from ..bench.hardware.connect import check_connection, connected
     from ..bench.session.setup import RATE
-    from ..web.bench import Bench, Real
+    from ..web.bench import Bench, HardwareSpec
     from ..web.laboratory import Laboratory
     from ..web.server import listen
     from ..web.server import serve as go
@@ -49,11 +49,11 @@ def serve(
     with listen(host, port) as line:  # an address that is taken is refused before anything is made ready
         first, real = chosen_rig(rig, {}, calibration), None
         if machine is not None:
-            real = Real(machine, lock_step)
+            real = HardwareSpec(machine, lock_step)
             with connected(machine, first, first.computer.period(RATE), lock_step=lock_step):
                 pass  # so is a machine that is not there, or not the rig's
         elif lock_step:
             raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
         typer.echo("Getting the laboratory ready ..", err=True)
-        lab = Laboratory(folder, functools.partial(Bench, muscle=muscle, rig=first, real=real))
+        lab = Laboratory(folder, functools.partial(Bench, muscle=muscle, rig=first, spec=real))
         go(lab, line, host, show=show, tell=typer.echo)

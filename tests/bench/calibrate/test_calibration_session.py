@@ -7,6 +7,7 @@ from mckibben.bench.calibrate.estimate import Reference
 from mckibben.bench.calibrate.machine import HardwareReadings
 from mckibben.bench.calibrate.session import Session
 from mckibben.bench.calibrate.sources import SimulatedPerson, SimulatedSensors, Task, grids
+from mckibben.bench.hardware.interface import Hardware
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError, LineLostError
 
@@ -120,35 +121,27 @@ def test_a_rig_without_an_encoder_has_none_to_calibrate():
         session(source, SimulatedPerson(source)).encoder([0.0, 0.1], Reference())
 
 
-class Machine:
-    """Counts at the border, which a session's tasks set; `lost` loses the line after so many samples."""
+class Machine(Hardware):
+    """Counts that a session's tasks set; `lost` loses the line after so many samples."""
 
     def __init__(self, lost: int | None = None) -> None:
-        self.names = ("pressure", "tension", "valve_pressure")
-        self.analog_in = self.encoder_in = self
-        self.valve = self.motor = self
-        self.encoder = Edges()
-        self.counts, self.lost = dict.fromkeys(self.names, 40000), lost
+        super().__init__(("pressure", "tension", "valve_pressure"), encoder=True, motor=True)
+        self.given, self.lost = dict.fromkeys(self.names, 40000), lost
         self.done: list[str] = []
-        self.sent = self.written = 0
+        self.sent = 0
 
     def start(self, period: float) -> None:
         self.done.append("start")
 
-    def vent(self) -> None:
+    def _vent_now(self) -> None:
         self.done.append("vent")
 
     def wait(self, sample: int) -> float:
         assert sample == self.sent
         if self.lost is not None and sample >= self.lost:
             raise LineLostError("line is silent")
+        self.counts = [self.given[n] for n in self.names]
         return 0.0
-
-    def read(self):
-        return [self.counts[n] for n in self.names]
-
-    def write(self, count: int) -> None:
-        self.written = count
 
     def send(self) -> None:
         self.sent += 1
@@ -157,16 +150,9 @@ class Machine:
         self.done.append("close")
 
 
-class Edges:
-    count = 0
-
-    def read(self) -> int:
-        return self.count
-
-
 def test_a_machine_is_vented_held_without_force_and_let_go_and_its_counts_become_nominal_values():
     machine = Machine()
-    machine.encoder.count = -3
+    machine.edges = -3
     with HardwareReadings(machine, MODERN.converters(0.2)) as source:
         found = source.read(20)
         assert source.grids["tension"].resolution == pytest.approx(2200.0 / 65536)
@@ -174,7 +160,7 @@ def test_a_machine_is_vented_held_without_force_and_let_go_and_its_counts_become
     assert np.array_equal(found["tension"], np.full(20, float(at.value(40000.0))))
     assert np.array_equal(found["span"], np.full(20, -3.0 * float(MODERN.encoder.resolution)))
     assert machine.done == ["start", "vent", "close"]
-    assert machine.written == 32768  # no force, in the middle of -900 N to 900 N
+    assert machine.motor == 32768  # no force, in the middle of -900 N to 900 N
     assert machine.sent >= 20
 
 
@@ -183,7 +169,7 @@ def test_a_session_on_a_machine_finds_the_gain_of_its_counts():
     with HardwareReadings(machine, MODERN.converters(0.2), scales=grids(MODERN)) as source:
 
         def ask(task: Task) -> None:
-            machine.counts["tension"] = int(
+            machine.given["tension"] = int(
                 MODERN.sensors["tension"].converter.code(1.04 * task.values["tension"] + 2.0)
             )
 

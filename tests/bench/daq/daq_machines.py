@@ -80,13 +80,10 @@ def run(hardware, first: int, count: int) -> list[tuple]:
     seen = []
     for k in range(first, first + count):
         hardware.wait(k)
-        counts, edges = list(hardware.analog_in.read()), hardware.encoder.read()
+        counts, edges = list(hardware.counts), hardware.edges
         valve, motor, opened = software(counts, edges, k)
         seen.append((counts, edges, valve, motor, opened))
-        hardware.valve.write(valve, opened=opened)
-        if hardware.motor is not None:
-            hardware.motor.write(motor)
-        hardware.send()
+        hardware.write(valve, motor, opened=opened)
     return seen
 
 

@@ -60,7 +60,7 @@ def test_a_device_that_is_unplugged_is_told_by_reading_and_by_sending() -> None:
             with pytest.raises(LineLostError) as told:
                 hardware.send() if writes else hardware.wait(6)
             one_line(told, "Dev1 at grpc://127.0.0.1", "does not answer any more", "could not be told to vent")
-            hardware.valve.vent()
+            hardware.vent()
             hardware.close()
             assert not hardware.vented
 

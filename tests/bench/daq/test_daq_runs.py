@@ -63,9 +63,8 @@ def test_by_its_own_clock_no_sample_is_lost_or_repeated(
         late, began = np.zeros(count), time.perf_counter()
         for k in range(count):
             late[k] = hardware.wait(k)
-            assert (hardware.analog_in.read()[0], hardware.encoder.read()) == (k, k)
-            hardware.valve.write(k % 4096)
-            hardware.send()
+            assert (hardware.counts[0], hardware.edges) == (k, k)
+            hardware.write(k % 4096)
         took = time.perf_counter() - began
         statistics = hardware.statistics
         hardware.close()
@@ -85,7 +84,7 @@ def test_a_vent_from_another_thread_acts_within_two_samples_and_stays(sample: in
         hardware = DaqHardware(device.wiring, **PATIENT)
         hardware.start(PERIOD)
         run(hardware, 0, sample)
-        other = threading.Thread(target=hardware.valve.vent)
+        other = threading.Thread(target=hardware.vent)
         other.start()
         other.join()
         run(hardware, sample, 20)
@@ -102,11 +101,9 @@ def test_a_vent_reaches_the_card_though_the_software_hangs() -> None:
         hardware = DaqHardware(device.wiring, buffer=60.0, **PATIENT)
         hardware.start(PERIOD)
         hardware.wait(0)
-        hardware.valve.write(1234, opened=False)
-        hardware.motor.write(60000)
-        hardware.send()
+        hardware.write(1234, 60000, opened=False)
         assert until(lambda: device.card.valve == 1234 and not device.card.opened)
-        hardware.valve.vent()
+        hardware.vent()
         assert until(lambda: device.card.valve == 0 and device.card.opened)
         assert device.card.motor == 60000
         hardware.close()
@@ -117,9 +114,7 @@ def test_who_sends_nothing_for_too_long_is_vented_and_told() -> None:
         hardware = DaqHardware(device.wiring, buffer=60.0, patience=10.0, silence=0.1)
         hardware.start(PERIOD)
         hardware.wait(0)
-        hardware.valve.write(1234, opened=False)
-        hardware.motor.write(60000)
-        hardware.send()
+        hardware.write(1234, 60000, opened=False)
         assert until(lambda: (device.card.valve, device.card.motor, device.card.opened) == (0, 32768, True))
         assert until(lambda: hardware.vented)
         for call in (hardware.send, lambda: hardware.wait(1)):
@@ -165,11 +160,10 @@ def test_a_machine_without_motor_encoder_and_shut_off_says_so() -> None:
     wired = dataclasses.replace(clock_wiring(), encoder=None)
     with SimulatedDevice(Clockwork(), wired) as device:
         hardware = DaqHardware(device.wiring, **PATIENT)
-        assert hardware.encoder is None and hardware.motor is None
+        assert not hardware.has_encoder and not hardware.has_motor
         hardware.start(PERIOD)
         for k in range(50):
             hardware.wait(k)
-            assert hardware.analog_in.read() == [k]
-            hardware.valve.write(software([k], 0, k)[0])
-            hardware.send()
+            assert hardware.counts == [k]
+            hardware.write(software([k], 0, k)[0])
         hardware.close()

@@ -48,11 +48,9 @@ def straight(machine: Any, samples: int) -> list[Row]:
 def step(hardware: Any, sample: int) -> tuple[float, Row]:
     """One sample of a loop at the hardware border."""
     late = hardware.wait(sample)
-    counts, encoder = tuple(hardware.analog_in.read()), hardware.encoder.read()
+    counts, encoder = tuple(hardware.counts), hardware.edges
     command = controller(sample, counts, encoder)
-    hardware.valve.write(command[0], opened=command[2])
-    hardware.motor.write(command[1])
-    hardware.send()
+    hardware.write(command[0], command[1], opened=command[2])
     return late, (counts, encoder, command)
 
 

@@ -37,7 +37,7 @@ def lost(hardware: SerialHardware, samples: int = 200, first: int = 0) -> tuple[
             assert str(again.value) == str(error)
             with pytest.raises(LineLostError):
                 hardware.send()
-            hardware.valve.vent()
+            hardware.vent()
             hardware.close()
             return k, error
     raise AssertionError("the line was never lost")
@@ -78,8 +78,8 @@ def test_the_channels_come_in_the_order_asked_for(chosen: Path | None) -> None:
         hardware.start(PERIOD)
         hardware.wait(0)
         first = Tiny().sample()[0]
-        assert hardware.analog_in.names == names
-        assert tuple(hardware.analog_in.read()) == (first[5], first[0])
+        assert hardware.names == names
+        assert tuple(hardware.counts) == (first[5], first[0])
         hardware.close()
 
 
@@ -216,9 +216,7 @@ def test_a_host_that_says_nothing_finds_the_machine_vented(chosen: Path | None) 
             for k in range(200):
                 hardware.wait(k)
                 if k < 5:
-                    hardware.valve.write(100, opened=False)
-                    hardware.motor.write(200)
-                    hardware.send()
+                    hardware.write(100, 200, opened=False)
         one_line(error, device.port, "vented by itself")
         until(lambda: len(machine.history) >= 12)
         held = [k for k, command in enumerate(machine.history) if command == (100, 200, False)]
@@ -238,16 +236,14 @@ def test_a_vent_from_another_thread_takes_effect_within_two_samples(chosen: Path
         def press() -> None:
             pressed.wait()
             at.append(len(machine.history))
-            hardware.valve.vent()
+            hardware.vent()
 
         thread = threading.Thread(target=press)
         thread.start()
         hardware.start(SLOW)
         for k in range(60):
             hardware.wait(k)
-            hardware.valve.write(100 + k, opened=False)
-            hardware.motor.write(k)
-            hardware.send()
+            hardware.write(100 + k, k, opened=False)
             if k == 30:
                 pressed.set()
                 thread.join()
@@ -265,13 +261,12 @@ def test_a_new_run_begins_unvented_and_forgets_the_old_one(chosen: Path | None) 
         hardware = SerialHardware(device.port, watchdog=PATIENT)
         hardware.start(SLOW)
         step(hardware, 0)
-        hardware.valve.vent()
+        hardware.vent()
         time.sleep(5 * SLOW)  # samples of this run that nobody takes
         hardware.start(SLOW)
         for k in range(5):
             hardware.wait(k)
-            hardware.valve.write(77, opened=False)
-            hardware.send()
+            hardware.write(77, opened=False)
         until(lambda: device.microcontroller.board.outputs[::2] == (77, False))
         assert hardware.statistics.samples == 5
         hardware.close()
@@ -299,14 +294,14 @@ def test_another_device_than_the_rig_needs_is_refused(chosen: Path | None, optio
             SerialHardware(device.port, **options)
         one_line(error, device.port, says)
         hardware = SerialHardware(device.port)  # the port is free again
-        assert hardware.encoder is None
-        assert hardware.motor is None
+        assert not hardware.has_encoder
+        assert not hardware.has_motor
         with pytest.raises(InputError) as error:
             hardware.start(1e-5)
         one_line(error, "period", "0.0001 s")
         for value in (-1, 2**32, 1.5, "much"):
             with pytest.raises(InputError):
-                hardware.valve.write(value)
+                hardware.write(value)
         hardware.close()
         with pytest.raises(LineLostError, match="closed"):
             hardware.wait(0)

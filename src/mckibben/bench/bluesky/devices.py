@@ -7,7 +7,7 @@ from typing import Any
 
 from ...experiments.protocol import Protocol
 from ..session import Session
-from ..session.run import SETTLE
+from ..session.continued import SETTLE
 from .flyer import ProtocolFlyer
 from .machine import Machine
 from .set_point import AXES, SetPoint

@@ -52,7 +52,7 @@ class ProtocolFlyer:
     ) -> None:  # fmt: skip
         self.machine, self.declared = machine, declared
         self.logs = None if logs is None else Path(logs)
-        self.bench = machine.session.prepared(protocol, accept_saturation)
+        self.bench = machine.session.prepare(protocol, accept_saturation)
         check(list(self.bench.findings))
         self.name = machine.key(self.bench.protocol.name)
         self.recording: Recording | None = None

@@ -47,7 +47,7 @@ class Machine:
         self.kinds = channels.kinds(self.names)
         self.moves: dict[str, Status] = {}
         self.lock = threading.Lock()
-        about = initial_metadata(session.setup.bench)
+        about = initial_metadata(session.setup.prepared)
         self.about = {"rig": about["rig"], "specimen": about["specimen"] or "", "simulated": self.simulated}
 
     def after(self, time: float) -> dict[str, float]:
@@ -66,7 +66,7 @@ class Machine:
     @property
     def simulated(self) -> bool:
         """Whether it is simulated in this process."""
-        return self.session.setup.ground.machine is not None
+        return self.session.machine.hardware.state() is not None
 
     def key(self, channel: str) -> str:
         """Of a channel, or of something else with a name."""

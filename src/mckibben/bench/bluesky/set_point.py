@@ -9,7 +9,7 @@ from typing import Any, Self
 from ...errors import InputError, MckibbenError, UnreachableError
 from ...experiments.amounts import CHANNELS
 from ...quantities import with_unit
-from ..session.run import CLOSE, LONG, LOOK, NEAR
+from ..session.continued import CLOSE, LONG, LOOK, NEAR
 from .machine import Keys, Machine
 from .signals import Signal
 from .status import Status

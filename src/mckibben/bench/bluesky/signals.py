@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..session.run import LOOK
+from ..session.continued import LOOK
 from .machine import Keys, Machine, Reading
 from .status import Status
 

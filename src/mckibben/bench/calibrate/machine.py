@@ -39,11 +39,11 @@ class HardwareReadings:
         """
         self.period, self._hardware = period, hardware
         self._scales = dict(converters.analog)
-        self._encoder = converters.encoder if hardware.encoder is not None else None
+        self._encoder = converters.encoder if hardware.has_encoder else None
         self._rest = 0 if converters.motor is None else int(converters.motor.count(0.0))
-        missing = [n for n in self._scales if n not in hardware.analog_in.names]
+        missing = [n for n in self._scales if n not in hardware.names]
         if missing:
-            raise InputError("channels", ", ".join(missing), f"the machine has {', '.join(hardware.analog_in.names)}")
+            raise InputError("channels", ", ".join(missing), f"the machine has {', '.join(hardware.names)}")
         self.grids = {
             n: Grid(float(s.low), float(s.top), float(s.resolution), SENSORS[n].unit if n in SENSORS else "1")
             for n, s in self._scales.items()
@@ -59,7 +59,7 @@ class HardwareReadings:
 
     def __enter__(self) -> HardwareReadings:
         self._hardware.start(self.period)
-        self._hardware.valve.vent()
+        self._hardware.vent()
         self._thread.start()
         return self
 
@@ -85,7 +85,7 @@ class HardwareReadings:
             if self._wanted:
                 raise LineLostError(f"machine: {len(self._rows)} of {samples} samples came in time")
             rows = self._rows
-        names = self._hardware.analog_in.names
+        names = self._hardware.names
         counts = np.array([row for row, _ in rows], float).reshape(samples, len(names))
         found = {n: np.asarray(s.value(counts[:, names.index(n)])) for n, s in self._scales.items()}
         if self._encoder is not None:
@@ -99,11 +99,8 @@ class HardwareReadings:
                 request = self._request  # a sample that was taken before somebody asked does not count
                 machine.wait(k)
                 k += 1
-                counts = tuple(int(c) for c in machine.analog_in.read())
-                edges = 0 if machine.encoder is None else int(machine.encoder.read())
-                if machine.motor is not None:
-                    machine.motor.write(self._rest)
-                machine.send()
+                counts, edges = tuple(int(c) for c in machine.counts), machine.edges
+                machine.write(0, self._rest)
                 with self._news:
                     if self._wanted and request == self._request:
                         self._rows.append((counts, edges))

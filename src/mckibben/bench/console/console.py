@@ -17,9 +17,9 @@ from ...quantities import parse, with_unit
 from ...recordings import write
 from ...recordings.recording import Recording
 from ...specimens import Specimen, specimens
+from ..protocol_run import Progress
 from ..rig import Rig
 from ..rig_file import rig_names
-from ..run import Progress
 from ..session import Session
 from .commands import COMMANDS, FORMATS, LISTS, complete, usage, words_of
 from .load import loaded
@@ -151,7 +151,7 @@ class Console:
 
     def _show(self, words: list[str]) -> str:
         _none("show", words)
-        bench = self.session.prepared(self._chosen())
+        bench = self.session.prepare(self._chosen())
         found = [f.sentence for f in bench.findings] or [
             f"At most {bench.plan.duration:.4g} s; nothing speaks against it."
         ]
@@ -160,7 +160,7 @@ class Console:
     def _run(self, words: list[str]) -> str:
         if words:
             self._load(words)
-        bench = self.session.prepared(self._chosen())
+        bench = self.session.prepare(self._chosen())
         check(list(bench.findings))
         self.recording = self.session.run(bench, progress=self.progress, ask=self.ask)
         return _told(self.recording)
@@ -199,7 +199,7 @@ class Console:
         return self.session.setup.rig
 
     def _mounted(self) -> Specimen | None:
-        return self.session.setup.bench.specimen
+        return self.session.setup.prepared.specimen
 
     def _wait(self, words: list[str]) -> str:
         text = _some("wait", words)

@@ -1,11 +1,17 @@
-"""A machine by the words of a person: ``serial:/dev/ttyACM0`` or ``daq``, checked against what the rig says it has."""
+"""Hardware backends by name: ``serial:/dev/ttyACM0``, ``daq``, ``simulated``, and those that other packages bring.
+
+A backend is a function of a `HardwareRequest` that returns an open `interface.Hardware`. A package adds one by an entry
+point of the group `GROUP`, whose name is what stands before the colon; ours are listed here, so that a checkout needs no
+installation.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import importlib.metadata
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 from ...errors import InputError
 from ...extras import library
@@ -14,31 +20,54 @@ from .interface import Hardware
 if TYPE_CHECKING:
     from ..rig import Rig
 
+GROUP = "mckibben.hardware"
 SILENCE = 0.02  # after which a device vents by itself [s]; a program on a shared computer may pause so long
-ALLOWED = "allowed is serial:PORT, such as serial:/dev/ttyACM0, or daq with the table [daq] in the rig's file"
+USAGE = {"serial": "serial:PORT, such as serial:/dev/ttyACM0", "daq": "daq, with the table [daq] in the rig's file"}
+
+
+class HardwareRequest(NamedTuple):
+    """What a backend is asked to open.
+
+    Attributes:
+        place: what stands behind the colon, such as a port; empty without one.
+        rig: whose channels and outputs the machine must have.
+        period: of the samples [s].
+        lock_step: the machine waits for every command, as only a simulated device can.
+        silence: time without a command after which the machine vents by itself [s].
+    """
+
+    place: str
+    rig: Rig
+    period: float
+    lock_step: bool = False
+    silence: float = SILENCE
+
+
+Backend = Callable[[HardwareRequest], Hardware]
 
 
 @contextlib.contextmanager
 def connected(
     words: str | None, rig: Rig, period: float, *, lock_step: bool = False, silence: float = SILENCE
 ) -> Iterator[Hardware | None]:
-    """The machine that the words name, for as long as this lasts; None for none. It is vented and let go at the end.
+    """Open the hardware named by the words; vent and close it on exit. None and ``simulated`` stand for no hardware.
 
     Args:
-        words: ``serial:PORT`` or ``daq``.
+        words: name of a backend, and behind a colon what it opens.
         rig: whose channels and outputs it must have.
         period: of the samples [s].
         lock_step: it waits for every command, as only a simulated device can.
-        silence: time without a command after which a device on a serial line vents by itself [s].
+        silence: time without a command after which the machine vents by itself [s].
 
     Raises:
         InputError: if there is no such machine, or it is not the rig's.
         LineLostError: if it does not answer.
     """
-    if words is None:
+    if words is None or words == "simulated":
         yield None
         return
-    hardware = _made(words, rig, period, lock_step, silence)
+    name, place = _split(words)
+    hardware = _backend(name)(HardwareRequest(place, rig, period, lock_step, silence))
     try:
         yield hardware
     finally:
@@ -46,46 +75,66 @@ def connected(
 
 
 def check_connection(words: str | None) -> None:
-    """Refuse words that name no kind of machine, or one whose library is not installed; asked before any work begins.
+    """Refuse words that name no backend, or one whose library is not installed; asked before any work begins.
 
     Args:
-        words: ``serial:PORT`` or ``daq``; None for no machine.
+        words: as of `connected`.
 
     Raises:
-        InputError: if they name no kind of machine.
-        MissingLibraryError: if the library that talks to it is not installed.
+        InputError: if they name no backend.
+        MissingLibraryError: if the library that talks to the machine is not installed.
     """
-    if words is None:
+    if words is None or words == "simulated":
         return
-    kind, _, place = words.partition(":")
-    if kind == "serial" and place:
+    name, place = _split(words)
+    if name == "serial":
         library("serial", "Machines on a serial port need", where=place)
-    elif kind == "daq" and not place:
+    elif name == "daq":
         library("nidaqmx", "Data acquisition cards need")
-    else:
-        raise InputError("--on", words, ALLOWED)
 
 
-def _made(words: str, rig: Rig, period: float, lock_step: bool, silence: float) -> Hardware:
-    kind, _, place = words.partition(":")
-    converters = rig.converters(0.0)
-    if kind == "serial" and place:
-        from .serial_line import SerialHardware
+def _split(words: str) -> tuple[str, str]:
+    """Name of the backend, and what it opens."""
+    name, colon, place = words.partition(":")
+    others = sorted({e.name for e in importlib.metadata.entry_points(group=GROUP)} - USAGE.keys())
+    well_formed = bool(place) == (name == "serial") if name in USAGE else name in others
+    if not well_formed:
+        known = ", or ".join([*USAGE.values(), *others])
+        raise InputError("--on", words, f"allowed is {known}")
+    return name, place
 
-        return SerialHardware(
-            place, converters.names, bits={n: c.bits for n, c in converters.analog.items()},
-            encoder=converters.encoder is not None, motor=converters.motor is not None, lock_step=lock_step,
-            watchdog=max(3, math.ceil(silence / period)),
-        )  # fmt: skip
-    if kind == "daq" and not place:
-        from .daq import DaqHardware, wiring
 
-        if "daq" not in rig.document:
-            raise InputError("daq", "missing", "the rig's file has to say how the card is wired", where=rig.where)
-        wired = wiring(rig.document["daq"], where=rig.where)
-        for name, converter in converters.analog.items():
-            if name in wired.inputs and wired.inputs[name].bits != converter.bits:
-                allowed = f"allowed is {converter.bits}, as sensors.{name}.converter has"
-                raise InputError(f"daq.inputs.{name}.bits", wired.inputs[name].bits, allowed, where=rig.where)
-        return DaqHardware(wired)
-    raise InputError("--on", words, ALLOWED)
+def _backend(name: str) -> Backend:
+    if name in OURS:
+        return OURS[name]
+    (found,) = [e for e in importlib.metadata.entry_points(group=GROUP) if e.name == name][:1]
+    backend: Backend = found.load()
+    return backend
+
+
+def _open_serial(request: HardwareRequest) -> Hardware:
+    from .serial_line import SerialHardware
+
+    converters = request.rig.converters(0.0)
+    return SerialHardware(
+        request.place, converters.names, bits={n: c.bits for n, c in converters.analog.items()},
+        encoder=converters.encoder is not None, motor=converters.motor is not None, lock_step=request.lock_step,
+        watchdog=max(3, math.ceil(request.silence / request.period)),
+    )  # fmt: skip
+
+
+def _open_daq(request: HardwareRequest) -> Hardware:
+    from .daq import DaqHardware, wiring
+
+    rig = request.rig
+    if "daq" not in rig.document:
+        raise InputError("daq", "missing", "the rig's file has to say how the card is wired", where=rig.where)
+    wired = wiring(rig.document["daq"], where=rig.where)
+    for name, converter in rig.converters(0.0).analog.items():
+        if name in wired.inputs and wired.inputs[name].bits != converter.bits:
+            allowed = f"allowed is {converter.bits}, as sensors.{name}.converter has"
+            raise InputError(f"daq.inputs.{name}.bits", wired.inputs[name].bits, allowed, where=rig.where)
+    return DaqHardware(wired)
+
+
+OURS: dict[str, Backend] = {"serial": _open_serial, "daq": _open_daq}

@@ -1,95 +1,133 @@
-"""The hardware border: what a loop by the wall clock needs of a machine, in whole counts of its converters.
+"""The interface between the sample loop and a machine, in whole counts of its converters.
 
-    wait(k) -> analog_in.read(), encoder.read() -> the software -> valve.write(..), motor.write(..) -> send()
+    wait(k) -> counts, edges -> the software -> write(valve, motor, opened)
 
-Left of the border are counts only: what they stand for is the matter of `Converters`, which is one for every machine. So a
-machine in the same process, one behind a serial line and one behind a data acquisition card give the same run where they
-give the same counts. Nothing here knows units, limits or protocols; a machine only has to vent whenever it is told to, and
-when it is told nothing for too long.
+What counts stand for is the matter of `Converters`, which is one for every machine. So a machine in the same process, one
+behind a serial line and one behind a data acquisition card give the same run where they give the same counts. Nothing here
+knows units, limits or protocols; a machine only has to vent whenever it is told to, and when it is told nothing for long.
 """
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Sequence
-from typing import Protocol
+from operator import index
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from ...errors import InputError
+
+LARGEST = 2**32 - 1  # count that a line carries
 
 
-class AnalogIn(Protocol):
-    """Analogue inputs, all converted at the same sample (each with its own skew)."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The channels in their order."""
-
-    def read(self) -> Sequence[int]:
-        """Counts of the newest sample, in the order of the names."""
+class WaitInterrupted(Exception):  # noqa: N818  # it reports no error: somebody asked the loop to leave
+    """A `Hardware.wait` ended without a sample, since `Hardware.interrupt` was called."""
 
 
-class EncoderIn(Protocol):
-    """A counter of an encoder's edges."""
+class Hardware(abc.ABC):
+    """A machine that is sampled by a clock, simulated or real.
 
-    def read(self) -> int:
-        """Count at the newest sample, with its sign; 0 where it was zeroed."""
+    A backend calls the constructor, keeps `counts` and `edges` up to date in `wait`, and implements the abstract methods.
+    What a machine can do beyond that (`paced`, `statistics`, `look`, `state`) it says itself; the defaults are those of a
+    real machine, of which nobody knows more than it measures.
 
+    Args:
+        names: analogue channels, in the order of their counts.
+        encoder: whether there is an encoder.
+        motor: whether there is an output to a motor.
+        motor_rest: count at which the motor does nothing.
 
-class AnalogLine(Protocol):
-    """An analogue output that holds its count until the next one, such as the motor's."""
+    Attributes:
+        counts: of the analogue channels at the newest sample, in the order of `names`.
+        edges: count of the encoder at the newest sample, with its sign; 0 where it was zeroed, and without an encoder.
+        valve: count written to the valve.
+        motor: count written to the motor.
+        opened: whether the shut-off, where there is one, was asked to be open.
+        venting: whether the machine was told to vent; then no count that is written to the valve takes effect.
+    """
 
-    def write(self, count: int) -> None:
-        """Put a count; it takes effect with `Hardware.send`."""
+    paced = True  # its samples come at times of their own; False: every sample is there when it is asked for
 
+    def __init__(self, names: Sequence[str], *, encoder: bool, motor: bool, motor_rest: int = 0) -> None:
+        self.names, self.has_encoder, self.has_motor = tuple(names), encoder, motor
+        self.counts: Sequence[int] = (0,) * len(self.names)
+        self.edges = 0
+        self.valve, self.motor, self.opened, self.venting = 0, motor_rest, True, False
 
-class Valve(Protocol):
-    """The output to the valve, and to the shut-off where there is one."""
-
-    def write(self, count: int, *, opened: bool = True) -> None:
-        """Put a count, and whether the shut-off is open; they take effect with `Hardware.send`."""
-
-    def vent(self) -> None:
-        """Count zero and an open shut-off at once, and whatever is written later; may be called from another thread."""
-
-
-class Hardware(Protocol):
-    """A machine that is sampled by the clock. `encoder` and `motor` are None where it has none."""
-
-    @property
-    def analog_in(self) -> AnalogIn:
-        """The analogue channels."""
-
-    @property
-    def encoder(self) -> EncoderIn | None:
-        """The encoder, zeroed where the run begins."""
-
-    @property
-    def motor(self) -> AnalogLine | None:
-        """The output to the motor's amplifier."""
-
-    @property
-    def valve(self) -> Valve:
-        """The output to the valve."""
-
+    @abc.abstractmethod
     def start(self, period: float) -> None:
         """Zero the encoder and begin to sample with a period [s]; sample 0 is the next one."""
 
+    @abc.abstractmethod
     def wait(self, sample: int) -> float:
-        """Until a sample is there, counted from 0; how much later than it should it is there [s].
+        """Wait for a sample, counted from 0, and take its counts; return how much later than due it came [s].
 
         Raises:
             LineLostError: if it will not come any more; says why.
+            WaitInterrupted: if `interrupt` was called.
         """
 
-    def send(self) -> None:
-        """Let what was written since the sample take effect.
+    def write(self, valve: int, motor: int | None = None, *, opened: bool = True) -> None:
+        """Put the counts of the outputs, which take effect at once; a motor that is None keeps its count.
 
         Raises:
-            LineLostError: if nobody is there to take it.
+            InputError: if one is no count.
+            LineLostError: if nobody is there to take them.
+        """
+        self.valve, self.opened = _count("valve", valve), bool(opened)
+        if motor is not None and self.has_motor:
+            self.motor = _count("motor", motor)
+        self.send()
+
+    @abc.abstractmethod
+    def send(self) -> None:
+        """Let the counts of the outputs take effect, or while `venting` count 0 and an open shut-off.
+
+        Raises:
+            LineLostError: if nobody is there to take them.
         """
 
+    def vent(self) -> None:
+        """Vent at once, whatever is written later; may be called from any thread."""
+        self.venting = True
+        self._vent_now()
+
+    @abc.abstractmethod
+    def _vent_now(self) -> object:
+        """Tell the machine to vent without waiting for the next sample."""
+
+    @abc.abstractmethod
     def close(self) -> None:
         """Vent, and let go of the machine; may be called twice."""
 
+    def interrupt(self) -> None:
+        """Let a `wait` that may take longer than a sample end in another thread, and every later one until `proceed`."""
+        return
 
-class Machine(Protocol):
+    def proceed(self) -> None:
+        """Let `wait` wait again after `interrupt`."""
+        return
+
+    @property
+    def statistics(self) -> NamedTuple | None:
+        """What the machine counted of its line."""
+        return None
+
+    def look(self) -> np.ndarray | None:
+        """What is true at the newest sample, as a vector for `true_outputs`; None where nobody knows."""
+        return None
+
+    def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, Any]:
+        """True channels of some samples, (n,) each, from what `look` gave at them."""
+        return {}
+
+    def state(self) -> np.ndarray | None:
+        """All of a simulated machine between two samples, as a vector that stays as it is; None of a real one."""
+        return None
+
+
+class CountedMachine(Protocol):
     """What a simulated card or device has around it: a machine that gives and takes counts, sample by sample."""
 
     @property
@@ -101,3 +139,13 @@ class Machine(Protocol):
 
     def advance(self, valve: int, motor: int, opened: bool) -> None:
         """The physics of one period with these counts of the outputs, and whether the shut-off is open."""
+
+
+def _count(field: str, value: int) -> int:
+    try:
+        count = index(value)
+    except TypeError:
+        count = -1
+    if not 0 <= count <= LARGEST:
+        raise InputError(field, value, f"allowed is a count from 0 to {LARGEST}")
+    return count

@@ -1,5 +1,6 @@
-"""A machine that goes on between runs: by hand, through protocols, and seen by whoever looks; `session.Session` is it."""
+"""A machine and its clock in somebody's hands: by hand, through protocols, and seen by whoever looks."""
 
 from .session import Session
+from .status import Message, Status
 
-__all__ = ["Session"]
+__all__ = ["Message", "Session", "Status"]

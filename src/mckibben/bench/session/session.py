@@ -12,49 +12,58 @@ set-points, then by the loop of a run, then by hand again. Its physics and its c
 from __future__ import annotations
 
 import contextlib
+import functools
 import gc
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Generator
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from ...assembly.muscle_unit import MuscleUnit
 from ...engine import STEP
-from ...errors import InputError
+from ...errors import InputError, LineLostError, MckibbenError
 from ...experiments.protocol import Protocol
 from ...quantities import with_unit
 from ...recordings.recording import Recording
 from ...specimens import Specimen
+from .. import channels
+from ..hardware.clock import Clock
 from ..hardware.interface import Hardware
+from ..prepare import PreparedRun, prepare_on_machine
+from ..protocol_run import Display, OwnMachines, Progress, ProtocolRun, Stage, StartedMachine, channels_of
 from ..rig import Rig
-from ..run import Display, Progress, Run
-from ..segment import AFTER_STOP
-from ..software.emergency_stop import EmergencyStop
-from ..software.sequencer import SPAN, VELOCITY
-from .core import Core
-from .record import Recorder
-from .run import OnMachine, SessionRun, prepared
-from .setup import MODES, Setup
-from .status import CLOSED, Message, Status
-
-__all__ = ["Message", "Session", "Status"]
+from ..rig_file import rig as rig_of
+from ..sample_loop import LOOK, SampledMachine, SampleLoop, Setpoints
+from ..segment import AFTER_STOP, Chunk
+from ..software.emergency_stop import EmergencyStop, sentence
+from ..software.interlocks import Trip
+from ..software.manual import ABANDONED
+from ..software.sequencer import SPAN, TENSION, VELOCITY
+from .continued import ContinuedMachine
+from .recording import ManualRecording
+from .setup import MODES, ManualSetup
+from .status import CLOSED, IDLE, LOST, MANUAL, RUNNING, STOPPED, Message, Messages, SampleRing, Status
 
 VENTED = 2e3  # pressure below which nothing is left to vent [Pa]
 LONGEST = 3.0  # time for which the end of a session waits for that [s]
 SEEN = 2.0  # time within which what was asked for shows, by the wall clock [s]
+STEP_OF_TIME = 0.1  # time between two looks at a machine whose time goes only while somebody waits [s]
+QUIET = 0.6  # time after which a machine that rests stands still [s]
 
 
-class Session(Core):
-    """A machine in somebody's hands. All methods may be called from any thread.
+class Session:
+    """A machine and its clock in somebody's hands. All methods may be called from any thread.
 
     Args:
         rig: a rig, its name or file.
         muscle: a specimen, its id or file, or a muscle.
-        hardware: a machine at the border, closed with the session; None: a simulated one in the same process.
+        hardware: a machine, closed with the session; None: a simulated one in the same process.
         unit: what was built from the specimen, where something of it was changed.
-        span: at which it is mounted, in words or [m]; the rest length where left out.
+        span: at which the muscle is mounted, in words or [m]; the rest length where left out.
         plumbing: the way to join the pneumatic parts; the usual one where left out.
         rate: samples per second [1/s].
         speed: of a simulated machine over the wall clock. None: as fast as it goes, and only while somebody waits.
@@ -62,6 +71,12 @@ class Session(Core):
         step: largest step of the physics [s].
         keep: time for which samples are kept for displays [s].
         hold: time for which set-points are held after `control_lost` [s].
+        rests: a simulated machine stands still while nothing is asked of it.
+        by_hand: make the machine ready to be operated by hand; else it is there for runs `anew` only.
+
+    Attributes:
+        button: the emergency stop; another one after every reset.
+        why: what stopped the machine; nothing while it is not stopped.
 
     Raises:
         InputError: names what is unknown, what the rig does not allow, or that the machine does not fit the rig.
@@ -71,18 +86,303 @@ class Session(Core):
         self, rig: Rig | str = "paper", muscle: Specimen | MuscleUnit | str = "nylon", hardware: Hardware | None = None, *,
         unit: MuscleUnit | None = None, span: float | str | None = None, plumbing: str | None = None,
         rate: float | None = None, speed: float | None = 1.0, seed: int = 0, step: float = STEP, keep: float = 30.0,
-        hold: float = 5.0,
+        hold: float = 5.0, rests: bool = False, by_hand: bool = True,
     ) -> None:  # fmt: skip
-        setup = Setup(
-            rig, muscle, hardware, unit=unit, span=span, plumbing=plumbing, rate=rate, speed=speed, seed=seed, step=step,
-            hold=hold,
+        if speed is not None and not speed > 0.0:
+            raise InputError("speed", speed, "allowed is a factor above zero")
+        self.rig = rig if isinstance(rig, Rig) else rig_of(rig)
+        self.button, self.why = EmergencyStop(), ""
+        self._setting_up = functools.partial(
+            ManualSetup, self.rig, span, rate, hold, muscle=muscle, unit=unit, plumbing=plumbing, seed=seed, step=step
+        )
+        self._given, self._keep, self._speed = hardware, keep, speed
+        self._stepped = speed is None and hardware is None
+        self._rests = rests and not self._stepped and hardware is None
+        self._lock, self._acting = threading.RLock(), threading.RLock()
+        self._messages = Messages()
+        self._recording: ManualRecording | None = None
+        self._run: ProtocolRun | None = None
+        self._run_loop: SampleLoop | None = None
+        self._gone = ""  # lost or closed
+        self._alone, self._since_alone = False, 0.0
+        self._first_news = 0  # number of the first sample whose stops are news
+        self._used = False  # whether anything was asked for since it was last vented
+        self._open = False
+        if by_hand:
+            self._make_ready()
+
+    def _make_ready(self) -> None:
+        """Set up the machine and begin to sample it by hand."""
+        self._open = True
+        setup = self.setup = self._setting_up()
+        self.period = setup.timing.period
+        self.clock = Clock(self._speed, grain=0.004 if self._rests else 0.0, halted=self._stepped or self._rests)
+        hardware = setup.simulated(self.clock) if self._given is None else self._given
+        self.machine = SampledMachine(hardware, self.period)
+        self._ring, self._setpoints = SampleRing(max(1, round(self._keep / self.period))), Setpoints()
+        self._loop = SampleLoop(
+            self.machine, setup.converters, setup.software(), outputs=setup.machine.signals(), setpoints=self._setpoints,
+            stop=lambda: self.button(), tell=functools.partial(self.observe, by_hand=True), ended=self._ended_by_hand,
         )  # fmt: skip
-        super().__init__(setup, keep=keep, stepped=speed is None and hardware is None)
+        # what has been made by now stays, so that nobody looks through it again while samples wait
+        gc.collect()
+        gc.freeze()
+        self._loop.start()
+        self.wait(self.period)
+        if not self._stepped:
+            threading.Thread(target=self._tend, name="session", daemon=True).start()
+
+    # ---- samples as they come
+
+    @property
+    def gone(self) -> str:
+        """Whether the machine is lost or closed; nothing while it is there."""
+        return self._gone
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is asked of the machine by hand, or it holds a pressure."""
+        return self._state() == MANUAL or self.latest().get("pressure", 0.0) > VENTED
+
+    @property
+    def speed(self) -> float | None:
+        """Time of a simulated machine over that of the wall; None: as fast as it goes."""
+        return self._speed
+
+    @speed.setter
+    def speed(self, speed: float) -> None:
+        self._speed = speed
+        if not self._alone:
+            self.clock.speed = speed
+
+    def observe(self, chunk: Chunk, *, by_hand: bool = False) -> None:
+        """Take a chunk of samples, whoever had the machine; they come in their order."""
+        seen, numbers = chunk.seen, chunk.numbers
+        arrays, times = channels_of(seen, chunk.size), self.period * numbers
+        with self._lock:
+            self._ring.add(times, arrays)
+            if self._recording is not None:
+                try:
+                    self._recording.take(numbers, chunk.lateness, arrays)
+                except MckibbenError as error:
+                    self._recording = None
+                    self._messages.say(f"nothing is recorded any more: {error}", float(times[-1]), "stop")
+            news = (seen.shown["code"] > 0) & (numbers >= self._first_news)
+            if news.any() and not self.why:
+                self._stopped(chunk, int(np.argmax(news)), times)
+            if by_hand and self._setpoints["pressure"] > 0.0 and (seen.shown["step"] == ABANDONED).any():
+                self._abandon(float(times[-1]))
+
+    def _abandon(self, when: float | None = None) -> None:
+        self._rest()
+        self._say("nobody is in control: vented, and the motor holds", "stop", when)
+
+    def _stopped(self, chunk: Chunk, i: int, times: np.ndarray) -> None:
+        shown, when = chunk.seen.shown, float(times[i])
+        code = int(shown["code"][i])
+        if code == Trip.EMERGENCY_STOP:
+            self.why = sentence(self.button, when)
+        else:
+            at = {n: float(v[i]) for n, v in chunk.seen.measured.items() if not n.endswith(".code")}
+            self.why = self.setup.watch.reason(code, at | {"velocity": float(shown["velocity"][i])}, when)
+        self._rest()
+        self._say(self.why, "stop", when, code=Trip(code).name.lower())
+
+    def _collect(self) -> None:
+        """Take what the manual loop has seen; never before what a run saw earlier."""
+        with self._lock:
+            run_loop = self._run_loop
+            if self._open and not (run_loop is not None and run_loop.pending) and self._loop.kept:
+                self._loop.chunk()
+
+    def _tend(self) -> None:
+        quiet = 0.0
+        while self._gone != CLOSED:
+            self._collect()
+            if self._rests and not self.clock.halted and self._loop.alive:
+                quiet = 0.0 if self.busy else quiet + LOOK
+                if quiet > QUIET:
+                    self.clock.halt()
+                    quiet = 0.0
+                late = self._alone and time.monotonic() - self._since_alone > float(self.setup.manual.hold)
+                if late and self._setpoints["pressure"] > 0.0:
+                    self._abandon()  # a busy computer lets the machine's own time go slower
+            time.sleep(LOOK)
+
+    # ---- the machine from loop to loop
+
+    def lend(self, run_loop: SampleLoop) -> SampleLoop:
+        """Between two samples the manual loop ends, for that of a run to go on.
+
+        Raises:
+            LineLostError: if the machine is not there any more.
+        """
+        loop = self._loop.leave()
+        with self._lock:
+            loop.chunk()
+            self._run_loop = run_loop
+        if self._gone:
+            raise LineLostError(self.why or self._gone)
+        if self._stepped:
+            self.clock.halt(False)
+        return loop
+
+    def resume(self, loop: SampleLoop) -> None:
+        """After the last sample of a run: by hand again, at its last set-points, or vented where it stopped."""
+        if self._stepped:
+            self.clock.halt()
+        error = loop.lost or loop.failed
+        if error is not None:
+            self._lose(error)
+            return
+        mode, value = loop.motor
+        held = (TENSION, value) if mode == TENSION else (SPAN, np.nan)
+        self._setpoints.change(
+            pressure=loop.number("command.pressure"), open=float(loop.opened), mode=held[0], motor=held[1], alone=0.0
+        )
+        self._used = True
+        if loop.halted:
+            self._rest()
+        self._loop.start(after=loop)
+
+    def _ended_by_hand(self, loop: SampleLoop) -> None:
+        error = loop.lost or loop.failed
+        if error is not None:
+            self._lose(error)
+
+    def _lose(self, error: BaseException) -> None:
+        """The machine is lost; called by the loop that had it."""
+        with self._lock:
+            if self._gone:
+                return
+            self._gone, self.why = LOST, str(error) or type(error).__name__
+            self._say(self.why, "stop")
+        self.clock.interrupt()
+
+    def _rest(self) -> None:
+        """Ask for nothing: vented, and the motor stays where it is."""
+        self._setpoints.change(pressure=0.0, open=1.0, mode=SPAN, motor=np.nan, alone=0.0)
+        self._used = False
+
+    def _wake(self) -> None:
+        """Let a machine go on that stands still while nothing is asked of it."""
+        if self._rests and self.clock.halted:
+            self.clock.halt(False)
+
+    def _between(self, act: Callable[[int], None]) -> None:
+        """Do something between two samples; it is told the number of the next one."""
+        machine, done = self.machine, threading.Event()
+        if self.gone or (self.clock.halted and self._loop.alive):
+            act(machine.number)
+            return
+
+        def acted(number: int) -> None:
+            act(number)
+            done.set()
+
+        machine.mark = acted
+        while not (done.wait(LOOK) or self.gone):
+            pass
+        if not done.is_set():
+            act(machine.number)
+
+    # ---- what it is
+
+    def wait(self, seconds: float) -> None:
+        """Let a time of the machine go by [s]; ends where it is stopped or lost meanwhile."""
+        machine, before = self.machine, self.why
+        until, step = machine.number + max(1, round(seconds / self.period)), max(1, round(STEP_OF_TIME / self.period))
+        while machine.number < until and self.why == before and not self._gone:
+            if self._stepped and self._loop.alive:
+                self.clock.advance(self.clock.count + min(until - machine.number, step))
+            else:
+                self._wake()
+                time.sleep(LOOK / 4.0)
+            self._collect()
+
+    def _until(self, true: Callable[[], bool], longest: float) -> None:
+        """Wait for something by the wall clock, for a time at most [s]."""
+        end = time.monotonic() + longest
+        self._collect()
+        while not true() and time.monotonic() < end:
+            time.sleep(LOOK / 4.0)
+            self._collect()
+
+    def latest(self) -> dict[str, float]:
+        """The newest sample: ``time`` of the session [s] and every channel [SI]."""
+        self._collect()
+        with self._lock:
+            return self._ring.latest()
+
+    def since(self, time: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The samples after a time [s], of those that are kept for displays: times (n,) and channels (n,)."""
+        self._collect()
+        with self._lock:
+            return self._ring.since(time)
+
+    def messages(self, after: int = 0) -> list[Message]:
+        """What happened, later than the message of a number."""
+        self._collect()
+        return self._messages.after(after)
+
+    def note(self, text: str, kind: str = "note") -> None:
+        """Say something at the time of the newest sample; a recording keeps it too."""
+        with self._lock:
+            self._say(text, kind)
+
+    def _say(self, text: str, kind: str = "note", time: float | None = None, **more: Any) -> None:
+        when = self._now if time is None else time
+        self._messages.say(text, when, kind)
+        self._remark(text, when, **more)
+
+    @property
+    def _now(self) -> float:
+        return self.machine.number * self.period if self._open else 0.0
+
+    def _remark(self, text: str, time: float | None = None, **more: Any) -> None:
+        """What a recording keeps beside the samples."""
+        with self._lock:
+            if self._recording is not None:
+                self._recording.remark(text, self._now if time is None else time, **more)
+
+    def status(self) -> Status:
+        """How the machine is at its newest sample."""
+        at, run, recording = self.latest(), self._run, self._recording
+        asked = {n.removeprefix("command."): v for n, v in at.items() if n.startswith("command.") and np.isfinite(v)}
+        kept = () if self.why else ("pressure",) if self.rig.motor is None else tuple(asked)
+        asked = {n: v for n, v in asked.items() if n in kept}
+        running = None if run is None else (run.prepared.protocol.name, run.time, run.prepared.plan.duration)
+        return Status(
+            state=self._state(), why=self.why, time=at.get("time", 0.0),
+            measured={n: at[n] for n in channels.MEASURED if n in at}, set_points=asked,
+            deadlines=self._loop.deadlines(), protocol=running, recorded=None if recording is None else recording.time,
+        )  # fmt: skip
+
+    def _state(self) -> str:
+        if self._gone:
+            return self._gone
+        if self._run is not None:
+            return RUNNING
+        return STOPPED if self.why else MANUAL if self._used else IDLE
+
+    def _alive(self, what: str, value: str = "refused") -> None:
+        if self._gone:
+            raise InputError(what, value, f"the machine is {self._gone}{': ' if self.why else ''}{self.why}")
+
+    def _free(self, what: str, value: str = "refused") -> None:
+        """Refuse what would be done to a machine that is not in manual mode."""
+        self._alive(what, value)
+        if self._run is not None:
+            raise InputError(what, value, f"{self._run.prepared.protocol.name} is running and sets it; stop it first")
+        if self.why:
+            raise InputError(what, value, f"the machine is stopped ({self.why}); reset it first")
+
+    # ---- by hand
 
     def set(self, **wanted: float | str) -> None:
         """Ask for a ``pressure``, and for one of ``span``, ``velocity`` and ``tension``, in words or SI.
 
-        The set-points go there no faster than `Setup.manual` allows.
+        The set-points go there no faster than `ManualSetup.manual` allows.
 
         Raises:
             InputError: if the rig does not allow it, or the machine is not in manual mode.
@@ -92,7 +392,7 @@ class Session(Core):
             self.ask_for(**wanted)
 
     def ask_for(self, **wanted: float | str) -> None:
-        """The same without asking who has the machine."""
+        """Ask for set-points, whoever has the machine."""
         for name in wanted:
             if name not in ("pressure", *MODES):
                 raise InputError("set-point", name, f"known are pressure, {', '.join(MODES)}")
@@ -101,28 +401,31 @@ class Session(Core):
             raise InputError(
                 motors[1], str(wanted[motors[1]]), f"the motor controls one thing, and that is {motors[0]}"
             )
-        given = {name: self.setup.amount(name, value) for name, value in wanted.items()}
-        change = {"alone": 0.0} | ({"pressure": given["pressure"]} if "pressure" in given else {})
+        amounts = {name: self.setup.amount(name, value) for name, value in wanted.items()}
+        self._alone = False
+        change = {"alone": 0.0} | ({"pressure": amounts["pressure"]} if "pressure" in amounts else {})
         if motors:
-            change |= {"mode": float(MODES[motors[0]]), "motor": given[motors[0]]}
-        self._wishes.change(**change)
+            change |= {"mode": float(MODES[motors[0]]), "motor": amounts[motors[0]]}
+        self._setpoints.change(**change)
         self._used = True
         units = {"pressure": "Pa", "span": "m", "velocity": "m/s", "tension": "N"}
-        self._remark(", ".join(f"{n} {with_unit(v, units[n])}" for n, v in given.items()))
+        self._remark(", ".join(f"{n} {with_unit(v, units[n])}" for n, v in amounts.items()))
+        self._wake()
 
     def vent(self) -> None:
         """Let the pressure down at the manual rate; a velocity ends, a span or tension is held."""
         with self._acting:
             self._free("vent")
-            ends = {"mode": float(SPAN), "motor": np.nan} if self._wishes["mode"] == VELOCITY else {}
-            self._wishes.change(pressure=0.0, open=1.0, **ends)
+            ends = {"mode": float(SPAN), "motor": np.nan} if self._setpoints["mode"] == VELOCITY else {}
+            self._setpoints.change(pressure=0.0, open=1.0, **ends)
             self._used = False
             self._remark("vent")
 
     def emergency_stop(self, reason: str = "the button was pressed") -> None:
         """At the next sample the valve vents and the motor only brakes, whatever goes on; until `reset`."""
         self.button.press(reason)
-        if self._gate is not None and self._run is None and not self.why:
+        self._wake()
+        if self._stepped and self._run is None and not self.why:
             self.wait(self.period)
             self.wait(AFTER_STOP)
         self._until(lambda: bool(self.why or self._gone), SEEN)
@@ -140,33 +443,82 @@ class Session(Core):
                 self._rest()
                 self.button, self.why = EmergencyStop(), ""
                 self._loop.renew()
-                self._from = self.setup.ground.number + 1
+                self._first_news = self.machine.number + 1
             self.note("reset")
             self.wait(2.0 * self.period)
 
-    def run(
-        self, protocol: Protocol | str | OnMachine, *, log: str | Path | None = None, progress: Progress | None = None,
-        display: Display | None = None, ask: Callable[[str], None] | None = None, accept_saturation: bool = False,
-        begun: Callable[[Run], None] | None = None,
-    ) -> Recording:  # fmt: skip
-        """Do a protocol and come back to manual mode, holding the last set-points.
+    def control_lost(self) -> None:
+        """The client in control disconnected: after `hold` the machine vents, until something is asked again."""
+        self._alone, self._since_alone = True, time.monotonic()
+        if self._rests:
+            self.clock.speed = 1.0  # the time after which it vents is that of whoever stands beside it
+        self._setpoints.change(alone=1.0)
 
-        The machine first goes by hand to where the protocol begins; then `begun` is told the run, for what it is doing.
-        Other arguments, recording and errors are those of `run.run`.
+    def control_back(self) -> None:
+        """Somebody is in control; what was asked for holds, unless it has vented by now."""
+        self._alone = False
+        if self._rests:
+            self.clock.speed = self._speed
+        self._collect()
+        self._setpoints.change(alone=0.0)
+
+    # ---- protocols
+
+    def prepare(self, protocol: Protocol | str, accept_saturation: bool = False) -> PreparedRun:
+        """Make the dry run of a protocol on this machine, from where it begins; nothing moves."""
+        return prepare_on_machine(protocol, self.setup.rate, accept_saturation=accept_saturation, **self.setup.options)
+
+    def run(
+        self, protocol: Protocol | str | PreparedRun, *, anew: bool = False, clock: Clock | None = None,
+        stop: Callable[[], bool] | None = None, log: str | Path | None = None, progress: Progress | None = None,
+        display: Display | None = None, ask: Callable[[str], None] | None = None, accept_saturation: bool = False,
+        begun: Callable[[ProtocolRun], None] | None = None,
+    ) -> Recording:  # fmt: skip
+        """Run a protocol, and come back to manual mode, holding the last set-points.
+
+        The machine first goes by hand to where the protocol begins. The recording and other errors are those of `run.run`.
+
+        Args:
+            protocol: itself, its name, or what `prepare` made of it.
+            anew: begin on a machine that was set up for this run instead: a simulated one is made anew, with a muscle at
+                rest where the protocol begins, a real one is started, its encoder zeroed where somebody mounted the muscle.
+                What is operated by hand stands still meanwhile.
+            clock: of the time of a simulated machine that is made anew; None: as fast as it goes, whole chunks at once.
+            stop: asked whether to end the run; else the session's button.
+            log: a new ``.mcap`` file, see `run.run`.
+            progress: told how far it is [s], and the longest time [s].
+            display: shown every chunk.
+            ask: told what a person has to do; returns when it is done.
+            accept_saturation: go on where only the load cell's range would be exceeded.
+            begun: told the run when the machine is where it begins.
 
         Raises:
             InputError: a finding of the dry run, after which nothing moves; or the machine is not in manual mode.
         """
         with self._acting:
-            self._free("run")
-            bench = self.prepared(protocol, accept_saturation) if not isinstance(protocol, OnMachine) else protocol
-            doing = SessionRun(self, bench, ask)
-            name, self._run = bench.protocol.name, doing
+            if anew:
+                self._alive("run")
+            else:
+                self._free("run")
+            prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
+            stage: Stage
+            if not anew:
+                stage = ContinuedMachine(self, prepared, ask is not None)
+            else:
+                stage = OwnMachines(clock) if self._given is None else StartedMachine(self._given)
+            run = ProtocolRun(
+                prepared, stage, progress=progress, display=display, ask=ask, log=log, begun=begun,
+                stop=stop if stop is not None or anew else self.button,
+            )  # fmt: skip
+            if anew:
+                with self._set_aside():
+                    return run.play()
+            name, self._run = prepared.protocol.name, run
             self.note(f"run {name}")
             try:
-                record = doing.go(log, progress, display, begun)
+                record = run.play()
             finally:
-                self._run = None
+                self._run = self._run_loop = None
                 self._collect()
             said, done = str(record.meta["message"]), record.meta["result"] == "done"
             with self._lock:
@@ -175,51 +527,59 @@ class Session(Core):
                 self.why = self.why or ("" if done else said)
             return record
 
-    def prepared(self, protocol: Protocol | str, accept_saturation: bool = False) -> OnMachine:
-        """A protocol on this machine with the findings of the dry run, from where it begins."""
-        return prepared(protocol, self.setup.rate, accept_saturation=accept_saturation, **self.setup.options)
+    @contextlib.contextmanager
+    def _set_aside(self) -> Generator[None, None, None]:
+        """Vent what is operated by hand, and let it stand still."""
+        if not self._open:
+            yield
+            return
+        if not self.why:
+            self.vent()
+        self._loop.leave()
+        self._collect()
+        try:
+            yield
+        finally:
+            if not self._gone:
+                self.clock.halt(self._rests or self._stepped)
+                self._loop.start()
+
+    # ---- recordings by hand
 
     def start_recording(self, log: str | Path | None = None) -> None:
         """Keep every sample from the next one on, runs included, and with `log` also in a new ``.mcap`` file."""
         with self._acting:
-            if self._record is not None:
+            if self._recording is not None:
                 raise InputError("record", "on", "it is recording already; allowed is off")
             self._alive("record")
-            recorder = Recorder(self.setup.bench, self.setup.timing, self.setup.ground, log)
-            self._record = recorder
-            self._between(recorder.begin)
+            recording = ManualRecording(self.setup.prepared, self.setup.timing, self.machine, log)
+            self._recording = recording
+            self._between(recording.begin)
 
     def stop_recording(self) -> Recording:
-        """What was recorded.
+        """End the recording, and return what was recorded.
 
         Raises:
             InputError: if nothing was.
         """
         with self._acting:
-            recorder = self._record
-            if recorder is None:
+            recording = self._recording
+            if recording is None:
                 raise InputError("record", "off", "nothing is being recorded; allowed is on")
-            self._between(recorder.end)
-            self._until(recorder.complete, SEEN)
-            self._record = None
-            closed = self.setup.closed if self.setup.ground.machine is not None else None
-            return recorder.close(self.setup.machine, closed, "The recording was ended by hand.")
+            self._between(recording.end)
+            self._until(recording.complete, SEEN)
+            self._recording = None
+            return recording.close(self.setup.machine, self.setup.closed, "The recording was ended by hand.")
 
-    def control_lost(self) -> None:
-        """Whoever was in control is not there any more: after `hold` the machine vents, until something is asked again."""
-        self._wishes.change(alone=1.0)
-
-    def control_back(self) -> None:
-        """Somebody is in control; what was asked for holds, unless it has vented by now."""
-        self._collect()
-        self._wishes.change(alone=0.0)
+    # ---- its end
 
     def close(self) -> None:
         """Stop what runs, vent, and let go of the machine; may be called twice."""
         if self._run is not None:
             self.button.press("the session was closed")
         with self._acting:
-            if self._gone == CLOSED:
+            if self._gone == CLOSED or not self._open:
+                self._gone = CLOSED
                 return
             if not self._gone:
                 self._rest()
@@ -227,12 +587,12 @@ class Session(Core):
                 while not self._gone and self.latest().get("pressure", 0.0) > VENTED and left > 0.0:
                     self.wait(0.1)
                     left -= 0.1
-            if self._record is not None:
+            if self._recording is not None:
                 with contextlib.suppress(InputError):
                     self.stop_recording()
             self._loop.leave()
             self._collect()
-            self.setup.ground.hardware.close()
+            self.machine.hardware.close()
             self._gone = CLOSED
             gc.unfreeze()
 
@@ -243,7 +603,7 @@ class Session(Core):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """It vents, whatever happened; at once where that was no good."""
+        """Vent, whatever happened; at once where that was no good."""
         if kind is not None:
             self.button.press(f"the session ended with {kind.__name__}")
         self.close()

@@ -1,108 +1,103 @@
-"""What a session needs before anything moves: the machine, its manual software, and what may be asked of it by hand."""
+"""Manual operation of a machine before anything moves: what it is, its software, and what may be asked of it by hand."""
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import jax.numpy as jnp
 
 from ...assembly.accounts import Accounts
-from ...assembly.build import unit_from_specimen
-from ...assembly.muscle_unit import MuscleUnit
 from ...errors import InputError
 from ...experiments.amounts import CHANNELS, read_amount
 from ...experiments.dry_run import check
+from ...experiments.protocol import Protocol
 from ...experiments.read import build_protocol
 from ...quantities import with_unit
-from ...specimens import Specimen, specimen
-from ..hardware.interface import Hardware
-from ..hardware.ongoing import AtSpeed, Ground, Ongoing
+from ..hardware.clock import Clock
+from ..hardware.simulated import SimulatedHardware
+from ..prepare import PreparedRun, prepare_on_machine
 from ..rig import Rig
-from ..rig_file import rig as rig_of
 from ..segment import SegmentMachine, software_of, timing_of
 from ..software.loop import BenchSoftware
 from ..software.manual import Manual
 from ..software.sequencer import SPAN, TENSION, VELOCITY
-from .run import OnMachine, prepared
 
 RATE = 1000.0  # samples per second, where the computer can [1/s]
 MODES = {"span": SPAN, "velocity": VELOCITY, "tension": TENSION}
 
 
-class Setup:
-    """A rig with a muscle, ready to be operated.
+def session_rate(rig: Rig) -> float:
+    """Samples per second of a session on a rig that is not told another rate [1/s]."""
+    return min(max(RATE, float(rig.computer.lowest_rate)), float(rig.computer.highest_rate))
+
+
+def prepare_for_session(protocol: Protocol, rig: Rig, **options: Any) -> PreparedRun:
+    """Make the dry run of a protocol for a session on a rig that is not there yet, as `Session.prepare` will.
 
     Args:
-        rig: itself, its name or file.
-        muscle: a specimen, its id or file, or a muscle.
-        hardware: a machine at the border; None: a simulated one.
-        unit: what was built from the specimen, where something of it was changed.
-        span: at which it is mounted, in words or [m]; the rest length where left out.
-        plumbing: the way to join the pneumatic parts.
+        protocol: what is to be done.
+        rig: whose machine the session will have.
+        **options: of `prepare`: muscle, unit.
+
+    Raises:
+        InputError: names what cannot be read.
+    """
+    manual = build_protocol(_manual_operation("1 L0", session_rate(rig)), where="session")
+    return prepare_on_machine(protocol, session_rate(rig), rig=rig, plumbing=rig.layout(manual), **options)
+
+
+class ManualSetup:
+    """A rig with a muscle, ready to be operated by hand.
+
+    Args:
+        rig: the rig.
+        span: at which the muscle is mounted, in words or [m]; the rest length where left out.
         rate: samples per second [1/s].
-        speed: of a simulated machine over the wall clock; None: it goes only while somebody waits.
-        seed: of the sensors' noise.
-        step: largest step of the physics [s].
         hold: time for which set-points are held without a hand [s].
+        **options: of `prepare`: muscle, unit, plumbing, seed, step.
 
     Raises:
         InputError: names what is unknown, or that the machine may not even stand there.
     """
 
-    def __init__(
-        self, rig: Rig | str | os.PathLike[str], muscle: Specimen | MuscleUnit | str, hardware: Hardware | None, *,
-        unit: MuscleUnit | None, span: float | str | None, plumbing: str | None, rate: float | None,
-        speed: float | None, seed: int, step: float, hold: float,
-    ) -> None:  # fmt: skip
-        self.rig = rig if isinstance(rig, Rig) else rig_of(rig)
-        spec = muscle if isinstance(muscle, MuscleUnit | Specimen) else specimen(muscle)
-        if isinstance(spec, Specimen) and unit is None:
-            unit = unit_from_specimen(spec)
-        computer = self.rig.computer
-        self.rate = min(max(RATE, float(computer.lowest_rate)), float(computer.highest_rate)) if rate is None else rate
-        if speed is not None and not speed > 0.0:
-            raise InputError("speed", speed, "allowed is a factor above zero")
-        self.options: dict[str, Any] = {
-            "muscle": spec, "unit": unit, "rig": self.rig, "seed": seed, "step": step, "plumbing": plumbing,
-        }  # fmt: skip
+    def __init__(self, rig: Rig, span: float | str | None, rate: float | None, hold: float, **options: Any) -> None:
+        self.rig, self.rate = rig, session_rate(rig) if rate is None else rate
         place = "1 L0" if span is None else span if isinstance(span, str) else f"{span!r} m"
-        operation = build_protocol(_by_hand(place, self.rate), where="session")
-        self.bench: OnMachine = prepared(operation, self.rate, **self.options)
-        check(list(self.bench.findings), where="session")
-        self.options["plumbing"] = self.bench.layout
-        self.timing, (self.part,) = timing_of(self.bench), tuple(self.bench.segments())
-        self.limits = self.rig.limits(self.bench.layout)
+        operation = build_protocol(_manual_operation(place, self.rate), where="session")
+        self.prepared: PreparedRun = prepare_on_machine(operation, self.rate, rig=rig, **options)
+        check(list(self.prepared.findings), where="session")
+        self.options = {**options, "rig": rig, "plumbing": self.prepared.layout}  # of every run on this machine
+        self.timing, (self.segment,) = timing_of(self.prepared), tuple(self.prepared.segments())
+        self.limits = rig.limits(self.prepared.layout)
         self.manual = Manual.of(self.limits, hold=hold)
-        self.watch = self.rig.watch(self.bench.layout)
-        self.converters = self.rig.converters(self.part.start_span)
-        part = self.part
-        self.machine = self.rig.machine(part.layout, self.bench.unit, start=part.start_span, moves=part.moves)
-        self._own = SegmentMachine(self.bench, 0, part, self.timing) if hardware is None else None
-        self.ground = Ground(hardware or self._simulated(speed), self.timing.period)
+        self.watch = rig.watch(self.prepared.layout)
+        self.converters = rig.converters(self.segment.start_span)
+        self.machine = rig.machine(
+            self.segment.layout, self.prepared.unit, start=self.segment.start_span, moves=self.segment.moves
+        )
+        self._own: SegmentMachine | None = None
+        self._simulated: SimulatedHardware | None = None
 
-    def _simulated(self, speed: float | None) -> AtSpeed:
-        own, timing = self._own, self.timing
-        assert own is not None
-        machine = Ongoing(
-            own.plant, own.rested, own.rows, period=timing.period, inner=timing.inner, latency=timing.latency
-        )  # fmt: skip
-        return AtSpeed(machine, speed)
+    def simulated(self, clock: Clock | None) -> SimulatedHardware:
+        """Set up the simulated machine, vented where the muscle is mounted."""
+        self._own = SegmentMachine(self.prepared, 0, self.segment, self.timing)
+        self._simulated = SimulatedHardware(self._own.at_interface(), clock)
+        return self._simulated
 
     def software(self) -> BenchSoftware:
-        """That of manual operation; it begins vented, where the machine is."""
-        found = software_of(self.bench, self.part, self.timing)
-        return found.replace(sequencer=self.manual, start_motor=jnp.asarray(jnp.nan))
+        """Build the software of manual operation; it begins vented, where the machine is."""
+        software = software_of(self.prepared, self.segment, self.timing)
+        return software.replace(sequencer=self.manual, start_motor=jnp.asarray(jnp.nan))
 
     def amount(self, name: str, value: float | str) -> float:
-        """What is asked for by hand, in words or SI, within what the rig allows [SI].
+        """Read what is asked for by hand, in words or SI, within what the rig allows [SI].
 
         Raises:
             InputError: names what is allowed.
         """
         unit = CHANNELS[name]
         si = (
-            read_amount(value, unit, field=name).si(self.bench.plan.rest_length)
+            read_amount(value, unit, field=name).si(self.prepared.plan.rest_length)
             if isinstance(value, str)
             else float(value)
         )
@@ -125,14 +120,15 @@ class Setup:
             return -speed, speed
         return 0.0, min(limits.tension, limits.motor_force, float(self.watch.most_tension))
 
-    def closed(self, begin: Any, end: Any) -> Accounts:
-        """The accounts of a simulated machine between two of its states, as `ongoing.Ongoing.state` gives them."""
-        machine = self.ground.machine
-        assert machine is not None and self._own is not None
-        return self._own.closed(machine.carry_of(end), machine.carry_of(begin))
+    def closed(self, begin: Any, end: Any) -> Accounts | None:
+        """Close the accounts of a simulated machine between two of its states; None of a real one."""
+        if self._own is None or self._simulated is None or begin is None or end is None:
+            return None
+        machine = self._simulated.machine
+        return self._own.closed(machine.carry(end), machine.carry(begin))
 
 
-def _by_hand(span: str, rate: float) -> dict[str, Any]:
+def _manual_operation(span: str, rate: float) -> dict[str, Any]:
     """The protocol that a recording by hand tells of: where it began, vented."""
     return {
         "schema": 1, "name": "manual", "title": "Manual operation", "sample_rate": f"{rate!r} Hz",

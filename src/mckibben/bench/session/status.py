@@ -1,4 +1,4 @@
-"""What a session says of itself: its state, its values and what happened, each with its time."""
+"""What a session says of itself: its state, its newest samples and what happened, each with its time."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ...experiments.waveforms import time_words
 from ...quantities import with_unit
 from .. import channels
+from ..sample_loop import Lateness
 from ..sensors import SENSORS
-from ..wall_clock import Lateness
 
 IDLE, MANUAL, RUNNING, STOPPED, LOST, CLOSED = "idle", "manual", "running", "stopped", "lost", "closed"
 REMEMBERED = 2000  # messages
@@ -49,6 +51,49 @@ class Messages:
     def after(self, number: int) -> list[Message]:
         """All later than the one of a number, in their order."""
         return [m for m in list(self._kept) if m.number > number]
+
+
+class SampleRing:
+    """The newest samples of a session, of which displays take what they have not shown yet; used under its owner's lock.
+
+    Args:
+        size: samples.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.size, self.count = size, 0
+        self._times = np.zeros(size)
+        self._arrays: dict[str, np.ndarray] = {}
+
+    def add(self, times: np.ndarray, arrays: Mapping[str, Any]) -> None:
+        """The next samples (n,); a channel that is missing is NaN there."""
+        n = len(times)
+        if n > self.size:
+            self.add(times[: n - self.size], {k: v[: n - self.size] for k, v in arrays.items()})
+            times, arrays, n = times[-self.size :], {k: v[-self.size :] for k, v in arrays.items()}, self.size
+        for name in arrays:
+            if name not in self._arrays:
+                self._arrays[name] = np.full(self.size, np.nan)
+        first = self.count % self.size
+        cut = min(n, self.size - first)
+        for row, values in [(self._times, times), *((a, arrays.get(k)) for k, a in self._arrays.items())]:
+            column = np.full(n, np.nan) if values is None else values
+            row[first : first + cut], row[: n - cut] = column[:cut], column[cut:]
+        self.count += n
+
+    def latest(self) -> dict[str, float]:
+        """The newest sample: ``time`` [s] and every channel [its unit]; empty before the first."""
+        if not self.count:
+            return {}
+        at = (self.count - 1) % self.size
+        return {"time": float(self._times[at]), **{name: float(a[at]) for name, a in self._arrays.items()}}
+
+    def since(self, time: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Samples after a time [s], of those that are still there: times (n,) and channels (n,)."""
+        kept = min(self.count, self.size)
+        order = (self.count - kept + np.arange(kept)) % self.size
+        order = order[np.searchsorted(self._times[order], time, side="right") :]
+        return self._times[order], {name: a[order] for name, a in self._arrays.items()}
 
 
 @dataclass(frozen=True)

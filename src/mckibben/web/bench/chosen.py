@@ -10,10 +10,10 @@ from typing import Any
 
 from ...assembly.build import unit_from_specimen
 from ...bench.prepare import PreparedRun
+from ...bench.protocol_run import compile_run
 from ...bench.rig import Rig
 from ...bench.rig_file import rig as rig_of
 from ...bench.rig_file import rig_names
-from ...bench.run import compile_run
 from ...documents import write_text
 from ...errors import InputError, MckibbenError
 from ...experiments.dry_run import Limits, check_lengths
@@ -24,7 +24,7 @@ from ...specimens import Specimen
 from ..shelf import Shelf
 from . import drawing
 from .columns import factors
-from .dry import Dry, dry_run, laws
+from .dry import DryRun, dry_run, laws
 from .faces import changed, faces
 
 FIRST = "work-loop"  # protocol with which a bench begins
@@ -32,7 +32,7 @@ LONGEST = 100_000  # characters of a protocol's text
 MARGIN = 0.08  # of the rest length, beside the lengths that a muscle reaches
 
 
-class Chosen:
+class BenchSelection:
     """The choice of one bench.
 
     Args:
@@ -56,9 +56,9 @@ class Chosen:
         self.spec = self._muscle(muscle)
         self.rig = self._first = rig_of(rig) if isinstance(rig, str) else rig
         self.protocol: Protocol = shipped(FIRST)
-        self.dry: Dry | None = None
+        self.dry: DryRun | None = None
         self.parts: dict[str, Any] = {}
-        self.told: Callable[[Dry], None] = lambda dry: None
+        self.told: Callable[[DryRun], None] = lambda dry: None
 
     def begin(self) -> None:
         """Make the first dry run."""
@@ -149,9 +149,9 @@ class Chosen:
         dry = self.dry
         if dry is None:
             raise InputError("start", "refused", "the dry run is not done yet")
-        if dry.bench is None or not dry.passed:
+        if dry.prepared is None or not dry.passed:
             raise InputError("start", "refused", dry.plain["findings"][0]["sentence"])
-        return dry.bench
+        return dry.prepared
 
     def again(self) -> str:
         """The dry run once more."""
@@ -185,21 +185,11 @@ class Chosen:
                 found = self._laws(unit)
                 with self._lock:  # what was chosen meanwhile stays
                     self.parts = {**self.parts, "laws": found}
-            dry = dry_run(self.protocol, self.spec, unit, self.rig)
+            dry = dry_run(self.protocol, self.spec, unit, self.rig, on_machine=bool(self.machine))
         except MckibbenError as error:
-            one = {"sentence": str(error), "path": "", "field": ""}
-            dry = Dry(
-                None, {"passed": False, "findings": [one], "limits": [], "cure": None, "curves": {}, "duration": 0.0}
-            )
+            dry = DryRun.refused(str(error))
         except Exception as error:  # a page has to hear of it, and the next change gets another try
-            one = {
-                "sentence": f"the dry run failed: {type(error).__name__}: {str(error)[:200]}",
-                "path": "",
-                "field": "",
-            }
-            dry = Dry(
-                None, {"passed": False, "findings": [one], "limits": [], "cure": None, "curves": {}, "duration": 0.0}
-            )
+            dry = DryRun.refused(f"the dry run failed: {type(error).__name__}: {str(error)[:200]}")
         with self._lock:
             if number != self._number:
                 return
@@ -207,8 +197,8 @@ class Chosen:
             self.parts = {**self.parts, "dry": dry.plain}
         self.told(dry)
         self._news()
-        if dry.bench is not None and dry.passed and not self.machine:
-            self._warming.submit(self._warm, number, dry.bench)
+        if dry.prepared is not None and dry.passed and not self.machine:
+            self._warming.submit(self._warm, number, dry.prepared)
 
     def _warm(self, number: int, bench: PreparedRun) -> None:
         """Compile what a start of this choice needs, beside whatever else is done."""

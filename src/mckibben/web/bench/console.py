@@ -91,8 +91,8 @@ class PageConsole(Console):
         said = [f"{status['name'].lower()}: {status['small']}" if status["small"] else status["name"].lower()]
         if status["why"]:
             said.append(str(status["why"]))
-        session = None if self.bench.hand is None else self.bench.hand.session
-        if session is not None and self.bench.going is None:
+        session = None if self.bench.manual is None else self.bench.manual.session
+        if session is not None and self.bench.running is None:
             said += session.status().lines()[1:]
         return "\n".join(said)
 

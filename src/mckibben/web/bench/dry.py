@@ -11,6 +11,7 @@ import numpy as np
 from ...assembly.muscle_unit import MuscleUnit
 from ...bench.prepare import PreparedRun, expected, prepare
 from ...bench.rig import Rig
+from ...bench.session.setup import prepare_for_session
 from ...errors import InputError
 from ...experiments.protocol import Parameter, Protocol
 from ...experiments.read import with_values
@@ -32,21 +33,29 @@ CAUSES = {
 
 
 @dataclass(frozen=True)
-class Dry:
+class DryRun:
     """What a dry run found.
 
     Attributes:
-        bench: ready to start if nothing speaks against it; None where the protocol could not be prepared.
+        prepared: ready to start if nothing speaks against it; None where the protocol could not be prepared.
         plain: all of it for a page [SI].
     """
 
-    bench: PreparedRun | None
+    prepared: PreparedRun | None
     plain: dict[str, Any]
+
+    @classmethod
+    def refused(cls, sentence: str, field: str = "") -> DryRun:
+        """A dry run that could not be made, and why."""
+        finding = {"sentence": sentence, "path": "", "field": field}
+        return cls(
+            None, {"passed": False, "findings": [finding], "limits": [], "cure": None, "duration": 0.0, "curves": {}}
+        )
 
     @property
     def passed(self) -> bool:
         """Whether it may start."""
-        return self.bench is not None and not self.bench.findings
+        return self.prepared is not None and not self.prepared.findings
 
     @property
     def sentence(self) -> str:
@@ -58,15 +67,23 @@ class Dry:
         return f"Dry run passed{words}."
 
 
-def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig) -> Dry:
-    """Prepare a protocol and look at it; never raises for what is wrong with it."""
+def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig, *, on_machine: bool = False) -> DryRun:
+    """Prepare a protocol and look at it; never raises for what is wrong with it.
+
+    Args:
+        protocol: what is to be done.
+        spec: the muscle's specimen.
+        unit: the muscle.
+        rig: where.
+        on_machine: for a session that has a real machine of the rig.
+    """
     try:
-        bench = prepare(protocol, muscle=spec, unit=unit, rig=rig)
+        if on_machine:
+            bench = prepare_for_session(protocol, rig, muscle=spec, unit=unit)
+        else:
+            bench = prepare(protocol, muscle=spec, unit=unit, rig=rig)
     except InputError as error:
-        one = {"sentence": str(error), "path": "", "field": error.field}
-        return Dry(
-            None, {"passed": False, "findings": [one], "limits": [], "cure": None, "duration": 0.0, "curves": {}}
-        )
+        return DryRun.refused(str(error), error.field)
     found = [{"sentence": f.sentence, "path": f.path, "field": f.field} for f in bench.findings]
     plain: dict[str, Any] = {
         "passed": not found, "findings": found, "cautions": list(bench.cautions), "duration": bench.plan.duration,
@@ -76,7 +93,7 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig) -> D
     plain["limits"] = _limits(bench, curves)
     plain["curves"] = {n: _plain(v) for n, v in _drawable(bench, curves).items()}
     plain["cure"] = _cure(bench) if found else None
-    return Dry(bench, plain)
+    return DryRun(bench, plain)
 
 
 def lane(bench: PreparedRun) -> list[dict[str, Any]]:

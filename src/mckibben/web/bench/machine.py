@@ -1,4 +1,4 @@
-"""The test machine of the screen: states, runs, stops, and set-points by hand, for whoever is in control."""
+"""The test machine of the screen: states, runs, stops, and set-points by manual, for whoever is in control."""
 
 from __future__ import annotations
 
@@ -6,48 +6,48 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from ...bench.hardware.clock import Clock
 from ...bench.session.status import LOST
 from ...errors import InputError
-from ..shelf import plain
 from ..stream import Stream
-from .by_hand import ByHand, Real
-from .chosen import Chosen
+from .chosen import BenchSelection
 from .console import PageConsole
-from .dry import Dry
-from .going import Going, RealMachine
-from .kept import kept
+from .dry import DryRun
 from .log import Log
-from .pace import NAMES, Pace
-from .refusing import Refusing
-from .states import ended, short, status_of
+from .manual import HardwareSpec, ManualControl
+from .running import RunController
+from .states import PACE_NAMES, ended, short, status_of
 
 if TYPE_CHECKING:
     from ...bench.rig import Rig
     from ..laboratory import Laboratory
 
+PACES = {"simulated": None, "real": 1.0, "slow": 0.1}  # over the wall clock; None: as fast as it goes
+GRAIN = 0.004  # a machine that is ahead sleeps at least so long [s], so that pages get their share of the processor
 LAST = 10.0  # time for which the end of a server waits for a run to vent [s]
 
 
-class Bench(Refusing):
+class Bench:
     """One machine, simulated or real.
 
     Args:
         lab: its laboratory, for the shelves and for news.
         muscle: on it at first; a specimen's id.
         rig: at first, or its name. That of a real machine stays.
-        real: the machine; None: a simulated one.
+        spec: the real machine; None: a simulated one.
     """
 
     def __init__(
-        self, lab: Laboratory, *, muscle: str = "nylon", rig: Rig | str = "paper", real: Real | None = None
+        self, lab: Laboratory, *, muscle: str = "nylon", rig: Rig | str = "paper", spec: HardwareSpec | None = None
     ) -> None:
-        self.lab, self.stream, self.pace, self.messages = lab, Stream(), Pace(), Log()
-        self._lock, self.real = threading.RLock(), real
-        words = "" if real is None else real.words
-        self.chosen = Chosen(lab.protocols, lab.changed, muscle=muscle, rig=rig, machine=words)
+        self.lab, self.stream, self.messages = lab, Stream(), Log()
+        self.pace, self.clock = "real", Clock(grain=GRAIN)  # of runs on the simulated machine
+        self._lock, self.spec = threading.RLock(), spec
+        words = "" if spec is None else spec.words
+        self.chosen = BenchSelection(lab.protocols, lab.changed, muscle=muscle, rig=rig, machine=words)
         self.chosen.told = self._dried
-        self.going: Going | None = None
-        self.hand: ByHand | None = None
+        self.running: RunController | None = None
+        self.manual: ManualControl | None = None
         self.why, self.small = "", ""  # of a stop that stays until it is reset
         self.when: float | None = None  # of that stop
         self.vented = False
@@ -94,12 +94,12 @@ class Bench(Refusing):
     # ---- the choice
 
     def _change(self, do: Callable[..., str], *given: Any) -> str:
-        self._still("the protocol")
+        self._require_no_run("the protocol")
         return do(*given)
 
     def _set_up(self, do: Callable[..., str], name: str) -> str:
-        self._still("muscle and rig")
-        if self.hand is not None and self.hand.moving:
+        self._require_no_run("muscle and rig")
+        if self.manual is not None and self.manual.moving:
             raise InputError("set-up", "refused", "the machine moves by hand; vent first")
         said = do(str(name))
         self.messages.say(f"{self.chosen.words()}.")
@@ -107,157 +107,196 @@ class Bench(Refusing):
         return said
 
     def _choose_rig(self, name: str) -> str:
-        self._simulated("rig", "it is what the real machine is; another one begins with mckibben serve --rig")
+        self._require_simulated("rig", "it is what the real machine is; another one begins with mckibben serve --rig")
         return self._set_up(self.chosen.choose_rig, name)
 
-    def _dried(self, dry: Dry) -> None:
+    def _dried(self, dry: DryRun) -> None:
         self.messages.say(dry.sentence, "done" if dry.passed else "stop")
 
     def _open(self) -> None:
         """Make the machine ready to be operated by hand, beside what else is done."""
-        old, chosen = self.hand, self.chosen
+        old, chosen = self.manual, self.chosen
         if old is not None:
             self._closing = [*(t for t in self._closing if t.is_alive()), old.closing()]
-        news, own, real = self.lab.changed, self.stream, self.real
-        self.hand = ByHand(chosen.rig, chosen.spec, self.pace, own, news, real=real, after=self._closing)
+        self.manual = ManualControl(
+            chosen.rig, chosen.spec, PACES[self.pace] or 1.0, self.stream, self.lab.changed, spec=self.spec,
+            after=self._closing,
+        )  # fmt: skip
         self._heard = 0
-        if real is not None:
-            self.messages.say(real.caution, "caution")
+        if self.spec is not None:
+            self.messages.say(self.spec.caution, "caution")
+
+    # ---- what may not be done to the machine as it is
+
+    def _require_simulated(
+        self, what: str, otherwise: str = "a real machine has its own time; allowed is stop"
+    ) -> None:
+        if self.spec is not None:
+            raise InputError(what, "refused", otherwise)
+
+    def _require_no_run(self, what: str) -> None:
+        if self.running is not None:
+            raise InputError(what, "refused", f"{self.running.prepared.protocol.name} is running; stop it first")
+
+    def _require_idle(self, what: str) -> None:
+        self._require_no_run(what)
+        if self.why:
+            raise InputError(what, "refused", f"the machine is stopped ({self.why}); reset it first")
+
+    def _require_run(self, what: str) -> RunController:
+        if self.running is None:
+            raise InputError(what, "refused", "nothing is running")
+        if self.running.button():
+            raise InputError(what, "refused", "the run is being stopped")
+        return self.running
+
+    def _require_manual(self, what: str, wanted: Mapping[str, Any]) -> ManualControl:
+        if self.running is not None:
+            names = " and ".join(wanted) or "set-points"
+            raise InputError(what, "refused", f"the protocol sets the {names}; stop the run first")
+        self._require_idle(what)
+        assert self.manual is not None
+        return self.manual
 
     # ---- runs
 
     def start(self) -> str:
         """Begin the protocol, on a machine that is set up anew where it begins; a real one is brought there."""
-        self._may("start")
-        passed, hand = self.chosen.passed(), self.hand
-        on = None if self.real is None or hand is None else RealMachine.of(hand, passed.protocol, self.lab.recordings)
+        self._require_idle("start")
+        prepared, manual = self.chosen.passed(), self.manual
+        assert manual is not None
+        # a real machine is shown from now on, also on the way to where the protocol begins
+        session = manual.session if self.spec is None else manual.operated()
         with self._lock:
-            self._may("start")
-            bench = passed if on is None else on.bench
-            if on is None and hand is not None:
-                hand.set_aside()
+            self._require_idle("start")
+            if self.spec is None:
+                manual.hold(True)
             self.ended = {}
-            self.pace.begin()
-            file = self.lab.recordings.numbered(plain(bench.protocol.name), ".nc")
-            self.going = Going(
-                bench, self.pace, self.stream, self.messages, self.lab.changed, self._over, file=file, on=on
-            )
+            self.clock.begin()
+            self.running = RunController(
+                prepared, session, self.clock, self.stream, self.messages, self.lab.recordings, self.lab.changed,
+                taken=lambda: manual.hold(True), over=self._over,
+            )  # fmt: skip
             self.messages.say("Started. Protocol, muscle and rig are saved with the recording.", "done", 0.0)
-            for caution in bench.cautions:
+            for caution in prepared.cautions:
                 self.messages.say(caution, "caution", 0.0)
-            self.going.start()
-        return f"running {bench.protocol.name}"
+            self.running.start()
+        return f"running {prepared.protocol.name}"
 
-    def _over(self, going: Going) -> None:
+    def _over(self, run: RunController) -> None:
         """After the last sample of a run, from its thread."""
         with self._lock:
-            why = going.over()
+            why = run.stop_reason()
             if why and not self.why:
-                self._trip(why, short(why), going.when)
-        said = kept(going, self.lab.recordings, self.messages, why)
+                self._trip(why, short(why), run.when)
+        said = run.save_result(why)
         with self._lock:
-            self.ended = ended(going, said, why)
-            self.going = None
-            self.pace.halt(False)
-            if self.hand is not None:
-                self.hand.hold(False)
+            self.ended = ended(run, said, why)
+            self.running = None
+            self.clock.halt(False)
+            if self.manual is not None:
+                self.manual.hold(False)
         self.lab.changed()
 
     def pause(self) -> str:
         """Let the time of the simulated machine stand still."""
-        self._simulated("pause")
-        going = self._goes("pause")
-        self.pace.halt()
+        self._require_simulated("pause")
+        run = self._require_run("pause")
+        self.clock.halt()
         said = "Paused by you. Simulated time stands still; pressure and length are held."
-        self.messages.say(said, "caution", going.time)
-        return f"paused at {going.time:.3f} s, holding"
+        self.messages.say(said, "caution", run.time)
+        return f"paused at {run.time:.3f} s, holding"
 
     def resume(self) -> str:
         """Go on; or say that what a person was asked to do is done."""
-        going = self._goes("resume")
-        going.answer()
-        self.pace.halt(False)
+        run = self._require_run("resume")
+        run.answer()
+        self.clock.halt(False)
         return "running"
 
     def step(self, samples: int = 1) -> str:
         """Some samples where it stands still."""
-        self._goes("step")
-        if not self.pace.halted:
+        self._require_run("step")
+        if not self.clock.halted:
             raise InputError("step", "refused", "allowed is while the run is paused")
-        self.pace.step(max(1, min(1000, int(samples))))
+        self.clock.step(max(1, min(1000, int(samples))))
         return ""
 
     def stop(self) -> str:
         """End the run and vent; no trip, so that nothing has to be reset."""
-        going = self.going
-        if going is None:
+        run = self.running
+        if run is None:
             return self.vent()
-        going.stop("stopped by hand", trip=False)
+        run.stop("stopped by hand", trip=False)
         return "stopped"
 
     def choose_pace(self, name: str) -> str:
         """How the time of the machine goes."""
-        self._simulated("pace", "a real machine has its own time")
-        self.pace.choose(str(name))
-        return NAMES[self.pace.name]
+        self._require_simulated("pace", "a real machine has its own time")
+        if name not in PACES:
+            raise InputError("pace", name, f"known are {', '.join(PACES)}")
+        self.pace, self.clock.speed = name, PACES[name]
+        if self.manual is not None:
+            self.manual.set_speed(PACES[name] or 1.0)
+        return PACE_NAMES[name]
 
     # ---- by hand
 
     def set(self, **wanted: Any) -> str:
         """Set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; in words or SI."""
-        hand = self._by_hand("set", wanted)
-        if not hand.moving:
+        manual = self._require_manual("set", wanted)
+        if not manual.moving:
             self.ended = {}
         given = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
-        hand.asked().set(**given)
+        manual.operated().set(**given)
         return ""
 
     def vent(self) -> str:
         """Let the pressure down."""
-        self._by_hand("vent", {"pressure": 0.0}).asked().vent()
+        self._require_manual("vent", {"pressure": 0.0}).operated().vent()
         return "venting"
 
     def note(self, text: str) -> str:
         """A note of a person among the messages."""
-        going = self.going
-        self.messages.say(f"Note: {str(text)[:400]}", "note", None if going is None else going.time)
+        run = self.running
+        self.messages.say(f"Note: {str(text)[:400]}", "note", None if run is None else run.time)
         return "noted"
 
     def _listen(self) -> None:
         """Take over what the session said."""
-        hand = self.hand
-        session = None if hand is None else hand.session
-        if hand is not None and hand.failed and self.real is not None and not self.why:
-            self._trip(hand.failed, "not connected", 0.0)
-        if session is None or hand is None:
+        manual = self.manual
+        session = None if manual is None else manual.session
+        if manual is not None and manual.failed and self.spec is not None and not self.why:
+            self._trip(manual.failed, "not connected", 0.0)
+        if session is None or manual is None:
             return
         for message in session.messages(self._heard):
             self._heard = message.number
             kind = "stop" if message.kind == "stop" else "note"
-            if kind == "stop" and session.why and not self.why and self.going is None:
+            if kind == "stop" and session.why and not self.why and self.running is None:
                 self._trip(message.text, short(message.text), message.time)
-            elif message.kind == "done" or (kind == "stop" and session.why and (self.why or self.going is not None)):
+            elif message.kind == "done" or (kind == "stop" and session.why and (self.why or self.running is not None)):
                 continue  # the recording says so, or the stop of the machine
             else:
                 self.messages.say(message.text, kind, message.time)
-        if session.gone == LOST and not self.why and self.going is None:  # its process cannot say so any more
-            self._trip(session.why, short(session.why), hand.time)
+        if session.gone == LOST and not self.why and self.running is None:  # its process cannot say so any more
+            self._trip(session.why, short(session.why), manual.time)
 
     # ---- stops
 
     def emergency_stop(self, reason: str) -> None:
         """Vent at once, whatever goes on; until it is reset."""
         with self._lock:
-            going, hand = self.going, self.hand
+            run, manual = self.running, self.manual
             self.vented = True
-            time = going.time if going is not None else hand.time if hand is not None else 0.0
+            time = run.time if run is not None else manual.time if manual is not None else 0.0
             if not self.why:
                 done = "the valve vents, and the motor only brakes"
                 self._trip(f"emergency stop at {time:.3f} s: {reason}; {done}", "emergency stop", time)
-        if going is not None:
-            going.stop(reason, trip=True)
-        elif hand is not None and hand.session is not None:
-            hand.session.emergency_stop(reason)
+        if run is not None:
+            run.stop(reason, trip=True)
+        elif manual is not None and manual.session is not None:
+            manual.session.emergency_stop(reason)
         self.lab.changed()
 
     def _trip(self, why: str, small: str, time: float) -> None:
@@ -267,12 +306,12 @@ class Bench(Refusing):
     def reset(self) -> str:
         """After a stop: idle again, vented."""
         with self._lock:
-            if self.going is not None:
+            if self.running is not None:
                 raise InputError("reset", "refused", "the run is being stopped; wait until it has vented")
             if not self.why:
                 raise InputError("reset", "idle", "allowed is after a stop")
-            session = None if self.hand is None else self.hand.session
-            if self.real is not None and (session is None or session.gone):
+            session = None if self.manual is None else self.manual.session
+            if self.spec is not None and (session is None or session.gone):
                 self._open()  # the line is lost, or there was none: another try
             elif session is not None and session.why:
                 session.reset()
@@ -282,28 +321,28 @@ class Bench(Refusing):
 
     def shown(self, epoch: int, samples: int) -> None:
         """The page in control has drawn so many samples of an epoch."""
-        if self.going is not None and epoch == self.stream.epoch:
-            self.pace.shown(samples * self.stream.period)
+        if self.running is not None and epoch == self.stream.epoch:
+            self.clock.viewed(samples * self.stream.period)
 
     def control_lost(self) -> None:
         """Nobody is in control: a run goes on, what is held by hand is held for 5 s."""
-        self.pace.shown(None)
-        if self.hand is not None:
-            self.hand.alone(True)
+        self.clock.viewed(None)
+        if self.manual is not None:
+            self.manual.set_control(there=False)
 
     def control_back(self) -> None:
         """Somebody is again."""
-        self.pace.shown(None)
-        if self.hand is not None:
-            self.hand.alone(False)
+        self.clock.viewed(None)
+        if self.manual is not None:
+            self.manual.set_control(there=True)
 
     def close(self) -> None:
         """Vent, and let go of all threads."""
-        if self.going is not None:
-            self.going.stop("the server was closed", trip=False)
-            self.going.join(LAST)
+        if self.running is not None:
+            self.running.stop("the server was closed", trip=False)
+            self.running.join(LAST)
         self.chosen.close()
-        if self.hand is not None:
-            self.hand.close()
+        if self.manual is not None:
+            self.manual.close()
         for closing in self._closing:
             closing.join(LAST)

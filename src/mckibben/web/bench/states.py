@@ -5,61 +5,61 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ...quantities import with_unit
-from .pace import NAMES
 
 if TYPE_CHECKING:
-    from .by_hand import ByHand
-    from .going import Going
     from .machine import Bench
+    from .manual import ManualControl
+    from .running import RunController
 
+PACE_NAMES = {"simulated": "as fast as it goes", "real": "real time", "slow": "slow 1:10"}
 UNITS = {"pressure": "Pa", "span": "m", "tension": "N", "velocity": "m/s"}
 
 
 def status_of(bench: Bench) -> dict[str, Any]:
     """State, why and times."""
-    going, hand = bench.going, bench.hand
+    run, manual = bench.running, bench.manual
     found: dict[str, Any] = {
-        "shape": "idle", "name": "Idle", "small": "", "pace": bench.pace.name, "vented": bench.vented, "why": bench.why,
+        "shape": "idle", "name": "Idle", "small": "", "pace": bench.pace, "vented": bench.vented, "why": bench.why,
         "trip": bench.when, "moving": False, "paused": False, "time": bench.ended.get("time", 0.0), "ended": bench.ended,
         "asked": "",
-        "by_hand": "ready" if hand is not None and hand.ready else (hand.failed if hand else "") or "getting ready",
+        "by_hand": "ready" if manual is not None and manual.ready else (manual.failed if manual else "") or "getting ready",
     }  # fmt: skip
-    if going is not None:
-        return found | _running(bench, going)
+    if run is not None:
+        return found | _running(bench, run)
     if bench.why:
         return found | {"shape": "tripped", "name": "Tripped", "small": bench.small}
-    if hand is not None and hand.moving:
-        return found | _manual(hand)
+    if manual is not None and manual.moving:
+        return found | _manual(manual)
     dry = bench.chosen.dry
     passed = "protocol does not pass" if dry is None or not dry.passed else "ready, dry run passed"
     return found | {"small": "checking the protocol" if dry is None else passed}
 
 
-def _running(bench: Bench, going: Going) -> dict[str, Any]:
-    step = going.steps[-1] if going.steps else None
-    paused, tripped = bench.pace.halted or bool(going.asked), going.tripped
-    shape, name, small = "running", "Running", f"{going.words} \u00b7 {NAMES[bench.pace.name]}"
-    if tripped or (bench.why and going.button()):
+def _running(bench: Bench, run: RunController) -> dict[str, Any]:
+    step = run.steps[-1] if run.steps else None
+    paused, tripped = bench.clock.halted or bool(run.asked), run.tripped
+    shape, name, small = "running", "Running", f"{run.words} \u00b7 {PACE_NAMES[bench.pace]}"
+    if tripped or (bench.why and run.button()):
         shape, name, small = "tripped", "Tripped", bench.small or short(tripped)
     elif paused:
         shape, name = "paused", "Paused"
-        small = going.asked or f"at {going.time:.3f} s, simulated time stands still"
+        small = run.asked or f"at {run.time:.3f} s, simulated time stands still"
     return {
-        "shape": shape, "name": name, "small": small, "moving": True, "paused": paused, "time": going.time,
-        "asked": going.asked, "why": bench.why or tripped, "duration": going.bench.plan.duration, "words": going.words,
-        "trip": bench.when if bench.why else going.when if tripped else None, "cycle": going.cycle,
-        "title": going.bench.protocol.title, "steps": steps_of(going), "running": True, "measured": going.measured,
-        "path": "" if step is None else step["path"], "file": going.file,
+        "shape": shape, "name": name, "small": small, "moving": True, "paused": paused, "time": run.time,
+        "asked": run.asked, "why": bench.why or tripped, "duration": run.prepared.plan.duration, "words": run.words,
+        "trip": bench.when if bench.why else run.when if tripped else None, "cycle": run.cycle,
+        "title": run.prepared.protocol.title, "steps": steps_of(run), "running": True, "measured": run.measured,
+        "path": "" if step is None else step["path"], "file": run.file,
     }  # fmt: skip
 
 
-def _manual(hand: ByHand) -> dict[str, Any]:
-    session = hand.session
+def _manual(manual: ManualControl) -> dict[str, Any]:
+    session = manual.session
     asked = {} if session is None else session.status().set_points
     words = ", ".join(with_unit(v, UNITS[n]) for n, v in asked.items() if n in UNITS)
     return {
         "shape": "running", "name": "By hand", "small": f"holding {words}" if words else "vented", "moving": True,
-        "time": hand.time, "set_points": dict(asked),
+        "time": manual.time, "set_points": dict(asked),
     }  # fmt: skip
 
 
@@ -69,20 +69,20 @@ def short(why: str) -> str:
     return said.split(" at ")[0].split(":")[0].split(",")[0][:60]
 
 
-def ended(going: Going, said: dict[str, Any], why: str) -> dict[str, Any]:
+def ended(run: RunController, said: dict[str, Any], why: str) -> dict[str, Any]:
     """What is told of the last run until the next one."""
     return {
-        **said, "time": going.time, "title": going.bench.protocol.title, "stopped": bool(why), "why": why, "by": going.cause,
-        "trip": going.when if why else None, "steps": steps_of(going), "duration": going.bench.plan.duration,
-        "measured": going.measured,
+        **said, "time": run.time, "title": run.prepared.protocol.title, "stopped": bool(why), "why": why, "by": run.cause,
+        "trip": run.when if why else None, "steps": steps_of(run), "duration": run.prepared.plan.duration,
+        "measured": run.measured,
     }  # fmt: skip
 
 
-def steps_of(going: Going) -> list[dict[str, Any]]:
+def steps_of(run: RunController) -> list[dict[str, Any]]:
     """The steps that have begun, as a page draws them."""
     found = []
-    for one in going.steps:
-        frequency = going.bench.plan.steps[one["index"] - 1].step.frequency()
+    for one in run.steps:
+        frequency = run.prepared.plan.steps[one["index"] - 1].step.frequency()
         end = one["end"] if one["end"] > one["start"] else None
         found.append(
             {

@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from ..interface import Machine
+from ..interface import CountedMachine
 
 OVERWRITTEN, TOO_EARLY, GONE = -200279, -200284, -201003  # codes of NI-DAQmx
 
@@ -33,7 +33,7 @@ class Card:
         zeroed: whether the counter is set to nothing at the start, as a card does; else the machine's own zero holds.
     """
 
-    def __init__(self, machine: Machine, *, lock_step: bool, zeroed: bool) -> None:
+    def __init__(self, machine: CountedMachine, *, lock_step: bool, zeroed: bool) -> None:
         self.machine, self.lock_step, self.zeroed = machine, lock_step, zeroed
         self.valve, self.motor, self.opened = 0, 0, True
         self.writes = 0

@@ -20,7 +20,7 @@ from collections import deque
 from typing import NamedTuple
 
 from ....errors import InputError, LineLostError
-from ..lines import AnalogInputs, EdgeCounter, MotorOutput, ValveOutput
+from ..interface import Hardware
 from .client import Tasks
 from .complaints import OverrunError
 from .wiring import Wiring
@@ -44,7 +44,7 @@ class Statistics(NamedTuple):
     overruns: int
 
 
-class DaqHardware:
+class DaqHardware(Hardware):
     """`interface.Hardware` of a card. Opening it changes no output; `start` puts them to rest, and a `vent` outlasts it.
 
     `vented` says whether the card was told to vent by what was written last.
@@ -74,11 +74,13 @@ class DaqHardware:
         self.wiring = wiring
         self._block, self._buffer, self._silence = block, buffer, silence
         self._tasks = Tasks(wiring, patience)
-        self.analog_in = AnalogInputs(tuple(wiring.inputs))
-        self.encoder = None if wiring.encoder is None else EdgeCounter()
-        self.motor = None if wiring.motor is None else MotorOutput(UNWRITTEN)
+        super().__init__(
+            tuple(wiring.inputs),
+            encoder=wiring.encoder is not None,
+            motor=wiring.motor is not None,
+            motor_rest=UNWRITTEN,
+        )
         self._alarm = threading.Event()
-        self.valve = ValveOutput(self._alarm.set)  # whoever calls does not wait for the card
         self._lock = threading.RLock()  # of the outputs
         self._waiting: deque[tuple[list[int], int]] = deque()
         self.period = 0.0  # not started
@@ -113,7 +115,7 @@ class DaqHardware:
             self._waiting.clear()
             self._next = self._late = self._overruns = 0
             self._origin = None
-            self.valve.count, self.valve.opened = 0, True
+            self.valve, self.opened = 0, True
             self._rest()
             self._tasks.start(period, self._block, self._buffer)
 
@@ -137,9 +139,9 @@ class DaqHardware:
                 raise self._lost(error) from None
             self._take(volts.T.tolist(), ticks.tolist())
         now = time.perf_counter()
-        self.analog_in.counts, count = self._waiting.popleft()
-        if self.encoder is not None:
-            self.encoder.count = count
+        self.counts, count = self._waiting.popleft()
+        if self.has_encoder:
+            self.edges = count
         begun = now - sample * self.period
         self._origin = begun if self._origin is None else min(begun, self._origin + DRIFT * self.period)
         self._next += 1
@@ -160,13 +162,16 @@ class DaqHardware:
         except LineLostError as error:
             raise self._lost(error) from None
 
+    def _vent_now(self) -> None:
+        self._alarm.set()  # whoever calls does not wait for the card
+
     def close(self) -> None:
         """Vent, let the motor rest, and clear the tasks; `vented` says whether that reached the machine."""
         with self._lock:
             if self._closed:
                 return
             self._closed = True
-            self.valve.vent()
+            self.vent()
             self._try_rest()
             self._tasks.close()
         if self._watch is not threading.current_thread():
@@ -187,23 +192,22 @@ class DaqHardware:
 
     def _put(self) -> None:
         """Put what was written; once more where a vent came in between, for it must come last."""
-        drive, motor = self.wiring.motor, self.motor
+        drive = self.wiring.motor
         while True:
-            vented = self.valve.vented or self._silent
-            count, opened = (0, True) if vented else (self.valve.count, self.valve.opened)
+            vented = self.venting or self._silent
+            count, opened = (0, True) if vented else (self.valve, self.opened)
             pull = None
-            if drive is not None and motor is not None:
-                pull = drive.rest if motor.count == UNWRITTEN else drive.volts(motor.count)
+            if drive is not None:
+                pull = drive.rest if self.motor == UNWRITTEN else drive.volts(self.motor)
             self._tasks.write(self._levels(count, pull), opened)
             self.vented = vented
-            if vented or not self.valve.vented:
+            if vented or not self.venting:
                 return
 
     def _rest(self) -> None:
         """Count 0, an open shut-off, and a motor that does not pull."""
         drive = self.wiring.motor
-        if self.motor is not None:
-            self.motor.count = UNWRITTEN
+        self.motor = UNWRITTEN
         self._tasks.write(self._levels(0, None if drive is None else drive.rest), True)
         self.vented = True
 

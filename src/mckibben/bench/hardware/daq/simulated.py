@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
-from ..interface import Machine
+from ..interface import CountedMachine
 from .card import Card
 from .complaints import library
 from .service import Calls
@@ -35,7 +35,7 @@ class SimulatedDevice:
         InputError: the library is missing, or the wiring has a channel that the machine has not.
     """
 
-    def __init__(self, machine: Machine, wiring: Wiring, *, lock_step: bool = True, zeroed: bool = True) -> None:
+    def __init__(self, machine: CountedMachine, wiring: Wiring, *, lock_step: bool = True, zeroed: bool = True) -> None:
         self.card = Card(machine, lock_step=lock_step, zeroed=zeroed)
         stubs = library("nidaqmx._stubs.nidaqmx_pb2_grpc")
         service = type("Service", (Calls, stubs.NiDAQmxServicer), {})(self.card, wiring)

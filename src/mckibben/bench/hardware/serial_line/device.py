@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from ....errors import InputError
-from .. import interface
+from ..interface import CountedMachine
 from . import messages
 from .frames import VERSION, Frames
 from .messages import BY_ITSELF, DAMAGED, FREE, LOCK_STEP, UNANSWERED, VENTED, Command, Sample, Welcome
@@ -21,7 +21,7 @@ LAST = 2**32 - 1  # sample
 WORD = 2**32
 
 
-class Machine(interface.Machine, Protocol):
+class DeviceMachine(CountedMachine, Protocol):
     """What a device samples and drives, of which it tells the bits.
 
     Attributes:
@@ -64,7 +64,7 @@ class Board:
         failed: what ended the machine, if something did.
     """
 
-    def __init__(self, machine: Machine, about: About, clock: Callable[[], int]) -> None:
+    def __init__(self, machine: DeviceMachine, about: About, clock: Callable[[], int]) -> None:
         names, bits = tuple(machine.names), tuple(machine.bits)
         if not len(names) == len(set(names)) == len(bits) <= MOST_CHANNELS:
             raise InputError("names", names, f"allowed are at most {MOST_CHANNELS} different ones, each with its bits")

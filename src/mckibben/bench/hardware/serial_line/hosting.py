@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
 from ....errors import LineLostError
-from .device import Machine
+from .device import DeviceMachine
 from .microcontroller import Microcontroller, Report
 
 SPIN = 1e-4  # time before a tick from which a process does not sleep, for the system wakes it late [s]
@@ -30,7 +30,7 @@ class Attached(NamedTuple):
 
 
 @contextlib.contextmanager
-def in_thread(machine: Machine, **options: Any) -> Iterator[Attached]:
+def in_thread(machine: DeviceMachine, **options: Any) -> Iterator[Attached]:
     """A machine behind a pseudo-terminal, in a thread of this process.
 
     Args:
@@ -64,7 +64,7 @@ class Hosted:
 
 
 @contextlib.contextmanager
-def in_process(factory: Callable[..., Machine], *arguments: Any, **options: Any) -> Iterator[Hosted]:
+def in_process(factory: Callable[..., DeviceMachine], *arguments: Any, **options: Any) -> Iterator[Hosted]:
     """A machine behind a pseudo-terminal, in a process of its own.
 
     Args:
@@ -112,7 +112,7 @@ def _asked(line: Connection) -> Report | None:
 
 
 def _serve(
-    line: Connection, factory: Callable[..., Machine], arguments: tuple[Any, ...], options: dict[str, Any]
+    line: Connection, factory: Callable[..., DeviceMachine], arguments: tuple[Any, ...], options: dict[str, Any]
 ) -> None:
     """The process: until it is told to stop, or whoever began it is gone."""
     try:

@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ....errors import InputError, LineLostError
-from ..lines import AnalogInputs, EdgeCounter, MotorOutput, ValveOutput
+from ..interface import Hardware
 from .arrivals import Arrivals, EndedError, Taken
 from .line import Line, fit, greet, places, reason
 from .messages import FREE, LOCK_STEP, Command, Fault, Sample, Start, Stop, Vent, Welcome
@@ -52,7 +52,7 @@ class Statistics(NamedTuple):
     answers_damaged: int
 
 
-class SerialHardware:
+class SerialHardware(Hardware):
     """A machine behind a serial line; its device has been greeted, and fits.
 
     Args:
@@ -97,10 +97,9 @@ class SerialHardware:
         except BaseException:
             self._line.close()
             raise
-        self.analog_in = AnalogInputs(names)
-        self.encoder = EdgeCounter() if self.welcome.encoder else None
-        self.motor = MotorOutput(self.welcome.motor_rest) if self.welcome.motor else None
-        self.valve = ValveOutput(self._vent)
+        super().__init__(
+            names, encoder=self.welcome.encoder, motor=self.welcome.motor, motor_rest=self.welcome.motor_rest
+        )
         self._run = int.from_bytes(os.urandom(2), "little")
         self._lost_by: str | None = None
         self._closed = False
@@ -129,7 +128,7 @@ class SerialHardware:
             raise InputError("period", period, allowed, where=self.name)
         self._forget(nanoseconds * 1e-9)
         self._run = (self._run + 1) % 2**16
-        self.valve.vented = False
+        self.venting = False
         self._write(Start(self._run, nanoseconds, LOCK_STEP if self.lock_step else FREE, self.watchdog))
 
     def wait(self, sample: int) -> float:
@@ -147,10 +146,10 @@ class SerialHardware:
         self.fresh = message is not None
         if message is not None:
             counts = message.counts
-            self.analog_in.counts = tuple([counts[i] for i in self._places])
+            self.counts = tuple([counts[i] for i in self._places])
             self.time = message.time * 1e-9
-            if self.encoder is not None:
-                self.encoder.count = message.encoder
+            if self.has_encoder:
+                self.edges = message.encoder
         self._sample = sample
         self._taken += 1
         return taken.lateness
@@ -162,15 +161,13 @@ class SerialHardware:
             LineLostError: if nobody is there to take it.
         """
         self._alive()
-        valve = self.valve
-        count, opened = (0, True) if valve.vented else (valve.count, valve.opened)
-        motor = self.welcome.motor_rest if self.motor is None else self.motor.count
-        self._write(Command(self._sample, count, motor, opened))
+        count, opened = (0, True) if self.venting else (self.valve, self.opened)
+        self._write(Command(self._sample, count, self.motor, opened))
 
     def close(self) -> None:
         """Vent, and let go of the machine; may be called twice."""
         if not self._closed:
-            self.valve.vent()
+            self.vent()
             with contextlib.suppress(OSError):
                 self._line.write(Stop())
             self._closed = True
@@ -222,11 +219,11 @@ class SerialHardware:
     def _lose(self, what: str) -> LineLostError:
         """The line is lost, and the machine vented if that can be."""
         if self._lost_by is None:
-            told = "it was told to vent" if self._vent() else "it could not be told to vent, and must by itself"
+            told = "it was told to vent" if self._vent_now() else "it could not be told to vent, and must by itself"
             self._lost_by = f"{self.name}: {what}; {told}"
         return LineLostError(self._lost_by)
 
-    def _vent(self) -> bool:
+    def _vent_now(self) -> bool:
         """Tell the machine to vent, if it hears that."""
         with contextlib.suppress(OSError):
             if not self._closed:

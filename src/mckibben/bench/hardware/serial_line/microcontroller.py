@@ -1,4 +1,4 @@
-"""A simulated microcontroller: the device's end of a serial line, which hosts any `device.Machine`.
+"""A simulated microcontroller: the device's end of a serial line, which hosts any `device.DeviceMachine`.
 
 Its state machine is `device.Device`, or the reference firmware compiled for a host. It samples by its own timer, or in
 lock-step as fast as commands come. A system keeps a process from its ticks now and then; they are made up for as fast as the
@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from . import frames, messages
 from .compiled import CompiledDevice
-from .device import About, Board, Device, Machine
+from .device import About, Board, Device, DeviceMachine
 
 NEVER = 3600.0  # longest time for which it sleeps [s]
 _CHUNK = 4096  # [B]
@@ -65,7 +65,7 @@ class Microcontroller:
     """
 
     def __init__(
-        self, machine: Machine, line: int, *, about: About | None = None, library: Path | str | None = None,
+        self, machine: DeviceMachine, line: int, *, about: About | None = None, library: Path | str | None = None,
         faults: Faults | None = None, spin: float = 0.0,
     ) -> None:  # fmt: skip
         self.board = Board(machine, about or About(), time.perf_counter_ns)

@@ -1,4 +1,4 @@
-"""The simulated machine at the hardware border: in the same process, or as what a simulated device has around it.
+"""The simulated machine behind its converters: in the same process, or as what a simulated device has around it.
 
 It takes and gives counts only, like a real one, and is advanced by one compiled function wherever it stands. So a loop that
 drives it through a serial line gets the same counts as one that drives it here.
@@ -6,8 +6,8 @@ drives it through a serial line gets the same counts as one that drives it here.
 
 from __future__ import annotations
 
-import time
 from collections import deque
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import jax
@@ -16,12 +16,10 @@ import numpy as np
 from ...engine import sampled
 from ...engine.packed import compile_once, pack
 from ...errors import LineLostError
+from .clock import Clock
 from .converters import SPAN
-from .lines import AnalogInputs, EdgeCounter, MotorOutput, ValveOutput
+from .interface import Hardware
 from .plant import InstrumentedPlant
-
-SPIN = 3e-4  # time before a deadline from which the loop no longer sleeps, for the system wakes it late [s]
-BEGIN = 5.0  # samples until the first one
 
 
 class Rows(Protocol):
@@ -42,12 +40,11 @@ class SimulatedMachine:
         inner: steps of the physics per sample.
         latency: from a sample to the action of its commands [s].
         ahead: for so long [s] nothing is drawn while it goes.
-        watched: somebody takes what was true at every sample (`seen`).
     """
 
     def __init__(
         self, plant: InstrumentedPlant, carry: sampled.Carry, rows: Rows, *,
-        period: float, inner: int, latency: float, ahead: float = 0.0, watched: bool = True,
+        period: float, inner: int, latency: float, ahead: float = 0.0,
     ) -> None:  # fmt: skip
         self.names = plant.converters.names
         self.bits = tuple(plant.converters.analog[n].bits for n in self.names)
@@ -61,8 +58,7 @@ class SimulatedMachine:
         self._physics = pack(physics)
         self._places = [self._observe.index(0, f"{n}.code") for n in self.names]
         self._span = None if plant.converters.encoder is None else self._observe.index(0, f"{SPAN}.code")
-        # what was true at every sample, until somebody takes it
-        self.looks: deque[np.ndarray] = deque(maxlen=None if watched else 1)
+        self.look: np.ndarray | None = None  # what is true at the newest sample
         while len(self._drawn) * period < ahead:
             self._draw()
 
@@ -92,8 +88,7 @@ class SimulatedMachine:
         """
         if not self._drawn:
             self._draw()
-        measured, look = self._observe(self._physics, self._drawn.popleft())
-        self.looks.append(look)
+        measured, self.look = self._observe(self._physics, self._drawn.popleft())
         if not np.isfinite(measured).all():
             raise LineLostError("simulated machine: its state is not finite any more")
         count = 0 if self._span is None else int(measured[self._span])
@@ -105,17 +100,20 @@ class SimulatedMachine:
         """The physics until the next sample, with counts of the outputs."""
         (self._physics,) = self._act(self._physics, np.array([valve, motor, opened], float))
 
-    def carry(self) -> sampled.Carry:
-        """Where it is now."""
-        found: sampled.Carry = self._act.tree(0, self._physics)
+    def state(self) -> np.ndarray:
+        """All of the machine between two samples, as a vector that stays as it is."""
+        return self._physics
+
+    def carry(self, state: np.ndarray | None = None) -> sampled.Carry:
+        """A state that `state` gave, or the present one, for the accounts."""
+        found: sampled.Carry = self._act.tree(0, self._physics if state is None else state)
         return found
 
-    def seen(self, count: int) -> sampled.Look:
-        """The oldest of `looks`, `count` of them, as columns (n,); they are gone then."""
-        rows = [self.looks.popleft() for _ in range(count)]
-        table = np.stack(rows) if rows else np.zeros((0, self._observe.size(1)))
+    def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, Any]:
+        """True outputs at some samples, (n,) each, from what `look` was at them."""
+        table = np.stack(looks) if looks else np.zeros((0, self._observe.size(1)))
         found: sampled.Look = self._observe.columns(1, table)
-        return found
+        return found.outputs
 
 
 def _observe(
@@ -133,43 +131,61 @@ def _act(
     return sampled.act(plant, carry, commands, period=period, inner=inner, latency=latency, stiff=False)[:1]
 
 
-class InProcess:
-    """`interface.Hardware` of a simulated machine; paced by the wall clock, or with every sample there at once."""
+class SimulatedHardware(Hardware):
+    """A simulated machine in the same process, as the hardware of a sample loop.
 
-    def __init__(self, machine: SimulatedMachine, *, paced: bool = True) -> None:
-        self.machine, self.paced = machine, paced
-        self.analog_in, self.encoder = AnalogInputs(machine.names), EdgeCounter()
-        self.valve, self.motor = ValveOutput(), MotorOutput(0)
-        self._origin = 0.0
+    Args:
+        machine: behind its converters.
+        clock: of its time; None: every sample is there when it is asked for.
+    """
+
+    def __init__(self, machine: SimulatedMachine, clock: Clock | None = None) -> None:
+        super().__init__(machine.names, encoder=True, motor=True)
+        self.machine, self.clock = machine, clock
+        self.paced = clock is not None
+        self._period = 0.0
 
     def start(self, period: float) -> None:
-        """Begin some samples from now; the encoder is zeroed already, where the machine is mounted."""
-        self._origin = time.perf_counter() + BEGIN * period
+        """Begin with a period [s]; the encoder is zeroed already, where the machine is mounted."""
         self._period = period
 
     def wait(self, sample: int) -> float:
-        """Until it is there; how late [s]."""
-        late = wait_until(self._origin + sample * self._period) if self.paced else 0.0
-        self.analog_in.counts, self.encoder.count = self.machine.sample()
+        """Wait until the clock lets the next sample through; how late it is [s]."""
+        late = 0.0 if self.clock is None else self.clock.wait(self._period)
+        self.counts, self.edges = self.machine.sample()
         return late
 
     def send(self) -> None:
-        """The physics until the next sample."""
-        valve = self.valve
-        if valve.vented:
-            valve.count, valve.opened = 0, True
-        self.machine.advance(valve.count, self.motor.count, valve.opened)
+        """Compute the physics until the next sample."""
+        if self.venting:
+            self.valve, self.opened = 0, True
+        self.machine.advance(self.valve, self.motor, self.opened)
+
+    def _vent_now(self) -> None:
+        return  # the next sample does
 
     def close(self) -> None:
         """Vent; there is nothing to let go of."""
-        self.valve.vent()
+        self.vent()
 
+    def interrupt(self) -> None:
+        """Let a wait for the clock end."""
+        if self.clock is not None:
+            self.clock.interrupt()
 
-def wait_until(deadline: float) -> float:
-    """Wait for a time of `time.perf_counter` [s]; how much later it is then [s]."""
-    ahead = deadline - time.perf_counter()
-    if ahead > SPIN:
-        time.sleep(ahead - SPIN)
-    while (now := time.perf_counter()) < deadline:
-        pass
-    return now - deadline
+    def proceed(self) -> None:
+        """Let the clock be waited for again."""
+        if self.clock is not None:
+            self.clock.interrupt(False)
+
+    def look(self) -> np.ndarray | None:
+        """What is true at the newest sample."""
+        return self.machine.look
+
+    def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, Any]:
+        """True channels of some samples, (n,) each."""
+        return self.machine.true_outputs(looks)
+
+    def state(self) -> np.ndarray | None:
+        """All of the machine between two samples."""
+        return self.machine.state()

@@ -13,17 +13,17 @@ from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.hosting import in_thread
 from mckibben.bench.prepare import prepare
 from mckibben.bench.segment import SegmentMachine, timing_of
-from mckibben.bench.session.own_process import OwnProcess
+from mckibben.bench.session.proxy import SessionProxy
 from mckibben.errors import EngineError, InputError, LineLostError
 from mckibben.specimens import specimen
 
 OPERATED = """
 import sys, time
 from mckibben.bench.rig_file import rig
-from mckibben.bench.session.own_process import OwnProcess
+from mckibben.bench.session.proxy import SessionProxy
 from mckibben.specimens import specimen
 if __name__ == "__main__":
-    with OwnProcess(sys.argv[1], rig("paper"), specimen("nylon"), lock_step=True) as machine:
+    with SessionProxy(sys.argv[1], rig("paper"), specimen("nylon"), lock_step=True) as machine:
         machine.set(pressure="2 bar")
         while machine.latest().get("pressure", 0.0) < 1.9e5:
             time.sleep(0.02)
@@ -43,7 +43,7 @@ class Device:
     def __init__(self):
         made = prepare("work-loop", muscle="nylon", rig="paper")
         part = next(made.segments())
-        self.machine = SegmentMachine(made, 0, part, timing_of(made)).at_border(watched=False)
+        self.machine = SegmentMachine(made, 0, part, timing_of(made)).at_interface()
         self.rest, self.valve, self.words, advance = int(made.rig.motor_out.count(0.0)), [], "", self.machine.advance
 
         def told(valve, motor, opened):
@@ -78,7 +78,7 @@ def still(device):
 def operated(device):
     from mckibben.bench.rig_file import rig
 
-    return OwnProcess(device.words, rig("paper"), specimen("nylon"), lock_step=True)
+    return SessionProxy(device.words, rig("paper"), specimen("nylon"), lock_step=True)
 
 
 def test_a_program_that_is_killed_leaves_a_vented_machine_that_nobody_has(device, tmp_path):

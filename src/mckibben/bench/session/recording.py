@@ -12,29 +12,30 @@ from ...assembly.accounts import Accounts
 from ...errors import InputError
 from ...recordings.recording import Recording
 from ..hardware.computer import Timing
-from ..hardware.ongoing import Ground
 from ..metadata import run_metadata
 from ..prepare import PreparedRun
 from ..recorder import RunRecorder
-from ..wall_clock import Lateness
+from ..sample_loop import Lateness, SampledMachine
 
 LEAVES = "by hand"  # label of the only step
 ENDED = 2.0  # time within which a machine that is sampled comes to its next sample [s]
 
 
-class Recorder:
-    """From one sample of a session to another.
+class ManualRecording:
+    """The samples of a session from one to another, runs included.
 
     Args:
-        bench: what is operated, for the head of the log.
+        prepared: what is operated, for the head of the log.
         timing: of the loop.
-        ground: the machine.
+        machine: that is sampled.
         log: a new ``.mcap`` file.
     """
 
-    def __init__(self, bench: PreparedRun, timing: Timing, ground: Ground, log: str | Path | None = None) -> None:
-        self.bench, self.timing, self.ground = bench, timing, ground
-        self.keeper = RunRecorder(bench, timing.period, log)
+    def __init__(
+        self, prepared: PreparedRun, timing: Timing, machine: SampledMachine, log: str | Path | None = None
+    ) -> None:
+        self.prepared, self.timing, self.machine = prepared, timing, machine
+        self.recorder = RunRecorder(prepared, timing.period, log)
         self.first: int | None = None
         self.last: int | None = None
         self.taken, self.events = 0, []  # type: int, list[dict[str, Any]]
@@ -67,7 +68,7 @@ class Recorder:
             return
         keep = (numbers >= self.first) & (numbers < (np.inf if self.last is None else self.last))
         times = self.timing.period * (numbers - self.first)
-        self.keeper.take(times[keep], {n: v[keep] for n, v in arrays.items()}, np.ones(int(keep.sum()), bool))
+        self.recorder.take(times[keep], {n: v[keep] for n, v in arrays.items()}, np.ones(int(keep.sum()), bool))
         self._lateness.append(lateness[keep])
         self.taken += int(keep.sum())
 
@@ -76,11 +77,9 @@ class Recorder:
         begun = 0 if self.first is None else self.first
         own = max(0.0, time - begun * self.timing.period)
         self.events.append({"time": own, "text": text, **more})
-        self.keeper.remark(text, own)
+        self.recorder.remark(text, own)
 
-    def close(
-        self, machine: Any, closed: Callable[[np.ndarray, np.ndarray], Accounts] | None, message: str
-    ) -> Recording:
+    def close(self, machine: Any, closed: Callable[[Any, Any], Accounts | None], message: str) -> Recording:
         """End the log.
 
         Args:
@@ -91,30 +90,30 @@ class Recorder:
         Raises:
             InputError: if nothing was recorded.
         """
-        with self.keeper:
+        with self.recorder:
             if not self.taken:
                 raise InputError("record", "empty", "no time went by; allowed is one sample or more")
-            record = self.keeper.recording()
-            sums = []
-            if closed is not None and self._begun is not None and self._ended is not None:
-                sums.append(closed(self._begun, self._ended))
-            about = run_metadata(self.bench, machine, self.timing, inner=self.timing.inner, closed=sums, record=record)
+            record = self.recorder.recording()
+            account = closed(self._begun, self._ended)
+            sums = [] if account is None else [account]
+            meta = run_metadata(
+                self.prepared, machine, self.timing, inner=self.timing.inner, closed=sums, record=record
+            )
             late = Lateness.of(np.concatenate(self._lateness), self.timing.period)
-            encoder = self.bench.rig.encoder
+            encoder = self.prepared.rig.encoder
             if encoder is not None:
-                mounted = [[0.0, next(self.bench.segments()).start_span]]
-                about["encoder"] = {"resolution": float(encoder.resolution), "mounted": mounted}
-            about |= {"steps": self._step(), "events": self.events, "deadlines": late._asdict()}
-            self.keeper.close("done", message, about)
-        return record.with_meta(about, result="done", message=message)
+                mounted = [[0.0, next(self.prepared.segments()).start_span]]
+                meta["encoder"] = {"resolution": float(encoder.resolution), "mounted": mounted}
+            meta |= {"steps": self._step(), "events": self.events, "deadlines": late._asdict()}
+            self.recorder.close("done", message, meta)
+        return record.with_meta(meta, result="done", message=message)
 
     def _state(self) -> np.ndarray | None:
-        machine = self.ground.machine
-        return None if machine is None else machine.state()
+        return self.machine.hardware.state()
 
     def _step(self) -> list[dict[str, Any]]:
         """The whole of it as one step."""
-        sentence = self.bench.protocol.sentence()
+        sentence = self.prepared.protocol.sentence()
         return [
             {
                 "index": 1, "path": "steps.1", "label": LEAVES, "case": {}, "start": 0.0, "end": self.time,

@@ -10,45 +10,93 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import multiprocessing
+import os
 import queue
+import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from types import FrameType
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from ...errors import LineLostError, MckibbenError
 from ...experiments.protocol import Protocol
 from ...recordings import read_recording
+from ..hardware.connect import connected
+from ..prepare import PreparedRun, prepare_on_machine
+from ..protocol_run import ProtocolRun
 from ..software.emergency_stop import EmergencyStop
-from .run import OnMachine, prepared
-from .served import Facts, serve
+from .session import Session
+from .setup import session_rate
 from .status import CLOSED, LOST, Message, Status
 
 if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
     from ...recordings.recording import Recording
     from ...specimens import Specimen
+    from ..protocol_run import Display
     from ..rig import Rig
-    from ..run import Display
 
 LONGEST = 10.0  # that the end of the process is waited for [s]
+AT_ONCE = 8  # things asked for that go on at the same time
+SILENCE = 0.05  # after which the device vents by itself [s]: here a run is made ready while the loop goes on
+NOBODY = "nobody is there any more"
 ENDED = "the process that had the machine ended; the device vents by itself"
 
 
-class Doing:
-    """A run in another process, as far as it has been told of."""
+class RunSnapshot(NamedTuple):
+    """How a run is, as one process tells another.
+
+    Attributes:
+        result: as that of a recording, so far.
+        message: how it ended, so far that it reached its end.
+        events: that the recording keeps.
+        steps: that have begun.
+    """
+
+    result: str = "done"
+    message: str = ""
+    events: tuple[dict[str, Any], ...] = ()
+    steps: tuple[dict[str, Any], ...] = ()
+
+    @classmethod
+    def of(cls, run: ProtocolRun) -> RunSnapshot:
+        """Take one now."""
+        return cls(run.result, run.message, tuple(dict(e) for e in run.events), tuple(dict(s) for s in run.steps))
+
+
+class RemoteRun:
+    """A run in another process, as far as it has been told of; what `ProtocolRun` has of the same name."""
 
     def __init__(self) -> None:
-        self.facts = Facts()
+        self.snapshot = RunSnapshot()
 
-    result = property(lambda self: self.facts.result)
-    message = property(lambda self: self.facts.message)
-    events = property(lambda self: list(self.facts.events))
-    steps = property(lambda self: list(self.facts.steps))
+    @property
+    def result(self) -> str:
+        """As that of a recording, so far."""
+        return self.snapshot.result
+
+    @property
+    def message(self) -> str:
+        """How it ended, so far that it reached its end."""
+        return self.snapshot.message
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """What the recording keeps."""
+        return list(self.snapshot.events)
+
+    @property
+    def steps(self) -> list[dict[str, Any]]:
+        """The steps that have begun."""
+        return list(self.snapshot.steps)
 
 
-class Button(EmergencyStop):
+class RemoteButton(EmergencyStop):
     """The emergency stop of a machine in another process."""
 
     def __init__(self, send: Callable[..., None]) -> None:
@@ -61,7 +109,7 @@ class Button(EmergencyStop):
         self._send(0, "press", reason, ordinary)
 
 
-class OwnProcess:
+class SessionProxy:
     """A session whose machine another process has; its methods are those of `session.Session`.
 
     Args:
@@ -81,11 +129,11 @@ class OwnProcess:
         self._number, self._lost, self._closed = 0, "", False
         self._sending, self._lock = threading.Lock(), threading.Lock()
         self._waiting: dict[int, queue.SimpleQueue[tuple[Any, ...]]] = {}
-        self.button = Button(self._send)
+        self.button = RemoteButton(self._send)
         context = multiprocessing.get_context("spawn")
         self._line, other = context.Pipe()
         self._process = context.Process(
-            target=serve, args=(other, words, rig, muscle, lock_step, keep), daemon=True, name="machine"
+            target=serve_machine, args=(other, words, rig, muscle, lock_step, keep), daemon=True, name="machine"
         )
         self._process.start()
         other.close()
@@ -157,6 +205,11 @@ class OwnProcess:
         """What stopped the machine; nothing while it is not stopped."""
         return self._lost or str(self._or(ENDED, "get", "why"))
 
+    @property
+    def busy(self) -> bool:
+        """Whether something is asked of the machine by hand, or it holds a pressure."""
+        return bool(self._or(False, "get", "busy"))
+
     def _or(self, otherwise: Any, what: str, *given: Any) -> Any:
         """What is asked for, or something else of a machine that is lost."""
         try:
@@ -211,18 +264,18 @@ class OwnProcess:
     def reset(self) -> None:
         """After a stop: manual mode again, vented, with the motor where it is."""
         self._ask("reset")
-        self.button = Button(self._send)
+        self.button = RemoteButton(self._send)
 
-    def prepared(self, protocol: Protocol | str) -> OnMachine:
-        """A protocol on this machine with the findings of the dry run, from where it begins."""
-        return prepared(protocol, 1.0 / self.period, muscle=self.muscle, rig=self.rig, **self._options)
+    def prepare(self, protocol: Protocol | str) -> PreparedRun:
+        """Make the dry run of a protocol on this machine, from where it begins; here, so that its loop is not disturbed."""
+        return prepare_on_machine(protocol, 1.0 / self.period, muscle=self.muscle, rig=self.rig, **self._options)
 
     def run(
-        self, bench: OnMachine, *, log: str | Path, display: Display | None = None,
-        ask: Callable[[str], None] | None = None, begun: Callable[[Doing], None] | None = None,
+        self, prepared: PreparedRun, *, log: str | Path, display: Display | None = None,
+        ask: Callable[[str], None] | None = None, begun: Callable[[RemoteRun], None] | None = None,
     ) -> Recording:  # fmt: skip
-        """Do a protocol and come back to manual mode, see `Session.run`; the recording is read from its log."""
-        doing = Doing()
+        """Run a protocol and come back to manual mode, see `Session.run`; the recording is read from its log."""
+        run = RemoteRun()
 
         def hear(kind: str, *said: Any) -> None:
             if kind == "ask":
@@ -234,14 +287,14 @@ class OwnProcess:
                 else:
                     self._send(0, "answer", None)
                 return
-            doing.facts = said[0]
+            run.snapshot = said[0]
             if kind == "begun" and begun is not None:
-                begun(doing)
+                begun(run)
             elif kind == "display" and display is not None:
                 display(said[1], said[2])
 
         try:
-            doing.facts = self._ask("run", bench.protocol, str(log), ask is not None, hear=hear)
+            run.snapshot = self._ask("run", prepared, str(log), ask is not None, hear=hear)
         except MckibbenError:
             raise
         except BaseException as error:  # of whoever shows it
@@ -266,3 +319,104 @@ class OwnProcess:
     def __exit__(self, *_: object) -> None:
         """It vents, whatever happened."""
         self.close()
+
+
+class SessionServer:
+    """What answers in the process that has the machine: a session, and a line to whoever asks."""
+
+    def __init__(self, line: Connection, session: Session) -> None:
+        self.line, self.session = line, session
+        self._sending, self._answers = threading.Lock(), queue.SimpleQueue[MckibbenError | None]()
+        self._pool = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="asked")
+
+    def serve(self) -> None:
+        """Answer until it is told to close, or nobody is there any more."""
+        try:
+            while True:
+                number, what, given = self.line.recv()
+                if what == "press":
+                    self.session.button.press(given[0], ordinary=given[1])
+                elif what == "answer":
+                    self._answers.put(given[0])
+                elif what == "close":
+                    self._answers.put(MckibbenError(NOBODY))
+                    self.session.close()
+                    self.say(number, "done", None)
+                    return
+                else:
+                    self._pool.submit(self._do, number, what, given)
+        except (EOFError, OSError):
+            self._answers.put(MckibbenError(NOBODY))
+            self.session.button.press("the program that operated the machine ended")
+
+    def say(self, number: int, *said: Any) -> None:
+        """Something about what was asked for under a number."""
+        with self._sending, contextlib.suppress(OSError):
+            self.line.send((number, *said))
+
+    def _do(self, number: int, what: str, given: tuple[Any, ...]) -> None:
+        try:
+            own = getattr(self, f"_{what}", None)
+            found = own(number, *given) if own is not None else getattr(self.session, what)(*given)
+            self.say(number, "done", found)
+        except MckibbenError as error:
+            self.say(number, "refused", error)
+        except BaseException as error:
+            self.say(number, "refused", MckibbenError(f"{type(error).__name__}: {str(error)[:200]}"))
+
+    def _facts(self, number: int) -> tuple[float, dict[str, Any], Status]:
+        session = self.session
+        return session.period, {n: session.setup.options[n] for n in ("seed", "step", "plumbing")}, session.status()
+
+    def _get(self, number: int, name: str) -> Any:
+        return getattr(self.session, name)
+
+    def _set(self, number: int, wanted: Mapping[str, float | str]) -> None:
+        self.session.set(**wanted)
+
+    def _run(self, number: int, prepared: PreparedRun, log: str, asks: bool) -> RunSnapshot:
+        runs: list[ProtocolRun] = []
+
+        def begun(run: ProtocolRun) -> None:
+            runs.append(run)
+            self.say(number, "begun", RunSnapshot.of(run))
+
+        def display(times: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:
+            self.say(number, "display", RunSnapshot.of(runs[0]), times, dict(arrays))
+
+        def ask(text: str) -> None:
+            self.say(number, "ask", text)
+            error = self._answers.get()
+            if error is not None:
+                raise error
+
+        self.session.run(prepared, log=log, display=display, ask=ask if asks else None, begun=begun)
+        return RunSnapshot.of(runs[0])
+
+
+def serve_machine(line: Connection, words: str, rig: Rig, muscle: Specimen, lock_step: bool, keep: float) -> None:
+    """What the process does: the machine of `words`, for whoever is at the other end of the line."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal; whoever operates the machine lets go of it
+    signal.signal(signal.SIGTERM, _leave)
+    _go_first()
+    try:
+        period = rig.computer.period(session_rate(rig))
+        with connected(words, rig, period, lock_step=lock_step, silence=SILENCE) as hardware:
+            with Session(rig, muscle, hardware, keep=keep) as session:
+                SessionServer(line, session).serve()
+    except MckibbenError as error:
+        with contextlib.suppress(EOFError, OSError):
+            number, *_ = line.recv()
+            line.send((number, "refused", error))
+
+
+def _leave(number: int, _: FrameType | None) -> None:
+    raise SystemExit(1)
+
+
+def _go_first() -> None:
+    """Wait for no other program, as far as the system lets this one choose."""
+    with contextlib.suppress(OSError, AttributeError):
+        os.setsid()  # Linux shares the processors between sessions, and within them
+    with contextlib.suppress(OSError, AttributeError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))

@@ -1,0 +1,336 @@
+"""A protocol on a rig, simulated or real: segments between what a person does, samples in chunks, and one recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..assembly.accounts import Accounts
+from ..assembly.machine import Machine
+from ..engine import sampled
+from ..errors import ConvergenceError, EmptyRunError, InputError, LineLostError
+from ..experiments.dry_run import check
+from ..recordings.recording import Recording
+from . import channels
+from .hardware.clock import Clock
+from .hardware.interface import Hardware
+from .hardware.simulated import SimulatedHardware
+from .metadata import StepTable, run_metadata
+from .prepare import PreparedRun, RunSegment, with_friction_scale
+from .recorder import RunRecorder
+from .sample_loop import Lateness, SampledMachine, SampleLoop, played
+from .segment import AFTER_STOP, Chunk, SegmentMachine, simulated, software_of, timing_of
+from .software.emergency_stop import EmergencyStop, sentence
+from .software.interlocks import Trip
+from .software.loop import BenchSoftware
+
+Progress = Callable[[float, float], None]  # time done and longest time [s]
+Display = Callable[[np.ndarray, Mapping[str, np.ndarray]], None]  # times and channels of a chunk
+
+
+class Stage(Protocol):
+    """Where the segments of a run are played: on machines of their own, or on one that goes on."""
+
+    @property
+    def hardware(self) -> Hardware | None:
+        """The machine that outlives the run; None where every segment has a simulated one of its own."""
+
+    def bring(self, segment: RunSegment) -> None:
+        """Bring the machine to where a segment begins, after a person did what the segment asks for."""
+
+    def play(
+        self, run: ProtocolRun, number: int, segment: RunSegment, software: BenchSoftware
+    ) -> Generator[Chunk, None, None]:
+        """Play a segment, chunk by chunk; closed before its end, the machine is stopped and vented first."""
+
+
+class OwnMachines:
+    """Every segment on a simulated machine of its own, set up where the segment begins.
+
+    Args:
+        clock: of the machine's time; None: whole chunks at once, with steps that the machine's own rates allow.
+    """
+
+    hardware = None
+
+    def __init__(self, clock: Clock | None = None) -> None:
+        self.clock = clock
+
+    def bring(self, segment: RunSegment) -> None:
+        """Nothing has to be brought anywhere."""
+
+    def play(
+        self, run: ProtocolRun, number: int, segment: RunSegment, software: BenchSoftware
+    ) -> Generator[Chunk, None, None]:
+        """Play a segment."""
+        own = SegmentMachine(run.prepared, number, segment, run.timing, run.time)
+        run.machine = own.machine
+        if self.clock is None:
+            carry = own.carry(software)
+            try:
+                for chunk in simulated(own.plant, software, carry, own.rows, run.timing):
+                    assert chunk.carry is not None
+                    carry, run.finest = chunk.carry, max(run.finest, chunk.inner)
+                    yield chunk
+            except (GeneratorExit, KeyboardInterrupt):
+                run.accounts.append(own.closed(carry))
+                raise
+            return
+        machine = own.at_interface(ahead=run.longest * run.timing.period)
+        try:
+            yield from loop_chunks(run, SimulatedHardware(machine, self.clock), segment, software)
+        finally:
+            run.accounts.append(own.closed(machine.carry()))
+
+
+class StartedMachine:
+    """Every segment on one machine, which is started anew where the segment begins.
+
+    Args:
+        hardware: the machine; it gives the clock, and stays open.
+    """
+
+    def __init__(self, hardware: Hardware) -> None:
+        self.hardware = hardware
+
+    def bring(self, segment: RunSegment) -> None:
+        """Somebody has mounted the muscle there."""
+
+    def play(
+        self, run: ProtocolRun, number: int, segment: RunSegment, software: BenchSoftware
+    ) -> Generator[Chunk, None, None]:
+        """Play a segment."""
+        unit = with_friction_scale(run.prepared.unit, segment.friction)
+        run.machine = run.prepared.rig.machine(segment.layout, unit, start=segment.start_span, moves=segment.moves)
+        return loop_chunks(run, self.hardware, segment, software)
+
+
+def loop_chunks(
+    run: ProtocolRun, hardware: Hardware, segment: RunSegment, software: BenchSoftware
+) -> Generator[Chunk, None, None]:
+    """Play a segment on a machine that the segment starts."""
+    assert run.machine is not None
+    loop = SampleLoop(
+        SampledMachine(hardware, run.timing.period), run.prepared.rig.converters(segment.start_span), software,
+        outputs=run.machine.signals(), longest=run.longest, stop=run.stop, tell=run.note_lateness,
+    )  # fmt: skip
+    try:
+        yield from played(loop)
+    finally:
+        loop.chunk()
+
+
+def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True) -> None:
+    """Compile what a run of a simulated machine by a clock needs, so that it begins at once.
+
+    Args:
+        prepared: what is going to be run.
+        wanted: asked before each segment whether somebody still wants it.
+    """
+    timing = timing_of(prepared)
+    for number, segment in enumerate(prepared.segments()):
+        if not wanted():
+            return
+        own = SegmentMachine(prepared, number, segment, timing)
+        machine, software = own.at_interface(), software_of(prepared, segment, timing)
+        SampleLoop(
+            SampledMachine(SimulatedHardware(machine), timing.period), prepared.rig.converters(segment.start_span), software,
+            outputs=own.machine.signals(), longest=1, stop=lambda: False,
+        )  # fmt: skip
+
+
+class ProtocolRun:
+    """A run while it goes on.
+
+    Args:
+        prepared: what is done; nothing speaks against it.
+        stage: where.
+        progress: told how far it is, with every chunk.
+        display: shown every chunk.
+        stop: asked at every sample by a clock, else once per chunk, whether to end the run.
+        ask: told what a person has to do on a real machine; returns when it is done.
+        log: a new ``.mcap`` file.
+        begun: called once the machine is where the first segment begins.
+
+    Attributes:
+        time: how far it is [s].
+        result: as that of the recording, so far.
+        message: how it ended, so far that it reached its end.
+        events: that the recording keeps.
+        machine: of the present segment, whose parameters are written down.
+        accounts: of the segments that are over; none of a real machine.
+    """
+
+    def __init__(
+        self, prepared: PreparedRun, stage: Stage, *, progress: Progress | None = None, display: Display | None = None,
+        stop: Callable[[], bool] | None = None, ask: Callable[[str], None] | None = None, log: str | Path | None = None,
+        begun: Callable[[ProtocolRun], None] | None = None,
+    ) -> None:  # fmt: skip
+        check(list(prepared.findings))
+        self.prepared, self.stage, self.progress, self.display, self.ask = prepared, stage, progress, display, ask
+        self.stop = EmergencyStop() if stop is None else stop
+        self.begun = begun
+        self.timing = timing_of(prepared)
+        self.longest = round((prepared.plan.duration + 2.0 * AFTER_STOP) / self.timing.period)  # samples of a segment
+        self.recorder = RunRecorder(prepared, self.timing.period * prepared.every, log)
+        self.table = StepTable(self.timing.period)
+        self.time, self.samples, self.finest = 0.0, 0, self.timing.inner
+        self.result, self.message = "done", "The run reached its end."
+        self.events: list[dict[str, Any]] = []
+        self.machine: Machine | None = None
+        self.accounts: list[Accounts] = []
+        self._lateness: list[np.ndarray] = []
+        self._mounted: list[list[float]] = []  # from a time on [s], the span at which the encoder was zeroed [m]
+
+    @property
+    def steps(self) -> list[dict[str, Any]]:
+        """The steps that have begun: path, label, start and end [s], period [s]."""
+        return self.table.steps
+
+    def note_lateness(self, chunk: Chunk) -> None:
+        """Keep how late the samples of a chunk were."""
+        self._lateness.append(chunk.lateness)
+
+    def play(self) -> Recording:
+        """Play all segments, one after the other."""
+        with self.recorder:
+            for number, segment in enumerate(self.prepared.segments()):
+                if segment.asked:
+                    self._ask(segment.asked)
+                self.stage.bring(segment)
+                if number == 0 and self.begun is not None:
+                    self.begun(self)
+                self._play(number, segment)
+                if self.result != "done":
+                    break
+            if self.result != "done" and not len(self.recorder.chunks):
+                raise EmptyRunError(f"{self.message.rstrip('.')}; nothing had been recorded by then")
+            record = self.recorder.recording()
+            meta = self._metadata(record)
+            self.recorder.close(self.result, self.message, meta)
+        return record.with_meta(meta, result=self.result, message=self.message)
+
+    def _metadata(self, record: Recording) -> dict[str, Any]:
+        assert self.machine is not None
+        meta = run_metadata(
+            self.prepared, self.machine, self.timing, inner=self.finest, closed=self.accounts, record=record
+        )  # fmt: skip
+        meta |= {"steps": self.steps, "events": self.events}
+        encoder, hardware = self.prepared.rig.encoder, self.stage.hardware
+        if encoder is not None:
+            meta["encoder"] = {"resolution": float(encoder.resolution), "mounted": self._mounted}
+        if self._lateness:
+            meta["deadlines"] = Lateness.of(np.concatenate(self._lateness), self.timing.period)._asdict()
+        if hardware is not None:
+            meta["hardware"] = {} if hardware.statistics is None else hardware.statistics._asdict()
+        return meta
+
+    def _ask(self, text: str) -> None:
+        if self.stage.hardware is not None and self.ask is None:
+            raise InputError("ask", "nobody", f"the protocol wants a person to {text}")
+        if self.ask is not None:
+            self.ask(text)
+        self._event(f"asked to {text}")
+
+    def _event(self, text: str, **more: Any) -> None:
+        self.events.append({"time": self.time, "text": text, **more})
+        self.recorder.remark(text, self.time)
+
+    def _play(self, number: int, segment: RunSegment) -> None:
+        self._mounted.append([self.time, segment.start_span])
+        chunks = self.stage.play(self, number, segment, software_of(self.prepared, segment, self.timing))
+        try:
+            for chunk in self._samples(chunks, segment):
+                if chunk.carry is not None and self.stop():
+                    self._interrupted()
+                    break
+        except LineLostError as error:
+            self.result, self.message = "stopped", str(error)
+            self._event(self.message, code="lost_line")
+        finally:
+            chunks.close()
+        self.table.end(self.time, "until" if self.result == "done" else "stop")
+
+    def _samples(self, source: Iterator[Chunk], segment: RunSegment) -> Iterator[Chunk]:
+        """Keep what a source gives, until the segment ends; each chunk is given on."""
+        left = round(AFTER_STOP / self.timing.period)
+        try:
+            for chunk in source:
+                seen, count = chunk.seen, chunk.size
+                if not bool(seen.sound.all()):
+                    raise ConvergenceError("A state is not finite, or not possible, with the steps of the wall clock.")
+                used = int(seen.shown["running"].sum())
+                stopped = bool((seen.shown["code"] > 0).any() or seen.shown["missed"].any())
+                if stopped:
+                    if self.result == "done":
+                        self._stopped(seen, used, segment)
+                    after = min(count - used, left)
+                    used, left = used + after, left - after
+                over = left <= 0 if stopped else used < count
+                self._keep(seen, used, segment, stopped)
+                yield chunk
+                if over:
+                    return
+        except KeyboardInterrupt:
+            if not self.samples:
+                raise
+            self._interrupted()
+
+    def _interrupted(self) -> None:
+        if self.result != "done":
+            return
+        total = self.prepared.plan.duration
+        self.result, self.message = "interrupted", f"Interrupted after {self.time:.4g} s of at most {total:.4g} s."
+        self._event("interrupted")
+
+    def _keep(self, seen: sampled.Seen, used: int, segment: RunSegment, stopped: bool) -> None:
+        """Take the first samples of a chunk."""
+        period, total = self.timing.period, self.prepared.plan.duration
+        times = period * (self.samples + np.arange(used))
+        arrays = channels_of(seen, used)
+        record = seen.shown["record"][:used].astype(bool) | stopped
+        on_the_clock = (self.samples + np.arange(used)) % self.prepared.every == 0
+        self.recorder.take(times, arrays, record & on_the_clock)
+        if used:
+            self.table.add(times, seen.shown["step"][:used].astype(int), segment.steps)
+        self.samples += used
+        self.time = period * self.samples
+        if used and self.display is not None:
+            self.display(times, arrays)
+        if self.progress is not None:
+            self.progress(min(self.time, total), total)
+
+    def _stopped(self, seen: sampled.Seen, at: int, segment: RunSegment) -> None:
+        """Say what stopped the machine at a sample of a chunk."""
+        i = min(at, len(seen.shown["code"]) - 1)
+        when, code = self.time + i * self.timing.period, int(seen.shown["code"].max())
+        name = Trip(code).name.lower() if code else "missed"
+        if code == Trip.EMERGENCY_STOP:
+            name = "stop" if getattr(self.stop, "ordinary", False) else name
+            self.message = sentence(self.stop, when)
+        elif code > 0:
+            watch = self.prepared.rig.watch(segment.layout, tension=not self.prepared.accepted)
+            measured = {n: float(v[i]) for n, v in seen.measured.items() if not n.endswith(".code")}
+            self.message = watch.reason(code, {**measured, "velocity": float(seen.shown["velocity"][i])}, when)
+        else:
+            step = segment.steps[int(seen.shown["step"][i])]
+            test = "" if step.until is None else step.until.sentence()
+            waited = step.count * self.timing.period
+            self.message = f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
+        self.result = "stopped"
+        self.events.append({"time": when, "text": self.message, "code": name})
+        self.recorder.remark(self.message, when)
+
+
+def channels_of(seen: sampled.Seen, used: int) -> dict[str, np.ndarray]:
+    """The channels of a recording from what was seen of a chunk."""
+    arrays = {n: v[:used] for n, v in seen.measured.items() if not n.endswith(".code")}
+    arrays |= {n: v[:used] for n, v in seen.shown.items() if n.startswith("command.")}
+    arrays |= {channels.INPUTS[n]: v[:used] for n, v in seen.commands.items()}
+    for name, values in seen.outputs.items():
+        if not name.startswith(channels.CONSTANT):
+            arrays[channels.RENAMED.get(name, name)] = np.broadcast_to(values, seen.steepest.shape)[:used]
+    return arrays

@@ -1,0 +1,183 @@
+"""The machine of a page by hand: a session that is opened in a thread of its own, and whose samples go to the pages."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ...bench.session import Session
+from ...bench.session.proxy import SessionProxy
+from ...bench.session.session import VENTED
+from ...errors import MckibbenError
+from ..stream import Stream
+from .columns import Columns
+
+if TYPE_CHECKING:
+    from ...bench.rig import Rig
+
+TICK = 0.015  # time between two looks at the samples [s]
+LONGEST = 60.0  # that its end is waited for [s]
+QUIET = 0.6  # time for which pages still see it when all is at rest [s]
+
+
+class HardwareSpec(NamedTuple):
+    """A real machine as somebody names it.
+
+    Attributes:
+        words: that name it, see `hardware.connect.connected`.
+        lock_step: it waits for every command, as only a simulated device can.
+    """
+
+    words: str
+    lock_step: bool = False
+
+    @property
+    def caution(self) -> str:
+        """What somebody has to know before it moves."""
+        return (
+            f"Connecting to {self.words}; lengths count from the muscle's rest length, at which it is taken to stand."
+        )
+
+
+class ManualControl:
+    """A session for pages; a simulated one stands still while nothing is asked of it.
+
+    Args:
+        rig: whose machine it is.
+        muscle: specimen.
+        speed: of a simulated machine's time over that of the wall.
+        stream: that the samples go to.
+        news: told that something changed.
+        spec: the real machine; None: a simulated one.
+        after: threads that let go of the same real machine first.
+
+    Attributes:
+        session: once it is ready.
+        failed: why it could not be made ready.
+        moving: whether pages see its samples.
+        time: of the newest sample that pages have [s].
+    """
+
+    def __init__(
+        self, rig: Rig, muscle: Any, speed: float, stream: Stream, news: Callable[[], None], *,
+        spec: HardwareSpec | None = None, after: Iterable[threading.Thread] = (),
+    ) -> None:  # fmt: skip
+        self.rig, self.muscle, self.spec, self.stream = rig, muscle, spec, stream
+        self.session: Session | SessionProxy | None = None
+        self.failed, self.moving, self.time = "", False, 0.0
+        self._news, self._after, self._speed, self._alone = news, list(after), speed, False
+        self._closed, self._held = threading.Event(), threading.Event()
+        self._lock = threading.RLock()
+        self._thread = threading.Thread(target=self._open_and_show, name="by hand", daemon=True)
+        self._thread.start()
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can be operated."""
+        return self.session is not None
+
+    def operated(self) -> Session | SessionProxy:
+        """The session, which pages see from now on because something is asked of it.
+
+        Raises:
+            MckibbenError: if it is not ready yet, or could not be made ready.
+        """
+        if self.session is None:
+            raise MckibbenError(self.failed or "by hand: the machine is getting ready; try again in some seconds")
+        with self._lock:
+            if not self.moving:
+                self._show()
+        return self.session
+
+    def hold(self, held: bool) -> None:
+        """Show nothing of it while a run goes on; what holds a pressure after that is shown again."""
+        with self._lock:
+            (self._held.set if held else self._held.clear)()
+            self.moving, session = False, self.session
+            if not held and self.spec is not None and session is not None and not session.why:
+                if session.latest().get("command.pressure", 0.0) > VENTED:
+                    self._show()
+
+    def set_speed(self, speed: float) -> None:
+        """Let simulated time go at another speed over the wall clock."""
+        self._speed = speed
+        if isinstance(self.session, Session):
+            self.session.speed = speed
+
+    def set_control(self, there: bool) -> None:
+        """Say whether somebody is in control."""
+        self._alone = not there
+        if self.session is not None:
+            (self.session.control_back if there else self.session.control_lost)()
+
+    def close(self) -> None:
+        """Vent, and let go of it; one that is being made ready is waited for, since nothing can end that."""
+        self._closed.set()
+        self._thread.join(LONGEST)
+
+    def closing(self) -> threading.Thread:
+        """Close it in a thread of its own."""
+        thread = threading.Thread(target=self.close, name="close", daemon=True)
+        thread.start()
+        return thread
+
+    def _open(self) -> Session | SessionProxy:
+        if self.spec is not None:
+            return SessionProxy(self.spec.words, self.rig, self.muscle, lock_step=self.spec.lock_step)
+        return Session(self.rig, self.muscle, speed=self._speed, keep=2.0, rests=True)
+
+    def _open_and_show(self) -> None:
+        for thread in self._after if self.spec is not None else ():
+            thread.join()
+        with contextlib.ExitStack() as until:
+            try:
+                session = self._open()
+                until.callback(session.close)
+            except MckibbenError as error:
+                self.failed = f"by hand: {error}"
+                self._news()
+                return
+            except Exception as error:  # the page has to hear of it; runs do not need it
+                self.failed = f"by hand: it could not be made ready ({type(error).__name__}: {str(error)[:200]})"
+                self._news()
+                return
+            self.session = session
+            self.set_speed(self._speed)
+            if self._alone:
+                session.control_lost()
+            self._news()
+            self._tend(session)
+            self.session = None
+
+    def _show(self) -> None:
+        session = self.session
+        assert session is not None
+        self.time = session.latest().get("time", 0.0)
+        self._columns = Columns(self.rig)
+        self.stream.begin("hand", "by hand", session.period, round(self.time / session.period) + 1)
+        self.moving = True
+        self._news()
+
+    def _tend(self, session: Session | SessionProxy) -> None:
+        quiet = 0.0
+        while not self._closed.wait(TICK):
+            if self._held.is_set() or not self.moving:
+                continue
+            self._take(session)
+            quiet = 0.0 if session.busy else quiet + TICK
+            if quiet > QUIET:
+                with self._lock:
+                    self.moving = False
+                self._news()
+                quiet = 0.0
+
+    def _take(self, session: Session | SessionProxy) -> None:
+        with self._lock:
+            if self._held.is_set():
+                return  # a run has the machine by now, and the stream
+            times, arrays = session.since(self.time)
+            if len(times):
+                self.time = float(times[-1])
+                self.stream.add(self._columns.of(arrays))

@@ -1,0 +1,64 @@
+"""Hardware by name: ours, and a backend that another package brings by an entry point."""
+
+import importlib.metadata
+
+import pytest
+
+from mckibben.bench.hardware import connect
+from mckibben.bench.hardware.connect import HardwareRequest, check_connection, connected
+from mckibben.bench.hardware.interface import Hardware
+from mckibben.bench.rig_file import rig
+from mckibben.errors import InputError
+
+
+class Desk(Hardware):
+    """A machine that a package of somebody else opens."""
+
+    def __init__(self, request: HardwareRequest) -> None:
+        super().__init__(request.rig.converters(0.0).names, encoder=True, motor=True, motor_rest=7)
+        self.request, self.sent, self.closed = request, [], False
+
+    def start(self, period):
+        pass
+
+    def wait(self, sample):
+        return 0.0
+
+    def send(self):
+        self.sent.append((0 if self.venting else self.valve, self.motor, self.opened))
+
+    def _vent_now(self):
+        self.send()
+
+    def close(self):
+        self.closed = True
+
+
+@pytest.fixture
+def desk(monkeypatch):
+    point = importlib.metadata.EntryPoint("desk", f"{__name__}:Desk", connect.GROUP)
+    monkeypatch.setattr(importlib.metadata.EntryPoint, "load", lambda self: Desk)
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point] if group == connect.GROUP else [])
+
+
+def test_a_backend_of_another_package_is_opened_by_its_name_and_closed(desk):
+    check_connection("desk:left")
+    with connected("desk:left", rig("paper"), 1e-3) as machine:
+        assert machine.request.place == "left" and machine.request.period == 1e-3
+        machine.write(5, opened=False)
+        machine.write(6, 9)
+        machine.vent()
+    assert machine.sent == [(5, 7, False), (6, 9, True), (0, 9, True)] and machine.closed
+
+
+def test_no_words_and_simulated_stand_for_no_hardware():
+    for words in (None, "simulated"):
+        check_connection(words)
+        with connected(words, rig("paper"), 1e-3) as machine:
+            assert machine is None
+
+
+@pytest.mark.parametrize("words", ["desck:left", "usb", "serial", "serial:", "daq:Dev1"])
+def test_words_that_name_no_backend_are_refused_with_those_that_there_are(desk, words):
+    with pytest.raises(InputError, match="must be serial:PORT.* or daq, .* or desk"):
+        check_connection(words)
