@@ -68,7 +68,7 @@ class Yardstick(System):
         """None."""
         return ()
 
-    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """No memory."""
         return memory
 

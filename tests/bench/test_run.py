@@ -154,7 +154,7 @@ def test_the_bound_that_chooses_the_step_is_above_every_mode_of_the_rig():
         state, memory = plant.at_rest(commands, dict.fromkeys(machine.circuit.chambers, pressure))
         inputs = {n: Value(np.asarray(v), np.asarray(0.0)) for n, v in (("valve", pressure), ("motor", 0.0))}
         inputs["valve.command"] = inputs["valve"]
-        bound = float(plant.steepest_rate(state, memory, inputs))
+        bound = float(plant.max_rate_bound(state, memory, inputs))
         lead = functools.partial(jax.tree.map, lambda x: np.asarray(x)[None])
         # the exact modes at this state, and the bound itself, which `fastest_rate` takes in
         assert fastest_rate(plant, lead(state), lead(memory), lead(inputs)) == pytest.approx(bound)

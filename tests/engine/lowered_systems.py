@@ -28,7 +28,7 @@ class Rubbing(System):
     def integrands(self, state, memory, inputs):
         return {"work": inputs["drive"].value * state["v"], "loss": self.friction.force(memory) * state["v"]}
 
-    def slide(self, memory, start, end, duration):
+    def advance_memory(self, memory, start, end, duration):
         begin, last = start.state, end.state
         moved = last["x"] - begin["x"]
         return self.friction.advance(memory, moved, start_pressure=begin["p"], end_pressure=last["p"]).state

@@ -41,7 +41,7 @@ class Chain(System):
     def integrands(self, state, memory, inputs):
         return {}
 
-    def slide(self, memory, start, end, duration):
+    def advance_memory(self, memory, start, end, duration):
         if self.friction is None:
             return memory
         last = f"p{self.count - 1}"

@@ -264,7 +264,7 @@ class Falling(System):
     def integrands(self, state, memory, inputs):
         return {}
 
-    def slide(self, memory, start, end, duration):
+    def advance_memory(self, memory, start, end, duration):
         return memory
 
     def outputs(self, state, memory, inputs):

@@ -35,8 +35,8 @@ class WithoutAccounts(System):
     def integrands(self, *given):
         return {}
 
-    def slide(self, *given):
-        return self.inner.slide(*given)
+    def advance_memory(self, *given):
+        return self.inner.advance_memory(*given)
 
     def outputs(self, *given):
         return self.inner.outputs(*given)

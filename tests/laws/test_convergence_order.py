@@ -23,7 +23,7 @@ class Pendulum(System):
     def integrands(self, state, memory, inputs):
         return {"work": inputs["drive"].value * state["v"], "loss": 2.0 * state["v"] ** 2}
 
-    def slide(self, memory, start, end, duration):
+    def advance_memory(self, memory, start, end, duration):
         return memory
 
     def outputs(self, state, memory, inputs):
@@ -42,7 +42,7 @@ class Rubbing(System):
     def integrands(self, state, memory, inputs):
         return {}
 
-    def slide(self, memory, start, end, duration):
+    def advance_memory(self, memory, start, end, duration):
         begin, last = start.state, end.state
         moved = last["x"] - begin["x"]
         return self.friction.advance(memory, moved, start_pressure=begin["p"], end_pressure=last["p"]).state
@@ -132,7 +132,7 @@ class Fast(System):
     def integrands(self, state, memory, inputs):
         return {}
 
-    def slide(self, memory, start, end, duration):
+    def advance_memory(self, memory, start, end, duration):
         return memory
 
     def outputs(self, state, memory, inputs):

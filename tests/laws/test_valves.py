@@ -445,11 +445,11 @@ def test_the_play_does_not_depend_on_the_rate():
     way = np.concatenate([np.linspace(3e5, 4e5, 51), np.linspace(4e5, 3.2e5, 77), np.linspace(3.2e5, 3.25e5, 3)])
     slow = fast = regulator.initial_memory(gas(7e5, 3e5, P0))
     for a, b in itertools.pairwise(way):
-        slow = regulator.slide(slow, gas(7e5, a, P0), gas(7e5, b, P0))
+        slow = regulator.advance_memory(slow, gas(7e5, a, P0), gas(7e5, b, P0))
     for a, b in itertools.pairwise([3e5, 4e5, 3.2e5, 3.25e5]):
-        fast = regulator.slide(fast, gas(7e5, a, P0), gas(7e5, b, P0))
+        fast = regulator.advance_memory(fast, gas(7e5, a, P0), gas(7e5, b, P0))
     assert float(slow) == float(fast) == 3.25e5  # 3.2 bar + h/2, and within the play since
-    assert float(regulator.slide(fast, gas(7e5, 3.25e5, P0), gas(7e5, 3.29e5, P0))) == 3.25e5
+    assert float(regulator.advance_memory(fast, gas(7e5, 3.25e5, P0), gas(7e5, 3.29e5, P0))) == 3.25e5
 
 
 def test_a_poppet_that_is_not_balanced_feels_the_supply():

@@ -179,9 +179,9 @@ class Machine(System):
         outer = {"outside": outside, "outside_turnover": jnp.abs(outside), "lost": lost + viscous, "viscous": viscous}
         return out | own | outer
 
-    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Friction and creep along the piece of path, and the memory of valves."""
-        gas = self.joined.slide(
+        gas = self.joined.advance_memory(
             memory["circuit"],
             Moment(start.state["circuit"], self.with_lengths(start.state, start.inputs)),
             Moment(end.state["circuit"], self.with_lengths(end.state, end.inputs)),
@@ -190,7 +190,7 @@ class Machine(System):
         before = self.load.spans(start.state["load"], start.inputs)
         after, own, _ = self.pulls(end.state, memory, end.inputs)
         muscles = {
-            name: unit.slide(
+            name: unit.advance_memory(
                 memory["muscles"][name],
                 Path(
                     end.state["muscles"][name].length - start.state["muscles"][name].length,
@@ -209,10 +209,10 @@ class Machine(System):
         """Whether every volume holds gas above vacuum."""
         return self.joined.admissible(state["circuit"])
 
-    def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
         """The circuit's bound, and that of each taut tendon on its end mass [1/s]."""
         seen = self.with_lengths(state, inputs)
-        bounds = [self.joined.steepest_rate(state["circuit"], memory["circuit"], seen)]
+        bounds = [self.joined.max_rate_bound(state["circuit"], memory["circuit"], seen)]
         bounds += [jnp.sqrt(unit.tendon.stiffness / unit.end_mass) for unit in self.units.values()]
         return jnp.stack(bounds).max()
 

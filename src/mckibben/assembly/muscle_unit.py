@@ -109,7 +109,7 @@ class MuscleUnit(Module):
         push = tension - inner - self.damping(state.length) * state.velocity
         return UnitState(state.velocity, push / self.end_mass)
 
-    def slide(self, memory: dict[str, Ledger], path: Path, duration: Any) -> dict[str, Ledger]:
+    def advance_memory(self, memory: dict[str, Ledger], path: Path, duration: Any) -> dict[str, Ledger]:
         """The memory after a piece of the motion that takes a time [s]."""
         done: dict[str, Advanced] = {
             name: part.advance(

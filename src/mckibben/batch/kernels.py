@@ -201,7 +201,7 @@ def physics(kind: Kind, leaves: Any, carry: Any, rows: Any, period: Any, inner: 
     sampled_ = (c for o in kind.outputs if o.sampled for c in (o.channel, o.over) if c)
     names = tuple(dict.fromkeys([*kind.kept, *sampled_]))
 
-    def sample(before: Any, row: Any) -> tuple[Any, sampled.Seen]:
+    def sample(before: Any, row: Any) -> tuple[Any, sampled.SampleResult]:
         return sampled.sample(
             tree["plant"], tree["software"], before, row,
             period=period, inner=inner, latency=tree["latency"], stiff=stiff,
@@ -213,14 +213,14 @@ def physics(kind: Kind, leaves: Any, carry: Any, rows: Any, period: Any, inner: 
         now = _told(seen)
         last = {n: jnp.where(ran, now[n], old) for n, old in last.items()}
         shown = {n: seen.shown[n] for n in SHOWN}
-        return (after, ran & seen.shown["running"], last), (named(seen, names), shown, seen.steepest, seen.sound)
+        return (after, ran & seen.shown["running"], last), (named(seen, names), shown, seen.rate_bound, seen.sound)
 
     row = jax.tree.map(lambda x: x[0], rows)
     nothing = {n: jnp.zeros(x.shape) for n, x in jax.eval_shape(lambda: _told(sample(carry, row)[1])).items()}
     begun = carry, jnp.asarray(True), nothing
-    (after, _, stop), (found, shown, steepest, sound) = jax.lax.scan(one, begun, rows)
+    (after, _, stop), (found, shown, rate_bound, sound) = jax.lax.scan(one, begun, rows)
     finite = [jnp.isfinite(x).all() for x in jax.tree.leaves((after.state, after.memory))]
-    return Physics(after, found, shown, stop, jnp.max(steepest), jnp.all(sound), jnp.stack(finite).all())
+    return Physics(after, found, shown, stop, jnp.max(rate_bound), jnp.all(sound), jnp.stack(finite).all())
 
 
 def _tree(kind: Kind, leaves: Sequence[Any]) -> dict[str, Any]:
@@ -233,7 +233,7 @@ def _tree(kind: Kind, leaves: Sequence[Any]) -> dict[str, Any]:
     return tree
 
 
-def _told(seen: sampled.Seen) -> dict[str, Any]:
+def _told(seen: sampled.SampleResult) -> dict[str, Any]:
     """What a sentence about a sample needs."""
     measured = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
     return {
@@ -241,13 +241,13 @@ def _told(seen: sampled.Seen) -> dict[str, Any]:
     }
 
 
-def named(seen: sampled.Seen, names: Sequence[str]) -> dict[str, Any]:
+def named(seen: sampled.SampleResult, names: Sequence[str]) -> dict[str, Any]:
     """Channels of one sample under the names that a recording has."""
     known = channels_of(seen)
     return {name: jnp.asarray(known[name], float) for name in names}
 
 
-def channels_of(seen: sampled.Seen) -> Mapping[str, Any]:
+def channels_of(seen: sampled.SampleResult) -> Mapping[str, Any]:
     """Every channel of a sample, as `bench.run` names them."""
     found = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
     found |= {n: v for n, v in seen.shown.items() if n.startswith("command.")}

@@ -286,7 +286,7 @@ class ProtocolRun:
         self.result, self.message = "interrupted", f"Interrupted after {self.time:.4g} s of at most {total:.4g} s."
         self._event("interrupted")
 
-    def _keep(self, seen: sampled.Seen, used: int, segment: RunSegment, stopped: bool) -> None:
+    def _keep(self, seen: sampled.SampleResult, used: int, segment: RunSegment, stopped: bool) -> None:
         """Take the first samples of a chunk."""
         period, total = self.timing.period, self.prepared.plan.duration
         times = period * (self.samples + np.arange(used))
@@ -303,7 +303,7 @@ class ProtocolRun:
         if self.progress is not None:
             self.progress(min(self.time, total), total)
 
-    def _stopped(self, seen: sampled.Seen, at: int, segment: RunSegment) -> None:
+    def _stopped(self, seen: sampled.SampleResult, at: int, segment: RunSegment) -> None:
         """Say what stopped the machine at a sample of a chunk."""
         i = min(at, len(seen.shown["code"]) - 1)
         when, code = self.time + i * self.timing.period, int(seen.shown["code"].max())
@@ -325,12 +325,12 @@ class ProtocolRun:
         self.recorder.remark(self.message, when)
 
 
-def channels_of(seen: sampled.Seen, used: int) -> dict[str, np.ndarray]:
+def channels_of(seen: sampled.SampleResult, used: int) -> dict[str, np.ndarray]:
     """The channels of a recording from what was seen of a chunk."""
     arrays = {n: v[:used] for n, v in seen.measured.items() if not n.endswith(".code")}
     arrays |= {n: v[:used] for n, v in seen.shown.items() if n.startswith("command.")}
     arrays |= {channels.INPUTS[n]: v[:used] for n, v in seen.commands.items()}
     for name, values in seen.outputs.items():
         if not name.startswith(channels.CONSTANT):
-            arrays[channels.RENAMED.get(name, name)] = np.broadcast_to(values, seen.steepest.shape)[:used]
+            arrays[channels.RENAMED.get(name, name)] = np.broadcast_to(values, seen.rate_bound.shape)[:used]
     return arrays

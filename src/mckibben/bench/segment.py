@@ -36,7 +36,7 @@ class Chunk(NamedTuple):
         lateness: of the same (size,) [s].
     """
 
-    seen: sampled.Seen
+    seen: sampled.SampleResult
     size: int
     inner: int = 0
     carry: sampled.Carry | None = None

@@ -53,7 +53,7 @@ class FlowElement(Module):
         """Time derivative of the element's own state, a tree like it."""
         return ()
 
-    def slide(self, memory: Any, start: Gases, end: Gases) -> Any:
+    def advance_memory(self, memory: Any, start: Gases, end: Gases) -> Any:
         """The memory after the gas at its ports has gone from `start` to `end`, however fast."""
         return memory
 

@@ -34,7 +34,7 @@ class System(Module):
         """Rates of the balances' independent integrals, such as enthalpy flows [W]; an empty tree where there are none."""
 
     @abc.abstractmethod
-    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """The memory after the system has gone from `start` to `end` in a time [s]; itself if there is none."""
 
     @abc.abstractmethod
@@ -48,7 +48,7 @@ class System(Module):
         """
         return dict(signals)
 
-    def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
         """A bound of the fastest mode that the system can have near a state [1/s].
 
         Zero where the modes at the samples tell enough. A run may cross a steep zone between two samples, again and again.

@@ -20,7 +20,7 @@ from ..errors import ConvergenceError, InputError
 from .native import EngineFunction, call_compiled, compile_function
 from .rates import RK4_LIMIT, fastest_rate
 from .signals import Signal
-from .step import nothing, outputs_of, step
+from .step import outputs_of, step, zero_integrals
 
 STEP = 50e-6  # default step of the physics [s]
 # The Rosenbrock method is stable at any step, but a valve that chokes shows it nothing of the steep zone ahead: over a step
@@ -171,7 +171,7 @@ def march(
         (state, memory, integrals) at the end, and (states, memories, outputs) at all samples.
     """
     h, signals = period / inner, system.commands(signals)
-    sums = nothing(system, state, memory, _inputs(signals, 0, 0.0, period)) if integrals else ()
+    sums = zero_integrals(system, state, memory, _inputs(signals, 0, 0.0, period)) if integrals else ()
 
     def sample(carry: Any, index: Any) -> tuple[Any, Any]:
         now = _inputs(signals, index, 0.0, period)

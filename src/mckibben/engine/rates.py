@@ -41,7 +41,7 @@ def _examined(system: System, states: Any, memory: Any, inputs: Any) -> tuple[An
 
     def one(state: Any, z: Any, u: Any) -> Any:
         flat, back = ravel_pytree(state)
-        return jax.jacfwd(lambda v: ravel_pytree(rate_of(system, back(v), z, u))[0])(flat), system.steepest_rate(
+        return jax.jacfwd(lambda v: ravel_pytree(rate_of(system, back(v), z, u))[0])(flat), system.max_rate_bound(
             state, z, u
         )
 

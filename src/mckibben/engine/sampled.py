@@ -21,7 +21,7 @@ from .integration import MOST_PARTS, ROS2_LIMIT
 from .native import call_compiled
 from .rates import RK4_LIMIT
 from .signals import Signal, Value
-from .step import nothing, step
+from .step import step, zero_integrals
 
 MOST_BLIND = 64  # parts of a step that are tried where the system no longer says how many it needs
 MOST_SPLIT = 8  # parts of a step up to which Runge-Kutta is cheaper than the stiff method
@@ -45,15 +45,15 @@ class Carry(NamedTuple):
     history: dict[str, Any]
 
 
-class Seen(NamedTuple):
-    """One sample as it was seen.
+class SampleResult(NamedTuple):
+    """What one sample gave: true, measured, commanded and shown.
 
     Attributes:
         outputs: of the plant, true.
         measured: channels that the software saw.
         commands: inputs that its commands became.
         shown: by the software.
-        steepest: the plant's own bound of its fastest mode [1/s].
+        rate_bound: the plant's own bound of its fastest mode [1/s].
         sound: whether the state can be at all and is finite (bool).
     """
 
@@ -61,7 +61,7 @@ class Seen(NamedTuple):
     measured: dict[str, Any]
     commands: dict[str, Any]
     shown: dict[str, Any]
-    steepest: Any
+    rate_bound: Any
     sound: Any
 
 
@@ -91,24 +91,24 @@ def rest(plant: Plant, start: tuple[Any, Any], commands: Mapping[str, float], de
     """What goes into the first sample of a machine that something else commands; see `begin`."""
     history = {name: jnp.full((depth,), value) for name, value in plant.convert(commands).items()}
     now = _inputs(plant, history, 0.0, 1.0, 1.0)
-    sums = nothing(plant, *start, now)
+    sums = zero_integrals(plant, *start, now)
     return Carry(*start, sums, (), history)
 
 
-class Look(NamedTuple):
+class Observation(NamedTuple):
     """A plant at a sample: true outputs, its bound of the fastest mode [1/s], and whether its state can be (bool)."""
 
     outputs: dict[str, Any]
-    steepest: Any
+    rate_bound: Any
     sound: Any
 
 
-def observe(plant: Plant, carry: Carry, row: Any, *, period: Any, latency: Any) -> tuple[dict[str, Any], Look]:
+def observe(plant: Plant, carry: Carry, row: Any, *, period: Any, latency: Any) -> tuple[dict[str, Any], Observation]:
     """What the software measures at a sample, and what a recording shows of the plant."""
     now = _inputs(plant, carry.history, latency, 1.0, period)
     finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((carry.state, carry.memory))]).all()
-    look = Look(
-        plant.outputs(carry.state, carry.memory, now), plant.steepest_rate(carry.state, carry.memory, now),
+    look = Observation(
+        plant.outputs(carry.state, carry.memory, now), plant.max_rate_bound(carry.state, carry.memory, now),
         plant.admissible(carry.state) & finite,
     )  # fmt: skip
     return plant.sense(carry.state, carry.memory, now, row), look
@@ -138,7 +138,7 @@ def act(
 
 def sample(
     plant: Plant, software: Software, carry: Carry, row: Any, *, period: Any, inner: Any, latency: Any, stiff: bool
-) -> tuple[Carry, Seen]:
+) -> tuple[Carry, SampleResult]:
     """One sample, and the physics until the next one.
 
     Args:
@@ -154,15 +154,17 @@ def sample(
     measured, look = observe(plant, carry, row, period=period, latency=latency)
     own, commands, shown = software.step(carry.software, measured, row, period)
     after, newest = act(plant, carry, commands, period=period, inner=inner, latency=latency, stiff=stiff)
-    return after._replace(software=own), Seen(look.outputs, measured, newest, shown, look.steepest, look.sound)
+    return after._replace(software=own), SampleResult(
+        look.outputs, measured, newest, shown, look.rate_bound, look.sound
+    )
 
 
 def march(
     plant: Plant, software: Software, carry: Carry, rows: Any, period: Any, inner: Any, latency: Any, stiff: bool
-) -> tuple[Carry, Seen]:
+) -> tuple[Carry, SampleResult]:
     """Many samples, one per row: the carry afterwards, and what was seen at every sample."""
 
-    def one(carry: Carry, row: Any) -> tuple[Carry, Seen]:
+    def one(carry: Carry, row: Any) -> tuple[Carry, SampleResult]:
         return sample(plant, software, carry, row, period=period, inner=inner, latency=latency, stiff=stiff)
 
     return jax.lax.scan(one, carry, rows)
@@ -192,7 +194,7 @@ class Steps(NamedTuple):
 
 def advance(
     plant: Plant, software: Software, carry: Carry, rows: Any, *, period: float, inner: int, latency: float
-) -> tuple[Carry, Seen, int]:
+) -> tuple[Carry, SampleResult, int]:
     """Many samples with steps that the plant's own rates allow.
 
     Conservation does not show an unstable step that a saturation hides, so the plant's bound is watched at every sample;
@@ -212,7 +214,7 @@ def advance(
         # every operation as it is written, so that samples that come one by one are these, bit for bit
         after, seen = call_compiled(march, plant, software, carry, rows, *now, mode="strict", stiff=steps.stiff)
         seen = jax.tree.map(np.asarray, seen)
-        h, fastest = period / inner_now, float(np.max(seen.steepest))
+        h, fastest = period / inner_now, float(np.max(seen.rate_bound))
         if steps.short(fastest, period / inner):
             if not bool(seen.sound.all()):
                 raise ConvergenceError(f"A state is not finite, or not possible, with steps of {h:.3g} s.")

@@ -1,9 +1,9 @@
 """One step of the integration, the only place where one is taken.
 
 Without memory: the classical Runge-Kutta method, order 4 on smooth problems. With memory (friction): symmetric splitting.
-The memory slides through the first half of the step, the continuous state is stepped with the memory held, and the memory
-slides through what remains. Order 2 holds with pressure-dependent yield because the first half is predicted to second
-order, and the second takes what the step really moved less that prediction.
+The memory is advanced through the first half of the step, the continuous state is stepped with the memory held, and the
+memory is advanced through what remains. Order 2 holds with pressure-dependent yield because the first half is predicted
+to second order, and the second takes what the step really moved less that prediction.
 
 Stiff circuits: the two-stage Rosenbrock method ROS2 (order 2, L-stable, any Jacobian). Source: J. G. Verwer, E. J. Spee,
 J. G. Blom and W. Hundsdorfer, SIAM J. Scientific Computing 20, 1999, doi:10.1137/S1064827597326651.
@@ -46,16 +46,16 @@ def outputs_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
     return system.outputs(state, memory, inputs)
 
 
-def nothing(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+def zero_integrals(system: System, state: Any, memory: Any, inputs: Any) -> Any:
     """Integrals of a system before the first step: zeros."""
     shapes = jax.eval_shape(integrands_of, system, state, memory, inputs)
     return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
 
 @jax.jit
-def slide_of(system: System, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
-    """`System.slide`."""
-    return system.slide(memory, start, end, duration)
+def advance_memory_of(system: System, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    """`System.advance_memory`."""
+    return system.advance_memory(memory, start, end, duration)
 
 
 def axpy(a: Any, x: Any, y: Any) -> Any:
@@ -79,10 +79,10 @@ def step(system: System, carry: tuple[Any, Any, Any], inputs: Inputs, h: Any, st
     if has_memory:
         first = rate_of(system, state, memory, inputs(0.0))
         middle = axpy(0.5 * h, rate_of(system, axpy(0.25 * h, first, state), memory, inputs(0.25)), state)
-        memory = slide_of(system, memory, Moment(state, inputs(0.0)), Moment(middle, inputs(0.5)), 0.5 * h)
+        memory = advance_memory_of(system, memory, Moment(state, inputs(0.0)), Moment(middle, inputs(0.5)), 0.5 * h)
     new, sums = (_ros2 if stiff else _rk4)(system, state, memory, sums, inputs, h)
     if has_memory:
-        memory = slide_of(system, memory, Moment(middle, inputs(0.5)), Moment(new, inputs(1.0)), 0.5 * h)
+        memory = advance_memory_of(system, memory, Moment(middle, inputs(0.5)), Moment(new, inputs(1.0)), 0.5 * h)
     return new, memory, sums
 
 

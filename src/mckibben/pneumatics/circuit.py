@@ -165,13 +165,13 @@ class Circuit(System):
         """Of every chamber."""
         return {name: self._volume(name, state["pressure"][name], inputs) for name in self.chambers}
 
-    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Every element's memory after the gas at its ports has changed."""
         if not memory:
             return {}
         before, after = self._gas_states(*start), self._gas_states(*end)
         return {
-            name: self.elements[name].slide(kept, self._at(name, before), self._at(name, after))
+            name: self.elements[name].advance_memory(kept, self._at(name, before), self._at(name, after))
             for name, kept in memory.items()
         }
 
@@ -194,7 +194,7 @@ class Circuit(System):
         held = [state[what][name] > 0.0 for what in ("mass", "pressure") for name in self.chambers]
         return jnp.stack(held).all()
 
-    def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Bound from the steepest slope of each restriction and the capacity of the nodes it joins [1/s].
 
         A network of conductances s over capacities has no mode faster than the sum, over the two ends of some path, of what

@@ -82,7 +82,7 @@ class Compressor(FlowElement):
         """Closed where the tank is below the start pressure."""
         return jnp.where(gas[1].pressure_abs - gas[0].pressure_abs < self.start_pressure, 1.0, 0.0)
 
-    def slide(self, memory: Any, start: Gases, end: Gases) -> Any:
+    def advance_memory(self, memory: Any, start: Gases, end: Gases) -> Any:
         """The switch after the tank's pressure has changed."""
         above = end[1].pressure_abs - end[0].pressure_abs
         return jnp.where(above < self.start_pressure, 1.0, jnp.where(above > self.stop_pressure, 0.0, memory))

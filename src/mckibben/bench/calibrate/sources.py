@@ -195,7 +195,7 @@ class _Filters(System):
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
         return ()
 
-    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         return memory
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:

@@ -78,9 +78,9 @@ class MeasuredPlant(Plant):
         """Of the machine."""
         return self.machine.integrands(state["machine"], memory, inputs)
 
-    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Of the machine."""
-        return self.machine.slide(
+        return self.machine.advance_memory(
             memory, Moment(start.state["machine"], start.inputs), Moment(end.state["machine"], end.inputs), duration
         )
 
@@ -88,9 +88,9 @@ class MeasuredPlant(Plant):
         """Of the machine."""
         return self.machine.outputs(state["machine"], memory, inputs)
 
-    def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
         """Of the machine and the sensors' filters [1/s]."""
-        bounds = [self.machine.steepest_rate(state["machine"], memory, inputs)]
+        bounds = [self.machine.max_rate_bound(state["machine"], memory, inputs)]
         bounds += [2.0 * jnp.pi * s.cutoff for s in self.sensors.values()]
         return jnp.stack([jnp.asarray(b) for b in bounds]).max()
 
@@ -131,7 +131,7 @@ class InstrumentedPlant(MeasuredPlant):
             counts["span"] = jnp.where(row["lost"]["span"] > 0.5, 0.0, count)
         return self.converters.read(counts) | {f"{n}.code": c for n, c in counts.items()}
 
-    def steepest_rate(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
         """Of the machine, the sensors' filters, and the motor's current loop [1/s]."""
-        found, motor = super().steepest_rate(state, memory, inputs), self._stand().motor
+        found, motor = super().max_rate_bound(state, memory, inputs), self._stand().motor
         return found if motor is None else jnp.maximum(found, 2.0 * jnp.pi * motor.current_bandwidth)

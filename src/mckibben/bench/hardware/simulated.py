@@ -112,7 +112,7 @@ class SimulatedMachine:
     def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, Any]:
         """True outputs at some samples, (n,) each, from what `look` was at them."""
         table = np.stack(looks) if looks else np.zeros((0, self._observe.size(1)))
-        found: sampled.Look = self._observe.columns(1, table)
+        found: sampled.Observation = self._observe.columns(1, table)
         return found.outputs
 
 

@@ -93,7 +93,7 @@ class PressureRegulator(FlowElement):
         """Rate of the set-point [Pa/s]."""
         return (self.set_pressure + command - state) / self.lag
 
-    def slide(self, memory: Any, start: Gases, end: Gases) -> Any:
+    def advance_memory(self, memory: Any, start: Gases, end: Gases) -> Any:
         """The sensed pressure after a move of the outlet; its speed makes no difference."""
         return self.sensed(memory, end[1].pressure_abs)
 

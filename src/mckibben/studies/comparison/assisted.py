@@ -126,12 +126,12 @@ class Mounted(System):
         """None."""
         return ()
 
-    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Friction along the piece of path."""
         pull = self.unit.tension(end.state, self.span, 0.0)
         moved = end.state.length - start.state.length
         pressures = start.inputs["pressure"].value, end.inputs["pressure"].value
-        return self.unit.slide(memory, Path(moved, jnp.zeros(()), *pressures, pull), duration)
+        return self.unit.advance_memory(memory, Path(moved, jnp.zeros(()), *pressures, pull), duration)
 
     def outputs(self, state: UnitState, memory: Any, inputs: Any) -> dict[str, Any]:
         """Tension and length."""

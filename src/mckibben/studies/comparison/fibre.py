@@ -55,7 +55,7 @@ class _Fibre(System):
         """None."""
         return ()
 
-    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """None."""
         return memory
 

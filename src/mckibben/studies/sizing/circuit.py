@@ -110,9 +110,9 @@ class _Watched(System):
         """None."""
         return {}
 
-    def slide(self, memory: Any, start: Any, end: Any, duration: Any) -> Any:
+    def advance_memory(self, memory: Any, start: Any, end: Any, duration: Any) -> Any:
         """Of the circuit."""
-        return self.circuit.slide(memory, start, end, duration)
+        return self.circuit.advance_memory(memory, start, end, duration)
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
         """Of the circuit."""
@@ -124,7 +124,7 @@ class _Watched(System):
         return {
             "pressure": gauge,
             "tension": self.law.tension(inputs[f"{NAME}.length"].value, gauge),
-            "rate": self.circuit.steepest_rate(state, memory, inputs),
+            "rate": self.circuit.max_rate_bound(state, memory, inputs),
         }
 
 

@@ -60,9 +60,9 @@ class Watched(System):
         """Of the circuit."""
         return self.circuit.integrands(state, memory, inputs)
 
-    def slide(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Of the circuit."""
-        return self.circuit.slide(memory, start, end, duration)
+        return self.circuit.advance_memory(memory, start, end, duration)
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
         """Of the circuit."""
@@ -70,7 +70,7 @@ class Watched(System):
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
         """Of the circuit, and `RATE`."""
-        steepest = self.circuit.steepest_rate(state, memory, inputs)
+        steepest = self.circuit.max_rate_bound(state, memory, inputs)
         return {**self.circuit.outputs(state, memory, inputs), RATE: steepest}
 
 
