@@ -11,13 +11,15 @@ import cases
 import jax
 import numpy as np
 from compiled_c import Kernel
-from engines import ENGINES, native
+from engines import ENGINES, native, xla
 from measure_batches import peak, samples_for
 from timing import CORES, in_turns, pin
 
+from mckibben.engine.side_by_side import SideBySide
+
 LANES = 16384
 PIECES = 8  # of the C kernel's batch, so that a thread that is held up does not keep the other waiting
-RIGS = (1, 10, 100, 1000)
+RIGS = (1, 10, 64, 256, 1000)
 RIG_SAMPLES = 20
 
 
@@ -95,7 +97,8 @@ def rigs(quick: bool, patience: float = 600.0) -> dict[str, Any]:
         run(*given)
         compiling = time.perf_counter() - begin
         call = (lambda r=run, g=given: r(*g)) if engine == "xla" else leaves_of(run, given)
-        taken = in_turns({engine: call}, 3 if quick else 7)
+        batch = batch_of(muscles, engine)
+        taken = in_turns({engine: call, "batch": batch}, 3 if quick else 7)
         steps = muscles * RIG_SAMPLES * cases.INNER
         rows.append(
             {
@@ -105,6 +108,7 @@ def rigs(quick: bool, patience: float = 600.0) -> dict[str, Any]:
                 "muscles": muscles,
                 "dtype": "float64",
                 "compile": compiling,
+                "vs_batch": taken.ratio(engine, "batch"),
                 "rate": steps / taken.median(engine),
             }
         )
@@ -114,7 +118,16 @@ def rigs(quick: bool, patience: float = 600.0) -> dict[str, Any]:
 def leaves_of(run: Any, given: Any) -> Any:
     """A call without the search for the leaves of the trees."""
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(given)]
+    if isinstance(run, SideBySide):
+        stacked, parts = run.split.stacked(leaves), len(run.split.outputs)
+        return lambda: run.program.call(stacked, lanes=parts, threads=1)
     return lambda: run.program.call(leaves)
+
+
+def batch_of(muscles: int, engine: str) -> Any:
+    """As many machines of one muscle, run as a batch on one thread."""
+    batch = cases.batch(cases.tube(), muscles, RIG_SAMPLES)
+    return native(batch, threads=1) if engine == "native" else xla(batch)
 
 
 def measure(quick: bool, batch_rows: list[Any]) -> dict[str, Any]:

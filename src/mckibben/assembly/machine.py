@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..components import Environment, Scalar
-from ..components.system import Moment, System
+from ..components.system import Moment, Part, System
 from ..engine.native import call_compiled
 from ..engine.signals import Value
 from ..errors import InputError
@@ -20,6 +20,9 @@ from ..pneumatics.exergy import exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
 from .muscle_unit import MuscleUnit, Path, UnitState, braid_tension
+
+MANY = 8  # muscles from which on independent ones are integrated side by side, each by the same compiled step
+ALONE = "muscle"  # name of the muscle of such a part
 
 
 class Machine(System):
@@ -108,8 +111,100 @@ class Machine(System):
                     f"pressure of {name}", p, "allowed is an absolute pressure above 0 Pa", where="machine"
                 )
         given = {name: np.asarray(pressures[name], float) for name in self.circuit.chambers}
-        start: tuple[Any, Any] = jax.device_put(call_compiled(_at_rest, self, given, dict(inputs)))
-        return start
+        parts = self.names_by_part()
+        if not parts:
+            start: tuple[Any, Any] = jax.device_put(call_compiled(_at_rest, self, given, dict(inputs)))
+            return start
+        state: Any = {
+            "circuit": {"mass": {}, "pressure": {}, "elements": {}},
+            "muscles": {},
+            "load": self.load.initial(),
+        }
+        memory: Any = {"circuit": {}, "muscles": {}}
+        for muscle, names in parts.items():
+            part = self._part(muscle, names)
+            own = {new: given[old] for new, old in names.items() if old in given}
+            alone, kept = call_compiled(_at_rest, part, own, {new: inputs[names[new]] for new in part.signals()})
+            for whole, piece in (
+                *((state["circuit"][kind], alone["circuit"][kind]) for kind in state["circuit"]),
+                (state["muscles"], alone["muscles"]), (memory["circuit"], kept["circuit"]),
+                (memory["muscles"], kept["muscles"]),
+            ):  # fmt: skip
+                whole.update({names[new]: value for new, value in piece.items()})
+        return state, memory
+
+    def names_by_part(self) -> dict[str, dict[str, str]]:
+        """For each muscle the names in its part and in the whole, where all muscles are independent and many; else empty.
+
+        Muscles are independent where no chamber is joined to that of another but through a reservoir, and where the load
+        gives their spans.
+        """
+        if len(self.units) < MANY or any(self.load.alone(name, ALONE) is None for name in self.units):
+            return {}
+        chambers = set(self.circuit.chambers)
+        joined: dict[str, set[str]] = {name: set() for name in chambers}  # elements at each chamber
+        for element, (ports, _) in self.circuit.ends.items():
+            if not chambers.intersection(ports):
+                return {}
+            for port in chambers.intersection(ports):
+                joined[port].add(element)
+        parts: dict[str, dict[str, str]] = {}
+        for muscle in self.units:
+            nodes, elements, todo = {muscle}, set[str](), [muscle]
+            while todo:
+                for element in joined[todo.pop()] - elements:
+                    elements.add(element)
+                    new = set(self.circuit.ends[element][0]) - nodes
+                    nodes |= new
+                    todo += new & chambers
+            if sum(name in self.units for name in nodes) > 1:
+                return {}
+            signals = [self.circuit.nodes[n].signal for n in nodes] + [self.circuit.ends[e][1] for e in elements]
+            named = [*nodes, *elements, *self.load.signals(), *(s for s in signals if s is not None)]
+            own = f"{muscle}."
+            parts[muscle] = {
+                ALONE + n.removeprefix(muscle) if n == muscle or n.startswith(own) else n: n
+                for n in dict.fromkeys(named)
+            }
+        held = set[str]().union(*(names.values() for names in parts.values()))
+        return parts if held >= chambers and held >= set(self.circuit.elements) else {}
+
+    def _part(self, muscle: str, names: Mapping[str, str]) -> Machine:
+        """The machine of one muscle alone."""
+        new = {old: name for name, old in names.items()}
+        circuit = self.circuit
+        nodes = {
+            name: circuit.nodes[old].replace(signal=new.get(circuit.nodes[old].signal or "", None))
+            for name, old in names.items()
+            if old in circuit.nodes
+        }
+        elements = {name: circuit.elements[old] for name, old in names.items() if old in circuit.elements}
+        ends = {}
+        for name in elements:
+            ports, command = circuit.ends[names[name]]
+            ends[name] = tuple(new[port] for port in ports), None if command is None else new[command]
+        load = self.load.alone(muscle, ALONE)
+        assert load is not None
+        return Machine(Circuit(nodes, elements, ends, circuit.gas), {ALONE: self.units[muscle]}, load, self.environment)
+
+    def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[Part]:
+        """One for each muscle where they are independent and many."""
+        made = []
+        for muscle, names in self.names_by_part().items():
+            part = self._part(muscle, names)
+            gas = {
+                kind: {new: values[old] for new, old in names.items() if old in values}
+                for kind, values in state["circuit"].items()
+            }
+            kept = {new: memory["circuit"][old] for new, old in names.items() if old in memory["circuit"]}
+            own = {"circuit": gas, "muscles": {ALONE: state["muscles"][muscle]}, "load": state["load"]}
+            late = {f"{new}.command": f"{old}.command" for new, old in names.items()}
+            needed = {name: signals[names[name]] for name in part.signals()}
+            needed |= {new: signals[old] for new, old in late.items() if old in signals}
+            made.append(
+                Part(part, own, {"circuit": kept, "muscles": {ALONE: memory["muscles"][muscle]}}, needed, dict(names))
+            )
+        return made
 
     def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
         """The same, unchecked, so that all of it may be traced."""

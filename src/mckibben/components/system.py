@@ -18,6 +18,24 @@ class Moment(NamedTuple):
     inputs: Any
 
 
+class Part(NamedTuple):
+    """A part of a system on which nothing else of it acts, as a system of its own.
+
+    Attributes:
+        system: the part.
+        state: its continuous state.
+        memory: its memory.
+        signals: the inputs that it needs.
+        outputs: names of its outputs in the whole, by their names in the part.
+    """
+
+    system: System
+    state: Any
+    memory: Any
+    signals: dict[str, Any]
+    outputs: dict[str, str]
+
+
 class System(Module):
     """A system of ordinary differential equations with inputs and memory.
 
@@ -54,6 +72,10 @@ class System(Module):
         Zero where the modes at the samples tell enough. A run may cross a steep zone between two samples, again and again.
         """
         return jnp.zeros(())
+
+    def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[Part]:
+        """The parts that can be integrated side by side; empty where each acts on the others, or where they are few."""
+        return []
 
     def admissible(self, state: Any) -> Scalar:
         """Whether a state can be at all, such as a pressure above vacuum (bool)."""

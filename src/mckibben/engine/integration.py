@@ -19,6 +19,7 @@ from ..components.system import System
 from ..errors import ConvergenceError, InputError
 from .native import EngineFunction, call_compiled, compile_function
 from .rates import RK4_LIMIT, fastest_rate
+from .side_by_side import SideBySide, Split
 from .signals import Signal
 from .step import outputs_of, step, zero_integrals
 
@@ -192,8 +193,11 @@ def march(
 def compile_march(
     system: Any, state: Any, memory: Any, signals: Mapping[str, Any], *, period: float, inner: int, stiff: bool = False,
     outputs: Sequence[str] | None = None, engine: str = "auto",
-) -> EngineFunction:  # fmt: skip
+) -> EngineFunction | SideBySide:  # fmt: skip
     """The run of a system, called with (system, state, memory, signals); see `march`.
+
+    A system that has many parts of one structure, see `System.parts`, is not compiled as one long step: its parts are the
+    lanes of the run of a single one.
 
     Args:
         system: an example, as the next three; parameters, states and signals are arguments of the run.
@@ -210,9 +214,14 @@ def compile_march(
         What returns the outputs by name, each (samples + 1, lanes).
     """
     samples = min(len(s.values) for s in signals.values()) - 1
+    options: dict[str, Any] = {"period": period, "inner": inner, "samples": samples, "stiff": stiff}
+    given = system, state, memory, dict(signals)
     wanted = None if outputs is None else tuple(outputs)
-    function = functools.partial(_outputs, period=period, inner=inner, samples=samples, stiff=stiff, outputs=wanted)
-    return compile_function(function, system, state, memory, dict(signals), engine=engine, title=type(system).__name__)
+    split = Split.of(given)
+    if split is not None:
+        return SideBySide(split, functools.partial(_outputs, **options), wanted, engine)
+    function = functools.partial(_outputs, **options, outputs=wanted)
+    return compile_function(function, *given, engine=engine, title=type(system).__name__)
 
 
 def _outputs(

@@ -28,6 +28,10 @@ class Load(Module):
         name = getattr(self, "signal", None)
         return () if name is None else (name,)
 
+    def alone(self, muscle: str, name: str) -> Load | None:
+        """The load of one muscle, which it calls by another name, where no muscle moves what holds the others; else None."""
+        return None
+
     @abc.abstractmethod
     def initial(self) -> Any:
         """The continuous state at the start, a tree of arrays; empty where the motion is given."""

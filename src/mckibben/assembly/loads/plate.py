@@ -24,6 +24,10 @@ class Plate(Load):
         """Those it holds."""
         return self.held
 
+    def alone(self, muscle: str, name: str) -> Load:
+        """The same plate, since its position is given."""
+        return self.replace(held=(name,))
+
     def initial(self) -> Any:
         """No state."""
         return ()

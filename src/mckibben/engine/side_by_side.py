@@ -1,0 +1,138 @@
+"""The run of a system of many independent parts of one structure: compiled once, with the parts as lanes."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Container, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from lanewise import Program
+
+from .native import EngineFunction, compile_function
+
+
+class Split(NamedTuple):
+    """Where the numbers of each part stand among those of the whole.
+
+    Attributes:
+        example: the first part, (system, state, memory, signals).
+        places: of each leaf of a part among the leaves of the whole, (leaves, parts).
+        outputs: of each part the names in the whole by their names in the part.
+    """
+
+    example: tuple[Any, Any, Any, Any]
+    places: np.ndarray
+    outputs: list[dict[str, str]]
+
+    @classmethod
+    def of(cls, whole: tuple[Any, Any, Any, Any]) -> Split | None:
+        """Split a (system, state, memory, signals); None where it has no parts, or parts of several structures."""
+        outputs: list[dict[str, str]] = []
+        structures: list[Any] = []
+
+        def taken_apart(system: Any, *rest: Any) -> list[Any]:
+            parts = system.parts(*rest)
+            outputs.extend(part.outputs for part in parts)
+            structures.extend(jax.tree.structure(part[:4]) for part in parts)
+            return [jax.tree.leaves(part[:4]) for part in parts]
+
+        traced = jax.make_jaxpr(taken_apart)(*jax.tree.map(np.asarray, whole)).jaxpr
+        if not outputs or any(s != structures[0] for s in structures[1:]):
+            return None
+        number = {var: k for k, var in enumerate(traced.invars)}
+        found = [number.get(var, -1) for var in traced.outvars]  # what is computed, and not taken, has no place
+        if -1 in found:
+            return None
+        places = np.array(found).reshape(len(outputs), -1).T
+        leaves = jax.tree.leaves(whole)
+        return cls(jax.tree.unflatten(structures[0], [leaves[k] for k in places[:, 0]]), places, outputs)
+
+    def stacked(self, leaves: Sequence[Any]) -> list[np.ndarray]:
+        """The leaves of a part, with the parts as last axis of those that are not the same number for all."""
+        arrays = [np.asarray(leaf) for leaf in leaves]
+        single = np.array([float(array) if array.ndim == 0 else np.nan for array in arrays])
+        return [self._stacked(row, arrays, single) for row in self.places]
+
+    @staticmethod
+    def _stacked(row: np.ndarray, arrays: Sequence[np.ndarray], single: np.ndarray) -> np.ndarray:
+        first = arrays[row[0]]
+        if (row == row[0]).all():
+            return first
+        if first.ndim == 0 and first.dtype == single.dtype:
+            return single[row]
+        return np.stack([arrays[k] for k in row], -1)
+
+
+class SideBySide:
+    """The run of such a system, called like the `EngineFunction` of any other, but for one whole system at a time.
+
+    Args:
+        split: the parts.
+        function: the run as a function of (system, state, memory, signals) and of the names of `outputs`.
+        wanted: names of outputs of the whole; all where None.
+        engine: see `native.compile_function`.
+
+    Attributes:
+        run: the run of a part, with the parts as lanes.
+        engine: what runs it.
+        reason: why it is not native although that was asked for.
+    """
+
+    def __init__(self, split: Split, function: Callable[..., Any], wanted: tuple[str, ...] | None, engine: str) -> None:
+        self.split, self.wanted = split, wanted
+        self._place: dict[str, tuple[int, str]] = {}
+        for part, names in enumerate(split.outputs):
+            for own, whole in names.items():
+                self._place.setdefault(whole, (part, own))
+        own_names = None if wanted is None else tuple(dict.fromkeys(self._part_of(name)[1] for name in wanted))
+        bound = functools.partial(function, outputs=own_names)
+        self.run: EngineFunction = compile_function(bound, *split.example, engine=engine, title="part")
+        self.engine, self.reason = self.run.engine, self.run.reason
+
+    @property
+    def program(self) -> Program:
+        """The program of a part, see `EngineFunction.program`."""
+        return self.run.program
+
+    def __call__(self, *whole: Any, **options: Any) -> dict[str, Any]:
+        """Run the whole.
+
+        Args:
+            *whole: (system, state, memory, signals), like those that it was split of.
+            **options: of `EngineFunction.__call__`, but for lanes, which the parts take.
+
+        Returns:
+            The outputs by name, each (samples + 1,).
+        """
+        trees = jax.tree.unflatten(jax.tree.structure(self.split.example), self.split.stacked(jax.tree.leaves(whole)))
+        results = self.run(*trees, lanes=len(self.split.outputs), **options)
+        if self.wanted is not None:
+            chosen = {name: self._part_of(name) for name in self.wanted}
+        else:
+            chosen = {}
+            for part, names in enumerate(self.split.outputs):
+                for own in results:
+                    prefix = _prefix(own, names)
+                    chosen.setdefault(own if prefix is None else names[prefix] + own[len(prefix) :], (part, own))
+        return {name: results[own][:, part] for name, (part, own) in chosen.items()}
+
+    def _part_of(self, name: str) -> tuple[int, str]:
+        """The part that an output of the whole belongs to, and its name there."""
+        prefix = _prefix(name, self._place)
+        if prefix is None:
+            return 0, name
+        part, own = self._place[prefix]
+        return part, own + name[len(prefix) :]
+
+
+def _prefix(name: str, known: Container[str]) -> str | None:
+    """The longest known name that a dotted name begins with."""
+    prefix = name
+    while prefix not in known:
+        prefix, dot, _ = prefix.rpartition(".")
+        if not dot:
+            return None
+    return prefix
