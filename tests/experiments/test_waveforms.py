@@ -165,7 +165,7 @@ def test_every_waveform_says_what_it_is_in_one_line_and_the_same_again(kind):
         ({"kind": "sine", "amplitude": "1 cm", "frequency": "1 Hz"}, "must be a pressure"),
         ({"kind": "sine", "amplitude": "1 bar", "frequency": "1 Hz", "phse": 0}, "Did you mean 'phase'"),
         ({"kind": "steps", "times": ["0 s", "1 s"], "values": ["1 bar"]}, "one for each"),
-        ({"kind": "steps", "times": ["1 s"], "values": ["1 bar"]}, "0 s as the first"),
+        ({"kind": "steps", "times": ["1 s"], "values": ["1 bar"]}, "must begin with 0 s"),
         ({"kind": "steps", "times": ["0 s", "2 s", "1 s"], "values": ["1 bar"] * 3}, "they rise"),
         ({"kind": "steps", "times": [], "values": []}, "one or more"),
         ({"kind": "pulse", "width": "-1 s", "high": "1 bar"}, "signals.x.width"),

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mckibben.components import slope
+from mckibben.components import derivative
 from mckibben.errors import InputError, NoVolumeError, UnreachableError
 from mckibben.muscles.biological import BiologicalMuscle
 from mckibben.muscles.law import LawState, TensionLaw
@@ -226,8 +226,8 @@ def test_activation_rises_and_falls_with_its_own_time_constant(start, drive, tau
 
 def test_rate_is_the_derivative_of_advance_and_finite_at_rest():
     for start, drive in ((0.2, 0.9), (0.9, 0.2), (0.5, 0.5), (0.0, -1.0), (1.0, 2.0)):
-        derivative = float(slope(lambda dt, a=start, u=drive: MUSCLE.advance_activation(a, u, dt), 0.0))
-        assert derivative == pytest.approx(float(MUSCLE.activation_rate(start, drive)), rel=1e-14)
+        rate = float(derivative(lambda dt, a=start, u=drive: MUSCLE.advance_activation(a, u, dt), 0.0))
+        assert rate == pytest.approx(float(MUSCLE.activation_rate(start, drive)), rel=1e-14)
         gradients = jax.grad(MUSCLE.advance_activation, argnums=(0, 1, 2))(start, drive, 0.001)
         assert np.isfinite(gradients).all()
     assert float(MUSCLE.activation_rate(0.5, 0.5)) == 0.0

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mckibben.components import slope
+from mckibben.components import derivative
 from mckibben.errors import InputError
 from mckibben.muscles.elements import Delay, Parallel, PassiveSpring, Series, SeriesState, Tendon, Viscous
 from mckibben.quantities import declared, to_si
@@ -23,7 +23,7 @@ LENGTHS = np.concatenate([np.linspace(0.0, 0.2, 401), [0.02, 0.0205, 0.1, 0.11, 
 @pytest.mark.parametrize("element", ONE_LENGTH)
 def test_force_at_rest_is_the_slope_of_the_stored_energy(element):
     force, energy = element.force(LENGTHS), element.stored_energy(LENGTHS)
-    np.testing.assert_allclose(force, slope(element.stored_energy, LENGTHS), rtol=1e-12, atol=1e-12)  # rounding
+    np.testing.assert_allclose(force, derivative(element.stored_energy, LENGTHS), rtol=1e-12, atol=1e-12)  # rounding
     assert np.all(np.asarray(energy) >= 0.0)
 
 
@@ -44,7 +44,7 @@ def test_a_tendon_has_a_soft_toe_and_then_its_stiffness():
         TENDON.force(jnp.array([0.0, 0.02, 0.02025, 0.0205, 0.0215])), [0, 0, 6.25, 25, 125], rtol=1e-10
     )
     np.testing.assert_allclose(
-        slope(TENDON.force, jnp.array([0.0199, 0.0201, 0.0206, 0.03])), [0, 2e4, 1e5, 1e5], rtol=1e-9
+        derivative(TENDON.force, jnp.array([0.0199, 0.0201, 0.0206, 0.03])), [0, 2e4, 1e5, 1e5], rtol=1e-9
     )
     # 1 + 0.2 s/m * v; below -5 m/s it has let go (tolerance: 0.0215 - 0.02 keeps 13 digits)
     np.testing.assert_allclose(TENDON.force(0.0215, jnp.array([1.0, -1.0, -5.0, -6.0])), [150, 100, 0, 0], rtol=1e-10)

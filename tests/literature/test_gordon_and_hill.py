@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import quad
 
 from mckibben.analysis import biology
-from mckibben.components import slope
+from mckibben.components import derivative
 from mckibben.errors import InputError
 from mckibben.muscles.biological import BiologicalMuscle
 from mckibben.muscles.biological.gordon import active_curve
@@ -60,7 +60,7 @@ def test_polygon_follows_a_knee_that_hangs_below_the_chord():
 
 def test_passive_tension_has_increasing_stiffness_beyond_a_length():
     lengths = np.linspace(0.0, 3.0, 301)
-    stiffness = np.asarray(slope(passive_curve, lengths))
+    stiffness = np.asarray(derivative(passive_curve, lengths))
     assert not np.asarray(passive_curve(lengths))[lengths <= 1.0].any()
     assert (np.diff(stiffness[lengths >= 1.0]) > 0.0).all()
     # (1.6 - 1)/0.6 is 1 to a last bit, to the fourth power.

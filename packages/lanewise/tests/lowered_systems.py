@@ -35,7 +35,7 @@ class Slider:
             "p": 40.0 * (2e5 + 3e4 * drive - state["p"]) / (1.0 + jnp.abs(state["v"])),
         }
 
-    def slide(self, memory, start, end):
+    def advance_memory(self, memory, start, end):
         """Each element follows until it yields, at the mean of the yields at both ends."""
         pressure = 0.5 * (start["p"] + end["p"])
         largest = (self.constant + self.per_pressure * pressure) / (self.stiffness.size * self.stiffness)
@@ -82,7 +82,7 @@ def march(system, state, memory, signals, inner, samples, stiff=False):
                 return low + (high - low) * (begin + share / inner)
 
             new = (rosenbrock if stiff else runge_kutta)(system, state, memory, drive, h)
-            return new, system.slide(memory, state, new)
+            return new, system.advance_memory(memory, state, new)
 
         return jax.lax.fori_loop(0, inner, one, carry), carry[0]["x"]
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..components import slope
+from ..components import derivative
 from ..errors import InputError
 from ..muscles.biological import BiologicalMuscle
 
@@ -79,10 +79,10 @@ def dynamic_range(curve: Callable[[Any], Any], *, search: tuple[float, float] = 
         raise InputError(
             "curve", "no tension", f"allowed is a tension above 0 between {search[0]:g} and {search[1]:g} L0"
         )
-    flat = 1e-9 * float(np.abs(np.asarray(slope(curve, lengths))).max())
+    flat = 1e-9 * float(np.abs(np.asarray(derivative(curve, lengths))).max())
 
     def carries(x: np.ndarray) -> np.ndarray:
-        return (np.asarray(curve(x)) > 0.0) & (np.asarray(slope(curve, x)) >= -flat)
+        return (np.asarray(curve(x)) > 0.0) & (np.asarray(derivative(curve, x)) >= -flat)
 
     inside = carries(lengths)
     # The rise that leads to the top; the top itself may lie between two points or on a kink.

@@ -96,9 +96,7 @@ def unit_from_specimen(
     """
     stated = specimen(spec) if isinstance(spec, str) else spec
     if stated.kind != "mckibben":
-        raise InputError(
-            "specimen", stated.id, f"it is {stated.kind}; allowed is a McKibben muscle", where=stated.where
-        )
+        raise InputError("specimen", stated.id, f"must be a McKibben muscle: it is {stated.kind}", where=stated.where)
     known = ("end_mass", "viscosity", "stop_damping")
     for name in mechanics:
         if name not in known:
@@ -206,9 +204,7 @@ def _add(
         branches[f"{name}.valve"] = Branch(valve, (source, port, "room"), f"{name}.valve")
     else:
         kinds = ", ".join(kind.__name__ for kind in PORTED)
-        raise InputError(
-            f"valve of {name}", type(valve).__name__, f"allowed is {kinds}, or two orifices", where="circuit"
-        )
+        raise InputError(f"valve of {name}", type(valve).__name__, f"must be {kinds}, or two orifices", where="circuit")
     tube = line.tube or LumpedTube(
         length=_usual("tube_length"), diameter=_usual("tube_diameter"), wall_temperature=room.temperature
     )
@@ -263,7 +259,7 @@ def antagonist_pair(
         if not sign * at > 0.0:
             words = "a positive" if sign > 0.0 else "a negative"
             raise InputError(
-                f"{name}_arm", at, f"allowed is {words} moment arm at angle zero [m]", where="antagonist pair"
+                f"{name}_arm", at, f"must be {words} moment arm at angle zero [m]", where="antagonist pair"
             )
     load = Joint(arms={"flexor": flexor_arm, "extensor": extensor_arm}, inertia=inertia, **dict(joint or {}))
     units = {"flexor": flexor, "extensor": extensor}

@@ -82,7 +82,7 @@ def build_plan(document: Mapping[str, Any], *, where: str, digest: str) -> Circu
     elements = dict(_named(top, "elements"))
     for name in elements:
         if name in nodes:
-            raise top.fail(f"elements.{name}", name, "a node has that name; allowed is another one")
+            raise top.fail(f"elements.{name}", name, "a node has that name; choose another one")
     branches = {name: read_branch(entry, list(nodes)) for name, entry in elements.items()}
     circuit = _circuit(nodes, {n: b.branch for n, b in branches.items()}, where)
     _has_volume(circuit, nodes, where)
@@ -122,7 +122,7 @@ def _environment(entry: FileTable) -> Environment:
 def _named(top: FileTable, section: str) -> list[tuple[str, FileTable]]:
     entry = top.table(section)
     if not entry.values:
-        raise top.fail(section, "missing", f"allowed is one [{section}.NAME] or more")
+        raise top.fail(section, "missing", f"must be one [{section}.NAME] or more")
     _check_names(entry)
     return [(name, entry.table(name)) for name in entry.values]
 
@@ -130,7 +130,7 @@ def _named(top: FileTable, section: str) -> list[tuple[str, FileTable]]:
 def _check_names(entry: FileTable) -> None:
     for name in entry.values:
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-            raise entry.fail(name, name, "allowed is a name of letters, digits, - and _ that begins with a letter")
+            raise entry.fail(name, name, "must be a name of letters, digits, - and _ that begins with a letter")
 
 
 def _circuit(nodes: Mapping[str, PlannedNode], branches: Mapping[str, Branch], where: str) -> Circuit:
@@ -185,7 +185,7 @@ def _signals(top: FileTable, uses: Mapping[str, list[tuple[str, str]]], where: s
     for name, entry in stated.items():
         if name not in uses:
             raise InputError(
-                f"signals.{name}", "unused", "allowed is a signal that a node or an element names", where=where
+                f"signals.{name}", "unused", "must be a signal that a node or an element names", where=where
             )
         units = {unit for _, unit in uses[name]}
         places = tuple(place for place, _ in uses[name])
@@ -214,14 +214,14 @@ def _check_run(plan: CircuitPlan) -> None:
         raise InputError(
             "run.duration",
             time_words(plan.duration),
-            f"allowed are {LONGEST} samples, {time_words(LONGEST * plan.period)}",
+            f"must be at most {LONGEST} samples, {time_words(LONGEST * plan.period)}",
             where=where,
         )
     if share < 0.5 or abs(share - round(share)) > 1e-6 * max(share, 1.0):
         raise InputError(
             "run.duration",
             time_words(plan.duration),
-            f"allowed is a whole number of periods of {time_words(plan.period)}",
+            f"must be a whole number of periods of {time_words(plan.period)}",
             where=where,
         )
     for name, signal in plan.signals.items():

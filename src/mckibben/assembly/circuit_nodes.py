@@ -73,7 +73,7 @@ def start_pressure(entry: FileTable, key: str, room: Environment, default: float
     lowest = -float(room.pressure_abs)
     if not value > lowest:
         raise entry.fail(
-            key, str(entry.values[key]), f"allowed is a gauge pressure above vacuum, {with_unit(lowest, 'Pa')}"
+            key, str(entry.values[key]), f"must be a gauge pressure above vacuum, {with_unit(lowest, 'Pa')}"
         )
     return value
 
@@ -90,7 +90,7 @@ def _reservoir(name: str, kind: str, entry: FileTable, room: Environment) -> Pla
     entry.only(("kind", "pressure", "signal", "temperature"), "a reservoir has")
     if "signal" in entry.values:
         if "pressure" in entry.values:
-            raise entry.fail("pressure", str(entry.values["pressure"]), "allowed is a pressure or a signal, not both")
+            raise entry.fail("pressure", str(entry.values["pressure"]), "must be a pressure or a signal, not both")
         node = Reservoir(signal=f"{name}.pressure", temperature=warm)
         return PlannedNode(node, kind, signal=entry.word("signal"), words=f"follows {entry.word('signal')}")
     gauge = start_pressure(entry, "pressure", room)
@@ -173,9 +173,7 @@ def _law(entry: FileTable) -> tuple[TensionLaw, str]:
     except InputError as error:
         raise entry.fail("specimen" if spec.kind != "mckibben" else "law", error.value, error.allowed) from None
     if not law.has_volume():
-        raise entry.fail(
-            "law", name, "it does not know its volume; allowed is a law that does, such as linear_threshold"
-        )
+        raise entry.fail("law", name, "must be a law that knows its volume, such as linear_threshold")
     return law, f"{spec.id} by {name}"
 
 
@@ -197,7 +195,7 @@ def check_length(law: TensionLaw, length: float, field: str, where: str) -> None
     low, high = (float(end) for end in law.length_range())
     if not low <= length <= high:
         raise InputError(
-            field, with_unit(length, "m"), f"allowed is {with_unit(low, 'm')} to {with_unit(high, 'm')}", where=where
+            field, with_unit(length, "m"), f"must be {with_unit(low, 'm')} to {with_unit(high, 'm')}", where=where
         )
 
 

@@ -220,7 +220,7 @@ def _put(document: Any, path: str, value: Any, known: list[str], where: str) -> 
     try:
         return _inside(document, parts, _toml(value))
     except ValueError:
-        raise InputError("parameter", path, "allowed is a place in the list, counted from 1", where=where) from None
+        raise InputError("parameter", path, "must be a place in the list, counted from 1", where=where) from None
 
 
 def _inside(document: Any, parts: list[str], value: Any) -> Any:

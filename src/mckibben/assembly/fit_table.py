@@ -38,7 +38,7 @@ def read_fit(entry: FileTable) -> FitTable:
     entry.only(KEYS, "a fit has")
     free = entry.values.get("free", [])
     if not isinstance(free, list) or not all(isinstance(path, str) for path in free):
-        raise entry.fail("free", str(free), "allowed is a list of dotted paths")
+        raise entry.fail("free", str(free), "must be a list of dotted paths")
     return FitTable(
         free=tuple(free),
         start=_table(entry, "start", (str, int, float), "a value in words"),
@@ -52,5 +52,5 @@ def _table(entry: FileTable, key: str, kinds: tuple[type, ...], allowed: str) ->
     values = entry.table(key).values
     for name, value in values.items():
         if not isinstance(value, kinds) or isinstance(value, bool):
-            raise entry.fail(f"{key}.{name}", str(value), f"allowed is {allowed}")
+            raise entry.fail(f"{key}.{name}", str(value), f"must be {allowed}")
     return dict(values)

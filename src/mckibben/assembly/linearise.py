@@ -77,7 +77,7 @@ class Linear(NamedTuple):
         """
         w = 2.0 * np.pi * np.atleast_1d(np.asarray(frequency, float))
         if not np.all(np.isfinite(w) & (w > 0.0)):
-            raise InputError("frequency", str(frequency), "allowed is a frequency above 0 Hz", where="linear model")
+            raise InputError("frequency", str(frequency), "must be a frequency above 0 Hz", where="linear model")
         row, column = _find(target, self.names.outputs, "output"), _find(source, self.names.inputs, "input")
         s = 1j * w[:, None, None]
         b, d = self.B[:, [column]] + 0j, self.D[row, column] + 0j * s[:, 0, 0]
@@ -136,7 +136,7 @@ def linearise(
         InputError: names a signal or an output that the machine does not have.
     """
     if friction not in ("held", "stuck"):
-        raise InputError("friction", friction, "allowed is held or stuck", where="linearise")
+        raise InputError("friction", friction, "must be held or stuck", where="linearise")
     for name in inputs_by_name:
         _find(name, tuple(inputs), "input")
     known = tuple(jax.eval_shape(machine.outputs, state, memory, inputs))

@@ -57,7 +57,7 @@ class Machine(System):
             if not unit.law.has_volume():
                 law = law_name(unit.law)
                 raise InputError(
-                    f"{name}.law", law, "allowed is a law that knows its volume", where="machine",
+                    f"{name}.law", law, "must be a law that knows its volume", where="machine",
                     sentence=f"The law {law} of {name} does not know the volume of its gas, which a machine needs. "
                     "State its rest_volume if it has one, or take another law",
                 )  # fmt: skip
@@ -107,9 +107,7 @@ class Machine(System):
                 raise InputError(f"pressure of {name}", "not given", "every volume needs one", where="machine")
             p = float(pressures[name])
             if not (p > 0.0 and np.isfinite(p)):
-                raise InputError(
-                    f"pressure of {name}", p, "allowed is an absolute pressure above 0 Pa", where="machine"
-                )
+                raise InputError(f"pressure of {name}", p, "must be an absolute pressure above 0 Pa", where="machine")
         given = {name: np.asarray(pressures[name], float) for name in self.circuit.chambers}
         parts = self.names_by_part()
         if not parts:

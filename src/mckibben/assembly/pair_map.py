@@ -105,10 +105,10 @@ def pair_map(
         InputError: if the machine is no such pair, or at an angle no pressures balance it with both muscles taut.
     """
     if not isinstance(machine.load, Joint) or sorted(machine.units) != sorted(NAMES):
-        raise InputError("machine", ", ".join(machine.units), f"allowed is a Joint with {' and '.join(NAMES)}")
+        raise InputError("machine", ", ".join(machine.units), f"must be a Joint with {' and '.join(NAMES)}")
     for name, low, high in (("highest", lowest, highest), ("angles", *angles)):
         if not low < high:
-            raise InputError(name, high, f"allowed is more than {low:.6g}", where="pair map")
+            raise InputError(name, high, f"must be more than {low:.6g}", where="pair map")
     inputs = {n: Value(jnp.zeros(()), jnp.zeros(())) for n in machine.signals()}
     room = float(machine.environment.pressure_abs)
     start = machine.initial(dict.fromkeys(machine.circuit.chambers, room + highest), inputs)
@@ -120,7 +120,7 @@ def pair_map(
         good = found.sound[i] & (given + apart <= highest) & (given - apart >= lowest)
         if np.sum(good) < 2:
             between = f"between {with_unit(lowest, 'Pa')} and {with_unit(highest, 'Pa')}"
-            words = f"allowed are angles at which pressures {between} balance the pair with both muscles taut"
+            words = f"must be angles at which pressures {between} balance the pair with both muscles taut"
             raise InputError("angle", f"{angle:.4g} rad", words, where="pair map")
         kept = np.linspace(given[good].min(), given[good].max(), levels)
         for table, values in zip(tables, found.point, strict=True):
@@ -128,7 +128,7 @@ def pair_map(
     common, difference, per_difference, stiffness = tables
     if not (np.diff(stiffness, axis=1) > 0.0).all():
         worst = float(places[np.argmin(np.diff(stiffness, axis=1).min(axis=1))])
-        raise InputError("stiffness", f"falls with co-contraction at {worst:.4g} rad", "allowed is one that rises")
+        raise InputError("stiffness", f"falls with co-contraction at {worst:.4g} rad", "must be one that rises")
     return PairMap(
         angles=places, stiffness=stiffness, common=common, difference=difference, moment_per_difference=per_difference
     )

@@ -28,7 +28,7 @@ def read_points(
     """
     columns = None if column is None else {"value": column} | ({"time": time} if time else {})
     if column is None and time is not None:
-        raise InputError(f"{field}.column", "missing", "allowed is a header, where time names one too", where=where)
+        raise InputError(f"{field}.column", "missing", "must be a header, where time names one too", where=where)
     record = read_record(path, columns=columns)
     names = record.names()
     if len(names) != 1:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from ..components import Scalar, slope
+from ..components import Scalar, derivative
 from ..errors import InputError
 from ..pneumatics.heat import Inflow, VolumeState
 from .loads import Joint
@@ -41,7 +41,7 @@ def memory_stiffness(unit: MuscleUnit, pressure: Any) -> Scalar:
         moved = (p.force(p.advance(p.initial(), dx, **at).state, 0.0, pressure) for p in unit.parts.values())
         return sum(moved, start=jnp.zeros(()))
 
-    return slope(force, 0.0)
+    return derivative(force, 0.0)
 
 
 def braid_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, name: str, *, mass: bool) -> Scalar:
@@ -51,7 +51,7 @@ def braid_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, name
     stiff = unit.law.braid_stiffness(length, gauge)
     if not mass:
         return stiff
-    per_pressure = slope(lambda p: unit.law.braid_tension(length, p), gauge)
+    per_pressure = derivative(lambda p: unit.law.braid_tension(length, p), gauge)
     return stiff + per_pressure * _pressure_slope(machine, state, memory, inputs, name)
 
 
@@ -81,7 +81,7 @@ def muscle_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, nam
         raise InputError("muscle", name, f"known are {', '.join(machine.units)}", where="stiffness")
     unit = machine.units[name]
     spans = machine.load.spans(state["load"], inputs)
-    cord = slope(unit.tendon.force, spans[name].span - state["muscles"][name].length)
+    cord = derivative(unit.tendon.force, spans[name].span - state["muscles"][name].length)
     stuck = memory_stiffness(unit, machine.gauge(state, name))
 
     def seen(short: bool, mass: bool) -> Scalar:
@@ -99,7 +99,7 @@ def joint_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any) -> S
     """
     load = machine.load
     if not isinstance(load, Joint):
-        raise InputError("load", type(load).__name__, "allowed is a Joint", where="stiffness")
+        raise InputError("load", type(load).__name__, "must be a Joint", where="stiffness")
     _, _, felt = machine.pulls(state, memory, inputs)
     angle = state["load"].angle
 

@@ -80,9 +80,7 @@ def read_outputs(top: FileTable) -> tuple[Output, ...]:
 
 def _one(name: str, entry: FileTable) -> Output:
     if name == TIME or not name.strip() or "/" in name:
-        raise InputError(
-            entry.path, name, "allowed is another name: time and names with / are taken", where=entry.where
-        )
+        raise InputError(entry.path, name, "must be another name: time and names with / are taken", where=entry.where)
     entry.only(("channel", "reduce", "over", "share", "step", "account", "balance"))
     for key in ("account", "balance"):
         if key in entry.values:
@@ -92,7 +90,7 @@ def _one(name: str, entry: FileTable) -> Output:
     reduce = entry.word("reduce", among=(*RUNNING, *LATER))
     share = entry.number("share", "1", 0.9)
     if not 0.0 < share < 1.0:
-        raise entry.fail("share", entry.values["share"], "allowed is more than 0 and less than 1")
+        raise entry.fail("share", entry.values["share"], "must be more than 0 and less than 1")
     if (reduce == "area") != ("over" in entry.values):
         raise entry.fail("over", entry.values.get("over", "missing"), "an area needs it, and nothing else has it")
     return Output(name, reduce, entry.word("channel"), entry.text("over"), share, entry.text("step"))

@@ -66,9 +66,7 @@ class Setting(NamedTuple):
         if isinstance(raw, bool):
             return "true" if raw else "false"
         if not isinstance(raw, str | int | float) or raw == "":
-            raise InputError(
-                self.path, shown(raw), "allowed is a number with its unit in words, or a word", where=where
-            )
+            raise InputError(self.path, shown(raw), "must be a number with its unit in words, or a word", where=where)
         return str(raw)
 
     def words(self, value: Any) -> str:
@@ -81,7 +79,7 @@ class Setting(NamedTuple):
         """Refuse a range that leaves the bounds of the declaration [SI]."""
         for value in (low, high):
             if not math.isfinite(value):
-                raise InputError(self.path, value, "allowed is a finite number", where=where)
+                raise InputError(self.path, value, "must be a finite number", where=where)
             if self.quantity is not None:
                 self.quantity.check(self.path, value, where=where)
 

@@ -93,7 +93,7 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
     variants = crossed(*[p for p in parts if p is not None])
     for name in variants.columns:
         if name in recipe.given:
-            raise InputError(name, "set and varied", "allowed is one of both", where=where)
+            raise InputError(name, "set and varied", "state it once", where=where)
     recipe = _with_files(dataclasses.replace(recipe, settings=settings), variants, folder, where)
     run = top.table("run")
     run.only(("block", "memory", "engine"))
@@ -109,10 +109,10 @@ def _recipe(top: FileTable, folder: Path) -> Recipe:
     muscle, rig = _found(top.word("muscle"), folder), _found(top.word("rig", "paper"), folder)
     accept = top.values.get("accept_saturation", False)
     if not isinstance(accept, bool):
-        raise top.fail("accept_saturation", accept, "allowed are true, false")
+        raise top.fail("accept_saturation", accept, "must be true or false")
     step = top.number("step", "s", STEP)
     if not STEPS[0] <= step <= STEPS[1]:
-        raise top.fail("step", top.values["step"], "allowed is 0.1 us to 1 ms")
+        raise top.fail("step", top.values["step"], "must be 0.1 us to 1 ms")
     recipe = Recipe(
         protocol=protocol, muscle=muscle, rig=rig, specimens={muscle: specimen(muscle)},
         rigs={rig: dict(rig_of(rig).document)}, outputs=read_outputs(top), plumbing=top.text("plumbing"), step=step,
@@ -154,7 +154,7 @@ def _grid(top: FileTable, known: Any) -> Variants | None:
         elif isinstance(raw, list) and raw:
             axes[path] = [one.read(value, where=top.where) for value in raw]
         else:
-            raise table.fail(path, raw, "allowed is a list of values, or a range { from, to, count }")
+            raise table.fail(path, raw, "must be a list of values, or a range { from, to, count }")
     return grid(axes)
 
 
@@ -165,7 +165,7 @@ def _range(entry: FileTable, one: Setting) -> tuple[float, float, str]:
             raise entry.fail(key, "missing", "a range has both ends")
         value = one.read(entry.values[key], where=entry.where)
         if isinstance(value, str):
-            raise entry.fail(key, value, "it is a word; allowed is a list of values")
+            raise entry.fail(key, value, "it is a word, and words stand in a list")
         ends.append(value)
     return ends[0], ends[1], entry.word("spacing", "linear", among=SPACINGS)
 
@@ -181,7 +181,7 @@ def _latin(top: FileTable, known: Any) -> Variants | None:
         entry.only(("from", "to", "spacing"))
         ranges[path] = _range(entry, known(path))
     if not ranges:
-        raise table.fail("ranges", "missing", "allowed is a table of ranges { from, to } by path")
+        raise table.fail("ranges", "missing", "must be a table of ranges { from, to } by path")
     count = table.whole("count", 1, MOST)
     return latin(ranges, count, seed=table.whole("seed", 0, 2**32 - 1, 0))
 
@@ -189,7 +189,7 @@ def _latin(top: FileTable, known: Any) -> Variants | None:
 def _list(top: FileTable, known: Any) -> Variants | None:
     raw = top.values.get("list", [])
     if not isinstance(raw, list):
-        raise top.fail("list", raw, "allowed is a list of tables, [[list]]")
+        raise top.fail("list", raw, "must be a list of tables, [[list]]")
     rows = [FileTable.of(one, f"list.{i}", top.where).values for i, one in enumerate(raw, 1)]
     if not rows:
         return None
@@ -202,7 +202,7 @@ def _posterior(top: FileTable, known: Any, folder: Path) -> Variants | None:
         return None
     table.only(("fit", "law", "samples", "count", "seed"))
     if ("fit" in table.values) == ("samples" in table.values):
-        raise table.fail("fit", table.values.get("fit", "missing"), "allowed is either fit or samples")
+        raise table.fail("fit", table.values.get("fit", "missing"), "must be either fit or samples")
     seed = table.whole("seed", 0, 2**32 - 1, 0)
     count = table.whole("count", 1, MOST) if "count" in table.values else None
     if "samples" in table.values:

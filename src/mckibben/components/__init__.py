@@ -8,12 +8,12 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from .derivative import slope  # noqa: E402
+from .derivative import derivative  # noqa: E402
 from .element import Advanced, ForceElement, Hysteresis, MemoryElement  # noqa: E402
 from .environment import Environment  # noqa: E402
 from .module import AbstractVar, Module, Scalar, field  # noqa: E402
 
 __all__ = [
     "AbstractVar", "Advanced", "Environment", "ForceElement", "Hysteresis", "MemoryElement", "Module", "Scalar", "field",
-    "slope",
+    "derivative",
 ]  # fmt: skip

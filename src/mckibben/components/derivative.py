@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from .module import Scalar
 
 
-def slope(function: Callable[[Any], Any], at: Any) -> Scalar:
+def derivative(function: Callable[[Any], Any], at: Any) -> Scalar:
     """df/dx of an elementwise function, of the shape of ``x`` (no loop and no vmap: one forward tangent)."""
     x = jnp.asarray(at, float)
     return jax.jvp(function, (x,), (jnp.ones_like(x),))[1]

@@ -50,20 +50,20 @@ def read_amount(
         InputError: names the field and what is allowed.
     """
     if isinstance(raw, bool) or not isinstance(raw, str | int | float):
-        raise InputError(field, shown(raw), "allowed is a number with its unit in words", where=where)
+        raise InputError(field, shown(raw), "must be a number with its unit in words", where=where)
     match = _RELATIVE.fullmatch(str(raw))
     if match and RELATIVE[match[2]] == unit:
         found = Amount(float(match[1]), match[2])
     elif match:
-        raise InputError(field, raw, f"allowed is a value in {unit} or a unit of the same dimension", where=where)
+        raise InputError(field, raw, f"must be a value in {unit} or a unit of the same dimension", where=where)
     else:
         found = Amount(parse(str(raw), unit, field=field, where=where), unit)
     if not math.isfinite(found.value):
-        raise InputError(field, raw, "allowed is a finite number", where=where)
+        raise InputError(field, raw, "must be a finite number", where=where)
     low, high = bounds or (float("-inf"), float("inf"))
     if not low <= found.value <= high:
         allowed = Quantity(unit, (low, high), "", "", (low, high)).allowed()
-        raise InputError(field, raw, f"allowed is {allowed}", where=where)
+        raise InputError(field, raw, f"must be {allowed}", where=where)
     return found
 
 

@@ -21,7 +21,7 @@ _COMPARE = re.compile(r"(\w+)\s*(>=|<=|>|<)\s*(.+?)(?:\s+for\s+(.+))?")
 _STILL = re.compile(r"(\w+)\s+settled\s+within\s+(.+?)\s+for\s+(.+)")
 _CLOSE = re.compile(r"(\w+)\s+within\s+(.+?)\s+of\s+its\s+set-point(?:\s+for\s+(.+))?")
 _ALLOWED = (
-    "allowed is such as 'tension >= 60 N', 'span <= 0.8 L0 for 10 ms', 'pressure settled within 0.02 bar for 0.2 s', "
+    "must be a test such as 'tension >= 60 N', 'span <= 0.8 L0 for 10 ms', 'pressure settled within 0.02 bar for 0.2 s', "
     "'pressure within 0.02 bar of its set-point for 0.2 s'"
 )
 

@@ -30,7 +30,7 @@ def law_from_specimen(
         InputError: names the file, the parameter, its value and what is allowed.
     """
     if spec.kind == "valve":
-        raise InputError("specimen", spec.id, "it is a valve; allowed is a muscle", where=spec.where)
+        raise InputError("specimen", spec.id, "must be a muscle: it is a valve", where=spec.where)
     name = law or spec.law
     if name not in spec.laws:
         known = law_type(name)  # an unknown name is a better complaint than a missing one

@@ -124,7 +124,7 @@ class KelvinVoigtChain(Module):
 
 def _geometric(shortest: Any, longest: Any, elements: int, *, where: str) -> Scalar:
     if elements < 1:
-        raise InputError("elements", elements, "allowed is 1 or more", where=where)
+        raise InputError("elements", elements, "must be 1 or more", where=where)
     place = np.linspace(0.0, 1.0, elements) if elements > 1 else np.array([0.5])
     return jnp.asarray(shortest, float) * jnp.exp(place * jnp.log(jnp.asarray(longest, float) / shortest))
 

@@ -155,17 +155,17 @@ class Delay(Module):
     def __check_init__(self) -> None:
         """Only whole, non-negative numbers of samples."""
         if isinstance(self.samples, bool) or not isinstance(self.samples, int) or self.samples < 0:
-            raise InputError("samples", self.samples, "allowed is a whole number, 0 or more", where=type(self).__name__)
+            raise InputError("samples", self.samples, "must be a whole number, 0 or more", where=type(self).__name__)
 
     @classmethod
     def of(cls, *, time: float, sample_period: float) -> Delay:
         """A delay of `time` [s] on a clock of `sample_period` [s], which must divide it."""
         if not (time >= 0.0 and sample_period > 0.0):
-            raise InputError("time", time, "allowed is 0 s or more, with a sample period above 0 s", where=cls.__name__)
+            raise InputError("time", time, "must be 0 s or more, with a sample period above 0 s", where=cls.__name__)
         samples = round(time / sample_period)
         if abs(samples * sample_period - time) > 1e-6 * sample_period:
             raise InputError(
-                "time", time, f"allowed is a multiple of the sample period of {sample_period:g} s", where=cls.__name__
+                "time", time, f"must be a multiple of the sample period of {sample_period:g} s", where=cls.__name__
             )
         return cls(samples)
 

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..components import Module, Scalar, slope
+from ..components import Module, Scalar, derivative
 from ..errors import InputError, NoVolumeError, UnreachableError
 from ..quantities import with_unit
 
@@ -68,7 +68,7 @@ class TensionLaw(Module):
     def active_tension(self, length: Any, pressure: Any) -> Scalar:
         """The part of the braid's force that the gas causes [N]."""
         length, pressure = _together(length, pressure)
-        return -slope(lambda x: self.gas_energy(x, pressure), length)
+        return -derivative(lambda x: self.gas_energy(x, pressure), length)
 
     def braid_tension(self, length: Any, pressure: Any) -> Scalar:
         """Signed force of the braid [N]; what a fit and an equation of motion use."""
@@ -78,12 +78,12 @@ class TensionLaw(Module):
     def braid_volume(self, length: Any, pressure: Any) -> Scalar:
         """Gas volume at a braid length [m^3]; up to a constant where `has_volume` is false."""
         length, pressure = _together(length, pressure)
-        return slope(lambda p: self.gas_energy(length, p), pressure)
+        return derivative(lambda p: self.gas_energy(length, p), pressure)
 
     def braid_stiffness(self, length: Any, pressure: Any) -> Scalar:
         """D braid_tension / dL at constant pressure [N/m]."""
         length, pressure = _together(length, pressure)
-        return slope(lambda x: self.braid_tension(x, pressure), length)
+        return derivative(lambda x: self.braid_tension(x, pressure), length)
 
     # ---- the muscle between its anchors: unilateral
 
@@ -107,7 +107,7 @@ class TensionLaw(Module):
         """dV/dL at constant pressure [m^2]; known for every law, zero when slack."""
         span, pressure = _together(span, pressure)
         taut = self.braid_tension(span, pressure) > 0.0
-        return jnp.where(taut, slope(lambda x: self.braid_volume(x, pressure), span), 0.0)
+        return jnp.where(taut, derivative(lambda x: self.braid_volume(x, pressure), span), 0.0)
 
     def stiffness(self, span: Any, pressure: Any) -> Scalar:
         """dF/dL at constant pressure [N/m], zero when slack."""
@@ -170,7 +170,7 @@ class TensionLaw(Module):
         from scipy.optimize import brentq
 
         if not (np.isfinite(tension) and tension >= 0.0):
-            raise InputError("tension", f"{tension:.6g} N", "allowed is 0 N or more")
+            raise InputError("tension", f"{tension:.6g} N", "must be 0 N or more")
         grid = np.linspace(0.0, highest, 1001)
         given = np.asarray(_tension(self, float(span), grid)) - tension
         met = np.flatnonzero(np.abs(given) <= 1e-9 * max(tension, 1.0))

@@ -149,7 +149,7 @@ def valve_from_specimen(
     """
     place = spec.where or spec.id
     if spec.kind != "valve":
-        raise InputError("specimen", spec.id, "it is a muscle; allowed is a valve", where=place)
+        raise InputError("specimen", spec.id, "must be a valve: it is a muscle", where=place)
     own_kind = spec.element or kind or "missing"  # a file may leave the element open
     ELEMENTS.find(own_kind, field="element", where=place)
     chosen = kind or own_kind
@@ -163,7 +163,7 @@ def valve_from_specimen(
             raise InputError(f"valve.{key}", "unknown", f"{own_kind} has {', '.join(own)}", where=place)
         value = p.si(own[key].unit, field=f"valve.{key}", where=place)
         if isinstance(value, list):
-            raise InputError(f"valve.{key}", str(p.value), "allowed is one number", where=place)
+            raise InputError(f"valve.{key}", str(p.value), "must be one number", where=place)
         own[key].check(f"valve.{key}", value, where=place)
         target = canonical(key, passages)
         if (
@@ -232,7 +232,7 @@ def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[st
                 field, str(value), f"{target} is stated already, and {key} is another name of it", where=where
             )
         if isinstance(value, bool) or not isinstance(value, str | int | float):
-            raise InputError(field, type(value).__name__, "allowed is a number, or words with a unit", where=where)
+            raise InputError(field, type(value).__name__, "must be a number, or words with a unit", where=where)
         words = with_usual_unit(target, value, passages)
         found[target] = parse(words, q.unit, field=field, where=where)
         q.check(field, found[target], where=where)

@@ -71,9 +71,7 @@ class Circuit(System):
                 raise InputError(f"pressure of {name}", "not given", "every volume needs one", where="circuit")
             p = float(pressures[name])
             if not p > 0.0:
-                raise InputError(
-                    f"pressure of {name}", p, "allowed is an absolute pressure above 0 Pa", where="circuit"
-                )
+                raise InputError(f"pressure of {name}", p, "must be an absolute pressure above 0 Pa", where="circuit")
         return self.at_rest(pressures, _Fixed(inputs or {}), temperature)
 
     def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any], temperature: Any = 293.15) -> Any:

@@ -65,7 +65,7 @@ class Compressor(FlowElement):
         except TypeError:  # traced
             return
         if np.any(start > stop):
-            allowed = f"allowed is up to the stop_pressure of {with_unit(float(stop.min()), 'Pa')}"
+            allowed = f"must be up to the stop_pressure of {with_unit(float(stop.min()), 'Pa')}"
             raise InputError("start_pressure", with_unit(float(start.max()), "Pa"), allowed, where="Compressor")
 
     def dead_head(self) -> Scalar:

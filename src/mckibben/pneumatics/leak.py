@@ -44,7 +44,7 @@ class Leak(TwoPort):
             InputError: if the pressure is not above 0.
         """
         if not pressure > 0.0:
-            raise InputError("pressure", pressure, "allowed is a gauge pressure above 0 Pa")
+            raise InputError("pressure", pressure, "must be a gauge pressure above 0 Pa")
         squares = (pressure + ambient) ** 2 - ambient**2
         return cls(conductance=flow * 2.0 * REFERENCE_PRESSURE / squares)
 

@@ -94,7 +94,7 @@ class Orifice(TwoPort):
             InputError: if the inlet is not above the outlet.
         """
         if not pressure > 0.0:
-            raise InputError("pressure", pressure, "allowed is a gauge pressure above 0 Pa")
+            raise InputError("pressure", pressure, "must be a gauge pressure above 0 Pa")
         return cls._through(flow, pressure + ambient, ambient, critical_ratio, options)
 
     @classmethod

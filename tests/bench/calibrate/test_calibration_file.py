@@ -53,7 +53,7 @@ def test_new_channels_join_the_file_and_the_others_are_kept(tmp_path):
     both = merged(path, "modern", {"span": new}, "2026-05-01T00:00:00+00:00")
     assert both.corrections == {**calibration().corrections, "span": new}
     assert merged(tmp_path / "none.toml", "modern", {"span": new}, DATE).corrections == {"span": new}
-    with pytest.raises(InputError, match="rig is 'paper': the calibration is of modern; it must be another file"):
+    with pytest.raises(InputError, match="rig is 'paper': the calibration is of modern; choose another file"):
         merged(path, "paper", {"span": new}, DATE)
     with pytest.raises(InputError, match="unit is 'Pa': the calibration has N"):
         merged(path, "modern", {"tension": Correction(unit="Pa")}, DATE)

@@ -18,7 +18,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ...components import Module, Scalar, slope
+from ...components import Module, Scalar, derivative
 from ...errors import InputError, NoVolumeError
 from ...muscles.law import TensionLaw, law_name
 from ...muscles.laws.gas_spring import spring_volume
@@ -68,7 +68,7 @@ class PaperMuscle(CycleMuscle):
         """Eqs. 12a and 12b, the slope of the volume taken from eq. 38b (eq. 36) [N]."""
         length, pressure = jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(pressure, float))
         above = jnp.where(pressure > self.threshold(), pressure - self.threshold(), 0.0)
-        return self.law.elastic_tension(length) - above * slope(self._line, length)
+        return self.law.elastic_tension(length) - above * derivative(self._line, length)
 
     def _line(self, length: Any) -> Scalar:
         law: Any = self.law
@@ -176,6 +176,6 @@ def _gas(muscle: CycleMuscle, length: Any, pressure: Any) -> tuple[Scalar, Scala
 
 @eqx.filter_jit
 def _slopes(muscle: CycleMuscle, length: Any, pressure: Any) -> tuple[Scalar, ...]:
-    by_length = [slope(lambda x: f(x, pressure), length) for f in (muscle.tension, muscle.volume)]  # noqa: B023
-    by_pressure = [slope(lambda p: f(length, p), pressure) for f in (muscle.tension, muscle.volume)]  # noqa: B023
+    by_length = [derivative(lambda x: f(x, pressure), length) for f in (muscle.tension, muscle.volume)]  # noqa: B023
+    by_pressure = [derivative(lambda p: f(length, p), pressure) for f in (muscle.tension, muscle.volume)]  # noqa: B023
     return by_length[0], by_pressure[0], by_length[1], by_pressure[1]

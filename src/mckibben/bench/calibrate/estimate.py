@@ -105,7 +105,7 @@ def reading(samples: np.ndarray) -> Reading:
     """Mean, scatter and standard uncertainty of samples (n,); n at least 4."""
     values = np.asarray(samples, float)
     if values.ndim != 1 or len(values) < 4 or not np.isfinite(values).all():
-        raise InputError("samples", f"{values.size} of which some are no number", "allowed are 4 finite ones or more")
+        raise InputError("samples", f"{values.size} of which some are no number", "must be 4 finite ones or more")
     blocks = np.array([b.mean() for b in np.array_split(values, min(BLOCKS, len(values)))])
     error = float(blocks.std(ddof=1) / math.sqrt(len(blocks)))
     return Reading(float(values.mean()), float(values.std(ddof=1)), error, len(blocks) - 1.0)
@@ -169,7 +169,7 @@ def dead_weights(
     """
     for mass, _ in masses:
         if not (math.isfinite(mass) and mass >= 0.0):
-            raise InputError("masses", f"{mass:g} kg", "allowed is 0 kg or more")
+            raise InputError("masses", f"{mass:g} kg", "must be 0 kg or more")
     reference = Reference("", uncertainty * gravity, gravity_uncertainty / gravity, exact_nothing=True)
     return line(
         [Point(m, m * gravity, r) for m, r in masses], resolution=resolution, reference=reference, what="masses"
@@ -204,12 +204,12 @@ def line(points: Sequence[Point], *, resolution: float, reference: Reference, wh
     settings = np.array([p.setting for p in points])
     if len(np.unique(settings)) < 2:
         known = f"{len(points)} of one value" if len(points) else "none"
-        raise InputError(what, known, "allowed are two different ones or more, for there are a gain and a zero to find")
+        raise InputError(what, known, "must be two different ones or more, for there are a gain and a zero to find")
     x, y = np.array([p.true for p in points]), np.array([p.reading.mean for p in points])
     each, which, times = np.unique(settings, return_inverse=True, return_counts=True)
     xs, ys = (np.bincount(which, v) / times for v in (x, y))
     if not np.ptp(xs) > 0.0:
-        raise InputError(what, f"all at {xs[0]:g}", "allowed are values of the reference that differ")
+        raise InputError(what, f"all at {xs[0]:g}", "must be values of the reference that differ")
     rough = abs(np.ptp(ys) / np.ptp(xs))
     apart = (y - rough * x) - ((ys - rough * xs)[which])
     exact = (each == 0.0) & reference.exact_nothing

@@ -64,7 +64,7 @@ def merged(path: Path, rig: str, found: Mapping[str, Correction], date: str) -> 
     """
     before = read_calibration(path) if path.exists() else Calibration(rig=rig, created=date)
     if before.rig != rig:
-        raise InputError("rig", rig, f"the calibration is of {before.rig}; allowed is another file", where=str(path))
+        raise InputError("rig", rig, f"the calibration is of {before.rig}; choose another file", where=str(path))
     return before.updated(found, date)
 
 

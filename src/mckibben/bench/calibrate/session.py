@@ -61,15 +61,13 @@ class Session:
 
     def __post_init__(self) -> None:
         if not LEAST_SAMPLES <= self.samples <= MOST_SAMPLES:
-            raise InputError(
-                "samples", self.samples, f"allowed is a whole number from {LEAST_SAMPLES} to {MOST_SAMPLES}"
-            )
+            raise InputError("samples", self.samples, f"must be a whole number from {LEAST_SAMPLES} to {MOST_SAMPLES}")
 
     def zero(self, channels: Sequence[str], *, uncertainty: float = 0.0) -> Outcome:
         """What the channels indicate at nothing; uncertainty of the nothing, standard [unit of the channels]."""
         grids = {name: self._grid(name) for name in channels}
         if SPAN in grids:
-            raise InputError("channel", SPAN, "an encoder is zeroed where it is mounted; allowed are analogue channels")
+            raise InputError("channel", SPAN, "an encoder is zeroed where it is mounted; it must be analogue channels")
         task = Task(f"take all load and pressure off: {_and(channels)} at nothing", dict.fromkeys(channels, 0.0))
         found, _ = self._read(task, channels, {})
         corrections = {}
@@ -124,7 +122,7 @@ class Session:
         """By how much channels lag the first one, from a sine [Hz] or a linear sweep that all of them see."""
         grids = {name: self._grid(name) for name in channels}
         if len(grids) < 2:
-            raise InputError("channels", ", ".join(grids), "allowed are two or more, for one is compared with another")
+            raise InputError("channels", ", ".join(grids), "must be two or more, for one is compared with another")
         duration = self.samples * self.source.period
         wave = (
             Sine(amplitude=1.0, frequency=frequency)
@@ -169,7 +167,7 @@ class Session:
             shown = self.ask(task)
             try:
                 if shown is not None and not math.isfinite(shown):
-                    raise InputError("reference", str(shown), "allowed is a finite number")
+                    raise InputError("reference", str(shown), "must be a finite number")
                 seen = self.source.read(self.samples)
                 found = {}
                 for name in channels:
@@ -190,7 +188,7 @@ class Session:
         found = estimate.reading(samples)
         most = max(self.most_scatter * grid.range, 2.0 * grid.resolution)
         if found.scatter > most:
-            allowed = f"allowed is {with_unit(most, grid.unit)}: is it at rest?"
+            allowed = f"must be {with_unit(most, grid.unit)}: is it at rest?"
             raise InputError(f"scatter of {name}", with_unit(found.scatter, grid.unit), allowed)
         if before is not None and true != before.true:
             step, moved = true - before.true, found.mean - before.reading.mean
@@ -229,22 +227,20 @@ def _different(what: str, values: Sequence[float], unit: str, least: float = -ma
     for value in values:
         if not (math.isfinite(value) and value >= least):
             raise InputError(
-                what, _mass(value) if unit == "kg" else with_unit(value, unit), f"allowed is {least:g} {unit} or more"
+                what, _mass(value) if unit == "kg" else with_unit(value, unit), f"must be {least:g} {unit} or more"
             )
     words = ", ".join(_mass(v) if unit == "kg" else with_unit(v, unit) for v in values) or "none"
     if len(values) < 2:
-        raise InputError(what, words, "allowed are two different ones or more, for there are a gain and a zero to find")
+        raise InputError(what, words, "must be two different ones or more, for there are a gain and a zero to find")
     if len(set(values)) < len(values):
-        raise InputError(
-            what, words, "allowed are different ones; each is used on the way up and on the way down anyway"
-        )
+        raise InputError(what, words, "must be different ones; each is used on the way up and on the way down anyway")
 
 
 def _off_rails(name: str, samples: np.ndarray, grid: Grid) -> None:
     room = 0.5 * grid.resolution
     ends = np.mean((samples <= grid.low + room) | (samples >= grid.high - room))
     if ends > 0.0:
-        allowed = f"allowed is a reading inside {with_unit(grid.low, grid.unit)} to {with_unit(grid.high, grid.unit)}"
+        allowed = f"must be a reading inside {with_unit(grid.low, grid.unit)} to {with_unit(grid.high, grid.unit)}"
         raise InputError(
             f"reading of {name}", f"at an end of its converter for {100.0 * ends:.3g} % of the samples", allowed
         )

@@ -79,12 +79,12 @@ def skew(
     names = list(signals)
     if len(names) < 2:
         raise InputError(
-            "channels", ", ".join(names) or "none", "allowed are two or more, for one is compared with another"
+            "channels", ", ".join(names) or "none", "must be two or more, for one is compared with another"
         )
     period = (time[-1] - time[0]) / (len(time) - 1)
     highest, length = max(frequency, to or 0.0), len(time) * period
     if not (min(frequency, highest if to is None else to) * length >= LEAST_PERIODS and highest < 0.4 / period):
-        allowed = f"allowed is {LEAST_PERIODS / length:.4g} Hz to {0.4 / period:.4g} Hz for {length:.4g} s of samples"
+        allowed = f"must be {LEAST_PERIODS / length:.4g} Hz to {0.4 / period:.4g} Hz for {length:.4g} s of samples"
         raise InputError("frequency", f"{frequency:g} Hz" + ("" if to is None else f" to {to:g} Hz"), allowed)
     y, least = [], resolution or {}
     for name in names:
@@ -93,9 +93,7 @@ def skew(
         if not (
             np.isfinite(spread) and spread * math.sqrt(2.0) >= LEAST_COUNTS * least.get(name, 0.0) and spread > 0.0
         ):
-            raise InputError(
-                f"signal of {name}", f"an amplitude of {1.4142 * spread:.3g}", "allowed is 4 counts or more"
-            )
+            raise InputError(f"signal of {name}", f"an amplitude of {1.4142 * spread:.3g}", "must be 4 counts or more")
         y.append((values - values.mean()) / spread)
     return _fitted(
         Model(np.asarray(time, float) - time[0], len(names), to is not None), np.array(y), names, frequency, to
@@ -132,7 +130,7 @@ def _fitted(
     for name, rms in zip(names, np.sqrt((left**2).mean(axis=1)), strict=True):
         if rms > MOST_LEFT:
             wave = f"a sine of {frequency:g} Hz" if to is None else f"a sweep from {frequency:g} Hz to {to:g} Hz"
-            raise InputError(f"signal of {name}", f"{100.0 * rms:.0f} % something else", f"allowed is {wave}")
+            raise InputError(f"signal of {name}", f"{100.0 * rms:.0f} % something else", f"must be {wave}")
     d = d[:, :, free] * scale[free]
     inverse = np.linalg.inv(np.einsum("cnp,cnq->pq", d, d))
     edges = np.array_split(np.arange(len(model.time)), BLOCKS)

@@ -116,9 +116,9 @@ def time_words(seconds: float) -> str:
 def check_rising(times: tuple[float, ...], values: tuple[float, ...]) -> None:
     """Refuse a table whose times do not rise from 0 s, or that has not as many values."""
     if len(times) != len(values):
-        raise InputError("values", len(values), f"allowed are {len(times)}, one for each of the times")
+        raise InputError("values", len(values), f"must be {len(times)}, one for each of the times")
     if times[0] != 0.0:
-        raise InputError("times", time_words(times[0]), "allowed is 0 s as the first of them")
+        raise InputError("times", time_words(times[0]), "must begin with 0 s")
     for a, b in zip(times, times[1:], strict=False):
         if not b > a:
-            raise InputError("times", time_words(b), f"allowed is a time after {time_words(a)}: they rise")
+            raise InputError("times", time_words(b), f"must be a time after {time_words(a)}: they rise")

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, NoReturn
 
 import jax.numpy as jnp
 
-from ...components import Module, Scalar, slope
+from ...components import Module, Scalar, derivative
 from ...errors import InputError, NoVolumeError, UnreachableError
 from ...quantities import quantity, with_unit
 from ..law import LawState
@@ -127,12 +127,12 @@ class BiologicalMuscle(Module):
         """dF/dL at constant activation and velocity [N/m]; negative on the descending limb, zero when slack."""
         span, activation, velocity = _together(span, activation, velocity)
         taut = self.tension(span, activation, velocity) > 0.0
-        return jnp.where(taut, slope(lambda x: self.tension(x, activation, velocity), span), 0.0)
+        return jnp.where(taut, derivative(lambda x: self.tension(x, activation, velocity), span), 0.0)
 
     def damping(self, span: Any, activation: Any, velocity: Any = 0.0) -> Scalar:
         """dF/dv at constant length and activation [N s/m], never negative; largest at small velocities."""
         span, activation, velocity = _together(span, activation, velocity)
-        return slope(lambda v: self.tension(span, activation, v), velocity)
+        return derivative(lambda v: self.tension(span, activation, v), velocity)
 
     def free_length(self, activation: Any) -> Scalar:
         """The longest length at which the muscle carries no tension at rest [m]; below it hangs slack."""
@@ -182,7 +182,7 @@ class BiologicalMuscle(Module):
             UnreachableError: if the passive part alone pulls more, or full activation less; it says what they give.
         """
         if not (math.isfinite(tension) and tension >= 0.0):
-            raise InputError("tension", f"{tension:.6g} N", "allowed is 0 N or more")
+            raise InputError("tension", f"{tension:.6g} N", "must be 0 N or more")
         low, high = (float(self.tension(span, a, velocity)) for a in (0.0, 1.0))
         slack = 1e-9 * max(tension, 1.0)
         if not low - slack <= tension <= high + slack:

@@ -42,7 +42,7 @@ class BoucWen(RelaxingContacts):
     def __check_init__(self) -> None:
         """Only the exponents with a closed form."""
         if self.exponent not in (1, 2):
-            raise InputError("exponent", self.exponent, "allowed is 1 or 2", where=type(self).__name__)
+            raise InputError("exponent", self.exponent, "must be 1 or 2", where=type(self).__name__)
 
     @classmethod
     def from_coefficients(cls, *, stiffness: float, beta: float, gamma: float, exponent: int = 1) -> BoucWen:
@@ -57,7 +57,7 @@ class BoucWen(RelaxingContacts):
         """
         if not (beta + gamma > 0.0 and -beta <= gamma <= beta):
             raise InputError(
-                "gamma", float(gamma), f"allowed is {-beta:g} to {beta:g}, with beta + gamma > 0", where=cls.__name__
+                "gamma", float(gamma), f"must be {-beta:g} to {beta:g}, with beta + gamma > 0", where=cls.__name__
             )
         travel = (1.0 / (beta + gamma)) ** (1.0 / exponent)
         limit = FrictionLimit(constant=stiffness * travel)

@@ -59,7 +59,7 @@ class MaxwellSlip(Contacts):
 
         """
         if elements < 1:
-            raise InputError("elements", elements, "allowed is 1 or more", where=cls.__name__)
+            raise InputError("elements", elements, "must be 1 or more", where=cls.__name__)
         traced = any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves((limit, shortest, longest, at_pressure)))
         xp: Any = jnp if traced else np  # plain numbers stay with NumPy, for which nothing is compiled
         whole: FrictionLimit = limit if traced else jax.tree.map(np.asarray, limit)

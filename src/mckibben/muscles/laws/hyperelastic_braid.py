@@ -34,7 +34,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from ...components import Scalar, field, slope
+from ...components import Scalar, derivative, field
 from ...quantities import quantity
 from .. import bladder, dimensions
 from ..law import TensionLaw
@@ -81,7 +81,7 @@ class HyperelasticBraid(TensionLaw):
 
     def elastic_tension(self, length: Any) -> Scalar:
         """Force of the rubber wall without gas [N]."""
-        return slope(lambda x: self.wall_energy(x, 0.0), length)
+        return derivative(lambda x: self.wall_energy(x, 0.0), length)
 
     def gas_energy(self, length: Any, pressure: Any) -> Scalar:
         """Gas energy [J]; the threads' strain gives back what the wall takes."""

@@ -24,7 +24,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ...components import Scalar, slope
+from ...components import Scalar, derivative
 from ...quantities import quantity
 from .. import dimensions
 from ..law import TensionLaw
@@ -54,7 +54,7 @@ class SeatedBraid(TensionLaw):
 
     def elastic_tension(self, length: Any) -> Scalar:
         """Force of the rubber wall without gas [N]."""
-        return slope(lambda x: self._potential(x, jnp.zeros_like(x)), length)
+        return derivative(lambda x: self._potential(x, jnp.zeros_like(x)), length)
 
     def gas_energy(self, length: Any, pressure: Any) -> Scalar:
         """Gas energy [J]: what the potential loses by the pressure."""
@@ -97,11 +97,11 @@ class SeatedBraid(TensionLaw):
 
         def forces(u: Scalar) -> tuple[Scalar, Scalar]:
             at = held_length - u
-            pull = lambda x: slope(lambda y: held_braid.potential(y, held_pressure), x)  # noqa: E731
+            pull = lambda x: derivative(lambda y: held_braid.potential(y, held_pressure), x)  # noqa: E731
             return jax.jvp(pull, (at,), (jnp.ones_like(at),))
 
         u = jax.lax.fori_loop(0, STEPS - 1, lambda _, u: step(u, *forces(u), held_q), jnp.zeros_like(held_length))
-        force = slope(lambda x: braid.potential(x, pressure), length - u)
+        force = derivative(lambda x: braid.potential(x, pressure), length - u)
         return step(u, force, forces(u)[1], self.seat_compliance)
 
     def length_range(self) -> tuple[Scalar, Scalar]:

@@ -86,11 +86,11 @@ class ReservoirEnd(End):
         super().__check_init__()
         times = np.asarray(self.times)
         if times.ndim > 1 or np.any(np.diff(np.atleast_1d(times)) <= 0.0):
-            raise InputError("times", times.tolist(), "allowed is one list of rising times", where="ReservoirEnd")
+            raise InputError("times", times.tolist(), "must be one list of rising times", where="ReservoirEnd")
         for name in ("pressure_abs", "temperature"):
             shape = np.shape(getattr(self, name))
             if shape not in ((), times.shape):
-                raise InputError(name, f"{shape} values", f"allowed is one, or {times.shape}", where="ReservoirEnd")
+                raise InputError(name, f"{shape} values", f"must be one, or {times.shape}", where="ReservoirEnd")
 
     def initial(self, gas: Gas) -> EndState:
         """Nothing has passed."""

@@ -65,7 +65,7 @@ def simulate(
     )
     result = assemble(tube, (left, right), (start, end), recorded, np.arange(samples + 1) * sample_period, int(steps))
     if int(steps) >= most_steps:
-        raise InputError("duration", duration, f"allowed is what {most_steps} steps reach; the flow needs more")
+        raise InputError("duration", duration, f"must be what {most_steps} steps reach; the flow needs more")
     if not np.all(np.isfinite(result.pressure)) or np.any(result.pressure <= 0.0):
         bad = ~np.all(np.isfinite(result.pressure) & (result.pressure > 0.0), axis=1)
         raise ConvergenceError(
@@ -78,10 +78,10 @@ def simulate(
 def _sample_count(duration: float, period: float) -> int:
     for name, value in (("duration", duration), ("sample_period", period)):
         if not np.isfinite(value) or value <= 0.0:
-            raise InputError(name, value, "allowed is a time above 0 s")
+            raise InputError(name, value, "must be a time above 0 s")
     count = round(duration / period)
     if count < 1 or abs(duration / period - count) > 1e-6 * count:
-        raise InputError("sample_period", period, f"allowed is a whole part of the duration, {duration:g} s")
+        raise InputError("sample_period", period, f"must be a whole part of the duration, {duration:g} s")
     return count
 
 
@@ -92,13 +92,11 @@ def _start(
     values = {"pressure_abs": pressure_abs, "temperature": temperature, "velocity": velocity}
     for name, value in values.items():
         if np.shape(value) not in ((), (tube.cells,)):
-            raise InputError(
-                name, f"{np.shape(value)} values", f"allowed is one, or one for each of {tube.cells} cells"
-            )
+            raise InputError(name, f"{np.shape(value)} values", f"must be one, or one for each of {tube.cells} cells")
         if name in limits:
             limits[name].check(name, value)
         elif not np.all(np.isfinite(value)):
-            raise InputError(name, value, "allowed are finite values")
+            raise InputError(name, value, "must be finite values")
     if tube.wall == "isothermal":
         values["temperature"] = tube.wall_temperature
     full = (jnp.broadcast_to(jnp.asarray(value, float), (tube.cells,)) for value in values.values())

@@ -91,7 +91,7 @@ class Restriction(Opening):
         """Refuse what gives no flow."""
         super().__check_init__()
         if not isinstance(self.flow, TwoPort) and not callable(self.flow):
-            raise InputError("flow", self.flow, "allowed is an element or a function of P_up, T_up and P_down")
+            raise InputError("flow", self.flow, "must be an element or a function of P_up, T_up and P_down")
 
     def _entering_flow(self, outside: Primitive, inside: Primitive, *, leaves: bool) -> Scalar:
         if isinstance(self.flow, TwoPort):

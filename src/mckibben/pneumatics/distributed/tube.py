@@ -55,13 +55,11 @@ class DistributedTube(Module):
         super().__check_init__()
         where = type(self).__name__
         if not isinstance(self.cells, int) or self.cells < 4:
-            raise InputError("cells", self.cells, "allowed are 4 or more", where=where)
+            raise InputError("cells", self.cells, "must be 4 or more", where=where)
         if self.wall not in WALLS:
-            raise InputError("wall", self.wall, f"allowed are {', '.join(WALLS)}", where=where)
+            raise InputError("wall", self.wall, f"must be {', '.join(WALLS)}", where=where)
         if not isinstance(self.roughness, jax.core.Tracer) and self.roughness > 0.05 * self.diameter:
-            raise InputError(
-                "roughness", float(self.roughness), "allowed is up to 5 % of the diameter [m]", where=where
-            )
+            raise InputError("roughness", float(self.roughness), "must be up to 5 % of the diameter [m]", where=where)
 
     @property
     def area(self) -> Scalar:

@@ -12,7 +12,9 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from typing import Any
 
+from .... import schema
 from ....errors import InputError
 from ....quantities import Quantity
 from ..analogue import BITS
@@ -33,29 +35,35 @@ TERMINAL = (rf"/{DEVICE}/[^,:\s]+", "a terminal such as '/Dev1/PFI8'")
 SERVER = (rf"{GRPC}[^/\s:]+:\d+", "'local', or a device server such as 'grpc://192.168.1.20:31763'")
 
 
+def _read_range(raw: Any, place: schema.Place) -> tuple[float, ...]:
+    if not isinstance(raw, list) or len(raw) != 2:
+        raise place.fail(raw, "must be a list of two levels such as ['-10 V', '10 V']")
+    return tuple(schema.read_number(level, "V", LEVEL.bounds, place.field, place.where) for level in raw)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Analog:
     """An analogue terminal, in [V]: its name, the scale of its counts, and the range that the card is set to."""
 
     channel: str
-    low: float
-    high: float
+    low: float = schema.number("V", LEVEL.bounds, "level that stands for count 0")
+    high: float = schema.number("V", LEVEL.bounds, "level that would stand for the count after the highest")
     bits: int
-    range: tuple[float, float] | None = None
+    range: tuple[float, float] | None = schema.entry(_read_range, default=None)
     terminal: str = "default"
 
     def __post_init__(self) -> None:
         """Refuse what no converter has."""
         if type(self.bits) is not int or not BITS[0] <= self.bits <= BITS[1]:
-            raise InputError("bits", str(self.bits), f"allowed is a whole number from {BITS[0]} to {BITS[1]}")
+            raise InputError("bits", str(self.bits), f"must be a whole number from {BITS[0]} to {BITS[1]}")
         for key, level in (("low", self.low), ("high", self.high), *(("range", r) for r in self.range or ())):
             LEVEL.check(key, level)
         if not self.low < self.high:
-            raise InputError("high", f"{self.high:g} V", f"allowed is more than low, {self.low:g} V")
+            raise InputError("high", f"{self.high:g} V", f"must be more than low, {self.low:g} V")
         least, most = self.span
         if not (least <= self.low and self.high <= most):
             wide = f"from {self.low:g} V or less to {self.high:g} V or more"
-            raise InputError("range", f"{least:g} V to {most:g} V", f"allowed is {wide}, for it holds low to high")
+            raise InputError("range", f"{least:g} V to {most:g} V", f"must be {wide}, for it holds low to high")
         among("terminal", self.terminal, TERMINALS)
 
     @property
@@ -83,13 +91,13 @@ class Analog:
 class Drive(Analog):
     """The output to the motor's amplifier, and the level at which the motor does not pull [V]."""
 
-    rest: float
+    rest: float = schema.number("V", LEVEL.bounds, "level at which the motor does not pull")
 
     def __post_init__(self) -> None:
         """Refuse a rest that the output cannot take."""
         super().__post_init__()
         if not self.low <= self.rest < self.high:
-            raise InputError("rest", f"{self.rest:g} V", f"allowed is from {self.low:g} V to below {self.high:g} V")
+            raise InputError("rest", f"{self.rest:g} V", f"must be from {self.low:g} V to below {self.high:g} V")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +133,7 @@ class Counter:
         among("decoding", self.decoding, DECODINGS)
         low, high = COUNTER_BITS
         if type(self.bits) is not int or not low <= self.bits <= high:
-            raise InputError("bits", str(self.bits), f"allowed is a whole number from {low} to {high}")
+            raise InputError("bits", str(self.bits), f"must be a whole number from {low} to {high}")
         for key in ("a", "b"):
             if getattr(self, key):
                 named(key, getattr(self, key), TERMINAL)
@@ -139,7 +147,7 @@ class Counter:
 def named(key: str, value: str, kind: tuple[str, str]) -> None:
     """Refuse a name that is not of a kind."""
     if not isinstance(value, str) or re.fullmatch(kind[0], value) is None:
-        raise InputError(key, value, f"allowed is {kind[1]}")
+        raise InputError(key, value, f"must be {kind[1]}")
 
 
 def among(key: str, value: str, known: tuple[str, ...]) -> None:

@@ -28,15 +28,14 @@ A table of TOML:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from ....errors import InputError
-from ....schema import FileTable
+from ....schema import FileTable, read_table
 from .terminals import (
     INPUT,
-    LEVEL,
     LOCAL,
     OUTPUT,
     SERVER,
@@ -48,8 +47,6 @@ from .terminals import (
     chassis,
     named,
 )  # fmt: skip
-
-SCALE = ("channel", "low", "high", "bits")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +85,7 @@ class Wiring:
 
     def _check(self) -> None:
         if not self.inputs:
-            raise InputError("inputs", "none", "allowed is one or more: their clock is the machine's")
+            raise InputError("inputs", "none", "must be one or more: their clock is the machine's")
         for name, entry in self.inputs.items():
             named(f"inputs.{name}.channel", entry.channel, INPUT)
         for key, out in (("valve", self.valve), ("motor", self.motor)):
@@ -112,7 +109,7 @@ class Wiring:
         owner = chassis(terminals[paths[0]])
         for path in paths[1:]:
             if chassis(terminals[path]).lower() != owner.lower():
-                allowed = f"allowed is one of {owner}, as {paths[0]} is: they share one clock"
+                allowed = f"must be one of {owner}, as {paths[0]} is: they share one clock"
                 raise InputError(path, terminals[path], allowed)
 
     def terminals(self) -> dict[str, str]:
@@ -146,55 +143,17 @@ def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq"
     """
     top = FileTable.of(table, path, where)
     top.only(("connection", "clock", "inputs", "valve", "motor", "shut_off", "encoder"))
-    inputs = top.table("inputs")
     for key in ("inputs", "valve"):
-        if key not in top.values:
+        if key not in top:
             raise top.fail(key, "missing", "it is required")
-    parts: dict[str, Any] = {
-        "inputs": {name: _analog(inputs.table(name), more=("terminal",)) for name in inputs.values}
-    }
-    parts["valve"] = _analog(top.table("valve"))
-    if "motor" in top.values:
-        parts["motor"] = _analog(top.table("motor"), Drive, needed=(*SCALE, "rest"))
-    if "shut_off" in top.values:
-        parts["shut_off"] = _made(ShutOff, top.table("shut_off"), ("line", "open_at"), ("line",))
-    if "encoder" in top.values:
-        parts["encoder"] = _made(Counter, top.table("encoder"), ("counter", "decoding", "bits", "a", "b"), ("counter",))
-    words: dict[str, Any] = {key: top.word(key) for key in ("connection", "clock") if key in top.values}
+    parts: dict[str, Any] = {"inputs": {n: read_table(Analog, one) for n, one in top.tables("inputs")}}
+    kinds: dict[str, type[Any]] = {"valve": Analog, "motor": Drive, "shut_off": ShutOff, "encoder": Counter}
+    for key, kind in kinds.items():
+        output: dict[str, Any] = {"terminal": "default"} if issubclass(kind, Analog) else {}  # of inputs alone
+        if key in top:
+            parts[key] = read_table(kind, top.table(key), **output)
+    words: dict[str, Any] = {key: top.word(key) for key in ("connection", "clock") if key in top}
     try:
         return Wiring(**parts, **words, where=f"{where} [{path}]")
     except InputError as error:
         raise InputError(top.field(error.field), error.value, error.allowed, where=where) from None
-
-
-def _analog(entry: FileTable, kind: Any = Analog, more: tuple[str, ...] = (), needed: tuple[str, ...] = SCALE) -> Any:
-    return _made(kind, entry, (*needed, "range", *more), needed)
-
-
-def _made(kind: Any, entry: FileTable, known: Iterable[str], needed: Iterable[str]) -> Any:
-    """A part from the words of its table."""
-    entry.only(known)
-    for key in needed:
-        if key not in entry.values:
-            raise entry.fail(key, "missing", "it is required")
-    try:
-        return kind(**{key: _value(entry, key) for key in entry.values})
-    except InputError as error:
-        inside = error.field if error.field.startswith(entry.path) else entry.field(error.field)
-        raise InputError(inside, error.value, error.allowed, where=entry.where) from None
-
-
-def _value(entry: FileTable, key: str) -> Any:
-    if key in ("low", "high", "rest"):
-        return entry.number(key, "V", declared=LEVEL)
-    if key == "range":
-        raw = entry.values[key]
-        if not isinstance(raw, list) or len(raw) != 2:
-            raise entry.fail(key, raw, "allowed is a list of two levels such as ['-10 V', '10 V']")
-        return tuple(FileTable({key: level}, entry.path, entry.where).number(key, "V", declared=LEVEL) for level in raw)
-    if key == "bits":
-        value = entry.values[key]
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise entry.fail(key, value, "allowed is a whole number")
-        return value
-    return entry.word(key)
