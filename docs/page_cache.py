@@ -119,7 +119,14 @@ def _dependencies_digest() -> bytes:
     """Return a digest of everything that any page may depend on."""
     digest = hashlib.sha256(sys.version.encode())
     digest.update("\n".join(sorted(f"{d.name} {d.version}" for d in metadata.distributions())).encode())
-    for folder, endings in (("src", None), ("examples", None), ("firmware", None), ("docs", {".py"})):
+    digest.update((ROOT / "pyproject.toml").read_bytes())
+    for folder, endings in (
+        ("src", None),
+        ("packages", None),
+        ("examples", None),
+        ("firmware", None),
+        ("docs", {".py"}),
+    ):
         for path in sorted((ROOT / folder).rglob("*")):
             if path.is_file() and "__pycache__" not in path.parts and (endings is None or path.suffix in endings):
                 digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
