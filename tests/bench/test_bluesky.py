@@ -17,7 +17,7 @@ from bluesky.utils import FailedStatus, RunEngineInterrupted
 from short_runs import paper
 
 import mckibben
-from mckibben.bench.bluesky import Status, bench_devices
+from mckibben.bench.bluesky import DeviceStatus, bench_devices
 from mckibben.bench.session import Session
 from mckibben.errors import InputError, MckibbenError, UnreachableError
 from mckibben.experiments.read import parse_protocol, protocol
@@ -470,7 +470,7 @@ def test_signals_can_be_monitored_while_a_plan_goes_on(engine, machine, session,
 
 
 def test_a_status_ends_once_and_tells_everybody():
-    status, told = Status("it"), []
+    status, told = DeviceStatus("it"), []
     status.add_callback(told.append)
     assert not status.done and not status.success and "goes on" in repr(status)
     with pytest.raises(TimeoutError, match="it goes on after 0.01 s"):
@@ -487,7 +487,7 @@ def test_a_status_ends_once_and_tells_everybody():
     status.add_callback(told.append)
     status.add_callback(broken)
     assert told == [status, status] and status.done and status.success and status.exception() is None
-    failed = Status.of("it", lambda _: 1 / 0)
+    failed = DeviceStatus.of("it", lambda _: 1 / 0)
     assert isinstance(failed.exception(5.0), ZeroDivisionError) and not failed.success
     with pytest.raises(ZeroDivisionError):
         failed.wait()
@@ -499,7 +499,7 @@ def test_no_callback_of_a_status_is_lost_or_called_twice():
             status.add_callback(told.append)
 
     for _ in range(50):
-        status, told = Status("it"), []
+        status, told = DeviceStatus("it"), []
         threads = [threading.Thread(target=add, args=(status, told)) for _ in range(4)]
         threads.append(threading.Thread(target=status.finish))
         for thread in threads:

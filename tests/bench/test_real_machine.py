@@ -95,7 +95,7 @@ def test_a_machine_refuses_another_period():
 @pytest.mark.slow
 def test_in_lock_step_the_card_gives_the_simulated_run_bit_for_bit():
     pytest.importorskip("nidaqmx")
-    from mckibben.bench.hardware.daq import Analog, Counter, DaqHardware, Drive, SimulatedDevice, Wiring
+    from mckibben.bench.hardware.daq import Analog, CardWiring, Counter, DaqHardware, Drive, SimulatedDevice
 
     made = bench("isotonic-triangle", load="50 N", frequency="5 Hz", cycles=2)
     of = {n: s.converter for n, s in made.rig.sensors.items()}
@@ -104,7 +104,7 @@ def test_in_lock_step_the_card_gives_the_simulated_run_bit_for_bit():
         for i, n in enumerate(sorted(of))
     }
     out, motor = made.rig.valve_out, made.rig.motor_out
-    wiring = Wiring(
+    wiring = CardWiring(
         inputs=inputs, valve=Analog(channel="Dev1/ao0", low=0.0, high=10.0, bits=out.bits, range=(0.0, 10.0)),
         motor=Drive(channel="Dev1/ao1", low=-10.0, high=10.0, bits=motor.bits, range=(-10.0, 10.0), rest=0.0),
         encoder=Counter(counter="Dev1/ctr0", bits=made.rig.encoder.counter_bits),

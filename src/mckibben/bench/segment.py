@@ -15,7 +15,7 @@ from ..engine import sampled
 from ..engine.native import call_compiled
 from .hardware.computer import Timing, configure
 from .hardware.plant import InstrumentedPlant
-from .hardware.simulated import Rows, SimulatedMachine
+from .hardware.simulated import SampleRows, SimulatedMachine
 from .prepare import PreparedRun, RunSegment, with_friction_scale
 from .software.loop import BenchSoftware
 from .software.sequencer import Sequencer
@@ -45,7 +45,7 @@ class Chunk(NamedTuple):
 
 
 def simulated(
-    plant: InstrumentedPlant, software: BenchSoftware, carry: sampled.Carry, rows: Rows, timing: Timing
+    plant: InstrumentedPlant, software: BenchSoftware, carry: sampled.Carry, rows: SampleRows, timing: Timing
 ) -> Iterator[Chunk]:
     """Chunk after chunk as fast as it goes, with steps that the plant's own rates allow."""
     while True:

@@ -1,6 +1,6 @@
 """Small machines in whole numbers, whose next counts depend on every count before."""
 
-from mckibben.bench.hardware.daq import Analog, Counter, Drive, ShutOff, Wiring
+from mckibben.bench.hardware.daq import Analog, CardWiring, Counter, Drive, ShutOff
 
 LARGE = 1 << 31
 
@@ -46,9 +46,9 @@ def software(counts: list[int], edges: int, k: int) -> tuple[int, int, bool]:
     return total % 4096, (total * 31) % 65536, total % 5 != 0
 
 
-def mixer_wiring() -> Wiring:
+def mixer_wiring() -> CardWiring:
     """Scales of several kinds: one way and both ways, 12 and 16 bits, a share of the card's range."""
-    return Wiring(
+    return CardWiring(
         inputs={
             "tension": Analog(channel="Dev1/ai3", low=-10.0, high=10.0, bits=16),
             "pressure": Analog(channel="Dev1/ai0", low=0.0, high=10.0, bits=16, range=(-10.0, 10.0)),
@@ -61,15 +61,15 @@ def mixer_wiring() -> Wiring:
     )
 
 
-def clock_wiring() -> Wiring:
-    return Wiring(
+def clock_wiring() -> CardWiring:
+    return CardWiring(
         inputs={"pressure": Analog(channel="Dev1/ai0", low=0.0, high=10.0, bits=16)},
         valve=Analog(channel="Dev1/ao0", low=0.0, high=10.0, bits=12),
         encoder=Counter(counter="Dev1/ctr0"),
     )
 
 
-def counts_of(machine: Mixer, wiring: Wiring) -> tuple[list[int], int]:
+def counts_of(machine: Mixer, wiring: CardWiring) -> tuple[list[int], int]:
     """A sample in the order of the wiring, not in that of the machine."""
     counts, edges = machine.sample()
     return [counts[machine.names.index(name)] for name in wiring.inputs], edges
@@ -87,7 +87,7 @@ def run(hardware, first: int, count: int) -> list[tuple]:
     return seen
 
 
-def run_in_process(machine: Mixer, wiring: Wiring, count: int, zero: int = 0) -> list[tuple]:
+def run_in_process(machine: Mixer, wiring: CardWiring, count: int, zero: int = 0) -> list[tuple]:
     """The same without anything in between."""
     seen = []
     for k in range(count):

@@ -127,10 +127,12 @@ class Codec:
         size = self._library.frame_write(kind, sequence, payload, len(payload), room)
         return room.raw[:size]
 
-    def decode(self, parts: list[bytes]) -> tuple[list[frames.Frame], tuple[int, ...]]:
+    def decode(self, parts: list[bytes]) -> tuple[list[frames.SerialFrame], tuple[int, ...]]:
         """The frames of a stream, and how many were dropped for which reason."""
-        found: list[frames.Frame] = []
-        take = _FRAME(lambda kind, number, data, size: found.append(frames.Frame(kind, number, _bytes(data, size))))
+        found: list[frames.SerialFrame] = []
+        take = _FRAME(
+            lambda kind, number, data, size: found.append(frames.SerialFrame(kind, number, _bytes(data, size)))
+        )
         self._library.host_decode_begin()
         for part in parts:
             self._library.host_decode(part, len(part), take)

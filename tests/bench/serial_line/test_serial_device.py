@@ -21,10 +21,10 @@ from mckibben.bench.hardware.serial_line.messages import (
     LOCK_STEP,
     UNANSWERED,
     VENTED,
-    Command,
+    CommandMessage,
     Fault,
     Hello,
-    Sample,
+    SampleMessage,
     Start,
     Stop,
     Vent,
@@ -48,8 +48,8 @@ def test_samples_count_from_zero_and_carry_run_time_and_counts(desk: Make) -> No
     for k in range(5):
         (sample,) = one.tick()
         counts, edges = twin.sample()
-        assert sample == Sample(k, 70_000 % 2**16, 7 + (k + 1) * NANOSECONDS, 0, edges, tuple(counts))
-        assert one.say(Command(k, 10 * k, 20 * k, k % 2 == 0)) == []
+        assert sample == SampleMessage(k, 70_000 % 2**16, 7 + (k + 1) * NANOSECONDS, 0, edges, tuple(counts))
+        assert one.say(CommandMessage(k, 10 * k, 20 * k, k % 2 == 0)) == []
         twin.advance(10 * k, 20 * k, k % 2 == 0)
     assert one.machine.period == 1e-3
 
@@ -63,7 +63,7 @@ def test_in_lock_step_a_sample_comes_after_each_command_and_only_then(desk: Make
         assert one.tick() == []
         command = controller(k, sample.counts, sample.encoder)
         rows.append((sample.counts, sample.encoder, command))
-        one.say(Command(k + 1, 1, 1, True), Command(k, *command), Command(k, 1, 1, False))
+        one.say(CommandMessage(k + 1, 1, 1, True), CommandMessage(k, *command), CommandMessage(k, 1, 1, False))
         assert one.device.due
         (sample,) = one.tick()
         assert (sample.sequence, sample.time, sample.flags) == (k + 1, (k + 1) * NANOSECONDS, 0)
@@ -76,7 +76,7 @@ def test_the_watchdog_vents_so_many_samples_after_the_last_command_and_stays(des
     one.begin(watchdog=watchdog)
     for k in range(4):
         one.tick()
-        one.say(Command(k, 100, 200, False))
+        one.say(CommandMessage(k, 100, 200, False))
     held = len(one.machine.history)
     flags = [one.tick()[0].flags for _ in range(watchdog)]
     # The first of these is the one that the last command was for.
@@ -85,7 +85,7 @@ def test_the_watchdog_vents_so_many_samples_after_the_last_command_and_stays(des
     assert one.board.outputs == (0, 2048, True)
     for _ in range(3):  # whatever comes then
         number = one.tick()[0].sequence
-        one.say(Command(number, 100, 200, False))
+        one.say(CommandMessage(number, 100, 200, False))
     assert one.machine.history[held + watchdog :] == [(0, 2048, True)] * 3
     assert one.tick()[0].flags == VENTED | BY_ITSELF
     one.say(Start(6, NANOSECONDS, FREE, 2))
@@ -104,10 +104,10 @@ def test_old_repeated_and_future_commands_do_not_keep_it_alive(desk: Make) -> No
     one.begin(watchdog=3)
     for _ in range(3):
         one.tick()
-    one.say(Command(2, 100, 0, True))
+    one.say(CommandMessage(2, 100, 0, True))
     for _ in range(3):
         flags = one.tick()[0].flags
-        one.say(Command(2, 1, 1, False), Command(0, 1, 1, False), Command(10**6, 1, 1, False))
+        one.say(CommandMessage(2, 1, 1, False), CommandMessage(0, 1, 1, False), CommandMessage(10**6, 1, 1, False))
     assert flags & BY_ITSELF
     assert one.machine.history[-1] == (100, 0, True)
 
@@ -117,10 +117,10 @@ def test_a_late_command_is_used_and_its_sample_flagged(desk: Make) -> None:
     one.begin(watchdog=5)
     one.tick()
     assert one.tick()[0].flags == UNANSWERED
-    one.say(Command(0, 33, 44, False))
+    one.say(CommandMessage(0, 33, 44, False))
     assert one.board.outputs == (33, 44, False)
     assert one.tick()[0].flags == UNANSWERED  # sample 1 has no answer yet
-    one.say(Command(2, 33, 44, False))
+    one.say(CommandMessage(2, 33, 44, False))
     assert one.tick()[0].flags == 0
 
 
@@ -129,10 +129,10 @@ def test_vent_holds_against_commands_while_the_motor_follows_them(desk: Make, mo
     one = desk()
     one.begin(mode)
     one.tick()
-    one.say(Command(0, 100, 200, False), Vent())
+    one.say(CommandMessage(0, 100, 200, False), Vent())
     assert one.board.outputs == (0, 200, True)
     one.tick()
-    one.say(Command(1, 100, 300, False))
+    one.say(CommandMessage(1, 100, 300, False))
     assert one.board.outputs == (0, 300, True)
     (sample,) = one.tick()
     assert sample.flags == VENTED
@@ -143,7 +143,7 @@ def test_stop_and_a_new_greeting_end_the_run_at_rest(desk: Make) -> None:
         one = desk(about=About(motor_rest=5))
         one.begin()
         one.tick()
-        one.say(Command(0, 100, 200, False))
+        one.say(CommandMessage(0, 100, 200, False))
         one.say(last)
         assert one.board.outputs == (0, 5, True)
         assert not one.board.clocked
@@ -176,7 +176,7 @@ def test_a_machine_that_fails_ends_the_run_with_a_fault(desk: Make) -> None:
     one = desk(machine=Tiny(fails_at=1))
     one.begin()
     one.tick()
-    one.say(Command(0, 100, 200, False))
+    one.say(CommandMessage(0, 100, 200, False))
     (fault,) = one.tick()
     assert fault == Fault(1, messages.HARDWARE, "the machine cannot be read")
     assert one.board.outputs == (0, 0, True)
@@ -187,7 +187,7 @@ def test_what_is_damaged_is_told_once(desk: Make) -> None:
     one = desk()
     one.begin(watchdog=9)
     one.tick()
-    bad = bytearray(messages.encode(Command(0, 100, 200, False)))
+    bad = bytearray(messages.encode(CommandMessage(0, 100, 200, False)))
     bad[6] ^= 1
     one.feed(bytes(bad))
     assert one.board.outputs == (0, 0, True)
@@ -199,7 +199,7 @@ def test_what_is_damaged_is_told_once(desk: Make) -> None:
 SMALL = st.integers(0, 6)
 TALK = st.one_of(
     st.just("tick"),
-    st.builds(Command, SMALL, SMALL, SMALL, st.booleans()),
+    st.builds(CommandMessage, SMALL, SMALL, SMALL, st.booleans()),
     st.sampled_from([Vent(), Stop(), HELLO, Hello(2, 9)]),
     st.builds(Start, SMALL, st.sampled_from([5, NANOSECONDS, NANOSECONDS]), SMALL.map(lambda i: i % 3), SMALL),
     st.binary(max_size=12),
@@ -228,7 +228,7 @@ def test_thousands_of_damaged_frames_leave_the_device_as_it_should_be(desk: Make
     one.begin(watchdog=65535)
     one.tick()
     for k in range(3000):
-        good = bytearray(messages.encode(Command(k, 1, 2, False)))
+        good = bytearray(messages.encode(CommandMessage(k, 1, 2, False)))
         match draw.randrange(4):
             case 0:
                 good[draw.randrange(len(good) - 1)] ^= 1 << draw.randrange(8)
@@ -242,7 +242,7 @@ def test_thousands_of_damaged_frames_leave_the_device_as_it_should_be(desk: Make
         assert one.tick()[0].flags & BY_ITSELF == 0
     assert set(one.machine.history) == {(0, 0, True)}  # none of it was taken for a command
     one.feed(b"\0")
-    one.say(Command(3000, 1, 2, False))
+    one.say(CommandMessage(3000, 1, 2, False))
     assert one.board.outputs == (1, 2, False)
 
 
@@ -268,7 +268,9 @@ def test_the_firmware_stays_within_its_memory(compiler: str, tmp_path: Path) -> 
             case 1:
                 one = messages.encode(Start(1, NANOSECONDS, draw.randrange(2), 5))
             case 2:
-                one = messages.encode(draw.choice([HELLO, Vent(), Stop(), Command(draw.randrange(50), 1, 2, True)]))
+                one = messages.encode(
+                    draw.choice([HELLO, Vent(), Stop(), CommandMessage(draw.randrange(50), 1, 2, True)])
+                )
             case 3:
                 one = draw.randbytes(draw.randrange(40)) + b"\0"
             case _:

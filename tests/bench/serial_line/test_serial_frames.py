@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 from serial_devices import Codec
 
 from mckibben.bench.hardware.serial_line import frames, messages
-from mckibben.bench.hardware.serial_line.frames import LONGEST, LONGEST_CODED, Frame, Frames, coded, decoded, frame
+from mckibben.bench.hardware.serial_line.frames import (
+    LONGEST,
+    LONGEST_CODED,
+    Frames,
+    SerialFrame,
+    coded,
+    decoded,
+    frame,
+)
 
 # Zeros and runs of 254 and more are where COBS has its cases.
 BYTES = st.binary(max_size=60) | st.lists(
@@ -54,18 +62,18 @@ def test_a_frame_comes_back_in_whatever_parts_it_comes(kind: int, number: int, p
     line = frame(kind, number, payload) + frame(kind, number, payload)
     reader = Frames()
     found = [one for at in range(0, len(line), part) for one in reader.feed(line[at : at + part])]
-    assert found == [Frame(kind, number, payload)] * 2
+    assert found == [SerialFrame(kind, number, payload)] * 2
     assert reader.damaged == 0
 
 
 MESSAGES = st.one_of(
     st.builds(messages.Hello, WORD, st.integers(0, 65535)),
     st.builds(messages.Start, WORD, WORD, st.integers(0, 255), st.integers(0, 65535)),
-    st.builds(messages.Command, WORD, WORD, WORD, st.booleans()),
+    st.builds(messages.CommandMessage, WORD, WORD, WORD, st.booleans()),
     st.builds(messages.Vent, WORD),
     st.builds(messages.Stop, WORD),
     st.builds(
-        messages.Sample, WORD, st.integers(0, 65535), st.integers(0, 2**64 - 1), st.integers(0, 15),
+        messages.SampleMessage, WORD, st.integers(0, 65535), st.integers(0, 2**64 - 1), st.integers(0, 15),
         st.integers(-(2**31), 2**31 - 1), st.lists(WORD, max_size=32).map(tuple),
     ),
     st.builds(messages.Fault, WORD, st.integers(0, 255), TEXT),
@@ -86,7 +94,7 @@ def test_a_message_comes_back(message: messages.Message) -> None:
 
 @given(st.integers(0, 255), st.binary(max_size=40))
 def test_no_payload_is_more_than_no_message(kind: int, payload: bytes) -> None:
-    message = messages.message_of(Frame(kind, 1, payload))
+    message = messages.message_of(SerialFrame(kind, 1, payload))
     # What is understood says all that was there: the same again, but for flags and texts that mean nothing.
     assert message is None or messages.message_of(Frames().feed(messages.encode(message))[0]) == message
 
@@ -99,8 +107,8 @@ def test_a_body_longer_than_allowed_is_not_written() -> None:
 
 def test_every_flipped_bit_is_noticed_and_the_next_frame_is_sound() -> None:
     # A bit of the line may end a frame early, or join two: then both are lost. Never is another frame made of it.
-    good = messages.encode(messages.Sample(7, 5, 10**12, 0, -3, (0, 4095, 17, 0)))
-    after = messages.encode(messages.Command(8, 1, 2, True))
+    good = messages.encode(messages.SampleMessage(7, 5, 10**12, 0, -3, (0, 4095, 17, 0)))
+    after = messages.encode(messages.CommandMessage(8, 1, 2, True))
     sound, following = Frames().feed(good)[0], Frames().feed(after)[0]
     for bit in range(8 * len(good)):
         line = bytearray(good)
@@ -123,7 +131,7 @@ def test_nothing_that_comes_makes_the_decoder_grow_or_fail() -> None:
     assert peak < 50_000  # a few of the parts of 4096 B that it was fed, of 2 MB in all
     assert size < 10_000
     assert counts(reader) == (0, 1, 0)
-    assert reader.feed(b"\0" + frame(1, 2)) == [Frame(1, 2, b"")]
+    assert reader.feed(b"\0" + frame(1, 2)) == [SerialFrame(1, 2, b"")]
 
 
 def spoiled(draw: random.Random) -> bytes:

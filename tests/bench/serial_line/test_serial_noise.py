@@ -13,7 +13,7 @@ from serial_machines import Tiny, over_the_line, straight
 
 from mckibben.bench.hardware.serial_line import SerialHardware, frames, messages
 from mckibben.bench.hardware.serial_line.arrivals import DRIFT, GRACE, Arrivals, EndedError, Taken
-from mckibben.bench.hardware.serial_line.messages import Sample
+from mckibben.bench.hardware.serial_line.messages import SampleMessage
 from mckibben.errors import InputError, LineLostError
 
 
@@ -114,8 +114,8 @@ def test_noise_without_end_is_a_lost_line() -> None:
 T = 1e-3
 
 
-def frame(k: int, flags: int = 0) -> Sample:
-    return Sample(k, 0, 0, flags, 0, (k,))
+def frame(k: int, flags: int = 0) -> SampleMessage:
+    return SampleMessage(k, 0, 0, flags, 0, (k,))
 
 
 def after(start: int, times: list[float], patience: int = 2) -> Arrivals:
@@ -188,11 +188,11 @@ def test_the_first_sample_has_nothing_to_repeat() -> None:
 def test_the_protocol_is_documented_where_the_firmware_is() -> None:
     text = (Path(__file__).parents[3] / "firmware" / "README.md").read_text(encoding="utf-8")
     kinds = {"HELLO": 1, "START": 2, "COMMAND": 3, "VENT": 4, "STOP": 5, "WELCOME": 0x81, "SAMPLE": 0x82, "FAULT": 0x83}
-    said = [messages.Hello(0, 1), messages.Start(0, 1, 0, 2), messages.Command(0, 1, 2, True)]
+    said = [messages.Hello(0, 1), messages.Start(0, 1, 0, 2), messages.CommandMessage(0, 1, 2, True)]
     for name, kind in kinds.items():
         assert f"`{kind:02X}` | {name}" in text
     for message in said:  # of fixed length: 10 bytes of frame, and what the table says
         size = len(frames.decoded(messages.encode(message)[:-1]) or b"") - frames.SHORTEST
         assert f"| {type(message).__name__.upper()} | {size} |" in text
-    for message in (messages.Hello(1, 1), messages.Command(7, 100, 2048, True), messages.Vent(0)):
+    for message in (messages.Hello(1, 1), messages.CommandMessage(7, 100, 2048, True), messages.Vent(0)):
         assert f"`{messages.encode(message).hex(' ').upper()}`" in text

@@ -8,7 +8,7 @@ Source of the protocols: bluesky.protocols of Bluesky 1.15, blueskyproject.io.
 from .devices import Devices, bench_devices
 from .flyer import ProtocolFlyer
 from .set_point import SetPoint
-from .signals import Signal
-from .status import Status
+from .signals import ChannelSignal
+from .status import DeviceStatus
 
-__all__ = ["Devices", "ProtocolFlyer", "SetPoint", "Signal", "Status", "bench_devices"]
+__all__ = ["Devices", "ProtocolFlyer", "SetPoint", "ChannelSignal", "DeviceStatus", "bench_devices"]

@@ -9,9 +9,9 @@ from ...experiments.protocol import Protocol
 from ..session import Session
 from ..session.continued import SETTLE
 from .flyer import ProtocolFlyer
-from .machine import Machine
+from .machine import DeviceContext
 from .set_point import AXES, SetPoint
-from .signals import Signal
+from .signals import ChannelSignal
 
 
 class Devices:
@@ -29,12 +29,12 @@ class Devices:
     velocity: SetPoint
     tension: SetPoint
 
-    def __init__(self, machine: Machine, *, settle: float, over: float) -> None:
+    def __init__(self, machine: DeviceContext, *, settle: float, over: float) -> None:
         self.machine = machine
         for axis in AXES if machine.session.setup.rig.motor is not None else AXES[:1]:
             setattr(self, axis, SetPoint(machine, axis, settle=settle))
         self.measured, self.true = (
-            {n: Signal(machine, n, over=over) for n, (_, kind, _) in machine.kinds.items() if kind == wanted}
+            {n: ChannelSignal(machine, n, over=over) for n, (_, kind, _) in machine.kinds.items() if kind == wanted}
             for wanted in ("measured", "true")
         )
 
@@ -58,4 +58,4 @@ def bench_devices(session: Session, name: str = "", *, settle: float = SETTLE, o
         settle: time at the end of every move [s].
         over: time over which a reading of a signal is the mean [s]; 0: the newest sample.
     """
-    return Devices(Machine(session, name), settle=settle, over=over)
+    return Devices(DeviceContext(session, name), settle=settle, over=over)

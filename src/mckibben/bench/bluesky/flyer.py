@@ -15,8 +15,8 @@ from ...experiments.dry_run import check
 from ...experiments.protocol import Protocol
 from ...recordings.recording import Recording
 from ..metadata import initial_metadata
-from .machine import Keys, Machine, Reading
-from .status import Status
+from .machine import DeviceContext, Keys, Reading
+from .status import DeviceStatus
 
 PAGE = 1000  # samples in a page of events
 ENDS = 10.0  # time for which the end of a stopped run is waited for [s]
@@ -47,7 +47,7 @@ class ProtocolFlyer:
     parent = None
 
     def __init__(
-        self, machine: Machine, protocol: Protocol | str, *, accept_saturation: bool = False,
+        self, machine: DeviceContext, protocol: Protocol | str, *, accept_saturation: bool = False,
         logs: str | Path | None = None, declared: bool = False,
     ) -> None:  # fmt: skip
         self.machine, self.declared = machine, declared
@@ -57,8 +57,8 @@ class ProtocolFlyer:
         self.name = machine.key(self.bench.protocol.name)
         self.recording: Recording | None = None
         self.log: Path | None = None
-        self._begun: Status | None = None
-        self._ended: Status | None = None
+        self._begun: DeviceStatus | None = None
+        self._ended: DeviceStatus | None = None
         self._staged, self._stopped, self._handed = False, "", False
         self._offset = np.inf
 
@@ -88,7 +88,7 @@ class ProtocolFlyer:
             self._wait()
         return [self]
 
-    def kickoff(self) -> Status:
+    def kickoff(self) -> DeviceStatus:
         """Let it go; done with its first sample. The machine goes by hand to where it begins, which takes its time.
 
         Raises:
@@ -104,11 +104,11 @@ class ProtocolFlyer:
         if self.logs is not None:
             self.logs.mkdir(parents=True, exist_ok=True)
             self.log = self.logs / f"{self.name}-{time.strftime('%Y%m%dT%H%M%S')}-{time.time_ns() % 10**9:09d}.mcap"
-        self._begun, self._ended = Status(f"begin of {self.name}"), Status(f"run of {self.name}")
+        self._begun, self._ended = DeviceStatus(f"begin of {self.name}"), DeviceStatus(f"run of {self.name}")
         threading.Thread(target=self._go, args=(self._begun, self._ended), name=self.name, daemon=True).start()
         return self._begun
 
-    def _go(self, begun: Status, ended: Status) -> None:
+    def _go(self, begun: DeviceStatus, ended: DeviceStatus) -> None:
         def shown(times: np.ndarray, _: Mapping[str, np.ndarray]) -> None:
             # the newest sample of the session is the last of the chunk, of which the run may want less at its end
             self._offset = min(self._offset, self.machine.session.latest()["time"] - float(times[-1]))
@@ -125,7 +125,7 @@ class ProtocolFlyer:
         begun.finish(error)
         ended.finish(error)
 
-    def complete(self) -> Status:
+    def complete(self) -> DeviceStatus:
         """Done at the end of the run, which is that of the protocol; failed where something stopped it.
 
         Raises:

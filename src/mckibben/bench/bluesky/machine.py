@@ -18,13 +18,13 @@ from .. import channels
 from ..metadata import initial_metadata
 from ..session import Session
 from ..session.status import IDLE, MANUAL
-from .status import Status
+from .status import DeviceStatus
 
 Reading = dict[str, dict[str, Any]]  # by key: value and timestamp
 Keys = dict[str, dict[str, Any]]  # by key: how a value is described
 
 
-class Machine:
+class DeviceContext:
     """A session as its devices see it.
 
     Args:
@@ -45,7 +45,7 @@ class Machine:
         self.zero = time.time() - newest["time"]
         self.names = [n for n in newest if n != "time"]
         self.kinds = channels.kinds(self.names)
-        self.moves: dict[str, Status] = {}
+        self.moves: dict[str, DeviceStatus] = {}
         self.lock = threading.Lock()
         about = initial_metadata(session.setup.prepared)
         self.about = {"rig": about["rig"], "specimen": about["specimen"] or "", "simulated": self.simulated}

@@ -10,9 +10,9 @@ from ...errors import InputError, MckibbenError, UnreachableError
 from ...experiments.amounts import CHANNELS
 from ...quantities import with_unit
 from ..session.continued import CLOSE, LONG, LOOK, NEAR
-from .machine import Keys, Machine
-from .signals import Signal
-from .status import Status
+from .machine import DeviceContext, Keys
+from .signals import ChannelSignal
+from .status import DeviceStatus
 
 EXACT = 1e-6  # of the allowed range, within which the machine's own set-point is the one asked for
 AXES = ("pressure", "span", "velocity", "tension")
@@ -20,13 +20,13 @@ RATES = {"pressure": "pressure_rate", "span": "speed", "velocity": "acceleration
 PER = {"pressure": "Pa/s", "span": "m/s", "velocity": "m/s^2", "tension": "N/s"}
 
 
-class SetPoint(Signal):
+class SetPoint(ChannelSignal):
     """The pressure, or one of span, velocity and tension, which share the motor.
 
     It reads the machine's set-point, which goes where it is asked no faster than the manual rate; what is measured has
     signals of its own.
 
-    Bluesky: NamedMovable, Locatable, Checkable, Stoppable, Stageable, and what `Signal` is.
+    Bluesky: NamedMovable, Locatable, Checkable, Stoppable, Stageable, and what `ChannelSignal` is.
 
     Args:
         machine: whose.
@@ -34,12 +34,12 @@ class SetPoint(Signal):
         settle: time at the end of a move [s].
     """
 
-    def __init__(self, machine: Machine, axis: str, *, settle: float = 0.0) -> None:
+    def __init__(self, machine: DeviceContext, axis: str, *, settle: float = 0.0) -> None:
         super().__init__(machine, f"command.{axis}")
         self.axis, self.settle = axis, settle
         self.moving = "pressure" if axis == "pressure" else "motor"
         self._to: float | None = None
-        self._own: Status | None = None
+        self._own: DeviceStatus | None = None
         self._moved = False
 
     @property
@@ -55,7 +55,7 @@ class SetPoint(Signal):
         """
         self.machine.session.setup.amount(self.axis, value)
 
-    def set(self, value: float | str) -> Status:
+    def set(self, value: float | str) -> DeviceStatus:
         """Go to a set-point, in SI or in words; done when it and what is measured are there, and the settling time over.
 
         Raises:
@@ -68,7 +68,7 @@ class SetPoint(Signal):
             before = self.machine.moves.get(self.moving)
             session.set(**{self.axis: to})
             self._to, self._moved = to, True
-            status = Status.of(f"{self.name} to {self._worded(to)}", lambda own: self._go(to, own))
+            status = DeviceStatus.of(f"{self.name} to {self._worded(to)}", lambda own: self._go(to, own))
             self.machine.moves[self.moving] = self._own = status
         if before is not None and not before.done:
             before.finish(
@@ -79,7 +79,7 @@ class SetPoint(Signal):
     def _worded(self, value: float) -> str:
         return with_unit(value, CHANNELS[self.axis])
 
-    def _go(self, to: float, own: Status) -> None:
+    def _go(self, to: float, own: DeviceStatus) -> None:
         """Wait until it is there; ends where somebody else ended the move."""
         session, range_ = self.machine.session, max(abs(end) for end in self.limits)
         near = {"span": CLOSE, "velocity": math.inf}.get(self.axis, NEAR * range_)

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..session.continued import LOOK
-from .machine import Keys, Machine, Reading
-from .status import Status
+from .machine import DeviceContext, Keys, Reading
+from .status import DeviceStatus
 
 Subscriber = Callable[[Reading], None]
 
 
-class Signal:
+class ChannelSignal:
     """One channel of the machine.
 
     Bluesky: Readable, Triggerable, Configurable, Subscribable, HasHints, HasParent.
@@ -30,7 +30,7 @@ class Signal:
 
     parent = None
 
-    def __init__(self, machine: Machine, channel: str, *, over: float = 0.0) -> None:
+    def __init__(self, machine: DeviceContext, channel: str, *, over: float = 0.0) -> None:
         self.machine, self.channel, self.over = machine, channel, over
         self.name = machine.key(channel)
         self._subscribers: list[Subscriber] = []
@@ -46,11 +46,11 @@ class Signal:
         """What to plot."""
         return {"fields": [self.name]}
 
-    def trigger(self) -> Status:
+    def trigger(self) -> DeviceStatus:
         """Done when a later sample is there, and where the mean over a time is read, that time."""
         session = self.machine.session
         until = session.latest()["time"] + max(self.over - session.period, 0.0)
-        return Status.of(f"trigger {self.name}", lambda _: self.machine.after(until))
+        return DeviceStatus.of(f"trigger {self.name}", lambda _: self.machine.after(until))
 
     def read(self) -> Reading:
         """The newest sample, or the mean over the newest time [SI]."""

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 
 
-class Status:
+class DeviceStatus:
     """Something that goes on, and ends once; safe for use by several threads.
 
     Args:
@@ -18,10 +18,10 @@ class Status:
         self.what = what
         self._ended, self._lock = threading.Event(), threading.Lock()
         self._error: BaseException | None = None
-        self._callbacks: list[Callable[[Status], None]] = []
+        self._callbacks: list[Callable[[DeviceStatus], None]] = []
 
     @classmethod
-    def of(cls, what: str, work: Callable[[Status], object]) -> Status:
+    def of(cls, what: str, work: Callable[[DeviceStatus], object]) -> DeviceStatus:
         """That of some work, which is given it, in a thread of its own; it fails with what the work raises."""
         status = cls(what)
 
@@ -47,7 +47,7 @@ class Status:
         for callback in told:
             self._tell(callback)
 
-    def add_callback(self, callback: Callable[[Status], None]) -> None:
+    def add_callback(self, callback: Callable[[DeviceStatus], None]) -> None:
         """Tell somebody when it is done, or now if it is; an error of theirs is logged and goes no further."""
         with self._lock:
             if not self._ended.is_set():
@@ -55,7 +55,7 @@ class Status:
                 return
         self._tell(callback)
 
-    def _tell(self, callback: Callable[[Status], None]) -> None:
+    def _tell(self, callback: Callable[[DeviceStatus], None]) -> None:
         try:
             callback(self)
         except Exception:
@@ -100,4 +100,4 @@ class Status:
 
     def __repr__(self) -> str:
         state = "goes on" if not self.done else "done" if self.success else f"failed: {self._error}"
-        return f"Status({self.what}: {state})"
+        return f"DeviceStatus({self.what}: {state})"

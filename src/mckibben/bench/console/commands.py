@@ -14,7 +14,7 @@ FORMATS = (".nc", ".csv", ".mcap", ".mat", ".parquet", ".tdms")
 LISTS = ("protocols", "muscles", "rigs")
 
 
-class Command(NamedTuple):
+class ConsoleCommand(NamedTuple):
     """One of them.
 
     Attributes:
@@ -30,27 +30,27 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
-    "pressure": Command("pressure 3 bar", "Set the pressure of the valve, gauge.", "amount:bar kPa mbar"),
-    "span": Command("span 12 cm", "Let the motor move the end of the muscle there.", "amount:cm mm L0"),
-    "velocity": Command("velocity 1 cm/s", "Let the motor move it on at a speed; positive lengthens.", "amount:cm/s L0/s"),
-    "tension": Command("tension 20 N", "Let the motor hold a tension.", "amount:N"),
-    "vent": Command("vent", "Let the pressure down; the motor holds where it is."),
-    "stop": Command("stop [REASON]", "Emergency stop: the valve vents at once, the motor only brakes."),
-    "reset": Command("reset", "After a stop: by hand again, vented."),
-    "status": Command("status", "What the machine does, measures and was asked for."),
-    "load": Command(
+    "pressure": ConsoleCommand("pressure 3 bar", "Set the pressure of the valve, gauge.", "amount:bar kPa mbar"),
+    "span": ConsoleCommand("span 12 cm", "Move the end of the muscle to a span.", "amount:cm mm L0"),
+    "velocity": ConsoleCommand("velocity 1 cm/s", "Move the end at a speed; positive lengthens the muscle.", "amount:cm/s L0/s"),
+    "tension": ConsoleCommand("tension 20 N", "Hold a tension by the motor.", "amount:N"),
+    "vent": ConsoleCommand("vent", "Depressurise at the manual rate; the motor holds its position."),
+    "stop": ConsoleCommand("stop [REASON]", "Emergency stop: the valve vents at once and the motor only brakes."),
+    "reset": ConsoleCommand("reset", "After a stop: by hand again, vented."),
+    "status": ConsoleCommand("status", "Show what the machine does, its measured values and set-points."),
+    "load": ConsoleCommand(
         "load NAME|FILE [as CHANNEL]",
         "Load a protocol, or a table of a waveform for the pressure, span, velocity or tension.", "protocol",
     ),
-    "set": Command("set NAME=VALUE ..", "Give the loaded protocol other values, several by ', ' or ';'.", "value"),
-    "show": Command("show", "Say what the loaded protocol does, and what speaks against it here."),
-    "run": Command("run [NAME|FILE]", "Run the loaded protocol, or another one, if nothing speaks against it.", "protocol"),
-    "record": Command("record on [FILE.mcap]|off", "Keep what is done by hand, and write it to a log meanwhile.", "on|off"),
-    "save": Command("save FILE", "Save the last recording; its ending says as what.", "file:" + " ".join(FORMATS)),
-    "list": Command("list protocols|muscles|rigs", "List what there is.", "|".join(LISTS)),
-    "wait": Command("wait 2 s", "Wait for a time of the machine.", "amount:s ms min"),
-    "help": Command("help [COMMAND]", "Say what the commands do.", "command"),
-    "quit": Command("quit", "Vent, and leave."),
+    "set": ConsoleCommand("set NAME=VALUE ..", "Give the loaded protocol other values, several by ', ' or ';'.", "value"),
+    "show": ConsoleCommand("show", "Describe the loaded protocol and report what violates the limits here."),
+    "run": ConsoleCommand("run [NAME|FILE]", "Run the loaded or the named protocol if its dry run passes.", "protocol"),
+    "record": ConsoleCommand("record on [FILE.mcap]|off", "Record manual operation, also into a crash-safe log.", "on|off"),
+    "save": ConsoleCommand("save FILE", "Save the last recording in the format of the suffix.", "file:" + " ".join(FORMATS)),
+    "list": ConsoleCommand("list protocols|muscles|rigs", "List the known protocols, muscles or rigs.", "|".join(LISTS)),
+    "wait": ConsoleCommand("wait 2 s", "Wait for a time on the clock of the machine.", "amount:s ms min"),
+    "help": ConsoleCommand("help [COMMAND]", "Explain the commands.", "command"),
+    "quit": ConsoleCommand("quit", "Vent and leave."),
 }  # fmt: skip
 
 

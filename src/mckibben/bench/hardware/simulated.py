@@ -22,7 +22,7 @@ from .interface import Hardware
 from .plant import InstrumentedPlant
 
 
-class Rows(Protocol):
+class SampleRows(Protocol):
     """What every sample brings from outside, chunk by chunk: draws of the noise, and wires that are open."""
 
     def next(self) -> dict[str, Any]:
@@ -43,7 +43,7 @@ class SimulatedMachine:
     """
 
     def __init__(
-        self, plant: InstrumentedPlant, carry: sampled.Carry, rows: Rows, *,
+        self, plant: InstrumentedPlant, carry: sampled.Carry, rows: SampleRows, *,
         period: float, inner: int, latency: float, ahead: float = 0.0,
     ) -> None:  # fmt: skip
         self.names = plant.converters.names

@@ -18,7 +18,7 @@ from ..sensors import SENSORS
 from .controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .interlocks import Interlocks
 from .manual import Manual
-from .sequencer import SPAN, TENSION, VELOCITY, Sequencer, SetPoints
+from .sequencer import SPAN, TENSION, VELOCITY, SampleSetpoints, Sequencer
 
 CHANNELS = (*SENSORS, "span")
 
@@ -106,7 +106,7 @@ class BenchSoftware(Software):
         }  # fmt: skip
         return new, commands, self._shown(asked, velocity, code, at.missed, stopped)
 
-    def _shown(self, asked: SetPoints, velocity: Any, code: Any, missed: Any, stopped: Any) -> dict[str, Scalar]:
+    def _shown(self, asked: SampleSetpoints, velocity: Any, code: Any, missed: Any, stopped: Any) -> dict[str, Scalar]:
         mode = asked.mode
         return {
             "command.pressure": asked.pressure,

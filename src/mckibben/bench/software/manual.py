@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from ...components import Module, Scalar
 from ...experiments.dry_run import Limits
 from ...quantities import quantity
-from .sequencer import SPAN, TENSION, VELOCITY, SetPoints
+from .sequencer import SPAN, TENSION, VELOCITY, SampleSetpoints
 
 ROW = ("alone", "mode", "motor", "open", "pressure")  # of a sample: what is asked, sorted
 FILL = 2.0  # time from nothing to the full range of the valve or the cell, at least [s]
@@ -31,7 +31,7 @@ FOREVER = 1e9  # [s]
 MANUAL, ABANDONED = 0, 1  # steps
 
 
-class Asked(NamedTuple):
+class ManualRow(NamedTuple):
     """What a sample brings: pressure [Pa], open 1 or 0, mode of the motor and its value [m, m/s or N], alone 1 or 0.
 
     A motor that is NaN stays where it is. `alone` is 1 while whoever was in control is lost.
@@ -44,7 +44,7 @@ class Asked(NamedTuple):
     alone: Any
 
 
-class Place(NamedTuple):
+class ManualPlace(NamedTuple):
     """Where the set-points are.
 
     Attributes:
@@ -71,7 +71,7 @@ class Place(NamedTuple):
     acceleration: Any
     tension: Any
     alone: Any
-    asked: Asked
+    asked: ManualRow
 
 
 class Manual(Module):
@@ -101,24 +101,24 @@ class Manual(Module):
             shortest=limits.span[0], longest=limits.span[1], hold=hold,
         )  # fmt: skip
 
-    def initial(self, pressure: Any, motor: Any) -> Place:
+    def initial(self, pressure: Any, motor: Any) -> ManualPlace:
         """Set-points at a pressure [Pa] and a span [m], at rest, and nothing asked but to stay."""
         zero, pressure, span = jnp.zeros(()), jnp.asarray(pressure, float), jnp.asarray(motor, float)
         mode = jnp.zeros((), int)
-        stays = Asked(pressure, zero + 1.0, mode, zero + jnp.nan, zero)
-        return Place(mode, jnp.asarray(False), pressure, zero + 1.0, mode, span, zero, zero, zero, zero, stays)
+        stays = ManualRow(pressure, zero + 1.0, mode, zero + jnp.nan, zero)
+        return ManualPlace(mode, jnp.asarray(False), pressure, zero + 1.0, mode, span, zero, zero, zero, zero, stays)
 
-    def heard(self, place: Place, row: Mapping[str, Any]) -> Place:
+    def heard(self, place: ManualPlace, row: Mapping[str, Any]) -> ManualPlace:
         """The place with what a sample asks for; see `ROW`."""
         mode = jnp.asarray(row["mode"]).astype(int)
-        return place._replace(asked=Asked(row["pressure"], row["open"], mode, row["motor"], row["alone"]))
+        return place._replace(asked=ManualRow(row["pressure"], row["open"], mode, row["motor"], row["alone"]))
 
-    def set_points(self, place: Place, _: Any) -> SetPoints:
+    def set_points(self, place: ManualPlace, _: Any) -> SampleSetpoints:
         """What the sample at a place asks for."""
         by_span = place.mode == SPAN
         values = jnp.stack([place.span, place.velocity, place.tension])
         always = jnp.asarray(True)
-        return SetPoints(
+        return SampleSetpoints(
             pressure=place.pressure, open=place.open, mode=place.mode, motor=values[place.mode],
             velocity=jnp.where(by_span, place.velocity, 0.0),
             acceleration=jnp.where(place.mode == TENSION, 0.0, place.acceleration), step=place.step, record=always,
@@ -126,8 +126,8 @@ class Manual(Module):
         )  # fmt: skip
 
     def advance(
-        self, place: Place, _: SetPoints, measured: Mapping[str, Any], motor_at: Sequence[Any], dt: Any
-    ) -> Place:
+        self, place: ManualPlace, _: SampleSetpoints, measured: Mapping[str, Any], motor_at: Sequence[Any], dt: Any
+    ) -> ManualPlace:
         """The place of the next sample.
 
         Args:
@@ -149,7 +149,7 @@ class Manual(Module):
         tension = jnp.where(place.mode == TENSION, place.tension, motor_at[TENSION])
         aim = jnp.where(jnp.isfinite(to), to, tension)
         pulling = mode == TENSION
-        return Place(
+        return ManualPlace(
             step=jnp.where(left, ABANDONED, MANUAL), missed=place.missed, pressure=pressure,
             open=jnp.where(left, 1.0, asked.open), mode=mode, span=jnp.where(pulling, motor_at[SPAN], span),
             velocity=jnp.where(pulling, 0.0, velocity), acceleration=jnp.where(pulling, 0.0, acceleration),
@@ -157,7 +157,7 @@ class Manual(Module):
             asked=asked,
         )  # fmt: skip
 
-    def _span(self, place: Place, mode: Any, to: Any, motor_at: Sequence[Any], dt: Any) -> tuple[Any, Any, Any]:
+    def _span(self, place: ManualPlace, mode: Any, to: Any, motor_at: Sequence[Any], dt: Any) -> tuple[Any, Any, Any]:
         """Set-point of the span at the next sample, its velocity and acceleration."""
         fresh = place.mode == TENSION
         x = jnp.where(fresh, motor_at[SPAN], place.span)

@@ -28,7 +28,7 @@ LEAST_STEPS, LEAST_SAMPLES = (
 CHANNELS = ("pressure", "span", "velocity", "tension")  # that a test can look at
 
 
-class Place(NamedTuple):
+class SequencePlace(NamedTuple):
     """Where a protocol is.
 
     Attributes:
@@ -48,7 +48,7 @@ class Place(NamedTuple):
     missed: Any
 
 
-class SetPoints(NamedTuple):
+class SampleSetpoints(NamedTuple):
     """What a sample asks for.
 
     Attributes:
@@ -85,7 +85,7 @@ class Tests(NamedTuple):
     lasting: Any
 
 
-class Line(NamedTuple):
+class StepLines(NamedTuple):
     """How a channel goes in every step, (steps,): a table from `offset` on, or a line from the beginning to `to`."""
 
     tabled: Any
@@ -104,8 +104,8 @@ class Sequencer(Module):
     record: Any
     tests: Tests
     must: Any
-    pressure: Line
-    motor: Line
+    pressure: StepLines
+    motor: StepLines
     table: dict[str, Any]
 
     @classmethod
@@ -149,15 +149,15 @@ class Sequencer(Module):
             table={name: jnp.asarray(values) for name, values in table.items()},
         )  # fmt: skip
 
-    def initial(self, pressure: Any, motor: Any) -> Place:
+    def initial(self, pressure: Any, motor: Any) -> SequencePlace:
         """Before the first sample, where the set-points are [Pa; unit of the first step's mode]."""
         zero = jnp.zeros((), int)
-        return Place(
+        return SequencePlace(
             zero, zero, _fresh(), jnp.asarray(pressure, float), jnp.asarray(motor, float),
             jnp.asarray(False),
         )  # fmt: skip
 
-    def set_points(self, place: Place, period: Any) -> SetPoints:
+    def set_points(self, place: SequencePlace, period: Any) -> SampleSetpoints:
         """What the sample at a place asks for; after the end what the last step asked for."""
         running = place.step < self.total
         j = jnp.where(running, place.step, self.total - 1)
@@ -171,20 +171,25 @@ class Sequencer(Module):
         line = self.motor
         going = ~line.tabled[j] & (seconds < line.seconds[j]) & jnp.isfinite(line.seconds[j])
         rate = jnp.where(going, (line.to[j] - place.motor) / line.seconds[j], self.table["velocity"][at])
-        return SetPoints(
+        return SampleSetpoints(
             pressure=pressure, open=jnp.where(self.shut[j], 0.0, 1.0), mode=self.mode[j], motor=motor,
             velocity=jnp.where(self.mode[j] == SPAN, rate, 0.0), acceleration=self.table["acceleration"][at],
             step=j, record=jnp.logical_and(self.record[j], running), running=running,
             fresh=jnp.logical_and(place.sample == 0, running),
         )  # fmt: skip
 
-    def _value(self, line: Line, name: str, j: Any, at: Any, start: Any, seconds: Any) -> Any:
+    def _value(self, line: StepLines, name: str, j: Any, at: Any, start: Any, seconds: Any) -> Any:
         share = jnp.clip(seconds / line.seconds[j], 0.0, 1.0)
         return jnp.where(line.tabled[j], self.table[name][at], start + (line.to[j] - start) * share)
 
     def advance(
-        self, place: Place, asked: SetPoints, measured: Mapping[str, Any], motor_at: Sequence[Any], period: Any
-    ) -> Place:
+        self,
+        place: SequencePlace,
+        asked: SampleSetpoints,
+        measured: Mapping[str, Any],
+        motor_at: Sequence[Any],
+        period: Any,
+    ) -> SequencePlace:
         """The place of the next sample.
 
         Args:
@@ -209,7 +214,7 @@ class Sequencer(Module):
         where = jnp.stack([jnp.asarray(x, float) for x in motor_at])[self.mode[coming]]
         motor = jnp.where(over, jnp.where(same, asked.motor, where), place.motor)
         kept = tuple(jnp.where(over, first, now) for first, now in zip(_fresh(), state, strict=True))
-        return Place(
+        return SequencePlace(
             after, jnp.where(over, 0, place.sample + jnp.where(asked.running, 1, 0)), kept,
             jnp.where(over, asked.pressure, place.pressure), motor, jnp.logical_or(place.missed, missed),
         )  # fmt: skip
@@ -228,7 +233,7 @@ def _padded(count: int, least: int) -> int:
     return size
 
 
-def _lines(commands: Sequence[Any], size: int) -> Line:
+def _lines(commands: Sequence[Any], size: int) -> StepLines:
     tabled, to, seconds = np.ones(size, bool), np.zeros(size), np.ones(size)
     for i, command in enumerate(commands):
         if isinstance(command, Deferred):
@@ -237,7 +242,7 @@ def _lines(commands: Sequence[Any], size: int) -> Line:
                 seconds[i] = np.inf  # one that stays is a line that takes for ever
             else:
                 to[i], seconds[i] = command.to, max(command.seconds, 1e-12)
-    return Line(jnp.asarray(tabled), jnp.asarray(to), jnp.asarray(seconds))
+    return StepLines(jnp.asarray(tabled), jnp.asarray(to), jnp.asarray(seconds))
 
 
 def _motion(step: PlannedStep, period: float) -> tuple[np.ndarray, np.ndarray]:

@@ -4,10 +4,10 @@ Importing this loads nothing of NI: `nidaqmx` is loaded when a card is opened.
 """
 
 from .complaints import OverrunError
-from .hardware import DaqHardware, Statistics
+from .hardware import DaqHardware, DaqStatistics
 from .simulated import SimulatedDevice
 from .terminals import Analog, Counter, Drive, ShutOff
-from .wiring import Wiring, wiring
+from .wiring import CardWiring, wiring
 
 __all__ = [
     "Analog",
@@ -17,7 +17,7 @@ __all__ = [
     "OverrunError",
     "ShutOff",
     "SimulatedDevice",
-    "Statistics",
-    "Wiring",
+    "DaqStatistics",
+    "CardWiring",
     "wiring",
 ]

@@ -18,7 +18,7 @@ import numpy as np
 from ....errors import InputError, LineLostError
 from .complaints import Complaints, library
 from .terminals import GRPC, LOCAL
-from .wiring import Wiring
+from .wiring import CardWiring
 
 RATE_TOLERANCE = 1e-4  # between the rate that is asked for and the one that the card can make
 
@@ -35,7 +35,7 @@ class Tasks:
         LineLostError: no driver, no device server, or no card.
     """
 
-    def __init__(self, wiring: Wiring, patience: float) -> None:
+    def __init__(self, wiring: CardWiring, patience: float) -> None:
         self.wiring, self.patience = wiring, patience
         name = next(iter(wiring.inputs.values())).channel.split("/")[0]
         self.place = name if wiring.connection == LOCAL else f"{name} at {wiring.connection}"  # as complaints name it
@@ -129,7 +129,7 @@ class Tasks:
 
     def _task(self) -> Any:
         with self._complaints.told():
-            task = library().Task(grpc_options=self._grpc)
+            task = library().DaqTask(grpc_options=self._grpc)
         self._open.append(task)
         return task
 

@@ -23,14 +23,14 @@ from ....errors import InputError, LineLostError
 from ..interface import Hardware
 from .client import Tasks
 from .complaints import OverrunError
-from .wiring import Wiring
+from .wiring import CardWiring
 
 DRIFT = 1e-4  # of the card's clock against the computer's that is not taken for lateness
 UNWRITTEN = -1  # count of a motor that nobody commands: its output is at the level of rest
 LOOKS = 4.0  # at the software per time of its silence
 
 
-class Statistics(NamedTuple):
+class DaqStatistics(NamedTuple):
     """What became of the samples since the start.
 
     Attributes:
@@ -64,7 +64,7 @@ class DaqHardware(Hardware):
     """
 
     def __init__(
-        self, wiring: Wiring, *, block: int = 1, buffer: float = 0.25, patience: float = 1.0, silence: float = 0.25
+        self, wiring: CardWiring, *, block: int = 1, buffer: float = 0.25, patience: float = 1.0, silence: float = 0.25
     ) -> None:
         if type(block) is not int or block < 1:
             raise InputError("block", str(block), "allowed is a whole number, 1 or more")
@@ -94,9 +94,9 @@ class DaqHardware(Hardware):
         self._watch.start()
 
     @property
-    def statistics(self) -> Statistics:
+    def statistics(self) -> DaqStatistics:
         """Since the start."""
-        return Statistics(self._next, self._late, self._overruns)
+        return DaqStatistics(self._next, self._late, self._overruns)
 
     def start(self, period: float) -> None:
         """Vent, let the motor rest, zero the encoder and begin to sample.

@@ -12,7 +12,7 @@ from ....errors import InputError
 from .card import GONE, OVERWRITTEN, TOO_EARLY, Card, CardError
 from .complaints import library
 from .terminals import Analog
-from .wiring import Wiring
+from .wiring import CardWiring
 
 NO_DEVICE, NO_CHANNEL, NO_ROUTE, NO_TASK = -200220, -200170, -89136, -200088  # codes of NI-DAQmx
 BAD_VALUE, RESERVED, NOT_STARTED = -200077, -50103, -200846
@@ -23,7 +23,7 @@ TEXTS = {
     NO_DEVICE: "Device identifier is invalid.",
     NO_CHANNEL: "Physical channel specified does not exist on this device.",
     NO_ROUTE: "Specified route cannot be satisfied, because the hardware does not support it.",
-    NO_TASK: "Task specified is invalid or does not exist.",
+    NO_TASK: "DaqTask specified is invalid or does not exist.",
     BAD_VALUE: "Requested value is not a supported value for this property.",
     RESERVED: "The specified resource is reserved.",
     NOT_STARTED: "Write cannot be performed when the task is not started and auto start is false.",
@@ -34,7 +34,7 @@ TASK_NAME, SAMPLE_RATE, TICKS, BY_CHANNEL, CONTINUOUS, RESERVE = 0x1276, 0x1344,
 
 
 @dataclasses.dataclass
-class Task:
+class DaqTask:
     """What the service knows of one; its channels in small letters, its kind is ai, ao, do or ci."""
 
     name: str
@@ -55,7 +55,7 @@ def answers(call: Callable[[Calls, Any], dict[str, Any]]) -> Any:
             found = call(self, request)
         except CardError as error:
             task = request.task.name if hasattr(request, "task") else ""
-            parts = [TEXTS[error.code], error.text, f"Task Name: {task}", f"Status Code: {error.code}"]
+            parts = [TEXTS[error.code], error.text, f"DaqTask Name: {task}", f"Status Code: {error.code}"]
             context.set_trailing_metadata((("ni-error", str(error.code)),))
             context.abort(self.grpc.StatusCode.UNKNOWN, "\n\n".join(p for p in parts if p))
         return getattr(self.messages, f"{name}Response")(**found)
@@ -66,14 +66,14 @@ def answers(call: Callable[[Calls, Any], dict[str, Any]]) -> Any:
 class Calls:
     """The calls of the service, each from its request to the fields of its answer; the others are not implemented."""
 
-    def __init__(self, card: Card, wiring: Wiring) -> None:
+    def __init__(self, card: Card, wiring: CardWiring) -> None:
         missing = sorted(set(wiring.inputs) - set(card.machine.names))
         if missing:
             known = ", ".join(card.machine.names)
             raise InputError(f"inputs.{missing[0]}", "unknown", f"the machine has {known}", where=wiring.where)
         self.card, self.wiring = card, wiring
         self.grpc, self.messages = library("grpc"), library("nidaqmx._stubs.nidaqmx_pb2")
-        self.tasks: dict[str, Task] = {}
+        self.tasks: dict[str, DaqTask] = {}
         self.lock = threading.Lock()
         self.numbers = itertools.count()
         self.scales = {e.channel.lower(): e for e in wiring.inputs.values()}
@@ -82,13 +82,13 @@ class Calls:
         if wiring.motor is not None:
             self.outputs[wiring.motor.channel.lower()] = "motor", wiring.motor
 
-    def task(self, request: Any) -> Task:
+    def task(self, request: Any) -> DaqTask:
         """That of a request."""
         if request.task.name not in self.tasks:
             raise CardError(NO_TASK)
         return self.tasks[request.task.name]
 
-    def running(self, request: Any) -> Task:
+    def running(self, request: Any) -> DaqTask:
         """That of a write, which must have been started."""
         task = self.task(request)
         if not task.running:
@@ -123,7 +123,7 @@ class Calls:
         with self.lock:
             name = request.session_name or f"_unnamedTask<{next(self.numbers)}>"
             new = name not in self.tasks
-            self.tasks.setdefault(name, Task(name))
+            self.tasks.setdefault(name, DaqTask(name))
         return {"task": {"name": name}, "new_session_initialized": new}
 
     @answers
@@ -197,7 +197,7 @@ class Calls:
             raise CardError(BAD_VALUE)
         return {"value": self.task(request).rate}
 
-    def reserve(self, task: Task) -> None:
+    def reserve(self, task: DaqTask) -> None:
         """Its terminals are for nobody else until it is cleared."""
         with self.lock:
             taken = {c for t in self.tasks.values() if t.reserved and t is not task for c in t.channels}
@@ -231,13 +231,13 @@ class Calls:
         self.halt(self.task(request))
         return {}
 
-    def halt(self, task: Task) -> None:
+    def halt(self, task: DaqTask) -> None:
         """Its end."""
         if task.running and task.kind == "ai":
             self.card.stop()
         task.running = False
 
-    def samples(self, request: Any) -> tuple[Task, list[tuple[Sequence[int], int]], int]:
+    def samples(self, request: Any) -> tuple[DaqTask, list[tuple[Sequence[int], int]], int]:
         """Those that a read asks for; a status instead where they are not there in time."""
         task = self.task(request)
         if request.fill_mode_raw != BY_CHANNEL:

@@ -19,7 +19,7 @@ from .card import Card
 from .complaints import library
 from .service import Calls
 from .terminals import GRPC
-from .wiring import Wiring
+from .wiring import CardWiring
 
 
 class SimulatedDevice:
@@ -35,7 +35,9 @@ class SimulatedDevice:
         InputError: the library is missing, or the wiring has a channel that the machine has not.
     """
 
-    def __init__(self, machine: CountedMachine, wiring: Wiring, *, lock_step: bool = True, zeroed: bool = True) -> None:
+    def __init__(
+        self, machine: CountedMachine, wiring: CardWiring, *, lock_step: bool = True, zeroed: bool = True
+    ) -> None:
         self.card = Card(machine, lock_step=lock_step, zeroed=zeroed)
         stubs = library("nidaqmx._stubs.nidaqmx_pb2_grpc")
         service = type("Service", (Calls, stubs.NiDAQmxServicer), {})(self.card, wiring)

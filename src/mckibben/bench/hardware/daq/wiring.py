@@ -50,7 +50,7 @@ from .terminals import (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wiring:
+class CardWiring:
     """All terminals of a machine.
 
     Attributes:
@@ -130,7 +130,7 @@ class Wiring:
         return self.clock or f"/{chassis(next(iter(self.inputs.values())).channel)}/ai/SampleClock"
 
 
-def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq") -> Wiring:
+def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq") -> CardWiring:
     """A wiring from its table, as it stands at the top of this file.
 
     Args:
@@ -154,6 +154,6 @@ def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq"
             parts[key] = read_table(kind, top.table(key), **output)
     words: dict[str, Any] = {key: top.word(key) for key in ("connection", "clock") if key in top}
     try:
-        return Wiring(**parts, **words, where=f"{where} [{path}]")
+        return CardWiring(**parts, **words, where=f"{where} [{path}]")
     except InputError as error:
         raise InputError(top.field(error.field), error.value, error.allowed, where=where) from None

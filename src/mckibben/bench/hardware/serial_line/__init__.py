@@ -3,6 +3,6 @@
 `frames` documents the protocol, ``firmware/`` is the device's side of it in C.
 """
 
-from .link import SerialHardware, Statistics
+from .link import SerialHardware, SerialStatistics
 
-__all__ = ["SerialHardware", "Statistics"]
+__all__ = ["SerialHardware", "SerialStatistics"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from .messages import BY_ITSELF, DAMAGED, UNANSWERED, Fault, Sample
+from .messages import BY_ITSELF, DAMAGED, UNANSWERED, Fault, SampleMessage
 
 DRIFT = 1e-4  # of the clocks of host and device, as a share of the time
 GRACE = 0.25  # share of a period after which a damaged frame is taken for that of the sample that is missing
@@ -19,7 +19,7 @@ class EndedError(Exception):
 class Taken(NamedTuple):
     """A sample that is there: its message, or None where it is missing; and how late it is [s]."""
 
-    message: Sample | None
+    message: SampleMessage | None
     lateness: float
 
 
@@ -42,12 +42,12 @@ class Arrivals:
     def __init__(self, period: float, lock_step: bool, patience: int) -> None:
         self.period, self.lock_step, self.patience = period, lock_step, patience
         self.lost = self.repeated = self.late = self.answers_late = self.answers_damaged = 0
-        self._queue: deque[tuple[float, Sample | Fault]] = deque()
+        self._queue: deque[tuple[float, SampleMessage | Fault]] = deque()
         self._damaged: float | None = None  # when damage was seen that no sample is known to miss
         self._newest, self._missing = -1, 0
         self._origin = 0.0  # when sample 0 was there, or should have been
 
-    def put(self, at: float, message: Sample | Fault) -> None:
+    def put(self, at: float, message: SampleMessage | Fault) -> None:
         """What came, and when [s]."""
         self._queue.append((at, message))
 
@@ -100,7 +100,7 @@ class Arrivals:
         self._damaged = None  # this was it
         return Taken(None, 0.0 if self.lock_step else max(at - self._origin - sample * self.period, 0.0))
 
-    def _with(self, message: Sample, at: float) -> Taken:
+    def _with(self, message: SampleMessage, at: float) -> Taken:
         if message.flags & BY_ITSELF:
             raise EndedError("the device vented by itself, for it had no command for too many samples")
         if message.flags:

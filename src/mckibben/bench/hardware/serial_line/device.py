@@ -13,7 +13,7 @@ from ....errors import InputError
 from ..interface import CountedMachine
 from . import messages
 from .frames import VERSION, Frames
-from .messages import BY_ITSELF, DAMAGED, FREE, LOCK_STEP, UNANSWERED, VENTED, Command, Sample, Welcome
+from .messages import BY_ITSELF, DAMAGED, FREE, LOCK_STEP, UNANSWERED, VENTED, CommandMessage, SampleMessage, Welcome
 
 MOST_CHANNELS = 32
 LEAST_WATCHDOG = 2  # [samples]; with 1, a command would be too old at the next sample
@@ -136,7 +136,7 @@ class Device:
         for frame in self._frames.feed(data):
             message = messages.message_of(frame)
             match message:
-                case messages.Command():
+                case messages.CommandMessage():
                     self._command(message)
                 case messages.Vent():
                     self._vented = True
@@ -174,7 +174,7 @@ class Device:
         flags |= DAMAGED if dropped != self._told else 0
         flags |= (VENTED if self._vented else 0) | (BY_ITSELF if self._by_itself else 0)
         self._told, self.due = dropped, False
-        self._tell(Sample(number, self._run, time, flags, encoder, tuple(counts)))
+        self._tell(SampleMessage(number, self._run, time, flags, encoder, tuple(counts)))
         self._next = number + 1
         if self._next == LAST:
             self._fault(messages.END, "a run has no more samples")
@@ -196,7 +196,7 @@ class Device:
         self._told = self._frames.damaged + self._dropped
         self.board.start(start.period, start.mode == FREE)
 
-    def _command(self, command: Command) -> None:
+    def _command(self, command: CommandMessage) -> None:
         if not self.running or not self._unanswered <= command.sequence < self._next:
             return
         self._unanswered, self._silent = command.sequence + 1, 0

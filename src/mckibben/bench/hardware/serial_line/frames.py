@@ -62,7 +62,7 @@ _CRC = struct.Struct("<I")
 SHORTEST = _HEAD.size + _CRC.size  # [B], of a body
 
 
-class Frame(NamedTuple):
+class SerialFrame(NamedTuple):
     """What a sound frame holds."""
 
     kind: int
@@ -127,7 +127,7 @@ class Frames:
         """All that were dropped."""
         return self.bad_checksum + self.oversized + self.undecodable
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def feed(self, data: bytes) -> list[SerialFrame]:
         """The frames that these bytes complete."""
         *ended, rest = data.split(b"\0")
         found = []
@@ -150,7 +150,7 @@ class Frames:
             self._begun += rest
         return found
 
-    def _frame(self, data: bytes) -> Frame | None:
+    def _frame(self, data: bytes) -> SerialFrame | None:
         if not data:
             return None
         body = decoded(data)
@@ -162,4 +162,4 @@ class Frames:
             self.bad_checksum += 1
             return None
         kind, sequence = _HEAD.unpack_from(content)
-        return Frame(kind, sequence, content[_HEAD.size :])
+        return SerialFrame(kind, sequence, content[_HEAD.size :])

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from ....errors import LineLostError
 from .device import DeviceMachine
-from .microcontroller import Microcontroller, Report
+from .microcontroller import DeviceReport, Microcontroller
 
 SPIN = 1e-4  # time before a tick from which a process does not sleep, for the system wakes it late [s]
 BEGINNING = 60.0  # time in which a process must have begun, imports included [s]
@@ -60,7 +60,7 @@ class Hosted:
 
     def __init__(self, port: str) -> None:
         self.port = port
-        self.report: Report | None = None
+        self.report: DeviceReport | None = None
 
 
 @contextlib.contextmanager
@@ -104,7 +104,7 @@ def _begun(line: Connection) -> str:
     raise LineLostError("simulated microcontroller: it does not begin")
 
 
-def _asked(line: Connection) -> Report | None:
+def _asked(line: Connection) -> DeviceReport | None:
     """The report of a process that is told to stop, or has stopped."""
     with contextlib.suppress(OSError):
         line.send("stop")

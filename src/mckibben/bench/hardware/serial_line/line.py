@@ -20,7 +20,7 @@ GREETING = (
 WRITING = 0.1  # longest time for which a message may wait to be written [s]
 
 
-class Line:
+class SerialLine:
     """A port that carries messages.
 
     Attributes:
@@ -72,7 +72,7 @@ class Line:
         self._wire.close()
 
 
-def greet(line: Line, seconds: float) -> Welcome:
+def greet(line: SerialLine, seconds: float) -> Welcome:
     """What the device says of itself.
 
     Raises:
@@ -127,7 +127,7 @@ def reason(error: BaseException) -> str:
     return " ".join(str(error).split())
 
 
-def _checked(line: Line, welcome: Welcome) -> Welcome:
+def _checked(line: SerialLine, welcome: Welcome) -> Welcome:
     if welcome.version != VERSION:
         allowed = f"allowed is {VERSION}: install the firmware that belongs to this package"
         raise InputError("protocol of the device", welcome.version, allowed, where=line.name)

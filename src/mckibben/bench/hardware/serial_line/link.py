@@ -20,15 +20,15 @@ from typing import Any, NamedTuple
 from ....errors import InputError, LineLostError
 from ..interface import Hardware
 from .arrivals import Arrivals, EndedError, Taken
-from .line import Line, fit, greet, places, reason
-from .messages import FREE, LOCK_STEP, Command, Fault, Sample, Start, Stop, Vent, Welcome
+from .line import SerialLine, fit, greet, places, reason
+from .messages import FREE, LOCK_STEP, CommandMessage, Fault, SampleMessage, Start, Stop, Vent, Welcome
 from .wire import BITS_PER_SECOND
 
 SILENT = 3.0  # periods for which nothing may come at least
 LONGEST = 2**32 - 1  # period [ns]
 
 
-class Statistics(NamedTuple):
+class SerialStatistics(NamedTuple):
     """What came in a run, and what did not.
 
     Attributes:
@@ -87,7 +87,7 @@ class SerialHardware(Hardware):
         if not 2 <= watchdog < 2**16:
             raise InputError("watchdog", watchdog, "allowed is a number of samples from 2 to 65535")
         self.lock_step, self.watchdog, self.patience, self.timeout = lock_step, watchdog, patience, timeout
-        self._line = Line(port, baud)
+        self._line = SerialLine(port, baud)
         self.name = self._line.name
         try:
             self.welcome: Welcome = greet(self._line, greeting)
@@ -106,10 +106,10 @@ class SerialHardware(Hardware):
         self._forget(0.0)
 
     @property
-    def statistics(self) -> Statistics:
+    def statistics(self) -> SerialStatistics:
         """Of the newest run."""
         line, of, (bad, other) = self._line, self._arrivals, self._before
-        return Statistics(
+        return SerialStatistics(
             self._taken, of.lost, of.repeated, of.late, line.frames.bad_checksum - bad,
             line.undecodable - other + self._strange, of.answers_late, of.answers_damaged,
         )  # fmt: skip
@@ -162,7 +162,7 @@ class SerialHardware(Hardware):
         """
         self._alive()
         count, opened = (0, True) if self.venting else (self.valve, self.opened)
-        self._write(Command(self._sample, count, self.motor, opened))
+        self._write(CommandMessage(self._sample, count, self.motor, opened))
 
     def close(self) -> None:
         """Vent, and let go of the machine; may be called twice."""
@@ -196,7 +196,7 @@ class SerialHardware(Hardware):
         for message in found:
             if isinstance(message, Fault):
                 self._arrivals.put(now, message)
-            elif isinstance(message, Sample) and message.run == self._run:  # others are of an earlier run
+            elif isinstance(message, SampleMessage) and message.run == self._run:  # others are of an earlier run
                 if len(message.counts) == channels:
                     self._arrivals.put(now, message)
                 else:
@@ -231,7 +231,7 @@ class SerialHardware(Hardware):
                 return True
         return False
 
-    def _write(self, message: Start | Command) -> None:
+    def _write(self, message: Start | CommandMessage) -> None:
         try:
             self._line.write(message)
         except OSError as error:

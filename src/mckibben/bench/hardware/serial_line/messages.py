@@ -6,7 +6,7 @@ import struct
 from typing import NamedTuple
 
 from . import frames
-from .frames import Frame
+from .frames import SerialFrame
 
 FREE, LOCK_STEP = 0, 1  # modes of START
 OPEN = 1  # flag of COMMAND
@@ -38,7 +38,7 @@ class Start(NamedTuple):
     watchdog: int
 
 
-class Command(NamedTuple):
+class CommandMessage(NamedTuple):
     """Counts of the outputs in answer to a sample, and whether the shut-off is open."""
 
     sequence: int
@@ -73,7 +73,7 @@ class Welcome(NamedTuple):
     names: tuple[str, ...]
 
 
-class Sample(NamedTuple):
+class SampleMessage(NamedTuple):
     """Counts of a sample; `time` by the device [ns], `run` the lower 16 bits of the run's number."""
 
     sequence: int
@@ -92,7 +92,7 @@ class Fault(NamedTuple):
     text: str
 
 
-Message = Hello | Start | Command | Vent | Stop | Welcome | Sample | Fault
+Message = Hello | Start | CommandMessage | Vent | Stop | Welcome | SampleMessage | Fault
 
 
 def encode(message: Message) -> bytes:
@@ -102,9 +102,9 @@ def encode(message: Message) -> bytes:
         ValueError, struct.error: if it does not fit into one.
     """
     match message:
-        case Command(sequence, valve, motor, opened):
+        case CommandMessage(sequence, valve, motor, opened):
             return frames.frame(0x03, sequence, _COMMAND.pack(valve, motor, OPEN if opened else 0))
-        case Sample(sequence, run, time, flags, encoder, counts):
+        case SampleMessage(sequence, run, time, flags, encoder, counts):
             payload = _SAMPLE.pack(run, time, flags, encoder) + struct.pack(f"<{len(counts)}I", *counts)
             return frames.frame(0x82, sequence, payload)
         case Hello(sequence, version):
@@ -121,7 +121,7 @@ def encode(message: Message) -> bytes:
             return frames.frame(0x83, sequence, bytes((code,)) + _text(text))
 
 
-def message_of(frame: Frame) -> Message | None:
+def message_of(frame: SerialFrame) -> Message | None:
     """The message of a frame, or None of an unknown kind or another length than its kind has."""
     kind, sequence, payload = frame
     size = len(payload)
@@ -131,10 +131,10 @@ def message_of(frame: Frame) -> Message | None:
             return None
         counts = struct.unpack_from(f"<{many // _COUNT}I", payload, _SAMPLE.size)
         run, time, flags, encoder = _SAMPLE.unpack_from(payload)
-        return Sample(sequence, run, time, flags, encoder, counts)
+        return SampleMessage(sequence, run, time, flags, encoder, counts)
     if kind == 0x03 and size == _COMMAND.size:
         valve, motor, flags = _COMMAND.unpack(payload)
-        return Command(sequence, valve, motor, bool(flags & OPEN))
+        return CommandMessage(sequence, valve, motor, bool(flags & OPEN))
     if kind == 0x01 and size == _HELLO.size:
         return Hello(sequence, *_HELLO.unpack(payload))
     if kind == 0x02 and size == _START.size:

@@ -40,7 +40,7 @@ class Faults(NamedTuple):
     version: int = frames.VERSION
 
 
-class Report(NamedTuple):
+class DeviceReport(NamedTuple):
     """How a device kept its time: number of ticks by its timer, and how late each was [s]; frames for which no room was."""
 
     ticks: int
@@ -84,9 +84,9 @@ class Microcontroller:
         self.lateness: list[float] = []
 
     @property
-    def report(self) -> Report:
+    def report(self) -> DeviceReport:
         """How it kept its time."""
-        return Report(len(self.lateness), tuple(self.lateness), self._dropped)
+        return DeviceReport(len(self.lateness), tuple(self.lateness), self._dropped)
 
     def run(self) -> None:
         """Until `stop` or the end of the line."""
@@ -157,7 +157,7 @@ class Microcontroller:
                 data = frames.frame(
                     frame.kind, frame.sequence, faults.version.to_bytes(2, "little") + frame.payload[2:]
                 )
-            fault = faults.at.get(message.sequence, "") if isinstance(message, messages.Sample) else ""
+            fault = faults.at.get(message.sequence, "") if isinstance(message, messages.SampleMessage) else ""
             if fault == "unplug":
                 self._stopped = True
             self._silent = self._silent or fault in ("silent", "unplug")
