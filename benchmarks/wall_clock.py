@@ -16,7 +16,7 @@ from pathlib import Path
 
 from mckibben.bench.hardware.connect import connected
 from mckibben.bench.hardware.serial_line.device import About
-from mckibben.bench.hardware.serial_line.hosting import in_process
+from mckibben.bench.hardware.serial_line.microcontroller import in_process
 from mckibben.bench.hardware.simulated import SimulatedMachine
 from mckibben.bench.prepare import PreparedRun, prepare
 from mckibben.bench.run import run

@@ -372,7 +372,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "session": (
         "Session and console",
         "Sessions, which own a test machine, and their clients.",
-        ["bench.session.**", "bench.console.**"],
+        ["bench.session.**", "bench.console"],
     ),
     "bluesky": ("Bluesky", "The test machine as devices for Bluesky.", ["bench.bluesky.**"]),
     "studies": ("studies", "Complete studies of one question each.", ["studies.*"]),

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from short_runs import paper
 
-from mckibben.bench.console import Console
-from mckibben.bench.console.commands import COMMANDS
+from mckibben.bench.console import COMMANDS, Console
 from mckibben.bench.session import Session
 from mckibben.errors import InputError
 from mckibben.experiments.read import protocol_names

@@ -9,8 +9,7 @@ from short_runs import bench, triangle
 
 from mckibben.bench.hardware.connect import connected
 from mckibben.bench.hardware.serial_line.device import About
-from mckibben.bench.hardware.serial_line.hosting import in_thread
-from mckibben.bench.hardware.serial_line.microcontroller import Faults
+from mckibben.bench.hardware.serial_line.microcontroller import Faults, in_thread
 from mckibben.bench.run import run
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.errors import InputError, LineLostError

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from mckibben.bench.hardware.serial_line.device import About
-from mckibben.bench.hardware.serial_line.hosting import in_thread
+from mckibben.bench.hardware.serial_line.microcontroller import in_thread
 from mckibben.bench.prepare import prepare
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.bench.session.proxy import SessionProxy

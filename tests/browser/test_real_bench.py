@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from mckibben.bench.hardware.serial_line.device import About
-from mckibben.bench.hardware.serial_line.hosting import in_thread
-from mckibben.bench.hardware.serial_line.microcontroller import Faults
+from mckibben.bench.hardware.serial_line.microcontroller import Faults, in_thread
 from mckibben.bench.prepare import prepare
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.experiments.read import parse_protocol

@@ -32,7 +32,7 @@ def device(
 ) -> None:
     """Host the machine on which a protocol begins behind a simulated microcontroller; say its port; Ctrl-C ends it."""
     from ..bench.hardware.serial_line.device import About
-    from ..bench.hardware.serial_line.hosting import in_thread
+    from ..bench.hardware.serial_line.microcontroller import in_thread
     from ..bench.segment import SegmentMachine, timing_of
     from ..documents import write_text
 

@@ -7,9 +7,8 @@ from typing import Any
 
 from serial_machines import Tiny
 
-from mckibben.bench.hardware.serial_line import frames, messages
-from mckibben.bench.hardware.serial_line.compiled import CompiledDevice
-from mckibben.bench.hardware.serial_line.device import About, Board, Device
+from mckibben.bench.hardware.serial_line import messages
+from mckibben.bench.hardware.serial_line.device import About, Board, CompiledDevice, Device
 
 NANOSECONDS = 1_000_000
 
@@ -44,12 +43,12 @@ class Desk:
         return self._heard(before)
 
     def begin(self, mode: int = messages.FREE, watchdog: int = 2, run: int = 5) -> None:
-        (welcome,) = self.say(messages.Hello(1, frames.VERSION))
+        (welcome,) = self.say(messages.Hello(1, messages.VERSION))
         assert isinstance(welcome, messages.Welcome)
         assert self.say(messages.Start(run, NANOSECONDS, mode, watchdog)) == []
 
     def _heard(self, before: int) -> list[Any]:
-        heard = frames.Frames()
+        heard = messages.Frames()
         found = [messages.message_of(frame) for frame in heard.feed(self.sent[before:])]
         assert heard.damaged == 0
         assert None not in found
@@ -123,15 +122,15 @@ class Codec:
         return None if size == ctypes.c_size_t(-1).value else room.raw[:size]
 
     def frame(self, kind: int, sequence: int, payload: bytes) -> bytes:
-        room = ctypes.create_string_buffer(frames.LONGEST_CODED + 1)
+        room = ctypes.create_string_buffer(messages.LONGEST_CODED + 1)
         size = self._library.frame_write(kind, sequence, payload, len(payload), room)
         return room.raw[:size]
 
-    def decode(self, parts: list[bytes]) -> tuple[list[frames.SerialFrame], tuple[int, ...]]:
+    def decode(self, parts: list[bytes]) -> tuple[list[messages.SerialFrame], tuple[int, ...]]:
         """The frames of a stream, and how many were dropped for which reason."""
-        found: list[frames.SerialFrame] = []
+        found: list[messages.SerialFrame] = []
         take = _FRAME(
-            lambda kind, number, data, size: found.append(frames.SerialFrame(kind, number, _bytes(data, size)))
+            lambda kind, number, data, size: found.append(messages.SerialFrame(kind, number, _bytes(data, size)))
         )
         self._library.host_decode_begin()
         for part in parts:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from serial_devices import NANOSECONDS, Desk
 from serial_machines import Tiny, controller, straight
 
-from mckibben.bench.hardware.serial_line import frames, messages
+from mckibben.bench.hardware.serial_line import messages
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.messages import (
     BY_ITSELF,
@@ -32,14 +32,14 @@ from mckibben.bench.hardware.serial_line.messages import (
 )  # fmt: skip
 
 Make = Callable[..., Desk]
-HELLO = Hello(1, frames.VERSION)
+HELLO = Hello(1, messages.VERSION)
 
 
 def test_a_device_says_what_it_is(desk: Make) -> None:
     about = About("bench 7 µ", 50_000, encoder=False, motor=True, motor_rest=2048)
-    (found,) = desk(about=about).say(Hello(99, frames.VERSION))
+    (found,) = desk(about=about).say(Hello(99, messages.VERSION))
     names = tuple(f"channel.{i}" for i in range(8))
-    assert found == Welcome(99, frames.VERSION, 50_000, False, True, 2048, (12,) * 8, "bench 7 µ", names)
+    assert found == Welcome(99, messages.VERSION, 50_000, False, True, 2048, (12,) * 8, "bench 7 µ", names)
 
 
 def test_samples_count_from_zero_and_carry_run_time_and_counts(desk: Make) -> None:
@@ -164,7 +164,7 @@ def test_a_start_that_cannot_be_is_refused(desk: Make, start: Start) -> None:
 
 
 def test_nobody_starts_without_the_right_version(desk: Make) -> None:
-    for greeting in ([], [Hello(1, frames.VERSION + 1)]):
+    for greeting in ([], [Hello(1, messages.VERSION + 1)]):
         one = desk()
         one.say(*greeting)
         (fault,) = one.say(Start(1, NANOSECONDS, FREE, 2))
@@ -192,7 +192,7 @@ def test_what_is_damaged_is_told_once(desk: Make) -> None:
     one.feed(bytes(bad))
     assert one.board.outputs == (0, 0, True)
     assert [one.tick()[0].flags for _ in range(2)] == [UNANSWERED | DAMAGED, UNANSWERED]
-    one.feed(frames.frame(0x77, 1) + frames.frame(3, 1, b"short"))
+    one.feed(messages.frame(0x77, 1) + messages.frame(3, 1, b"short"))
     assert one.tick()[0].flags & DAMAGED
 
 
@@ -262,7 +262,7 @@ def test_the_firmware_stays_within_its_memory(compiler: str, tmp_path: Path) -> 
     for _ in range(20_000):
         match draw.randrange(5):
             case 0:
-                one = frames.frame(
+                one = messages.frame(
                     draw.randrange(1, 6), draw.randrange(9), draw.randbytes(draw.choice([0, 2, 7, 9, 500]))
                 )
             case 1:
@@ -274,7 +274,7 @@ def test_the_firmware_stays_within_its_memory(compiler: str, tmp_path: Path) -> 
             case 3:
                 one = draw.randbytes(draw.randrange(40)) + b"\0"
             case _:
-                one = frames.coded(draw.randbytes(draw.randrange(1000, 1040))) + b"\0"
+                one = messages.coded(draw.randbytes(draw.randrange(1000, 1040))) + b"\0"
         stream += one
     ran = subprocess.run([str(program)], input=bytes(stream), capture_output=True, timeout=120)
     assert ran.returncode == 0, ran.stderr.decode(errors="replace")[-2000:]

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from serial_devices import Codec
 
-from mckibben.bench.hardware.serial_line import frames, messages
-from mckibben.bench.hardware.serial_line.frames import (
+from mckibben.bench.hardware.serial_line import messages
+from mckibben.bench.hardware.serial_line.messages import (
     LONGEST,
     LONGEST_CODED,
     Frames,
@@ -26,7 +26,7 @@ BYTES = st.binary(max_size=60) | st.lists(
 ).map(b"".join)
 WORD = st.integers(0, 2**32 - 1)
 TEXT = st.text(max_size=20)
-PAYLOADS = BYTES.filter(lambda data: len(data) <= LONGEST - frames.SHORTEST)
+PAYLOADS = BYTES.filter(lambda data: len(data) <= LONGEST - messages.SHORTEST)
 
 
 def counts(reader: Frames) -> tuple[int, int, int]:
@@ -79,7 +79,7 @@ MESSAGES = st.one_of(
     st.builds(messages.Fault, WORD, st.integers(0, 255), TEXT),
     st.lists(st.tuples(st.integers(2, 32), TEXT), max_size=8).flatmap(
         lambda channels: st.builds(
-            messages.Welcome, WORD, st.just(frames.VERSION), WORD, st.booleans(), st.booleans(), WORD,
+            messages.Welcome, WORD, st.just(messages.VERSION), WORD, st.booleans(), st.booleans(), WORD,
             st.just(tuple(bits for bits, _ in channels)), TEXT, st.just(tuple(name for _, name in channels)),
         )
     ),
@@ -100,9 +100,9 @@ def test_no_payload_is_more_than_no_message(kind: int, payload: bytes) -> None:
 
 
 def test_a_body_longer_than_allowed_is_not_written() -> None:
-    assert frame(1, 1, bytes(LONGEST - frames.SHORTEST))
+    assert frame(1, 1, bytes(LONGEST - messages.SHORTEST))
     with pytest.raises(ValueError, match="1024"):
-        frame(1, 1, bytes(LONGEST - frames.SHORTEST + 1))
+        frame(1, 1, bytes(LONGEST - messages.SHORTEST + 1))
 
 
 def test_every_flipped_bit_is_noticed_and_the_next_frame_is_sound() -> None:
@@ -185,5 +185,5 @@ def test_the_firmware_has_the_same_cobs_and_checksum(codec: Codec, data: bytes) 
 
 
 def test_the_firmware_refuses_a_payload_that_is_too_long(codec: Codec) -> None:
-    assert codec.frame(1, 1, bytes(LONGEST - frames.SHORTEST))
-    assert codec.frame(1, 1, bytes(LONGEST - frames.SHORTEST + 1)) == b""
+    assert codec.frame(1, 1, bytes(LONGEST - messages.SHORTEST))
+    assert codec.frame(1, 1, bytes(LONGEST - messages.SHORTEST + 1)) == b""

@@ -11,8 +11,7 @@ from serial_machines import PERIOD, Tiny, over_the_line, step, straight
 from mckibben.bench.hardware.interface import Hardware
 from mckibben.bench.hardware.serial_line import SerialHardware
 from mckibben.bench.hardware.serial_line.device import About
-from mckibben.bench.hardware.serial_line.hosting import in_process, in_thread
-from mckibben.bench.hardware.serial_line.microcontroller import Faults
+from mckibben.bench.hardware.serial_line.microcontroller import Faults, in_process, in_thread
 from mckibben.errors import InputError, LineLostError
 
 SLOW = 0.01  # [s]; a thread on a busy machine wakes late, and what is tested here is not how late

@@ -11,8 +11,8 @@ import pytest
 from serial_devices import Direct
 from serial_machines import Tiny, over_the_line, straight
 
-from mckibben.bench.hardware.serial_line import SerialHardware, frames, messages
-from mckibben.bench.hardware.serial_line.arrivals import DRIFT, GRACE, Arrivals, EndedError, Taken
+from mckibben.bench.hardware.serial_line import SerialHardware, messages
+from mckibben.bench.hardware.serial_line.line import DRIFT, GRACE, Arrivals, EndedError, Taken
 from mckibben.bench.hardware.serial_line.messages import SampleMessage
 from mckibben.errors import InputError, LineLostError
 
@@ -53,7 +53,7 @@ class Noise:
                 line *= 2
             case 5:  # a sound frame that nobody expects
                 kind, number = draw.choice([1, 3, 0x81, 0x82, 0x83, 0x99]), draw.choice([0, 1, 2**32 - 1, 30])
-                line += frames.frame(kind, number, draw.randbytes(draw.randrange(60)))
+                line += messages.frame(kind, number, draw.randbytes(draw.randrange(60)))
         return bytes(line)
 
 
@@ -192,7 +192,7 @@ def test_the_protocol_is_documented_where_the_firmware_is() -> None:
     for name, kind in kinds.items():
         assert f"`{kind:02X}` | {name}" in text
     for message in said:  # of fixed length: 10 bytes of frame, and what the table says
-        size = len(frames.decoded(messages.encode(message)[:-1]) or b"") - frames.SHORTEST
+        size = len(messages.decoded(messages.encode(message)[:-1]) or b"") - messages.SHORTEST
         assert f"| {type(message).__name__.upper()} | {size} |" in text
     for message in (messages.Hello(1, 1), messages.CommandMessage(7, 100, 2048, True), messages.Vent(0)):
         assert f"`{messages.encode(message).hex(' ').upper()}`" in text

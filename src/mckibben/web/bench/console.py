@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ...bench.console import Console
-from ...bench.console.commands import COMMANDS, words_of
+from ...bench.console import COMMANDS, Console, words_of
 from ...errors import InputError, MckibbenError, suggest
 from ...experiments.read import protocol_names
 

@@ -3,11 +3,10 @@
 Importing this loads nothing of NI: `nidaqmx` is loaded when a card is opened.
 """
 
-from .complaints import OverrunError
+from .client import OverrunError
 from .hardware import DaqHardware, DaqStatistics
 from .simulated import SimulatedDevice
-from .terminals import Analog, Counter, Drive, ShutOff
-from .wiring import CardWiring, wiring
+from .wiring import Analog, CardWiring, Counter, Drive, ShutOff, wiring
 
 __all__ = [
     "Analog",

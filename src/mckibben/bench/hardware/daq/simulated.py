@@ -12,14 +12,429 @@ calls is not in it.
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
+from ....errors import InputError
 from ..interface import CountedMachine
-from .card import Card
-from .complaints import library
-from .service import Calls
-from .terminals import GRPC
-from .wiring import CardWiring
+from .client import library
+from .wiring import GRPC, Analog, CardWiring
+
+OVERWRITTEN, TOO_EARLY, GONE = -200279, -200284, -201003  # codes of NI-DAQmx
+
+
+class CardError(Exception):
+    """What a card refuses, with its code of NI-DAQmx."""
+
+    def __init__(self, code: int, text: str = "") -> None:
+        super().__init__(text)
+        self.code, self.text = code, text
+
+
+class Card:
+    """Samples of a machine.
+
+    Args:
+        machine: what is sampled.
+        lock_step: whether the outputs make it go on; else the clock does.
+        zeroed: whether the counter is set to nothing at the start, as a card does; else the machine's own zero holds.
+    """
+
+    def __init__(self, machine: CountedMachine, *, lock_step: bool, zeroed: bool) -> None:
+        self.machine, self.lock_step, self.zeroed = machine, lock_step, zeroed
+        self.valve, self.motor, self.opened = 0, 0, True
+        self.writes = 0
+        self._changed = threading.Condition()
+        self._samples: deque[tuple[Sequence[int], int]] = deque()
+        self._first = self._taken = 0  # index of the oldest sample in the buffer, and of the next one
+        self._places: dict[str, int] = {}  # next sample of every reader
+        self._size = 0
+        self._running = False
+        self._fresh = True  # whether the machine went on since its newest sample
+        self._zero: int | None = None
+        self._failed = ""
+        self._clock: threading.Thread | None = None
+
+    def start(self, period: float, size: int) -> None:
+        """The sample clock of the inputs; every reader that stands ready gets the first sample."""
+        self.stop()
+        with self._changed:
+            self._samples.clear()
+            self._first = self._taken = 0
+            self._places = dict.fromkeys(self._places, 0)
+            self._size, self._running, self._zero = size, True, None
+        if not self.lock_step:
+            self._clock = threading.Thread(target=self._tick, args=(period,), name="simulated card", daemon=True)
+            self._clock.start()
+
+    def ready(self, reader: str) -> None:
+        """A task that gets every sample from now on."""
+        with self._changed:
+            self._places[reader] = self._taken
+
+    def forget(self, reader: str) -> None:
+        """A task that is there no more."""
+        with self._changed:
+            self._places.pop(reader, None)
+
+    def stop(self) -> None:
+        """The clock stands still."""
+        with self._changed:
+            self._running = False
+            self._changed.notify_all()
+        if self._clock is not None:
+            self._clock.join()
+            self._clock = None
+
+    def write(self, valve: int | None, motor: int | None, opened: bool | None) -> None:
+        """What the outputs hold from now on; None leaves one as it is.
+
+        In lock-step the machine goes on with levels of the valve, once for each sample that all readers have.
+        """
+        with self._changed:
+            self.valve = self.valve if valve is None else valve
+            self.motor = self.motor if motor is None else motor
+            self.opened = self.opened if opened is None else opened
+            if valve is not None:
+                self.writes += 1
+                read = all(place == self._taken for place in self._places.values())
+                if self.lock_step and self._running and read and not self._fresh:
+                    self._go(self._advance)
+
+    def read(self, reader: str, count: int, timeout: float) -> list[tuple[Sequence[int], int]]:
+        """The next samples of a reader.
+
+        Raises:
+            CardError: they did not come in time, or were overwritten.
+        """
+        with self._changed:
+            place = self._places.get(reader, 0)
+
+            def there() -> bool:
+                if self.lock_step and self._fresh and self._running and self._taken < place + count:
+                    self._go(self._sample)
+                return self._taken >= place + count or bool(self._failed) or not self._running
+
+            if not self._changed.wait_for(there, timeout):
+                raise CardError(TOO_EARLY)
+            if place < self._first:
+                raise CardError(OVERWRITTEN)
+            if self._taken < place + count:
+                raise CardError(GONE, self._failed)
+            self._places[reader] = place + count
+            found = [self._samples[k - self._first] for k in range(place, place + count)]
+            while self._first < min(self._places.values()):
+                self._samples.popleft()
+                self._first += 1
+            return found
+
+    def _go(self, what: Callable[[], None]) -> None:
+        try:
+            what()
+        except Exception as error:  # the machine's own failure, which whoever reads is told
+            self._failed = f"{type(error).__name__}: {error}"
+        self._changed.notify_all()
+
+    def _advance(self) -> None:
+        self.machine.advance(self.valve, self.motor, self.opened)
+        self._fresh = True
+
+    def _sample(self) -> None:
+        counts, edges = self.machine.sample()
+        self._fresh = False
+        if self._zero is None:
+            self._zero = edges if self.zeroed else 0
+        self._samples.append((tuple(counts), edges - self._zero))
+        self._taken += 1
+        while len(self._samples) > self._size:
+            self._samples.popleft()
+            self._first += 1
+
+    def _tick(self, period: float) -> None:
+        origin, k = time.perf_counter(), 0
+        while True:
+            ahead = origin + k * period - time.perf_counter()
+            if ahead > 0.0:
+                time.sleep(ahead)
+            with self._changed:
+                if not self._running or self._failed:
+                    return
+                if not self._fresh:
+                    self._go(self._advance)
+                self._go(self._sample)
+            k += 1
+
+
+NO_DEVICE, NO_CHANNEL, NO_ROUTE, NO_TASK = -200220, -200170, -89136, -200088  # codes of NI-DAQmx
+BAD_VALUE, RESERVED, NOT_STARTED = -200077, -50103, -200846
+TEXTS = {
+    OVERWRITTEN: "The application is not able to keep up with the hardware acquisition.",
+    TOO_EARLY: "Some or all of the samples requested have not yet been acquired.",
+    GONE: "Device cannot be accessed.",
+    NO_DEVICE: "Device identifier is invalid.",
+    NO_CHANNEL: "Physical channel specified does not exist on this device.",
+    NO_ROUTE: "Specified route cannot be satisfied, because the hardware does not support it.",
+    NO_TASK: "DaqTask specified is invalid or does not exist.",
+    BAD_VALUE: "Requested value is not a supported value for this property.",
+    RESERVED: "The specified resource is reserved.",
+    NOT_STARTED: "Write cannot be performed when the task is not started and auto start is false.",
+}
+TIMEBASE = 100e6  # of the sample clock, divided by a whole number [Hz]
+VERSION = {0x1272: 24, 0x1923: 3, 0x2F22: 0}  # of the driver: major, minor, update
+TASK_NAME, SAMPLE_RATE, TICKS, BY_CHANNEL, CONTINUOUS, RESERVE = 0x1276, 0x1344, 10304, 0, 10123, 4
+
+
+@dataclasses.dataclass
+class DaqTask:
+    """What the service knows of one; its channels in small letters, its kind is ai, ao, do or ci."""
+
+    name: str
+    channels: list[str] = dataclasses.field(default_factory=list)
+    kind: str = ""
+    rate: float = 0.0
+    size: int = 0
+    reserved: bool = False
+    running: bool = False
+
+
+def answers(call: Callable[[Calls, Any], dict[str, Any]]) -> Any:
+    """A call of the service: its answer is named after it, and what the card refuses is told as a device server does."""
+    name = call.__name__
+
+    def answered(self: Calls, request: Any, context: Any) -> Any:
+        try:
+            found = call(self, request)
+        except CardError as error:
+            task = request.task.name if hasattr(request, "task") else ""
+            parts = [TEXTS[error.code], error.text, f"DaqTask Name: {task}", f"Status Code: {error.code}"]
+            context.set_trailing_metadata((("ni-error", str(error.code)),))
+            context.abort(self.grpc.StatusCode.UNKNOWN, "\n\n".join(p for p in parts if p))
+        return getattr(self.messages, f"{name}Response")(**found)
+
+    return answered
+
+
+class Calls:
+    """The calls of the service, each from its request to the fields of its answer; the others are not implemented."""
+
+    def __init__(self, card: Card, wiring: CardWiring) -> None:
+        missing = sorted(set(wiring.inputs) - set(card.machine.names))
+        if missing:
+            known = ", ".join(card.machine.names)
+            raise InputError(f"inputs.{missing[0]}", "unknown", f"the machine has {known}", where=wiring.where)
+        self.card, self.wiring = card, wiring
+        self.grpc, self.messages = library("grpc"), library("nidaqmx._stubs.nidaqmx_pb2")
+        self.tasks: dict[str, DaqTask] = {}
+        self.lock = threading.Lock()
+        self.numbers = itertools.count()
+        self.scales = {e.channel.lower(): e for e in wiring.inputs.values()}
+        self.inputs = {e.channel.lower(): list(card.machine.names).index(n) for n, e in wiring.inputs.items()}
+        self.outputs: dict[str, tuple[str, Analog]] = {wiring.valve.channel.lower(): ("valve", wiring.valve)}
+        if wiring.motor is not None:
+            self.outputs[wiring.motor.channel.lower()] = "motor", wiring.motor
+
+    def task(self, request: Any) -> DaqTask:
+        """That of a request."""
+        if request.task.name not in self.tasks:
+            raise CardError(NO_TASK)
+        return self.tasks[request.task.name]
+
+    def running(self, request: Any) -> DaqTask:
+        """That of a write, which must have been started."""
+        task = self.task(request)
+        if not task.running:
+            raise CardError(NOT_STARTED)
+        return task
+
+    def add(self, request: Any, kind: str, channel: str, known: Iterable[str]) -> dict[str, Any]:
+        """A terminal to a task."""
+        device, _, rest = channel.partition("/")
+        if device.lower() not in {t.split("/")[0].lower() for t in self.wiring.terminals().values()}:
+            raise CardError(NO_DEVICE, f"Device Specified: {device}")
+        if channel.lower() not in {k.lower() for k in known}:
+            raise CardError(NO_CHANNEL, f"Device: {device}\nPhysical Channel Name: {rest}")
+        task = self.task(request)
+        task.kind = kind
+        task.channels.append(channel.lower())
+        return {}
+
+    @answers
+    def GetSystemInfoAttributeUInt32(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Version of the driver."""
+        return {"value": VERSION.get(request.attribute_raw, 0)}
+
+    @answers
+    def GetErrorString(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Text of a code."""
+        return {"error_string": TEXTS.get(request.error_code, "")}
+
+    @answers
+    def CreateTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """A task, and the session that stands for it."""
+        with self.lock:
+            name = request.session_name or f"_unnamedTask<{next(self.numbers)}>"
+            new = name not in self.tasks
+            self.tasks.setdefault(name, DaqTask(name))
+        return {"task": {"name": name}, "new_session_initialized": new}
+
+    @answers
+    def ClearTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Stop it, and let go of its terminals."""
+        task = self.task(request)
+        self.halt(task)
+        self.card.forget(task.name)
+        del self.tasks[task.name]
+        return {}
+
+    @answers
+    def GetTaskAttributeString(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Its name."""
+        if request.attribute_raw != TASK_NAME:
+            raise CardError(BAD_VALUE)
+        return {"value": self.task(request).name}
+
+    @answers
+    def CreateAIVoltageChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """An analogue input."""
+        return self.add(request, "ai", request.physical_channel, self.inputs)
+
+    @answers
+    def CreateAOVoltageChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """An analogue output."""
+        return self.add(request, "ao", request.physical_channel, self.outputs)
+
+    @answers
+    def CreateDOChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """A digital output."""
+        shut_off = self.wiring.shut_off
+        return self.add(request, "do", request.lines, [] if shut_off is None else [shut_off.line])
+
+    @answers
+    def CreateCIAngEncoderChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """A counter, in ticks."""
+        if request.units_raw != TICKS:
+            raise CardError(BAD_VALUE, "Property: DAQmx_CI_AngEncoder_Units")
+        encoder = self.wiring.encoder
+        return self.add(request, "ci", request.counter, [] if encoder is None else [encoder.counter])
+
+    @answers
+    def SetChanAttributeString(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Terminals of the encoder's signals, which are where they are."""
+        self.task(request)
+        return {}
+
+    @answers
+    def CfgSampClkTiming(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Rate, and where the clock comes from: the inputs have their own, and the counter has that of the inputs."""
+        task = self.task(request)
+        own = "" if task.kind == "ai" else self.wiring.sample_clock
+        if request.source.lower() != own.lower():
+            raise CardError(NO_ROUTE, f"Source Terminal: {request.source}")
+        if request.sample_mode_raw != CONTINUOUS:
+            raise CardError(BAD_VALUE, "Property: DAQmx_SampQuant_SampMode")
+        task.rate, task.size = TIMEBASE / round(TIMEBASE / request.rate), request.samps_per_chan
+        return {}
+
+    @answers
+    def SetBufferAttributeUInt32(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Samples that may wait to be read."""
+        self.task(request).size = request.value
+        return {}
+
+    @answers
+    def GetTimingAttributeDouble(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """The rate that the card makes."""
+        if request.attribute_raw != SAMPLE_RATE:
+            raise CardError(BAD_VALUE)
+        return {"value": self.task(request).rate}
+
+    def reserve(self, task: DaqTask) -> None:
+        """Its terminals are for nobody else until it is cleared."""
+        with self.lock:
+            taken = {c for t in self.tasks.values() if t.reserved and t is not task for c in t.channels}
+            if taken & set(task.channels):
+                raise CardError(RESERVED)
+            task.reserved = True
+
+    @answers
+    def TaskControl(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Reserve it."""
+        if request.action_raw != RESERVE:
+            raise CardError(BAD_VALUE)
+        self.reserve(self.task(request))
+        return {}
+
+    @answers
+    def StartTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Begin; with the task of the inputs their clock begins."""
+        task = self.task(request)
+        self.reserve(task)
+        task.running = True
+        if task.kind in ("ai", "ci"):
+            self.card.ready(task.name)
+        if task.kind == "ai":
+            self.card.start(1.0 / task.rate, task.size)
+        return {}
+
+    @answers
+    def StopTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """End it."""
+        self.halt(self.task(request))
+        return {}
+
+    def halt(self, task: DaqTask) -> None:
+        """Its end."""
+        if task.running and task.kind == "ai":
+            self.card.stop()
+        task.running = False
+
+    def samples(self, request: Any) -> tuple[DaqTask, list[tuple[Sequence[int], int]], int]:
+        """Those that a read asks for; a status instead where they are not there in time."""
+        task = self.task(request)
+        if request.fill_mode_raw != BY_CHANNEL:
+            raise CardError(BAD_VALUE)
+        try:
+            return task, self.card.read(task.name, request.num_samps_per_chan, request.timeout), 0
+        except CardError as error:
+            if error.code != TOO_EARLY:
+                raise
+            return task, [], error.code
+
+    @answers
+    def ReadAnalogF64(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Levels, channel by channel."""
+        task, samples, status = self.samples(request)
+        levels = [self.scales[c].volts(counts[self.inputs[c]]) for c in task.channels for counts, _ in samples]
+        return {"status": status, "read_array": levels, "samps_per_chan_read": len(samples)}
+
+    @answers
+    def ReadCounterF64Ex(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Ticks."""
+        _, samples, status = self.samples(request)
+        return {"status": status, "read_array": [float(n) for _, n in samples], "samps_per_chan_read": len(samples)}
+
+    @answers
+    def WriteAnalogF64(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """Levels of the outputs, which take effect together."""
+        found: dict[str, int] = {}
+        for channel, level in zip(self.running(request).channels, request.write_array, strict=True):
+            name, scale = self.outputs[channel]
+            found[name] = scale.count(level)
+        self.card.write(found.get("valve"), found.get("motor"), None)
+        return {"samps_per_chan_written": 1}
+
+    @answers
+    def WriteDigitalLines(self, request: Any) -> dict[str, Any]:  # noqa: N802
+        """The level of the shut-off."""
+        self.running(request)
+        assert self.wiring.shut_off is not None
+        self.card.write(None, None, bool(request.write_array[0]) == self.wiring.shut_off.level(True))
+        return {"samps_per_chan_written": 1}
 
 
 class SimulatedDevice:

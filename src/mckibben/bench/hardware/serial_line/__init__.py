@@ -1,6 +1,6 @@
 """A machine behind a microcontroller on a serial line, and one that is simulated there.
 
-`frames` documents the protocol, ``firmware/`` is the device's side of it in C.
+`messages` documents the protocol, ``firmware/`` is the device's side of it in C.
 """
 
 from .link import SerialHardware, SerialStatistics

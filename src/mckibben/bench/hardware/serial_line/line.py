@@ -1,18 +1,118 @@
-"""Messages to and from a port, safe to write for several threads, and the first words with a device."""
+"""The host's end of the line: bytes to and from a port, messages, and which sample is there.
+
+Where the port has a file descriptor, the system is asked directly; elsewhere (Windows) the port's own read and write are.
+Writing is safe for several threads. Frames are sorted as they come into those taken, lost, repeated and late.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import select
+import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from ....errors import InputError, LineLostError
+from ....extras import library
 from . import messages
-from .frames import VERSION, Frames
-from .messages import Hello, Message, Welcome
-from .wire import Wire, open_port
+from .messages import BY_ITSELF, DAMAGED, UNANSWERED, VERSION, Fault, Frames, Hello, Message, SampleMessage, Welcome
+
+BITS_PER_SECOND = 1_000_000  # what a port is opened with; a USB port or a pseudo-terminal does not look at it
+_CHUNK = 4096  # [B]
+_SLICE = 2e-4  # time of a wait that is shorter than what `poll` can wait [s]
+_SLOW_READ = 0.01  # [s], of a port without a file descriptor
+
+
+def open_port(port: str, baud: int) -> Any:
+    """A serial port for us alone.
+
+    Raises:
+        InputError: if there is none, or pyserial is not installed.
+    """
+    serial = library("serial", "Machines on a serial port need", where=port)
+    alone: Any = {"exclusive": True} if os.name == "posix" else {}
+    try:
+        opened = serial.Serial(port, baud, timeout=_SLOW_READ, write_timeout=0.1, **alone)
+    except (OSError, ValueError) as error:  # SerialException is an OSError
+        reason = " ".join(str(error).split())
+        raise InputError("port", port, f"allowed is a serial port that can be opened ({reason})") from None
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, ValueError, AttributeError):  # an adapter may hold bytes back for 16 ms
+            opened.set_low_latency_mode(True)
+    return opened
+
+
+class Wire:
+    """A port, of which all that is needed are `read`, `write` and `close`, and `fileno` where it has one."""
+
+    def __init__(self, port: Any) -> None:
+        self._port = port
+        self._descriptor: int | None = None
+        with contextlib.suppress(AttributeError, OSError, ValueError):
+            self._descriptor = port.fileno() if hasattr(select, "poll") else None
+        if self._descriptor is not None:
+            os.set_blocking(self._descriptor, False)
+            self._readable = select.poll()
+            self._readable.register(self._descriptor, select.POLLIN)
+
+    def read(self, seconds: float) -> bytes:
+        """What is there; where nothing is, what comes first within a time; empty if nothing comes.
+
+        Raises:
+            OSError, EOFError: if nothing can come any more.
+        """
+        if self._descriptor is None:
+            return self._slow_read(seconds)
+        until = time.perf_counter() + seconds
+        while not self._readable.poll(max(int(seconds * 1e3), 0)):
+            seconds = until - time.perf_counter()
+            if seconds <= 0.0:
+                return b""
+            if seconds < 1e-3:
+                time.sleep(min(seconds, _SLICE))
+        try:
+            data = os.read(self._descriptor, _CHUNK)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise EOFError("the other end is gone")
+        return data
+
+    def write(self, data: bytes, seconds: float) -> None:
+        """Give bytes away.
+
+        Raises:
+            OSError: if that is not possible within a time.
+        """
+        if self._descriptor is None:
+            self._port.write(data)
+            return
+        until = time.perf_counter() + seconds
+        while data:
+            try:
+                data = data[os.write(self._descriptor, data) :]
+            except BlockingIOError:
+                ahead = until - time.perf_counter()
+                if ahead <= 0.0:
+                    raise TimeoutError("nobody takes what is written") from None
+                select.select([], [self._descriptor], [], ahead)
+
+    def close(self) -> None:
+        """Let go of the port."""
+        with contextlib.suppress(OSError):
+            self._port.close()
+
+    def _slow_read(self, seconds: float) -> bytes:
+        until = time.perf_counter() + seconds
+        while True:
+            data: bytes = self._port.read(max(getattr(self._port, "in_waiting", 1), 1))
+            if data or time.perf_counter() >= until:
+                return data or b""
+
 
 GREETING = (
     0.25  # time between two greetings of a device that does not answer; many restart when their port is opened [s]
@@ -134,3 +234,120 @@ def _checked(line: SerialLine, welcome: Welcome) -> Welcome:
     if len(set(welcome.names)) != len(welcome.names):
         raise InputError("channels of the device", ", ".join(welcome.names), "each may be there once", where=line.name)
     return welcome
+
+
+DRIFT = 1e-4  # of the clocks of host and device, as a share of the time
+GRACE = 0.25  # share of a period after which a damaged frame is taken for that of the sample that is missing
+GRACE_IN_LOCK_STEP = 0.1  # the same where samples have no time [s]
+
+
+class EndedError(Exception):
+    """No more samples of this run: says why."""
+
+
+class Taken(NamedTuple):
+    """A sample that is there: its message, or None where it is missing; and how late it is [s]."""
+
+    message: SampleMessage | None
+    lateness: float
+
+
+class Arrivals:
+    """The samples of one run, in their order.
+
+    Args:
+        period: of the samples [s].
+        lock_step: whether they have no time.
+        patience: samples in a row that may be missing.
+
+    Attributes:
+        lost: samples taken whose frame did not come, or damaged.
+        repeated: frames of samples that had been there.
+        late: frames that came more than a period late; dropped where their sample had been given up.
+        answers_late: samples that the device had no answer to when it took the next one.
+        answers_damaged: samples between which the device got damaged frames.
+    """
+
+    def __init__(self, period: float, lock_step: bool, patience: int) -> None:
+        self.period, self.lock_step, self.patience = period, lock_step, patience
+        self.lost = self.repeated = self.late = self.answers_late = self.answers_damaged = 0
+        self._queue: deque[tuple[float, SampleMessage | Fault]] = deque()
+        self._damaged: float | None = None  # when damage was seen that no sample is known to miss
+        self._newest, self._missing = -1, 0
+        self._origin = 0.0  # when sample 0 was there, or should have been
+
+    def put(self, at: float, message: SampleMessage | Fault) -> None:
+        """What came, and when [s]."""
+        self._queue.append((at, message))
+
+    def damage(self, at: float) -> None:
+        """Something came that was no frame, and when [s]."""
+        self._damaged = at
+
+    def take(self, sample: int) -> Taken | None:
+        """A sample, or None if it can still come.
+
+        Raises:
+            EndedError: if it cannot.
+        """
+        while self._queue:
+            at, message = self._queue[0]
+            if isinstance(message, Fault):
+                raise EndedError(f"the device has stopped: {message.text or 'fault'} (code {message.code})")
+            ahead = message.sequence - sample
+            if ahead > 0:
+                return self.without(sample, at, ahead)
+            self._queue.popleft()
+            if ahead == 0:
+                return self._with(message, at)
+            if message.sequence > self._newest:
+                self.late += 1
+            else:
+                self.repeated += 1
+        return None
+
+    def given_up(self, sample: int) -> float | None:
+        """When a sample is given up, for damage was seen [s]; None if there was none."""
+        if self._damaged is None:
+            return None
+        if self.lock_step or self._newest < 0:
+            return self._damaged + GRACE_IN_LOCK_STEP
+        return max(self._damaged, self._origin + (sample + GRACE) * self.period)
+
+    def without(self, sample: int, at: float, ahead: int = 1) -> Taken:
+        """A sample that is missing, the first of `ahead`, as is known at a time [s].
+
+        Raises:
+            EndedError: if too many are.
+        """
+        if self._newest < 0:
+            raise EndedError("the first sample is missing")
+        if self._missing + ahead > self.patience:
+            raise EndedError(f"{self._missing + ahead} samples are missing before sample {sample + ahead}")
+        self._missing += 1
+        self.lost += 1
+        self._damaged = None  # this was it
+        return Taken(None, 0.0 if self.lock_step else max(at - self._origin - sample * self.period, 0.0))
+
+    def _with(self, message: SampleMessage, at: float) -> Taken:
+        if message.flags & BY_ITSELF:
+            raise EndedError("the device vented by itself, for it had no command for too many samples")
+        if message.flags:
+            self.answers_late += bool(message.flags & UNANSWERED)
+            self.answers_damaged += bool(message.flags & DAMAGED)
+        self._missing, self._newest = 0, message.sequence
+        if self._damaged is not None and at > self._damaged:
+            self._damaged = None
+        return Taken(message, 0.0 if self.lock_step else self._late(message.sequence, at))
+
+    def _late(self, sample: int, at: float) -> float:
+        """How late a sample is [s]; the time expected of the next ones follows the device's clock."""
+        if sample == 0:
+            self._origin = at
+        late = at - self._origin - sample * self.period
+        if late < 0.0:
+            self._origin += late
+            return 0.0
+        self._origin += min(late, DRIFT * self.period)
+        self.late += late > self.period
+        return late

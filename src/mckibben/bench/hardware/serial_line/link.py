@@ -19,10 +19,8 @@ from typing import Any, NamedTuple
 
 from ....errors import InputError, LineLostError
 from ..interface import Hardware
-from .arrivals import Arrivals, EndedError, Taken
-from .line import SerialLine, fit, greet, places, reason
+from .line import BITS_PER_SECOND, Arrivals, EndedError, SerialLine, Taken, fit, greet, places, reason
 from .messages import FREE, LOCK_STEP, CommandMessage, Fault, SampleMessage, Start, Stop, Vent, Welcome
-from .wire import BITS_PER_SECOND
 
 SILENT = 3.0  # periods for which nothing may come at least
 LONGEST = 2**32 - 1  # period [ns]

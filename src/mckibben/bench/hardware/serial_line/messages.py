@@ -1,12 +1,169 @@
-"""The messages of the serial line as tuples; `frames` says what each of them means."""
+"""The protocol of the serial line: how bytes become messages with a checksum, and what each message holds.
+
+Protocol version 1. Every number is little endian; `u16` is an unsigned and `i32` a signed number of so many bits; a text is
+its length in bytes (u8) and that many bytes of UTF-8.
+
+    frame  =  COBS(body) 00
+    body   =  kind u8 | sequence u32 | payload | CRC-32 u32 of all before it
+
+COBS (S. Cheshire and M. Baker, IEEE/ACM Trans. Networking 7(2), 1999, doi:10.1109/90.769765) takes the zeros out of the
+body, so that a zero byte ends a frame and nothing else: after damage or from the middle of a stream, the next zero is a
+new beginning. CRC-32 is that of IEEE 802.3 (polynomial 04C11DB7, reflected, begun and ended with FFFFFFFF), as in zlib. A
+body has at most 1024 bytes. Empty frames are allowed and mean nothing: a sender may put a zero first. Whatever is damaged,
+too long, of an unknown kind or of another length than its kind has is dropped and counted, on both sides.
+
+Host to device:
+
+    01 HELLO    any number    version u16 of the protocol
+    02 START    run           period u32 [ns], mode u8 (0 free, 1 lock-step), watchdog u16 [samples]
+    03 COMMAND  sample        valve u32, motor u32, flags u8 (1: the shut-off is open)
+    04 VENT     any number    nothing
+    05 STOP     any number    nothing
+
+Device to host:
+
+    81 WELCOME  that of HELLO version u16, shortest period u32 [ns], flags u8 (1: an encoder, 2: a motor), count of the motor
+                              at rest u32, channels u8, bits u8 of each, firmware text, name text of each
+    82 SAMPLE   sample        run u16, time u64 [ns], flags u8 (1 vented, 2 by itself, 4 unanswered, 8 damaged),
+                              encoder i32, count u32 of each channel
+    83 FAULT    sample        code u8 (1 version, 2 refused, 3 hardware, 4 end), text
+
+What the device does:
+
+* HELLO: vents, stops, and answers WELCOME, also to a version that is not its own; then START is refused with FAULT.
+* START: sets its outputs to rest (valve 0, shut-off open, motor at rest), zeroes the encoder, and samples. Every SAMPLE
+  carries the lower 16 bits of the START's sequence, so that those of an earlier run are told apart. Samples count from 0;
+  a run ends before 2^32. A period below the shortest, an unknown mode, or a watchdog below 2 when free is refused.
+* COMMAND answers a sample that was sent, and one newer than the command before it did; others are ignored. Its outputs take
+  effect at once and are held.
+* Free: the device's timer takes the samples. The watchdog counts them since the newest command that was taken; where that
+  is its number, the outputs go to rest until the next START, and every SAMPLE says "vented" and "by itself". So the machine
+  is vented within that many periods of the last good command. "unanswered": the sample before had no answer when this one
+  was taken. Time is the device's clock, of any origin.
+* Lock-step: sample k + 1 is taken one period of the machine after COMMAND k, whenever that comes. There is no watchdog, and
+  the time is the sequence times the period: for a simulated machine, not for one under pressure.
+* "damaged": since the sample before, a frame came that was dropped.
+* VENT: valve 0 and shut-off open at once and until the next START, whatever commands say; sampling goes on, and the motor
+  follows its commands. STOP: outputs to rest, no more samples.
+* FAULT: outputs to rest, no more samples; says why.
+"""
 
 from __future__ import annotations
 
 import struct
+import zlib
 from typing import NamedTuple
 
-from . import frames
-from .frames import SerialFrame
+VERSION = 1
+LONGEST = 1024  # [B], of a body
+LONGEST_CODED = LONGEST + LONGEST // 254 + 1  # [B], of a frame without the zero at its end
+_HEAD = struct.Struct("<BI")
+_CRC = struct.Struct("<I")
+SHORTEST = _HEAD.size + _CRC.size  # [B], of a body
+
+
+class SerialFrame(NamedTuple):
+    """What a sound frame holds."""
+
+    kind: int
+    sequence: int
+    payload: bytes
+
+
+def frame(kind: int, sequence: int, payload: bytes = b"") -> bytes:
+    """The bytes on the line, with the zero at the end.
+
+    Raises:
+        ValueError: if it is longer than a frame may be.
+    """
+    body = _HEAD.pack(kind, sequence) + payload
+    if len(body) + _CRC.size > LONGEST:
+        raise ValueError(f"a frame of {len(body) + _CRC.size} bytes; {LONGEST} are allowed")
+    return coded(body + _CRC.pack(zlib.crc32(body))) + b"\0"
+
+
+def coded(data: bytes) -> bytes:
+    """COBS: the same without zeros."""
+    parts: list[bytes] = []
+    for run in data.split(b"\0"):
+        whole = len(run) // 254 * 254
+        parts += [b"\xff" + run[at : at + 254] for at in range(0, whole, 254)]
+        parts += (bytes((len(run) - whole + 1,)), run[whole:])
+    return b"".join(parts)
+
+
+def decoded(data: bytes) -> bytes | None:
+    """What `coded` was given, or None where it cannot have given this."""
+    parts: list[bytes] = []
+    at, end = 0, len(data)
+    while at < end:
+        code = data[at]
+        following = at + code
+        if code == 0 or following > end:
+            return None
+        parts.append(data[at + 1 : following])
+        if code < 255 and following < end:
+            parts.append(b"\0")
+        at = following
+    return b"".join(parts)
+
+
+class Frames:
+    """The sound frames of a stream that may hold anything; never holds more than one frame's bytes, and never raises.
+
+    Attributes:
+        bad_checksum: frames whose checksum is another.
+        oversized: frames that are longer than any may be.
+        undecodable: frames that are no COBS, or too short to be a frame.
+    """
+
+    def __init__(self) -> None:
+        self.bad_checksum = self.oversized = self.undecodable = 0
+        self._begun = bytearray()
+        self._skipping = False
+
+    @property
+    def damaged(self) -> int:
+        """All that were dropped."""
+        return self.bad_checksum + self.oversized + self.undecodable
+
+    def feed(self, data: bytes) -> list[SerialFrame]:
+        """The frames that these bytes complete."""
+        *ended, rest = data.split(b"\0")
+        found = []
+        for part in ended:
+            if not self._skipping and len(self._begun) + len(part) <= LONGEST_CODED:
+                one = self._frame(bytes(self._begun) + part if self._begun else part)
+                if one is not None:
+                    found.append(one)
+            elif not self._skipping:
+                self.oversized += 1
+            self._begun.clear()
+            self._skipping = False
+        if self._skipping or not rest:
+            return found
+        if len(self._begun) + len(rest) > LONGEST_CODED:
+            self.oversized += 1
+            self._begun.clear()
+            self._skipping = True
+        else:
+            self._begun += rest
+        return found
+
+    def _frame(self, data: bytes) -> SerialFrame | None:
+        if not data:
+            return None
+        body = decoded(data)
+        if body is None or not SHORTEST <= len(body) <= LONGEST:
+            self.undecodable += 1
+            return None
+        content = body[: -_CRC.size]
+        if zlib.crc32(content) != _CRC.unpack_from(body, len(content))[0]:
+            self.bad_checksum += 1
+            return None
+        kind, sequence = _HEAD.unpack_from(content)
+        return SerialFrame(kind, sequence, content[_HEAD.size :])
+
 
 FREE, LOCK_STEP = 0, 1  # modes of START
 OPEN = 1  # flag of COMMAND
@@ -103,22 +260,22 @@ def encode(message: Message) -> bytes:
     """
     match message:
         case CommandMessage(sequence, valve, motor, opened):
-            return frames.frame(0x03, sequence, _COMMAND.pack(valve, motor, OPEN if opened else 0))
+            return frame(0x03, sequence, _COMMAND.pack(valve, motor, OPEN if opened else 0))
         case SampleMessage(sequence, run, time, flags, encoder, counts):
             payload = _SAMPLE.pack(run, time, flags, encoder) + struct.pack(f"<{len(counts)}I", *counts)
-            return frames.frame(0x82, sequence, payload)
+            return frame(0x82, sequence, payload)
         case Hello(sequence, version):
-            return frames.frame(0x01, sequence, _HELLO.pack(version))
+            return frame(0x01, sequence, _HELLO.pack(version))
         case Start(run, period, mode, watchdog):
-            return frames.frame(0x02, run, _START.pack(period, mode, watchdog))
+            return frame(0x02, run, _START.pack(period, mode, watchdog))
         case Vent(sequence):
-            return frames.frame(0x04, sequence)
+            return frame(0x04, sequence)
         case Stop(sequence):
-            return frames.frame(0x05, sequence)
+            return frame(0x05, sequence)
         case Welcome():
-            return frames.frame(0x81, message.sequence, _welcome(message))
+            return frame(0x81, message.sequence, _welcome(message))
         case Fault(sequence, code, text):
-            return frames.frame(0x83, sequence, bytes((code,)) + _text(text))
+            return frame(0x83, sequence, bytes((code,)) + _text(text))
 
 
 def message_of(frame: SerialFrame) -> Message | None:
@@ -159,7 +316,7 @@ def _welcomed(sequence: int, payload: bytes) -> Welcome | None:
     if len(payload) < _HELLO.size:
         return None
     (version,) = _HELLO.unpack_from(payload)
-    if version != frames.VERSION:
+    if version != VERSION:
         return Welcome(sequence, version, 0, False, False, 0, (), "", ())
     if len(payload) < _WELCOME.size:
         return None

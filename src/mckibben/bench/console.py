@@ -1,28 +1,183 @@
 """The console of the test machine: interprets commands, one line each, and answers in words.
 
-What it knows stands once, in `commands.COMMANDS`: help, completion and the documentation come from there. It has no
+What it knows stands once, in `COMMANDS`: help, completion and the documentation come from there. It has no
 terminal of its own, so that a prompt, a script and a page can each be one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import shlex
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any, NamedTuple
 
-from ...errors import InputError, suggest
-from ...experiments.dry_run import check
-from ...experiments.protocol import Protocol
-from ...experiments.read import SETTINGS, protocol_names, shipped, values_of, with_values
-from ...quantities import parse, with_unit
-from ...recordings import write
-from ...recordings.recording import Recording
-from ...specimens import Specimen, specimens
-from ..protocol_run import Progress
-from ..rig import Rig
-from ..rig_file import rig_names
-from ..session import Session
-from .commands import COMMANDS, FORMATS, LISTS, complete, usage, words_of
-from .load import loaded
+from ..assembly.signal_table import read_points
+from ..errors import InputError, suggest
+from ..experiments.amounts import CHANNELS
+from ..experiments.dry_run import check
+from ..experiments.protocol import Protocol
+from ..experiments.read import SETTINGS, build_protocol, protocol_names, shipped, values_of, with_values
+from ..quantities import parse, with_unit
+from ..recordings import write
+from ..recordings.recording import Recording
+from ..specimens import Specimen, specimens
+from .protocol_run import Progress
+from .rig import Rig
+from .rig_file import rig_names
+from .session import Session
+from .software.waveform_import import read_protocol
+
+FORMATS = (".nc", ".csv", ".mcap", ".mat", ".parquet", ".tdms")
+LISTS = ("protocols", "muscles", "rigs")
+
+
+class ConsoleCommand(NamedTuple):
+    """One of them.
+
+    Attributes:
+        usage: as it is typed.
+        about: what it does, a sentence.
+        follows: what can stand behind it: ``amount:UNITS``, ``file:ENDINGS``, ``protocol``, ``value``, ``command``, or
+            words, separated by ``|``.
+    """
+
+    usage: str
+    about: str
+    follows: str = ""
+
+
+COMMANDS = {
+    "pressure": ConsoleCommand("pressure 3 bar", "Set the pressure of the valve, gauge.", "amount:bar kPa mbar"),
+    "span": ConsoleCommand("span 12 cm", "Move the end of the muscle to a span.", "amount:cm mm L0"),
+    "velocity": ConsoleCommand("velocity 1 cm/s", "Move the end at a speed; positive lengthens.", "amount:cm/s L0/s"),
+    "tension": ConsoleCommand("tension 20 N", "Hold a tension by the motor.", "amount:N"),
+    "vent": ConsoleCommand("vent", "Depressurise at the manual rate; the motor holds its position."),
+    "stop": ConsoleCommand("stop [REASON]", "Emergency stop: the valve vents at once and the motor only brakes."),
+    "reset": ConsoleCommand("reset", "After a stop: by hand again, vented."),
+    "status": ConsoleCommand("status", "Show what the machine does, its measured values and set-points."),
+    "load": ConsoleCommand(
+        "load NAME|FILE [as CHANNEL]",
+        "Load a protocol, or a table of a waveform for the pressure, span, velocity or tension.", "protocol",
+    ),
+    "set": ConsoleCommand("set NAME=VALUE ..", "Give the loaded protocol other values, several by ', ' or ';'.", "value"),
+    "show": ConsoleCommand("show", "Describe the loaded protocol and report what violates the limits here."),
+    "run": ConsoleCommand("run [NAME|FILE]", "Run the loaded or the named protocol if its dry run passes.", "protocol"),
+    "record": ConsoleCommand("record on [FILE.mcap]|off", "Record manual operation, also into a crash-safe log.", "on|off"),
+    "save": ConsoleCommand("save FILE", "Save the last recording in the format of the suffix.", "file:" + " ".join(FORMATS)),
+    "list": ConsoleCommand("list protocols|muscles|rigs", "List the known protocols, muscles or rigs.", "|".join(LISTS)),
+    "wait": ConsoleCommand("wait 2 s", "Wait for a time on the clock of the machine.", "amount:s ms min"),
+    "help": ConsoleCommand("help [COMMAND]", "Explain the commands.", "command"),
+    "quit": ConsoleCommand("quit", "Vent and leave."),
+}  # fmt: skip
+
+
+def complete(text: str, parameters: Iterable[str] = ()) -> list[str]:
+    """What the last word of a line can become; `parameters` are those of the loaded protocol."""
+    head, _, last = text.rpartition(" ")
+    words = head.split()
+    if not words:
+        return [n for n in COMMANDS if n.startswith(last.lower())]
+    command = COMMANDS.get(words[0].lower())
+    return [] if command is None else _followers(command.follows, words[1:], last, parameters)
+
+
+def _followers(follows: str, before: list[str], last: str, parameters: Iterable[str]) -> list[str]:
+    kind, _, more = follows.partition(":")
+    if kind == "amount":
+        return [u for u in more.split() if u.startswith(last)] if len(before) == 1 else []
+    if kind == "value":
+        return [f"{n}=" for n in parameters if n.startswith(last)]
+    if before:
+        return []
+    if kind == "protocol":
+        shipped = [n for n in protocol_names() if n.startswith(last)]
+        return shipped + _files(last, (".toml", ".csv", ".mat", ".mcap", ".nc", ".parquet", ".tdms"))
+    if kind == "file":
+        return _files(last, tuple(more.split()))
+    known = list(COMMANDS) if kind == "command" else kind.split("|")
+    return [w for w in known if w and w.startswith(last)]
+
+
+def _files(start: str, endings: tuple[str, ...]) -> list[str]:
+    """Files and folders whose path begins so."""
+    at = Path(start)
+    folder = at if start.endswith("/") or not start else at.parent
+    try:
+        names = sorted(folder.iterdir())
+    except OSError:
+        return []
+    shown = [f"{p}/" if p.is_dir() else str(p) for p in names if p.is_dir() or p.suffix.lower() in endings]
+    return [s for s in shown if s.startswith(start) and not Path(s).name.startswith(".")]
+
+
+def words_of(line: str) -> list[str]:
+    """The words of a line, with quotes as a shell has them; ``#`` begins a comment."""
+    reader = shlex.shlex(line, posix=True, punctuation_chars=False)
+    reader.whitespace_split, reader.escape, reader.commenters = True, "", ""
+    try:
+        found = list(reader)
+    except ValueError:
+        raise InputError("line", line.strip(), "a quotation mark has no other one") from None
+    comment = next((i for i, word in enumerate(found) if word.startswith("#")), len(found))
+    return found[:comment]
+
+
+def usage(name: str, words: list[str]) -> InputError:
+    """A complaint about what stands behind a command, to be raised."""
+    return InputError(name, " ".join(words) or "alone", f"allowed is {COMMANDS[name].usage}")
+
+
+PROTOCOL = ".toml"
+
+
+def loaded(name: str, channel: str | None = None) -> Protocol:
+    """The protocol that somebody means.
+
+    Args:
+        name: of a shipped protocol, or the path of a ``.toml`` file or of a table with a time and one other column.
+        channel: what follows the table; by its unit where left out.
+
+    Raises:
+        InputError: names what is unknown or cannot be read.
+    """
+    if channel is not None and channel not in CHANNELS:
+        raise InputError("as", channel, f"{suggest(channel, CHANNELS)}known are {', '.join(CHANNELS)}")
+    path = Path(name)
+    if path.suffix.lower() == PROTOCOL:
+        return read_protocol(name)
+    if not path.suffix and os.sep not in name:
+        return shipped(name)
+    if not path.is_file():
+        raise InputError("load", name, "no such file")
+    return _following(path, *((channel,) if channel else CHANNELS))
+
+
+def _following(path: Path, *channels: str) -> Protocol:
+    """A protocol in which one of some channels, the first whose unit fits, goes as a table says."""
+    complaint: InputError | None = None
+    for channel in channels:
+        unit = CHANNELS[channel]
+        try:
+            times, values = read_points(path, None, None, unit, field=channel, where=str(path))
+        except InputError as error:
+            complaint = complaint or error
+            continue
+        table: dict[str, Any] = {
+            "kind": "table", "times": [f"{float(t) - float(times[0])!r} s" for t in times],
+            "values": [f"{float(v)!r} {unit}" for v in values],
+        }  # fmt: skip
+        lasts = f"{float(times[-1]) - float(times[0])!r} s"
+        first = {channel: {"to": table["values"][0], "in": "1 s"}, "record": False}
+        return build_protocol(
+            {
+                "schema": 1, "name": path.stem, "title": f"{channel.capitalize()} as in {path.name}",
+                "steps": [first, {channel: table, "for": lasts}],
+            }, where=str(path),
+        )  # fmt: skip
+    assert complaint is not None
+    raise complaint
+
 
 LONGEST = 86400.0  # that `wait` waits [s]
 
