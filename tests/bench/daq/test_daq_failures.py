@@ -201,7 +201,7 @@ def test_a_rate_that_the_card_cannot_make_is_refused() -> None:
 def test_a_channel_that_the_simulated_machine_lacks_is_refused() -> None:
     with pytest.raises(InputError) as told:
         SimulatedDevice(Clockwork(), mixer_wiring())
-    one_line(told, "inputs.tension", "the machine has pressure")
+    one_line(told, "inputs.tension", "The machine has pressure")
 
 
 def test_a_card_in_use_is_told() -> None:

@@ -282,7 +282,7 @@ def test_the_wrong_firmware_is_refused(chosen: Path | None) -> None:
     ("options", "says"),
     [
         ({"channels": ["channel.0", "pressure"]}, "the rig needs pressure too"),
-        ({"bits": {"channel.1": 16}}, "bits of channel.1 is 12; the rig has 16"),
+        ({"bits": {"channel.1": 16}}, "bits of channel.1 is 12: the rig has 16"),
         ({"encoder": True}, "encoder is none at the device"),
         ({"motor": True}, "motor is none at the device"),
     ],

@@ -193,6 +193,7 @@ def test_the_protocol_is_documented_where_the_firmware_is() -> None:
         assert f"`{kind:02X}` | {name}" in text
     for message in said:  # of fixed length: 10 bytes of frame, and what the table says
         size = len(messages.decoded(messages.encode(message)[:-1]) or b"") - messages.SHORTEST
-        assert f"| {type(message).__name__.upper()} | {size} |" in text
+        name = type(message).__name__.removesuffix("Message").upper()
+        assert f"| {name} | {size} |" in text
     for message in (messages.Hello(1, 1), messages.CommandMessage(7, 100, 2048, True), messages.Vent(0)):
         assert f"`{messages.encode(message).hex(' ').upper()}`" in text
