@@ -1,6 +1,7 @@
 """Derivatives of whole runs: four forward tangents, and the adjoint of a sum over the path by eight parameters.
 
-Both beside the run itself (the primal) of the same engine, and beside JAX's own of the same source.
+Both beside the run itself (the primal) of the same engine, and beside those that the compiler
+makes of `jax.jvp` and `jax.value_and_grad` of the same source ("lowered"), and beside JAX's own by XLA.
 """
 
 from __future__ import annotations
@@ -92,13 +93,32 @@ def by_native(name: str, batch: cases.Batch) -> Any:
     return call
 
 
+def by_lowering(name: str, batch: cases.Batch) -> Any:
+    """The run, or the kernel that the compiler makes of JAX's own derivatives; results as `by_xla` has them."""
+    import lanewise
+
+    if name == "primal":
+        return by_native(name, batch)
+    one = batch.first(1)
+    example = {name: np.asarray(v[0]) for name, v in one.changes.items()}, one.commands[:, :, 0]
+    function = {"tangents": tangents, "adjoint": adjoint}[name](batch)
+    program, tree = lanewise.lower(function, *example, title=name)
+    given = [np.asarray(leaf) for leaf in jax.tree.leaves((batch.changes, batch.commands))]
+
+    def call() -> Any:
+        found = program.call(given, lanes=batch.lanes, threads=1)
+        return jax.tree.unflatten(tree, [np.moveaxis(x, -1, 0) for x in found])
+
+    return call
+
+
 def measure(quick: bool) -> dict[str, Any]:
     """Both, each with its primal in turns; in a quick run without JAX's own, which compiles for minutes."""
     rows: list[Any] = []
     ratios: dict[str, float] = {}
     notes: list[str] = []
     rounds, samples = (3, 5) if quick else (7, 20)
-    makers = {"native": by_native} if "native" in ENGINES else {}
+    makers = {"native": by_native, "lowered": by_lowering} if "native" in ENGINES else {}
     makers |= {} if quick and makers else {"XLA": by_xla}
     for name in ("tangents", "adjoint"):
         lanes = LANES[name] // (8 if quick else 1)
@@ -130,8 +150,9 @@ def measure(quick: bool) -> dict[str, Any]:
                         "error": checked(name, batch, runs[f"{engine} {name}"]),
                     }
                 )
-        if {f"native {name}", f"XLA {name}"} <= set(runs):
-            ratios[f"{name}_vs_jax"] = taken.ratio(f"XLA {name}", f"native {name}")
+        for engine, key in (("XLA", "vs_jax"), ("lowered", "vs_lowered")):
+            if {f"native {name}", f"{engine} {name}"} <= set(runs):
+                ratios[f"{name}_{key}"] = taken.ratio(f"{engine} {name}", f"native {name}")
     return {"rows": rows, "gradients": ratios, "notes": notes}
 
 

@@ -46,6 +46,10 @@ WANTED: dict[str, tuple[str, float, str]] = {
     "adjoint8_vs_primal": ("<=", 4.0, "time of the adjoint for eight parameters relative to the simulation"),
     "tangents4_vs_jax": (">=", 10.0, "speed of four tangents relative to JAX's derivatives"),
     "adjoint8_vs_jax": (">=", 20.0, "speed of the adjoint relative to JAX's derivatives"),
+    "tangents4_vs_lowered": (">=", 1.25, "speed of four tangents relative to kernels of jax.jvp"),
+    "adjoint8_vs_lowered": (">=", 1.25, "speed of the adjoint relative to a kernel of jax.value_and_grad"),
+    "rig1000_compile_s": ("<=", 10.0, "1,000 muscles in one machine: time to the first step [s]"),
+    "rig1000_vs_batch": ("<=", 1.3, "1,000 muscles in one machine: time per muscle relative to a batch"),
     "first_result_cached_s": ("<=", 0.2, "first result of a fresh process after importing JAX, kernels cached [s]"),
     "first_result_cold_s": ("<=", 0.5, "the same, nothing cached [s]"),
     "saved_program_s": ("<=", 0.3, "whole process with a saved program, without JAX [s]"),
@@ -57,7 +61,7 @@ def machine() -> dict[str, Any]:
     import importlib.metadata as known
 
     versions = {}
-    for name in ("mckibben", "jax", "jaxlib", "llvmlite", "numpy", "scipy"):
+    for name in ("mckibben", "lanewise", "jax", "jaxlib", "llvmlite", "numpy", "scipy"):
         try:
             versions[name] = known.version(name)
         except known.PackageNotFoundError:
@@ -138,6 +142,10 @@ def ratios(found: dict[str, Any]) -> dict[str, float]:
         "adjoint8_vs_primal": gradients.get("adjoint_native"),
         "tangents4_vs_jax": gradients.get("tangents_vs_jax"),
         "adjoint8_vs_jax": gradients.get("adjoint_vs_jax"),
+        "tangents4_vs_lowered": gradients.get("tangents_vs_lowered"),
+        "adjoint8_vs_lowered": gradients.get("adjoint_vs_lowered"),
+        "rig1000_compile_s": pick("compile", group="rig", muscles=1000),
+        "rig1000_vs_batch": pick("vs_batch", group="rig", muscles=1000),
         "first_result_cached_s": startup.get("native", {}).get("cached"),
         "first_result_cold_s": startup.get("native", {}).get("cold"),
         "saved_program_s": startup.get("saved", {}).get("whole"),

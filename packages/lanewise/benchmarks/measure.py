@@ -4,8 +4,8 @@
 
 Each equation is integrated by the classical Runge-Kutta method, once alone and once in many lanes, in float64 on one thread.
 JAX runs the same function under `jit` and `vmap`; Numba runs the same steps as a loop over lanes, written by hand for it (it
-is left out where it is not installed). The times are medians of rounds in which all take turns, so that a busy machine slows
-all of them alike; the first call, which compiles, is measured apart.
+is left out where it is not installed). The times are medians of the processor's time in rounds in which all take turns, so
+that a busy machine does not favour one of them; the first call, which compiles, is measured apart.
 """
 
 from __future__ import annotations
@@ -146,17 +146,17 @@ def measure(name: str, lanes: int, rounds: int) -> None:
     runs = ways(name, lanes)
     results = {}
     for way, run in runs.items():
-        begin = time.perf_counter()
+        begin = time.process_time()
         results[way] = run()
-        first[way], times[way] = time.perf_counter() - begin, []
+        first[way], times[way] = time.process_time() - begin, []
     # 1,000 steps of rounding; only Lorenz amplifies it, by a factor of some 1e3 in this time, and without end when alone
     for way, result in results.items() if lanes > 1 else ():
         np.testing.assert_allclose(result, results["lanewise"], rtol=1e-7, atol=1e-7, err_msg=f"{name} by {way}")
     for _ in range(rounds):
         for way, run in runs.items():
-            begin = time.perf_counter()
+            begin = time.process_time()
             run()
-            times[way].append(time.perf_counter() - begin)
+            times[way].append(time.process_time() - begin)
     ours = statistics.median(times["lanewise"])
     for way, taken in times.items():
         rate = lanes * steps_of(lanes) / statistics.median(taken)
