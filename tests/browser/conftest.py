@@ -18,7 +18,7 @@ ARGUMENTS = [
 @pytest.fixture(scope="session")
 def chromium():
     """One browser for all tests of a worker."""
-    pytest.importorskip("nicegui", reason="nicegui is not installed: pip install 'mckibben[web]'")
+    pytest.importorskip("starlette", reason="starlette is not installed: pip install 'mckibben[web]'")
     sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if CHROMIUM is None:
         pytest.skip("no chromium on this machine")

@@ -1,6 +1,5 @@
 """The laboratory's screen, served by a process of its own, as a test needs it."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -22,8 +21,6 @@ class Served:
 
     def __init__(self, folder: Path, *words: str, port: int = 0) -> None:
         self.folder, self.said, self._line = folder, "", threading.Event()
-        # pytest's own variables would make NiceGUI take this for one of its tests
-        kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "NICEGUI"))}
         command = [
             sys.executable,
             "-m",
@@ -37,7 +34,7 @@ class Served:
             *words,
         ]
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=kept, cwd=folder.parent
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder.parent
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()

@@ -304,11 +304,11 @@ def test_every_browser_needs_the_token_once_and_then_the_cookie(host):
     at = "localhost:8080" if host == "127.0.0.1" else "lab:8080"
     query = f"token={guard.token}&a=1".encode()
     assert len(guard.token) > 20 and guard.token != Guard(None, host, 8080).token
-    for path in ("/", "/files/x.nc", "/static/lab/lab.css", "/_nicegui_ws/socket.io/", "/emergency-stop"):
+    for path in ("/", "/files/x.nc", "/static/lab/lab.css", "/elements/x", "/emergency-stop"):
         assert asked(guard, path, host=at)["status"] == 401
         assert asked(guard, path, host=at, query=b"token=x")["status"] == 401
     assert asked(guard, "/live", kind="websocket", host=at, query=query)["type"] == "websocket.accept"  # to say why
-    assert asked(guard, "/_nicegui_ws/", kind="websocket", host=at, query=query)["type"] == "websocket.close"
+    assert asked(guard, "/elements/x", kind="websocket", host=at, query=query)["type"] == "websocket.close"
     came = asked(guard, "//evil.example", host=at, query=query)
     heads = dict(came["headers"])
     assert came["status"] == 303 and heads[b"location"] == b"/evil.example?a=1"  # never to another site
@@ -360,7 +360,7 @@ def test_the_sockets_of_a_server_are_bounded_and_the_one_that_is_too_many_hears_
         for_one = await line("a")
         kept.append(asyncio.create_task(line("b")))
         await asyncio.sleep(0)
-        for_all, another = await line("c"), await line("c", "/_nicegui_ws/socket.io/")
+        for_all, another = await line("c"), await line("c", "/elements/x")
         held.set()
         assert not any(await asyncio.gather(*kept))
         assert await line("a") == []  # there is room again
@@ -479,7 +479,7 @@ def test_the_clock_of_control_is_that_of_the_laboratory():
 def test_serve_says_in_one_line_what_is_missing(monkeypatch, capsys):
     from mckibben.cli import main
 
-    monkeypatch.setitem(sys.modules, "nicegui", None)  # as where it is not installed
+    monkeypatch.setitem(sys.modules, "starlette", None)  # as where it is not installed
     with pytest.raises(SystemExit) as stop:
         main(["serve", "--no-open"])
     err = capsys.readouterr().err

@@ -18,7 +18,7 @@ from mckibben.web import reader
 from mckibben.web.bench.measure import of_cycle
 from mckibben.web.pages.compare import faces
 from mckibben.web.reader import ReaderProcess, ReadingStopped, check_rows
-from mckibben.web.shelf import Shelf, fitting
+from mckibben.web.shelf import Shelf, plain_name
 
 PAPER = rig("paper").limits("direct")
 
@@ -83,7 +83,7 @@ def test_a_file_with_more_rows_than_are_taken_is_refused_by_their_number(tmp_pat
 )  # fmt: skip
 def test_the_name_of_any_file_becomes_one_that_a_shelf_takes(tmp_path, given, name):
     shelf = Shelf(tmp_path, (".csv",))
-    found = fitting(given)
+    found = plain_name(given)
     assert shelf.store(found, b"1").name == found and shelf.names() == [found]
     assert name is None or found == name
 

@@ -51,7 +51,7 @@ def test_nothing_is_told_or_vented_without_the_token_of_the_printed_address(chro
         "/fit",
         "/files/mine-0001.csv",
         "/static/lab/lab.css",
-        "/_nicegui_ws/socket.io/",
+        "/elements/x",
     ):
         assert code_of(home + path) == 401, path
     assert code_of(home + "/emergency-stop", data=b"x") == 401

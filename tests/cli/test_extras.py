@@ -28,7 +28,7 @@ def too_early(*args, **options):
         ("polars", "formats", ("record", "convert", "a.nc", "a.parquet"), "mckibben.recordings.read_recording"),
         ("zarr", "sweep", ("sweep", SWEEP, "--out", "a", "--scheduler", "serial"), "mckibben.batch.sweep.Sweep.check"),
         ("distributed", "sweep", ("sweep", SWEEP, "--out", "a"), "mckibben.batch.sweep.Sweep.check"),
-        ("nicegui", "web", ("serve", "--no-open"), "mckibben.cli.serve.chosen_rig"),
+        ("starlette", "web", ("serve", "--no-open"), "mckibben.cli.serve.chosen_rig"),
     ],
 )  # fmt: skip
 def test_a_missing_library_is_said_before_any_work(missing, extra, words, work, tmp_path, monkeypatch, capsys):

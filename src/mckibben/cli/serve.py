@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..extras import library
 from .run import CalibrationFile, On, chosen_rig
 
-NEEDED = ("nicegui", "uvicorn", "fastapi")
+NEEDED = ("starlette", "uvicorn", "websockets")
 
 
 def add_to(app: typer.Typer) -> None:

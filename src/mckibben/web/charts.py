@@ -12,12 +12,11 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from nicegui.element import Element
+from .elements import Element
 
 QUANTITIES = ("pressure", "tension", "length", "flow", "valve")
 LETTERS = {"A": [], "B": [6, 3], "C": [2, 3], "D": [10, 3, 2, 3]}  # dashes of recordings of the same quantity
@@ -118,9 +117,7 @@ class Chart:
 
     def show(self) -> Element:
         """Put it into the page; assign a new one with `update`."""
-        from .parts import raw
-
-        return raw(self.markup())
+        return Element("div", markup=self.markup())
 
     def markup(self) -> str:
         """The element that the browser draws into."""
@@ -131,7 +128,7 @@ class Chart:
 
 def update(element: Element, chart: Chart) -> None:
     """Draw another chart where one is."""
-    element.set_content(chart.markup())  # type: ignore[attr-defined]
+    element.put(chart.markup())
 
 
 def thinned(x: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[np.ndarray, np.ndarray]:

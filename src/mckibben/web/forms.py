@@ -5,15 +5,13 @@ A value that is refused stays in its field with the sentence of the command line
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from ..errors import InputError
 from ..quantities import Quantity, declared, from_si, parse, shown_unit, with_unit
-
-if TYPE_CHECKING:
-    from nicegui.element import Element
+from .elements import Element
+from .widgets import box, refused, text
 
 # The class of lab.css that colours a label, by the SI unit of what it names.
 COLOURS = {"Pa": "P", "N": "F", "m": "L", "m^3/s": "q"}
@@ -65,7 +63,7 @@ def fields(owner: Any, names: Mapping[str, str] | None = None) -> dict[str, Quan
 def field(
     name: str, quantity: Quantity, value: float, change: Callable[[float], Any], *, label: str = "", about: bool = True
 ) -> Element:
-    """One field as NiceGUI elements.
+    """One field with its label, unit, meaning and bounds.
 
     Args:
         name: of the parameter.
@@ -75,43 +73,39 @@ def field(
         label: its words; the name where left out.
         about: say what it means and what is allowed.
     """
-    from .parts import box, on_value, raw, refused, text
-
     words = label or name.replace("_", " ")
     kept = value
     with box("div", "f") as one:
-        text("label", words, COLOURS.get(quantity.unit, "")).props(f"for=c-{id(one)}")
+        own = f"c-{one.number}"
+        text("label", words, COLOURS.get(quantity.unit, "")).set(for_=own)
         with box("div", "field s") as edge:
-            typed = box("input").props(
-                f'id=c-{id(one)} value="{html.escape(shown(value, quantity))}" inputmode=decimal'
-            )
-            typed.props(f'aria-describedby=d-{id(one)} title="{html.escape(quantity.doc)}"')
+            typed = box("input").set(id=own, value=shown(value, quantity), inputmode="decimal", title=quantity.doc)
+            typed.set(aria_describedby=f"d-{one.number}")
             if quantity.unit != "1":
                 text("span", shown_unit(quantity.unit), "u")
-        said = box("div", "err").props(f"id=d-{id(one)}").style("display:contents")
+        said = box("div", "err").set(id=f"d-{one.number}").style(display="contents")
         if about:
-            raw(html.escape(f"{quantity.doc}; {quantity.allowed()}"), "span", "about")
+            text("span", f"{quantity.doc}; {quantity.allowed()}", "about")
 
-    def came(event: Any) -> None:
+    def came(words: object) -> None:
         nonlocal kept
-        found = accept(name, str(event.args), quantity, kept)
-        why = found.said
+        accepted = accept(name, str(words), quantity, kept)
+        why = accepted.said
         if not why:
             try:
-                change(found.value)
-                kept = found.value
+                change(accepted.value)
+                kept = accepted.value
             except InputError as error:
                 why = f"{error}. The old value, {shown(kept, quantity)}, stays in use."
         said.clear()
-        edge.classes(add="bad" if why else "", remove="" if why else "bad")
+        edge.classed("bad", bool(why))
         # what was typed stays, to be put right
-        shows = html.escape(str(event.args) if why else shown(kept, quantity))
-        typed.props(f'aria-invalid={"true" if why else "false"} value="{shows}"')
+        typed.set(aria_invalid="true" if why else "false", value=str(words) if why else shown(kept, quantity))
         if why:
             with said:
                 refused(why)
 
-    on_value(typed, "lab-change", came)
+    typed.on_value("change", came)
     return one
 
 
@@ -126,8 +120,6 @@ def form(
         change: told name and value [SI]; may raise `InputError`.
         names: label by name of those that are shown; all where left out.
     """
-    from .parts import box
-
     with box("div", "form") as one:
         for name, quantity in fields(owner, names).items():
             field(name, quantity, values[name], lambda v, n=name: change(n, v), label=(names or {}).get(name, ""))  # type: ignore[misc]

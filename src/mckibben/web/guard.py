@@ -30,7 +30,7 @@ HEADERS = {
     "cross-origin-opener-policy": "same-origin", "cross-origin-resource-policy": "same-origin",
 }  # fmt: skip
 # A script runs if it is a file of this server, or stands in the page with the nonce of its answer; text never becomes code.
-# Style attributes are written by charts and by NiceGUI.
+# Style attributes are written by charts and by elements.
 POLICY = (
     "default-src 'self'; script-src 'self'{nonce}; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
     "font-src 'self' data:; connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; "
@@ -162,8 +162,8 @@ class Guard:
 class _Safe:
     """Sends an answer with the headers that keep a browser from trusting others; scripts of a page get a nonce.
 
-    A page is held back until all of it is there. NiceGUI writes what a user typed as JSON without angle brackets, so that a
-    script that stands in the page is one that this program wrote.
+    A page is held back until all of it is there. What a user typed stands in it escaped (`elements`), so that a script in the
+    page is one that this program wrote.
     """
 
     def __init__(self, send: Send) -> None:

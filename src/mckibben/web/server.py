@@ -10,27 +10,24 @@ import os
 import socket
 import tempfile
 import webbrowser
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from importlib import resources
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from .. import __version__
 from ..errors import InputError
+from .elements import Documents
 from .guard import Guard, is_loopback
 from .laboratory import Laboratory
 from .live import Lines
 from .reader import return_large_blocks
-from .shell import HOME, PAGES, TITLE, Page
+from .shell import HOME, PAGES, written
+from .transfers import IncomingFile
 
-AWAY = 30.0  # time for which a page that lost the line finds its state again [s]
 LOOK = 0.25  # time between two looks at what time alone brings about [s]
-_current: list[Laboratory] = []
-
-
-def laboratory() -> Laboratory:
-    """The laboratory of this process's server."""
-    return _current[-1]
+UNKNOWN_DOCUMENT = 4404  # code with which a line is closed whose page is not known any more
 
 
 def build(lab: Laboratory, host: str, port: int, token: str | None = None) -> Guard:
@@ -42,35 +39,22 @@ def build(lab: Laboratory, host: str, port: int, token: str | None = None) -> Gu
         port: its port.
         token: that is asked for; a new one where left out.
     """
-    from fastapi import FastAPI
-    from nicegui import ui
+    from starlette.applications import Starlette
 
-    _current.append(lab)
+    documents = Documents()
 
     @contextlib.asynccontextmanager
-    async def life(_: FastAPI) -> AsyncIterator[None]:
-        # Not before: NiceGUI looks through all objects of the interpreter when it begins, and a thread that makes a tuple of
-        # a generator meanwhile, as JAX's tracing does all the time, then fails with a SystemError.
+    async def life(_: Starlette) -> AsyncIterator[None]:
         lab.begin()
         ticking = asyncio.create_task(_tick(lab))
         try:
             yield
         finally:
             ticking.cancel()
+            documents.close_all()
 
-    app = FastAPI(lifespan=life, docs_url=None, redoc_url=None, openapi_url=None)
-    _routes(app, lab, host, port)
-    for page in PAGES[1:]:
-        ui.page(page.path, title=f"{page.name} \u00b7 {TITLE}", dark=None)(_built(page))
-    ui.run_with(
-        app,
-        title=TITLE,
-        tailwind=False,
-        show_welcome_message=False,
-        favicon=_static("favicon.svg"),
-        reconnect_timeout=AWAY,
-    )
-    return Guard(app, host, port, token)
+    routes = [*_bench_routes(lab, host, port), *_page_routes(lab, documents)]
+    return Guard(Starlette(routes=routes, lifespan=life), host, port, token)
 
 
 async def _tick(lab: Laboratory) -> None:
@@ -79,24 +63,67 @@ async def _tick(lab: Laboratory) -> None:
         await asyncio.sleep(LOOK)
 
 
-def _built(page: Page) -> Callable[..., Any]:
-    async def show(request: Any) -> None:
-        module = importlib.import_module(f".pages.{page.module}", __package__)
-        found = module.build(laboratory(), request)
-        if asyncio.iscoroutine(found):
-            await found
-
+def _page_routes(lab: Laboratory, documents: Documents) -> list[Any]:
+    """The pages that are built of elements, their lines, and the files that they take and give."""
     from starlette.requests import Request
+    from starlette.responses import HTMLResponse, PlainTextResponse, Response
+    from starlette.routing import Route, WebSocketRoute
+    from starlette.websockets import WebSocket
 
-    show.__annotations__ = {"request": Request}
-    return show
+    def of(module: str) -> Callable[[Request], Awaitable[Response]]:
+        async def show(request: Request) -> Response:
+            build_page = importlib.import_module(f".pages.{module}", __package__).build
+            opened = documents.open()
+            with opened.root:
+                build_page(lab, request)
+            return HTMLResponse(written(opened), headers={"cache-control": "no-store"})
+
+        return show
+
+    async def line(socket: WebSocket) -> None:
+        await socket.accept()
+        found = documents.find(socket.path_params["key"])
+        if found is None:
+            await socket.close(UNKNOWN_DOCUMENT, "The laboratory does not know this page any more.")
+        else:
+            await documents.serve(found, socket)
+
+    async def upload(request: Request) -> Response:
+        found = documents.find(request.path_params["key"])
+        element = None if found is None else found.elements.get(request.path_params["number"])
+        handler = None if element is None else element.handler("came")
+        if found is None or element is None or handler is None:
+            return PlainTextResponse("mckibben: this page takes no file here\n", 404)
+        file = IncomingFile(request.query_params.get("name", "file"))
+        with open(file.path, "wb") as stream:
+            async for part in request.stream():
+                stream.write(part)
+        found.spawn(found.handle(element, handler, file))
+        return PlainTextResponse("")
+
+    async def download(request: Request) -> Response:
+        found = documents.find(request.path_params["key"])
+        file = None if found is None else found.downloads.pop(request.path_params["file"], None)
+        if file is None:
+            return PlainTextResponse("mckibben: this file was downloaded already\n", 404)
+        name, data = file
+        disposition = f"attachment; filename*=utf-8''{quote(name)}"
+        return Response(data, media_type="application/octet-stream", headers={"content-disposition": disposition})
+
+    return [
+        *(Route(page.path, of(page.module)) for page in PAGES[1:]),
+        WebSocketRoute("/elements/{key}", line),
+        Route("/upload/{key}/{number:int}", upload, methods=["POST"]),
+        Route("/download/{key}/{file}", download, methods=["GET"]),
+    ]
 
 
 def _static(name: str) -> str:
     return str(resources.files(__package__) / "static" / name)
 
 
-def _routes(app: Any, lab: Laboratory, host: str, port: int) -> None:
+def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
+    """The bench page, the socket of every page, the emergency stop, the recordings, and the sheets and scripts."""
     from starlette.requests import Request
     from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse, Response
     from starlette.routing import Mount, Route, WebSocketRoute
@@ -110,6 +137,9 @@ def _routes(app: Any, lab: Laboratory, host: str, port: int) -> None:
     async def live(line: WebSocket) -> None:
         await line.accept()
         await lines.run(line)
+
+    async def favicon(_: Request) -> Response:
+        return FileResponse(_static("favicon.svg"), media_type="image/svg+xml")
 
     async def bench(_: Request) -> Response:
         return HTMLResponse(bench_page.build(), headers={"cache-control": "no-store"})
@@ -127,9 +157,10 @@ def _routes(app: Any, lab: Laboratory, host: str, port: int) -> None:
             return PlainTextResponse(f"mckibben: {error}\n", 404)
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
 
-    app.router.routes += [
+    return [
         Route("/", bench), WebSocketRoute("/live", live), Route("/emergency-stop", stop, methods=["POST"]),
-        Route("/files/{name:path}", recording, methods=["GET"]), Mount(HOME, StaticFiles(directory=_static(""))),
+        Route("/files/{name:path}", recording, methods=["GET"]),
+        Route("/favicon.ico", favicon), Mount(HOME, StaticFiles(directory=_static(""))),
     ]  # fmt: skip
 
 

@@ -139,7 +139,7 @@ def plain(words: str, otherwise: str = "run") -> str:
     return found or otherwise
 
 
-def fitting(name: str) -> str:
+def plain_name(name: str) -> str:
     """The name of a file from elsewhere as a shelf takes it: letters of any script stay, other signs become dashes."""
     path = Path(unicodedata.normalize("NFC", name))
     stem = re.sub(r"[^\w .()+-]|\.(?=\.)", "-", path.stem).strip(" .-_") or "file"

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from importlib import resources
 from typing import Any, NamedTuple
 
+from .elements import PageDocument, page_document
+
 TITLE = "McKibben muscle laboratory"
 
 
@@ -44,34 +46,41 @@ def piece(name: str) -> str:
 
 
 def frame(page: Page, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = ()) -> None:
-    """Put what a page stands in around the NiceGUI page that is being built.
+    """Say in what the page that is being built stands.
 
     Args:
         page: itself.
         sheets: further style sheets of `static`.
         scripts: further modules of `static`.
     """
-    from nicegui import ui
-
-    own = ("js/page.js", *scripts)
-    ui.add_head_html(f"<script>document.documentElement.lang = 'en'</script>{_head(sheets, own)}")
-    ui.add_body_html(f"{_mark(page)}{_around(page)}")
+    built = page_document()
+    built.module, built.sheets, built.scripts = page.module, sheets, ("js/elements.js", *scripts)
 
 
-def document(page: Page, content: str, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = ()) -> str:
-    """A whole page without NiceGUI, for one whose content is drawn by scripts of its own.
+def written(built: PageDocument) -> str:
+    """The whole HTML of a page that was built."""
+    (page,) = (p for p in PAGES if p.module == built.module)
+    return document(page, built.html(), sheets=built.sheets, scripts=built.scripts, key=built.key)
+
+
+def document(
+    page: Page, content: str, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = (), key: str = ""
+) -> str:  # fmt: skip
+    """The HTML of a page.
 
     Args:
         page: itself.
         content: HTML between top bar and footer.
         sheets: further style sheets of `static`.
         scripts: further modules of `static`.
+        key: of its document; nothing for a page whose content is drawn by scripts of its own.
     """
+    body = f' data-document="{key}"' if key else ' class="raw"'
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{page.name} \u00b7 {TITLE}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<link rel="icon" href="{HOME}/favicon.svg">{_head(sheets, scripts)}</head>'
-        f'<body class="raw">{_mark(page)}{_around(page)}{content}</body></html>'
+        f"<body{body}>{_mark(page)}{_around(page)}{content}</body></html>"
     )
 
 

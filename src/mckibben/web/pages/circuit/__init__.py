@@ -7,19 +7,14 @@ from typing import Any
 from ...laboratory import Laboratory
 from ...shell import asked
 
-EARLY = "addEventListener('keydown',e=>{window.circuitKey?.(e)},true)"  # before the keys of the laboratory
-
 
 def build(lab: Laboratory, request: Any) -> None:
     """The page."""
-    from nicegui import ui
-
     from ....errors import InputError
     from ...shelf import Shelf
     from .document import read_text, starts, unpacked
     from .page import Face
 
-    ui.add_head_html(f"<script>{EARLY}</script>")
     shelf = Shelf(lab.recordings.folder / "circuits", (".toml",))
     view = asked(request, "part", "sensors", "flows", "models", "file")
     document, said, word = next(iter(starts().values())), "", request.query_params.get("c", "")

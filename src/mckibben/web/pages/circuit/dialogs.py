@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from ....documents import write_text
 from ....errors import InputError
-from ...parts import Incoming, box, button, call, download, link, on_value, refused, tell, text, upload
+from ...elements import call_script
 from ...shelf import Shelf
+from ...transfers import IncomingFile, UploadPlace, download
+from ...widgets import Dialog, box, button, link, refused, tell, text
 from .document import LARGEST, read_text, starts, text_of
 from .onto_bench import muscle_of, rig_text
 
@@ -17,32 +19,16 @@ if TYPE_CHECKING:
 NAME = "circuit"  # of a rig, where the circuit has no name of its own
 
 
-def _dialog(title: str) -> Any:
-    with box("dialog", "circuit-dialog") as one:
-        one.props(f'aria-label="{title}"')
-        with box("div", "hd"):
-            with box("h2"):
-                text("span", title)
-            box("span", "grow")
-            button("Close", lambda: one.delete(), small=True, quiet=True)
-    one.on("close", lambda: one.delete())
-    return one
-
-
-def _open(one: Any) -> None:
-    call("openDialog", one.id)
-
-
 def load(face: Face) -> None:
     """Saved circuits, those to begin with, and a place for a file."""
-    one = _dialog("Load a circuit")
+    dialog = Dialog("Load a circuit", "circuit-dialog", "bd circuits", once=True)
 
     def take(document: Any, name: str = "") -> None:
         face.open(document)
         link(file=name or None)
-        one.delete()
+        dialog.close()
 
-    with one, box("div", "bd circuits"):
+    with dialog:
         text("h3", "To begin with")
         for title, document in starts().items():
             button(title, lambda d=document: take(d), quiet=True)
@@ -54,7 +40,7 @@ def load(face: Face) -> None:
         for file in saved:
             button(file.removesuffix(".toml"), lambda f=file: _read(face, f, take, said), quiet=True)
 
-        def came(one: Incoming) -> None:
+        def came(one: IncomingFile) -> None:
             name, data = one.name, one.content()
             if len(data) > LARGEST:
                 raise InputError("file", f"{len(data) >> 10} kB", f"allowed are {LARGEST >> 10} kB; nothing was stored")
@@ -66,8 +52,8 @@ def load(face: Face) -> None:
                 raise InputError("file", name[:120], "it is not TOML in UTF-8; nothing was stored") from None
             take(read_text(words))
 
-        upload("Drop a circuit's .toml file here", came, (".toml",))
-    _open(one)
+        UploadPlace("Drop a circuit's .toml file here", came, (".toml",))
+    dialog.open()
 
 
 def _read(face: Face, file: str, take: Any, said: Any) -> None:
@@ -81,12 +67,12 @@ def _read(face: Face, file: str, take: Any, said: Any) -> None:
 
 def save(face: Face) -> None:
     """Keep the circuit under a name, or download it."""
-    one = _dialog("Save the circuit")
-    with one, box("div", "bd"):
+    dialog = Dialog("Save the circuit", "circuit-dialog", "bd", once=True)
+    with dialog:
         with box("div", "f"):
-            text("label", "Name").props("for=circuit-name")
+            text("label", "Name").set(for_="circuit-name")
             with box("div", "field"):
-                typed = box("input").props("id=circuit-name placeholder=name autocomplete=off")
+                typed = box("input").set(id="circuit-name", placeholder="name", autocomplete="off")
         said = box("div")
         with box("div", "row"):
             done = button("Save", primary=True)
@@ -103,18 +89,18 @@ def save(face: Face) -> None:
             return
         link(file=name)
         tell(f"Saved as {name}.")
-        one.delete()
+        dialog.close()
 
     name = ""
 
-    def typed_in(event: Any) -> None:
+    def typed_in(words: object) -> None:
         nonlocal name
-        name = str(event.args)[:200]
+        name = str(words)[:200]
 
-    on_value(typed, "lab-input", typed_in)
-    on_value(typed, "lab-enter", lambda e: keep(str(e.args)[:200]))
+    typed.on_value("input", typed_in)
+    typed.on_value("entered", lambda value: keep(str(value)[:200]))
     done.on("click", lambda: keep(name))
-    _open(one)
+    dialog.open()
 
 
 def _store(shelf: Shelf, name: str, words: str) -> None:
@@ -134,9 +120,9 @@ def waveform(face: Face) -> None:
         )
         return
     with box("div", "waveform"):
-        text("label", "Signals, as the file states them").props("for=circuit-signals")
+        text("label", "Signals, as the file states them").set(for_="circuit-signals")
         words = text_of({"signals": signals})
-        area = text("textarea", words, "text").props("id=circuit-signals spellcheck=false rows=6")
+        area = text("textarea", words, "text").set(id="circuit-signals", spellcheck="false", rows="6")
         said = box("div", "err-place")
 
     def came(typed: str) -> None:
@@ -153,7 +139,7 @@ def waveform(face: Face) -> None:
             with said:
                 refused(str(error))
 
-    on_value(area, "lab-change", lambda e: came(str(e.args)))
+    area.on_value("change", lambda value: came(str(value)))
 
 
 def to_bench(face: Face) -> None:
@@ -165,4 +151,4 @@ def to_bench(face: Face) -> None:
     plan = face.desk.plan
     muscle, rigs = muscle_of(plan), Shelf(face.lab.recordings.folder / "rigs", (".toml",))
     _store(rigs, NAME, rig_text(plan, NAME))
-    call("circuitToBench", [["rig", NAME], ["muscle", muscle]])
+    call_script("circuitToBench", [["rig", NAME], ["muscle", muscle]])

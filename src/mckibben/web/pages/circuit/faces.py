@@ -9,7 +9,7 @@ import numpy as np
 from ....quantities import from_si, shown_unit, with_unit
 from ....recordings import Recording
 from ...charts import Axis, Chart, Line, Mark
-from ...parts import box, raw, text
+from ...widgets import box, raw, text
 from . import diagram, edit, response
 from .desk import Answer, Desk
 from .diagram import pressure_signs
@@ -126,7 +126,10 @@ def palette() -> None:
     with box("div", "palette"):
         for name, part in edit.PARTS.items():
             markup = f"{diagram.symbol(name)}<span>{part.name}</span><kbd>{part.key}</kbd>"
-            raw(markup, "button", "add").props(
-                f"type=button draggable=true data-add={name} data-key={part.key.lower()} "
-                f'title="Add {part.name.lower()}: drag it, or Insert and {part.key}"'
+            raw(markup, "button", "add").set(
+                type="button",
+                draggable="true",
+                data_add=name,
+                data_key=part.key.lower(),
+                title=f"Add {part.name.lower()}: drag it, or Insert and {part.key}",
             )

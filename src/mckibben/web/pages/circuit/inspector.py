@@ -20,7 +20,7 @@ from ....pneumatics.volume import FixedVolume, MovingVolume
 from ....quantities import Quantity, declared, from_si, parse
 from ....specimens import specimens
 from ... import forms
-from ...parts import box, select, text
+from ...widgets import box, select, text
 from .document import Document, worded
 from .response import TUBES
 

@@ -7,9 +7,10 @@ from typing import Any
 
 from ....errors import InputError
 from ... import charts
+from ...elements import page_document
 from ...laboratory import Laboratory
-from ...parts import box, button, link, on_value, page, panel, raw, refused, text
 from ...shelf import Shelf
+from ...widgets import box, button, link, loading, page, panel, raw, refused, text
 from . import diagram, dialogs, edit, inspector, response
 from .desk import Answer, Desk, follow
 from .document import Document, text_of
@@ -37,7 +38,6 @@ class Face:
         named = {k: [w for w in view[k].split(",") if w] for k in ("sensors", "flows", "models") if k in view}
         self.desk.sensors = response.shown_nodes(self.desk.plan, named.get("sensors", ()))
         self.desk.flows = [n for n in named.get("flows", ()) if n in self.desk.plan.circuit.elements] or self.desk.flows
-        self.watched = False
         if "models" in named:
             self.desk.models = [k for k in named["models"] if k in response.MODELS]
 
@@ -48,20 +48,21 @@ class Face:
             scripts=("js/circuit.js",),
         ) as bar:  # fmt: skip
             with bar:
-                self.undo_button = button("Undo", self.undo, key="Ctrl Z").props("id=circuit-undo")
+                self.undo_button = button("Undo", self.undo, key="Ctrl Z").set(id="circuit-undo")
                 button("Load", lambda: dialogs.load(self))
                 button("Save as", lambda: dialogs.save(self))
                 button("Use on the bench", self.to_bench, primary=True)
             self.refusal = box("div", "circuit-said")
             with box("div", "circuit-grid") as host:
-                host.props("id=circuit-host")
-                with box("section", "panel pal").props('aria-label="Parts"'):
+                host.set(id="circuit-host")
+                with box("section", "panel pal").set(aria_label="Parts"):
                     palette()
                 with box("div", "circuit-middle"):
                     self._diagram()
                     self._response()
-                self.inspector = box("section", "panel ins").props('aria-label="What is selected"')
+                self.inspector = box("section", "panel ins").set(aria_label="What is selected")
             self._listen(host)
+        page_document().on_close(self.desk.leave)
         if said:
             self._say(said)
         self.select(self.desk.chosen, moved=False)
@@ -75,24 +76,24 @@ class Face:
                     "drag a part onto the diagram, or select and press Insert and its letter",
                     "small faint hint",
                 )
-                self.chip = raw("", "span", "chip").props("role=status")
-            self.drawing = raw("", "div", "drawing").props("data-drawing=1")
+                self.chip = raw("", "span", "chip").set(role="status")
+            self.drawing = raw("", "div", "drawing").set(data_drawing="1")
 
     def _response(self) -> None:
         with panel("Step response") as head:
             with head:
                 self.inputs = box("div", "row")
                 text("span", "compare with", "small faint")
-                self.compare = box("div", "seg s").props('role=group aria-label="Compare with"')
+                self.compare = box("div", "seg s").set(role="group", aria_label="Compare with")
             self.waveform = box("div")
             with box("div", "answer"):
-                self.said = box("div", "said").props("role=status")
+                self.said = box("div", "said").set(role="status")
                 self.pressure = raw("", "div", "curve")
                 self.flow = raw("", "div", "curve")
 
     def _listen(self, host: Any) -> None:
         for name, do in (("pick", self._picked), ("put", self._put), ("take", self._taken)):
-            on_value(host, f"circuit-{name}", lambda e, do=do: do(e.args))  # type: ignore[misc]
+            host.on_value(f"circuit-{name}", do)
 
     # ---- what a person does
 
@@ -205,36 +206,22 @@ class Face:
 
     def renew(self, quiet: bool = False) -> None:
         """Draw what changed, and answer it."""
-        from nicegui import background_tasks, context
-
         desk = self.desk
         if quiet:
             desk.number += 1
         if not desk.compiled():
             self._around()
             self.said.clear()
-            with self.said, box("div", "loading small-wait"), box("div"):
-                text("span", "Compiling the response of this circuit, some seconds")
-                raw("<i></i>", "div", "line")
+            with self.said, loading("Compiling the response of this circuit, some seconds", classes="small-wait"):
+                pass
         self._chip("", "")
-        client = context.client
-        if not self.watched:
-            self.watched = True
-            client.on_delete(desk.leave)
-
-        async def work() -> None:
-            with client:
-                await follow(desk, self._show, self._after, self._checked, self._failed)
-
-        background_tasks.create(work())
+        page_document().spawn(follow(desk, self._show, self._after, self._checked, self._failed))
 
     def _around(self) -> None:
         """All but the response."""
         desk = self.desk
-        self.drawing.set_content(  # type: ignore[attr-defined]
-            diagram.svg(desk.plan, chosen=desk.chosen, sensors=desk.sensors, flows=desk.flows)
-        )
-        self.undo_button.props(remove="disabled") if desk.undoes else self.undo_button.props("disabled")
+        self.drawing.put(diagram.svg(desk.plan, chosen=desk.chosen, sensors=desk.sensors, flows=desk.flows))
+        self.undo_button.set(disabled=not desk.undoes)
         self._heads()
         link(**desk.link())
 
@@ -244,9 +231,9 @@ class Face:
         full = edit.top(desk.document, desk.plan)
         now = edit.input_of(desk.document, desk.plan)
         names = {"up": f"0 to {full}", "down": f"{full} to 0", "waveform": "Waveform"}
-        with self.inputs, box("div", "seg s").props('role=group aria-label="Input"'):
+        with self.inputs, box("div", "seg s").set(role="group", aria_label="Input"):
             for value, words in names.items():
-                text("button", words).props(f"type=button aria-pressed={'true' if value == now else 'false'}").on(
+                text("button", words).set(type="button", aria_pressed="true" if value == now else "false").on(
                     "click", lambda v=value: self._input(v)
                 )
         self.waveform.clear()
@@ -257,7 +244,7 @@ class Face:
         with self.compare:
             for kind, words in response.MODELS.items():
                 on = "true" if kind in desk.models else "false"
-                text("button", words.capitalize()).props(f"type=button aria-pressed={on}").on(
+                text("button", words.capitalize()).set(type="button", aria_pressed=on).on(
                     "click", lambda k=kind: self._model(k)
                 )
 
@@ -275,8 +262,8 @@ class Face:
         self.renew(quiet=True)
 
     def _chip(self, sign: str, words: str) -> None:
-        self.chip.set_content(sign + words)  # type: ignore[attr-defined]
-        self.chip.style("display:none" if not words else "", remove="display:none" if words else "")
+        self.chip.put(sign + words)
+        self.chip.style(display=None if words else "none")
 
     def _show(self, answer: Answer) -> None:
         self.said.clear()

@@ -8,7 +8,7 @@ from ...laboratory import Laboratory
 from ...shell import asked
 
 
-async def build(lab: Laboratory, request: Any) -> None:
+def build(lab: Laboratory, request: Any) -> None:
     """The page."""
     from .page import Face
 

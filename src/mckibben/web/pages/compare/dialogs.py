@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
 from ....specimens import specimens
-from ...parts import box, button, call, empty, raw, refused, text
+from ...widgets import Dialog, box, button, empty, raw, refused, text
 from . import faces, work
 
 if TYPE_CHECKING:
@@ -16,20 +16,13 @@ if TYPE_CHECKING:
 
 def add(face: Face) -> None:
     """A list of what is not shown yet; a click on one adds it."""
-    with box("dialog", "compare-dialog") as one:
-        one.props('aria-label="Add a column"')
-        with box("div", "hd"):
-            with box("h2"):
-                text("span", "Add a column")
-            box("span", "grow")
-            button("Close", lambda: one.delete(), small=True, quiet=True)
-    one.on("close", lambda: one.delete())
+    dialog = Dialog("Add a column", "compare-dialog", "bd list", once=True)
 
     def take(name: str) -> None:
-        one.delete()
+        dialog.close()
         face.take(name)
 
-    with one, box("div", "bd list"):
+    with dialog:
         if face.values == "recordings":
             text("h3", "Recordings")
             left = [n for n in face.lab.recordings.names() if n.endswith(".nc") and n not in face.recordings][:60]
@@ -52,7 +45,7 @@ def add(face: Face) -> None:
             text("h3", "Your own")
             for name in own:
                 button(name.removesuffix(".toml"), lambda n=name: take(n), quiet=True)
-    call("openDialog", one.id)
+    dialog.open()
 
 
 def runs(face: Face) -> None:
@@ -82,16 +75,8 @@ def runs(face: Face) -> None:
 
 def begin(face: Face) -> None:
     """Run what is missing, one protocol after the other; it ends after the one that runs when it is cancelled."""
-    from nicegui import background_tasks, context
-
-    client = context.client
     face.cancelled = False
-
-    async def work_() -> None:
-        with client:
-            await _run(face)
-
-    background_tasks.create(work_())
+    face.document.spawn(_run(face))
 
 
 async def _run(face: Face) -> None:
@@ -128,7 +113,7 @@ def _progress(face: Face, words: str, done: int, total: int) -> None:
     with face.step:
         if chart is not None:
             chart.show()
-        with box("div", "running").props("role=status"):
+        with box("div", "running").set(role="status"):
             text("span", f"{words}, {done + 1} of {total}", "small")
             raw(f'<i style="width:{100.0 * (done + 0.5) / total:.0f}%" class="share"></i>', "div", "line")
             if not face.cancelled:

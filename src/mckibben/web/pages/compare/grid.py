@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ....quantities import from_si
 from ....studies.comparison import Column, Subject
 from ...bench import drawing
-from ...parts import box, button, raw, refused, text
+from ...widgets import box, button, raw, refused, text
 from . import faces, work
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class Grid:
     def show(self, surfaces: dict[str, Any]) -> None:
         """All of it, in the place that is open."""
         columns, count = self.columns, len(self.columns)
-        with box("div", "cmp").style(f"--columns:{count}"):
+        with box("div", "cmp").style(**{"--columns": str(count)}):
             box("div", "k head")
             for i, (name, column, one, _) in enumerate(columns):
                 self._head(faces.LETTERS[i], name, column, one)
@@ -51,14 +51,14 @@ class Grid:
         with box("div", "ch"):
             text("span", letter, "ab")
             title = one.spec.title if one is not None else Path(name).stem
-            text("span", _short(title), "title").props(f'title="{html.escape(title)}"')
+            text("span", _short(title), "title").set(title=title)
             with box("details", "more"):
-                raw("\u22ef", "summary", "btn s q").props(f'aria-label="More about {html.escape(_short(title))}"')
+                raw("\u22ef", "summary", "btn s q").set(aria_label=f"More about {_short(title)}")
                 with box("div", "menu-list"):
                     button("Move left", lambda: self.face.move(name, -1), small=True, quiet=True)
                     button("Move right", lambda: self.face.move(name, 1), small=True, quiet=True)
                     if one is not None and one.unit is not None and not name.endswith(".toml"):
-                        text("a", "Use on the bench", "btn s q").props(f'href="/?muscle={html.escape(one.id)}"')
+                        text("a", "Use on the bench", "btn s q").set(href=f"/?muscle={one.id}")
                     for note in column.notes if column is not None else ():
                         text("p", f"{note}.", "small dim")
                     button("Remove", lambda: self.face.drop(name), small=True, quiet=True)

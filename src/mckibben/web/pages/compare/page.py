@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import html
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,10 @@ from ....quantities import Quantity, parse, with_unit
 from ....specimens import specimen
 from ....studies.comparison import FULL_PRESSURE, Column, Subject
 from ... import forms
+from ...elements import page_document
 from ...laboratory import Laboratory
-from ...parts import box, button, download, empty, link, on_value, page, panel, raw, refused, segments, tell, text
+from ...transfers import download
+from ...widgets import box, button, empty, link, loading, page, panel, raw, refused, segments, tell, text
 from . import faces, work
 from .dialogs import add, runs
 from .grid import Grid
@@ -52,8 +53,6 @@ class Face:
 
     def build(self) -> None:
         """All of it; the numbers follow."""
-        from nicegui import context
-
         sub = "Muscles side by side, at full drive, per resting length L\u2080 and section"
         with page("compare", sub=sub, sheets=("compare.css",), scripts=("js/compare.js",)) as bar:
             with bar:
@@ -64,7 +63,7 @@ class Face:
                 button("Export table", self._export)
             self.refusal = box("div", "compare-said")
             with box("div", "compare-grid"):
-                self.main = box("section", "panel compare-table").props('aria-label="Table 1, drawn" tabindex=0')
+                self.main = box("section", "panel compare-table").set(aria_label="Table 1, drawn", tabindex="0")
                 with box("div", "compare-side"):
                     with panel("Tension against velocity"):
                         self.velocity = box("div", "place")
@@ -74,7 +73,8 @@ class Face:
                         self.step = box("div", "place")
                     with panel("Energy efficiency"):
                         self.energy = box("div", "place small-place")
-        context.client.on_delete(self._leave)
+        self.document = page_document()
+        self.document.on_close(self._leave)
         if self.said:
             self._say(self.said)
         self.table: Any = None
@@ -89,12 +89,10 @@ class Face:
             text("span", "Full drive", "small P")
             with box("div", "field") as self.edge:
                 shown = forms.shown(self.pressure, PRESSURE)
-                self.typed = box("input").props(
-                    f'value="{shown}" inputmode=decimal aria-label="Full drive, bar" size=5'
-                )
-                self.typed.props(f'title="{html.escape(PRESSURE.doc)}"')
+                self.typed = box("input").set(value=shown, inputmode="decimal", aria_label="Full drive, bar", size="5")
+                self.typed.set(title=PRESSURE.doc)
                 text("span", "bar", "u")
-        on_value(self.typed, "lab-change", lambda e: self._drive(str(e.args)[:80]))
+        self.typed.on_value("change", lambda value: self._drive(str(value)[:80]))
 
     # ---- what a person does
 
@@ -106,8 +104,8 @@ class Face:
                 await asyncio.to_thread(self._subjects, found.value)
             except MckibbenError as error:
                 why = f"{error}. The old value, {forms.shown(self.pressure, PRESSURE)}, stays in use."
-        self.edge.classes(add="bad" if why else "", remove="" if why else "bad")
-        self.typed.props(f"aria-invalid={'true' if why else 'false'}")
+        self.edge.classed("bad", bool(why))
+        self.typed.set(aria_invalid="true" if why else "false")
         self.refusal.clear()
         if why:
             self._say(why)
@@ -169,10 +167,8 @@ class Face:
 
     def renew(self) -> None:
         """Compute what is shown, and show it."""
-        from nicegui import background_tasks, context
-
         self.number += 1
-        client, number = context.client, self.number
+        number = self.number
         link(
             muscles=",".join(self.muscles) or "none", values=None if self.values == "laws" else self.values,
             recordings=",".join(self.recordings) if self.values == "recordings" else None,
@@ -180,19 +176,12 @@ class Face:
         )  # fmt: skip
         if self.table is None:
             self._wait("", 0)
-
-        async def follow() -> None:
-            with client:
-                await self._follow(number)
-
-        background_tasks.create(follow())
+        self.document.spawn(self._follow(number))
 
     def _wait(self, name: str, done: int) -> None:
         self.main.clear()
-        with self.main, box("div", "loading").props("role=status"), box("div"):
-            text("span", f"Computing Table 1{': ' if name else ''}{name}")
-            share = 100.0 * done / max(len(self.muscles), 1)
-            raw(f'<i class="share" style="width:{share:.0f}%"></i>', "div", "line")
+        with self.main, loading(f"Computing Table 1{': ' if name else ''}{name}", done / max(len(self.muscles), 1)):
+            pass
 
     async def _follow(self, number: int) -> None:
         try:

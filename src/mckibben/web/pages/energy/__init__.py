@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from ...elements import page_document
 from ...laboratory import Laboratory
-from ...parts import box, page
 from ...shell import asked
+from ...widgets import box, page
 
 LINKED = (
     "muscle", "law", "cycle", "pressure", "exchange", "accumulator_pressure", "friction", "stretched_length", "volume",
@@ -16,8 +17,6 @@ LINKED = (
 
 def build(lab: Laboratory, request: Any) -> None:
     """Fill it; what is heavy comes once the page stands."""
-    from nicegui import ui
-
     words = asked(request, *LINKED)
     with page(
         "energy", sub="What goes in as compressed air, what comes out as work", sheets=("energy.css",),
@@ -30,4 +29,4 @@ def build(lab: Laboratory, request: Any) -> None:
 
             await go(lab, words, bar, place)
 
-        ui.timer(0.01, begin, once=True)
+        page_document().when_connected(begin)

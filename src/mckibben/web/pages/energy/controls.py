@@ -11,7 +11,7 @@ from ....analysis.energy.settings import SETTINGS, coulomb_friction, stretched_l
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si
 from ...forms import accept, field
-from ...parts import box, on_value, raw, refused, segments, select, text
+from ...widgets import box, raw, refused, segments, select, text
 from .choice import Choice, conditions, resolved
 from .cycles import TITLES
 
@@ -32,7 +32,7 @@ class Controls:
 
     def __init__(self, view: View) -> None:
         self.view, self.again = view, False
-        self.bar = box("section", "panel supply").props('aria-label="Cycle"')
+        self.bar = box("section", "panel supply").set(aria_label="Cycle")
         self.more = box("details", "panel conditions")
         self.under = box("div", "e-under")
         self.rebuild()
@@ -66,56 +66,63 @@ class Controls:
         choice = self.view.choice
         value = from_si(choice.pressure, "Pa", "bar")
         high = max(HIGH, value)
-        raw(f"{SIGN}Supply pressure", "label", "P lead").props("for=supply-pressure")
+        raw(f"{SIGN}Supply pressure", "label", "P lead").set(for_="supply-pressure")
         self.track = box("div", "tr P")
         with self.track:
             box("i")
-            dragged = box("input").props(
-                f"id=supply-pressure type=range min={LOW} max={high:g} step={STEP} value={value:g} "
-                'aria-label="Supply pressure, bar"'
+            dragged = box("input").set(
+                id="supply-pressure",
+                type="range",
+                min=LOW,
+                max=f"{high:g}",
+                step=STEP,
+                value=f"{value:g}",
+                aria_label="Supply pressure, bar",
             )
-        self.track.props["data-spec"] = json.dumps(value)
-        on_value(dragged, "lab-input", self.dragged, throttle=0.08)
+        self.track.set(data_spec=json.dumps(value))
+        dragged.on_value("input", self.dragged, wait=0.08)
         with box("div", "number"):
             with box("div", "field P") as self.edge:
-                self.typed = box("input").props(
-                    f'value="{value:.6g}" inputmode=decimal aria-label="Supply pressure" aria-describedby=supply-said'
+                self.typed = box("input").set(
+                    value=f"{value:.6g}",
+                    inputmode="decimal",
+                    aria_label="Supply pressure",
+                    aria_describedby="supply-said",
                 )
                 text("span", "bar", "u")
-            self.said = box("div", "said").props("id=supply-said")
-        on_value(self.typed, "lab-change", self.entered)
+            self.said = box("div", "said").set(id="supply-said")
+        self.typed.on_value("change", self.entered)
 
-    def dragged(self, event: Any) -> None:
+    def dragged(self, given: object) -> None:
         """The slider was moved."""
-        value = float(event.args)
+        value = float(str(given))
         if self.refused:  # else the browser has the number already
             self.refusal("", f"{value:.6g}")
-        self.typed.props["value"] = f"{value:.6g}"
+        self.typed.set(value=f"{value:.6g}")
         self.view.changed(pressure=min(max(value, LOW), max(HIGH, value)) * 1e5 if value == value else 5e5)
 
-    def entered(self, event: Any) -> None:
+    def entered(self, words: object) -> None:
         """A number was typed; refused beside the field, in the words of the command line."""
         choice = self.view.choice
-        found = accept("pressure", str(event.args)[:60], SETTINGS["pressure"], choice.pressure)
+        found = accept("pressure", str(words)[:60], SETTINGS["pressure"], choice.pressure)
         why = found.said
         if not why:
             try:
                 conditions(_with(choice, pressure=found.value))
             except MckibbenError as error:
                 why = f"{error}. The old value, {from_si(choice.pressure, 'Pa', 'bar'):.6g}, stays in use."
-        self.refusal(why, str(event.args)[:60] if why else f"{from_si(found.value, 'Pa', 'bar'):.6g}")
+        self.refusal(why, str(words)[:60] if why else f"{from_si(found.value, 'Pa', 'bar'):.6g}")
         if not why:
-            self.track.props["data-spec"] = json.dumps(from_si(found.value, "Pa", "bar"))
-            self.track.update()
+            self.track.set(data_spec=json.dumps(from_si(found.value, "Pa", "bar")))
             self.view.changed(pressure=found.value)
 
     def refusal(self, why: str, words: str) -> None:
         """Say under the number why it was refused, and leave the words to be put right; no sentence takes that away."""
         self.said.clear()
         self.refused = bool(why)
-        self.typed.props["value"] = words
-        self.edge.classes(add="bad" if why else "", remove="" if why else "bad")
-        self.typed.props(f"aria-invalid={'true' if why else 'false'}")
+        self.typed.set(value=words)
+        self.edge.classed("bad", bool(why))
+        self.typed.set(aria_invalid="true" if why else "false")
         if why:
             with self.said:
                 refused(why)
@@ -187,7 +194,7 @@ class Controls:
         around = with_unit(float(c.ambient.pressure_abs), "Pa", 5)
         volume = VOLUMES[resolved(self.view.choice).volume].lower()
         words = f"Conditions: begins at {with_unit(c.stretched_length, 'm')}, surroundings {around}, {volume}"
-        self.line.set_content(words)  # type: ignore[attr-defined]
+        self.line.say(words)
 
 
 def _with(choice: Choice, **what: Any) -> Choice:

@@ -6,11 +6,11 @@ import asyncio
 from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError, MckibbenError
-from ...parts import Incoming, box, doing, empty, link, refused, select, upload
+from ...elements import Element, page_document
+from ...transfers import IncomingFile, UploadPlace, run_in_thread
+from ...widgets import box, empty, link, refused, select
 
 if TYPE_CHECKING:
-    from nicegui.element import Element
-
     from .view import View
 
 ENDINGS = (".nc", ".csv", ".mcap")
@@ -46,14 +46,11 @@ class Recorded:
         if not self.name:
             with self.place:
                 empty(EMPTY, "To the bench", "/")
-                upload("A recording of mckibben: .nc, .csv or .mcap", self.dropped, ENDINGS)
+                UploadPlace("A recording of mckibben: .nc, .csv or .mcap", self.dropped, ENDINGS)
             return
-        from nicegui import ui
+        page_document().spawn(self.load())
 
-        with self.view.bar:  # what clears its own place would end the timer with it
-            ui.timer(0.01, self.load, once=True)
-
-    async def dropped(self, one: Incoming) -> None:
+    async def dropped(self, one: IncomingFile) -> None:
         """A file came; it is kept with the recordings."""
         path = await asyncio.to_thread(self.view.lab.recordings.store, one.name, one.path)
         one.close()
@@ -97,7 +94,7 @@ class Recorded:
             name, kind = self.name, self.kind
             link(recording=name, account=kind or None, part=self.part or None)
             self.lists()
-            found = await doing(self.place, f"Summing up {name}", self._account, name, kind)
+            found = await run_in_thread(self.place, f"Summing up {name}", self._account, name, kind)
             if found is None or (name, kind) != (self.name, self.kind):
                 return
             self.account, _, self.simulated = found
@@ -122,7 +119,6 @@ class Recorded:
     def draw(self) -> None:
         """Draw the account that is there."""
         from .flow import flow_document
-        from .view import spec
 
         if self.account is None:
             return
@@ -135,7 +131,7 @@ class Recorded:
             except MckibbenError as error:
                 refused(str(error))
                 return
-            spec(box("div", "e-flow"), document)
+            box("div", "e-flow").data("spec", document)
 
     def accumulator(self) -> float | None:
         """Gauge pressure of the accumulator that is chosen above [Pa]."""

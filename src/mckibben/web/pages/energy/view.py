@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
-from ...parts import box, button, doing, download, link, panel, select, text
+from ...elements import Element, page_document
+from ...transfers import download, run_in_thread
+from ...widgets import box, button, link, panel, select, text
 
 if TYPE_CHECKING:
-    from nicegui.element import Element
-
     from ...laboratory import Laboratory
     from .choice import Choice
 
 
-def spec(element: Element, document: Any) -> None:
-    """Let the browser draw a document at a place."""
-    element.props["data-spec"] = json.dumps(document, separators=(",", ":"), allow_nan=False)
-    element.update()
-
-
 async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
     """Load what computes, then fill the page."""
-    found = await doing(place, "Loading the muscles", _loaded, words)
+    found = await run_in_thread(place, "Loading the muscles", _loaded, words)
     if found is not None:
         await View(lab, words, bar, place, *found).show()
 
@@ -89,11 +82,9 @@ class View:
 
     def changed(self, **what: Any) -> None:
         """A visitor chose something; it is computed and shown in a task of its own."""
-        from nicegui import background_tasks
-
         self.choice = replace(self.choice, **what)
         self.controls.under.clear()
-        background_tasks.create(self.draw())
+        page_document().spawn(self.draw())
 
     async def draw(self) -> None:
         """Compute and show the newest choice; those that came while another was computed are passed over."""
@@ -128,7 +119,7 @@ class View:
             (self.piston, document), (self.tendon, document), (self.numbers, document), (self.losses, document),
             (self.curve, lines | {k: document[k] for k in ("pressure", "exchange", "efficiency", "other_efficiency")}),
         ):  # fmt: skip
-            spec(place, part)
+            place.data("spec", part)
         self.controls.agree(rebuilt=muscle)
         link(**to_link(choice))
         self.recorded.accumulator_changed()
@@ -137,6 +128,6 @@ class View:
         """Download the report of the cycle that is shown."""
         from .report import cycle_report
 
-        page = await doing(self.controls.under, "Writing the report", cycle_report, self.good)
+        page = await run_in_thread(self.controls.under, "Writing the report", cycle_report, self.good)
         if page is not None:
             download(f"energy-{self.good.muscle}-{self.good.cycle}.html", page)

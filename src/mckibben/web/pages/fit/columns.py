@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import html
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError
-from ...parts import box, button, check, on_value, raw, refused, select, text
+from ...widgets import box, button, check, raw, refused, select, text
 from .source import Asked, dimensions, specimen_of
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ def mapping(asked: Asked, look: TablePreview, change: Change, wrong: InputError 
             with box("tr"):
                 for column, what in shown:
                     told = column if few else NAMES[what]
-                    text("th", told, "mono" if few else COLOURS.get(what, "")).props("scope=col")
+                    text("th", told, "mono" if few else COLOURS.get(what, "")).set(scope="col")
             with box("tr"):
                 for column, what in shown:
                     with box("th"):
@@ -63,7 +62,7 @@ def mapping(asked: Asked, look: TablePreview, change: Change, wrong: InputError 
                             else _which(asked, what, column, look, change)
                         )
                         if blamed and blamed in (column, what):
-                            one.classes("bad")
+                            one.classed("bad")
             with box("tr"):
                 for column, what in shown:
                     with box("th"):
@@ -156,38 +155,37 @@ def words_field(
     from ....quantities import shown_unit
 
     shown = shown_unit(unit)
-    text("label", label, mark).props(f"for=c-{name}")
+    text("label", label, mark).set(for_=f"c-{name}")
     with box("div", "field s") as edge:
-        typed = box("input").props(
-            f'id=c-{name} inputmode=decimal defaultValue="{html.escape(words.removesuffix(shown).strip())}"'
-        )
+        typed = box("input").set(id=f"c-{name}", inputmode="decimal", value=words.removesuffix(shown).strip())
         text("span", shown, "u")
     if about:
         text("span", about, "about")
-    said = box("div").style("display:contents")
+    said = box("div").style(display="contents")
 
     kept = words
 
-    def came(event: Any) -> None:
+    def came(value: object) -> None:
         nonlocal kept
-        given = str(event.args).strip().replace("\u2212", "-")
+        given = str(value).strip().replace("\u2212", "-")
         try:
             float(given)
             given = f"{given} {shown}"
         except ValueError:
             pass  # it has a unit, or is no number: `change` says which
         said.clear()
+        wrong = False
         try:
             change(given)
             kept = given
         except InputError as error:
+            wrong = True
             with said:
                 refused(f"{error}. {f'The old value, {kept}, stays in use.' if kept else 'It is not used.'}")
-        wrong = bool(said.default_slot.children)
-        edge.classes(add="bad" if wrong else "", remove="" if wrong else "bad")
-        typed.props(f"aria-invalid={'true' if wrong else 'false'}")  # what was typed stays, to be put right
+        edge.classed("bad", wrong)
+        typed.set(aria_invalid="true" if wrong else "false")  # what was typed stays, to be put right
 
-    on_value(typed, "lab-change", came)
+    typed.on_value("change", came)
 
 
 def given(asked: Callable[[], Asked], change: Change, branches: list[str]) -> None:
@@ -243,7 +241,7 @@ def _more(asked: Callable[[], Asked], change: Change, branches: list[str], si: A
         words_field("below", "Train up to", "Pa", now.below, si("train below", "Pa", "below"), about, "P")
     check(
         "Slack points say where a law may not pull", now.slack, lambda v: change(dataclasses.replace(asked(), slack=v))
-    ).classes("small")
+    ).classed("small")
 
 
 def maps(take: Change) -> None:

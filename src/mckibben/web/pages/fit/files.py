@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
-from ...parts import button, call, download, tell
+from ...elements import call_script
+from ...transfers import download
+from ...widgets import button, tell
 
 if TYPE_CHECKING:
     from .view import View
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 def buttons(view: View) -> None:
     """In the bar of the page."""
     button("Report as PDF", lambda: _pdf(view))
-    button("Open report", lambda: _open(view)).props("data-opens=report")  # by the click itself: see fit.js
+    button("Open report", lambda: _open(view)).set(data_opens="report")  # by the click itself: see fit.js
     button("Save as specimen file", lambda: _specimen(view), primary=True)
 
 
@@ -52,16 +54,16 @@ async def _pdf(view: View) -> None:
 async def _open(view: View) -> None:
     study = _study(view)
     if study is None:
-        call("dropReport")
+        call_script("dropReport")
         return
     try:
         page = (await asyncio.to_thread(_document, study, "html")).decode()
     except MckibbenError as error:
         tell(str(error))
-        call("dropReport")
+        call_script("dropReport")
         return
     name = f"{Path(study.points.name).stem}-fit.html"
-    call("showReport", page, name)
+    call_script("showReport", page, name)
 
 
 def _document(study: Any, kind: str) -> bytes:

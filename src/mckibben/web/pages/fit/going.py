@@ -2,24 +2,12 @@
 
 from __future__ import annotations
 
-import functools
-import html
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ...parts import box, button, note, raw, text
-from .work import Work, stop_all
-
-if TYPE_CHECKING:
-    from nicegui.element import Element
-
-
-@functools.cache
-def stop_at_the_end() -> None:
-    """Let fits end with the server; said once."""
-    from nicegui import app
-
-    app.on_shutdown(stop_all)
+from ...elements import Element
+from ...widgets import box, button, note, raw, text
+from .work import Work
 
 
 class Going:
@@ -48,10 +36,10 @@ class Going:
             return
         if self._said is None:
             self._place.clear()
-            with self._place, box("div", "going").props("role=status"):
+            with self._place, box("div", "going").set(role="status"):
                 self._said = text("span", "")
                 self._bar = raw("", "div", "line")
                 button("Stop fitting", self._stop, small=True)
         left = f", {work.left:.0f}\u2009\u2060s left" if work.left is not None else ""
-        self._said.set_content(html.escape(f"Fitting {work.words}{left}" if work.words else "Waiting for other fits"))
-        self._bar.set_content(f'<i style="width:{100.0 * work.share:.0f}%"></i>')
+        self._said.say(f"Fitting {work.words}{left}" if work.words else "Waiting for other fits")
+        self._bar.put(f'<i style="width:{100.0 * work.share:.0f}%"></i>')

@@ -139,7 +139,7 @@ def _rounded(values: np.ndarray) -> list[float]:
 
 def values(data: dict[str, Any]) -> None:
     """The points as a table, for who cannot see them."""
-    from ...parts import box, table, text
+    from ...widgets import box, table, text
     from .results import number
 
     rows = [[number(p["L"], 2), number(p["P"], 3), number(p["F"], 1), number(p["e"], 2)] for p in data["points"][:400]]

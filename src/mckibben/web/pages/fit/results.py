@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ...parts import box, note, raw, text
+from ...widgets import box, note, raw, text
 
 if TYPE_CHECKING:
     from ....identification import Fit
@@ -40,10 +40,10 @@ def ranking(study: Study, chosen: str, pick: Callable[[str], Any]) -> None:
         *([held] if held else []),
         "\u0394 AICc",
     ]
-    with box("div", "scroll-x"), box("table", "rank").props('aria-label="Ranking"'):
+    with box("div", "scroll-x"), box("table", "rank").set(aria_label="Ranking"):
         with box("thead"), box("tr"):
             for i, column in enumerate(columns):
-                text("th", column, "num" if i not in (1, 3) else "").props("scope=col")
+                text("th", column, "num" if i not in (1, 3) else "").set(scope="col")
         with box("tbody"):
             for row in rows:
                 _row(row, study.points.largest, widest, bool(held), chosen, pick)
@@ -76,11 +76,11 @@ def _row(
 ) -> None:
     picked = bool(row["law"]) and row["law"] == chosen
     with box("tr", "sel" if picked else "") as line:
-        line.props(f'data-law="{row["law"]}" data-rmse="{row["rmse"]!r}" data-most="{row["most"]!r}"')
-        line.props(f'data-left="{row["left"]!r}" data-aicc="{row["aicc"]!r}"')
+        line.set(data_law=row["law"], data_rmse=repr(row["rmse"]), data_most=repr(row["most"]))
+        line.set(data_left=repr(row["left"]), data_aicc=repr(row["aicc"]))
         if row["law"]:
-            line.classes("pick").props(f"tabindex=0 aria-current={'true' if picked else 'false'}")
-            line.on("click", lambda: pick(row["law"])).on("keydown.enter", lambda: pick(row["law"]))
+            line.classed("pick").set(tabindex="0", aria_current="true" if picked else "false")
+            line.on("click", lambda: pick(row["law"])).on("enter", lambda: pick(row["law"]))
         text("td", row["place"])
         title = html.escape(row["title"])
         told = row["degenerate"] if row["converged"] else "did not converge"
@@ -121,27 +121,27 @@ def parameters(fit: Fit) -> None:
     fields, equations = declared(law_type(fit.law)), formula(fit.law)
     if equations:
         text("pre", equations, "formula")
-    with box("table", "par").props('aria-label="Parameters with 95 % intervals"'), box("tbody"):
+    with box("table", "par").set(aria_label="Parameters with 95 % intervals"), box("tbody"):
         for name, e in fit.parameters.items():
             unit = shown_unit(e.unit)
             value, low, high = (from_si(v, e.unit, unit) if math.isfinite(v) else v for v in e[:3])
             half = 0.5 * (high - low) if math.isfinite(high - low) else math.inf
             said, spread = value_and_half(value, half)
-            with box("tr").props(
-                f'data-parameter={name} data-value="{e.value!r}" data-low="{e.low!r}" data-high="{e.high!r}"'
+            with box("tr").set(
+                data_parameter=name, data_value=repr(e.value), data_low=repr(e.low), data_high=repr(e.high)
             ):
                 sign = html.escape(symbol_text(fields[name].symbol, name).replace("_", " "))
-                raw(sign, "td", "sym").props(f'title="{html.escape(fields[name].doc)}"')
-                text("td", said, "num").style("font-weight:600")
+                raw(sign, "td", "sym").set(title=fields[name].doc)
+                text("td", said, "num").style(font_weight="600")
                 text("td", spread, "num faint")
                 text("td", unit_text(unit), "faint")
-                raw(_whisker(value, half), "td").style("width:124px")
+                raw(_whisker(value, half), "td").style(width="124px")
             with box("tr"):
-                raw(f"<small>{html.escape(fields[name].doc)}</small>", "td").props("colspan=5").style(
-                    "padding-top:0;border-top:0"
+                raw(f"<small>{html.escape(fields[name].doc)}</small>", "td").set(colspan="5").style(
+                    padding_top="0", border_top="0"
                 )
     raw(f"\u221250{THIN}% &#160;&#160;&#160; of the value &#160;&#160;&#160; +50{THIN}%", "p", "faint small num").style(
-        "padding:4px 6px"
+        padding="4px 6px"
     )
 
 

@@ -6,12 +6,11 @@ import asyncio
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ...parts import raw, select, text
+from ...elements import Element
+from ...widgets import raw, select, text
 from . import pictures
 
 if TYPE_CHECKING:
-    from nicegui.element import Element
-
     from ....identification import Fit
     from ....report.study import Study
 

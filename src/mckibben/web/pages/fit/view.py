@@ -3,37 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import functools
-import html
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from ....errors import MckibbenError
+from ...elements import Element, Timer, page_document
 from ...laboratory import UPLOADS, Laboratory
-from ...parts import (
-    Incoming,
-    box,
-    button,
-    check,
-    empty,
-    link,
-    panel,
-    read_with_progress,
-    refused,
-    segments,
-    text,
-    upload,
-)
+from ...transfers import IncomingFile, UploadPlace, read_with_progress
+from ...widgets import box, button, check, empty, link, panel, refused, segments, text
 from . import columns, files, reading, results, source
-from .going import Going, stop_at_the_end
+from .going import Going
 from .shown import VIEWS, Shown
 from .source import Asked
 from .work import Work
 
 if TYPE_CHECKING:
-    from nicegui.element import Element
-
     from ....recordings import ForceMap
     from ....report.study import Study
 
@@ -63,8 +48,6 @@ class View:
 
     def build(self, bar: Element) -> None:
         """Make the places, empty as yet."""
-        from nicegui import ui
-
         with bar:
             files.buttons(self)
         with box("div", "fit"):
@@ -92,20 +75,18 @@ class View:
                 ):
                     with panel(title, more):
                         self._place(name)
-        self._timer = ui.timer(LOOKS, self.look, active=False)
-        ui.timer(0.0, self.begin, once=True)  # once the page is there: nobody waits for a file that is read slowly
+        document = page_document()
+        self._timer = Timer(document, LOOKS, self.look, active=False)
+        document.when_connected(self.begin)  # nobody waits for a file that is read slowly
         self._going = Going(self._places["going"], self.work, self.stop)
-        stop_at_the_end()
-        ui.context.client.on_delete(self.work.end)  # a line that is lost for a moment stops nothing
+        document.on_close(self.work.end)
 
     def _first(self) -> None:
         with panel("File and columns", step=1), box("div", "stack"):
-            drop = upload("Drop a CSV, MAT or TDMS file here", self._came, UPLOADS)
-            grow = drop.default_slot.children[0]
-            self._words = grow.default_slot.children[0].classes("small dim")
-            with grow:
+            drop = UploadPlace("Drop a CSV, MAT or TDMS file here", self._came, UPLOADS)
+            self._words = drop.words.classed("small").classed("dim")
+            with drop.about:
                 self._name = text("b", "")
-                self._name.move(grow, 0)
             self._place("mapping", "stack")
             self._place("given", "stack")
 
@@ -119,7 +100,7 @@ class View:
 
     # ---- what a person does
 
-    async def _came(self, one: Incoming) -> None:
+    async def _came(self, one: IncomingFile) -> None:
         path = await asyncio.to_thread(source.stored, self.lab, one.name, one.path)
         one.close()
         self.law = ""
@@ -132,11 +113,9 @@ class View:
         await self.load(fresh=fresh)
 
     def _change(self, asked: Asked) -> None:
-        from nicegui import background_tasks
-
         self.asked = asked
         self._link()
-        background_tasks.create(self.load())
+        page_document().spawn(self.load())
 
     def _all(self) -> None:
         from ....muscles.laws import LAWS
@@ -160,11 +139,9 @@ class View:
         await self._results()
 
     def _look_at(self, view: str) -> None:
-        from nicegui import background_tasks
-
         self.shown.view = view
         self._link()
-        background_tasks.create(self.shown.look_at(view))
+        page_document().spawn(self.shown.look_at(view))
 
     def _link(self) -> None:
         from ....muscles.laws import LAWS
@@ -176,19 +153,6 @@ class View:
     # ---- file and columns
 
     async def load(self, *, fresh: bool = False) -> None:
-        """Read what is asked, as long as the page is there."""
-        with self._while_it_is_there():
-            await self._load(fresh)
-
-    @contextlib.contextmanager
-    def _while_it_is_there(self) -> Iterator[None]:
-        try:
-            yield
-        except RuntimeError:  # of a page that was closed, or a server that ended, meanwhile
-            if not self.work.ended:
-                raise
-
-    async def _load(self, fresh: bool) -> None:
         """Read what is asked; what is wrong stands beside the columns, and nothing else changes."""
         self._loading += 1
         mine, asked = self._loading, self.asked
@@ -210,11 +174,11 @@ class View:
             return
         look, size, points, wrong, self.asked = found
         self.points = points
-        self._say(self._name, asked.name)
+        self._name.say(asked.name)
         ending = "MB" if size >= 2**20 else "kB"
         amount = f"{max(size / (2**20 if ending == 'MB' else 1024), 0.1):.3g}"
         rows = results.number(look.total, 0)
-        self._say(self._words, f"{rows} rows, {amount}\u2009\u2060{ending}. Drop another CSV, MAT or TDMS here")
+        self._words.say(f"{rows} rows, {amount}\u2009\u2060{ending}. Drop another CSV, MAT or TDMS here")
         with place:
             columns.mapping(self.asked, look, self._change, wrong)
             if wrong is not None:
@@ -232,9 +196,6 @@ class View:
             self._leave("No fit: the columns are not clear yet.")
             return
         self._fit()
-
-    def _say(self, place: Any, words: str) -> None:
-        place.set_content(html.escape(words))
 
     def _given(self, points: ForceMap | None) -> None:
         branches = [] if points is None or points.branch is None else sorted({str(b) for b in points.branch})
@@ -269,7 +230,7 @@ class View:
             for law in LAWS:
                 kind = law_type(law)
                 count = f"{len(kind.fitted)} parameters"
-                check(str(kind.title), law in self.laws, functools.partial(self._tick, law), count).classes("law")
+                check(str(kind.title), law in self.laws, functools.partial(self._tick, law), count).classed("law")
 
     def _fit(self) -> None:
         if self.asked is None or self.points is None:
@@ -288,8 +249,7 @@ class View:
             return
         self._seen, running = self.work.version, self.work.running
         self._going.show()
-        with self._while_it_is_there():
-            await self._results()
+        await self._results()
         if not running and self.work.version == self._seen:
             self._timer.active = False
 

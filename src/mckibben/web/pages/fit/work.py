@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-import weakref
 from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -24,7 +23,6 @@ KEPT = 200  # fits that are kept of all pages
 _pool = ThreadPoolExecutor(2, thread_name_prefix="fit")
 _kept: OrderedDict[Any, Any] = OrderedDict()
 _lock = threading.Lock()
-_all: weakref.WeakSet[Work] = weakref.WeakSet()
 
 
 class _StoppedError(Exception):
@@ -52,7 +50,6 @@ class Work:
         self.failed, self.ended = "", False
         self._done, self._total, self._began = 0, 1, 0.0
         self._key: Any = None
-        _all.add(self)
 
     @property
     def share(self) -> float:
@@ -146,12 +143,6 @@ class Work:
             if not stop.is_set():
                 self.running = False
                 self.version += 1
-
-
-def stop_all() -> None:
-    """The server ends: nobody waits for what is being fitted."""
-    for work in list(_all):
-        work.end()
 
 
 def _found(key: Any, law: str) -> Any:

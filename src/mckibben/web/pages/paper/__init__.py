@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from ...elements import page_document
 from ...laboratory import Laboratory
-from ...parts import box, page
 from ...shell import asked
+from ...widgets import box, page
 
 LINKED = ("row", "figure", "form")  # what the server has to know; the browser keeps filter, search and folds
 
 
 def build(lab: Laboratory, request: Any) -> None:
     """Fill it; what is heavy comes once the page stands."""
-    from nicegui import ui
-
     words = asked(request, *LINKED)
     with page(
         "paper", sub="C.-P. Chou, B. Hannaford: every printed number, table and figure, theirs and ours",
@@ -27,4 +26,4 @@ def build(lab: Laboratory, request: Any) -> None:
 
             await go(lab, words, bar, place)
 
-        ui.timer(0.01, begin, once=True)
+        page_document().when_connected(begin)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import html
-import json
 import time
 from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError, MckibbenError
-from ...parts import box, button, doing, download, link, note, on_value, raw, refused, segments, tell, text
+from ...elements import Element, Timer, page_document
+from ...transfers import download, run_in_thread
+from ...widgets import box, button, link, loading, note, raw, refused, segments, tell, text
 
 if TYPE_CHECKING:
-    from nicegui.element import Element
-
     from ...laboratory import Laboratory
     from .reproduction import Reproduction
 
@@ -24,7 +22,7 @@ FORMS = {"form": "In the paper\u2019s form", "numbers": "Its numbers"}
 
 async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
     """Load what computes, then fill the page."""
-    found = await doing(place, "Loading the rows", _loaded, lab)
+    found = await run_in_thread(place, "Loading the rows", _loaded, lab)
     if found is not None:
         View(lab, words, bar, place, found).show()
 
@@ -68,8 +66,6 @@ class View:
 
     def show(self) -> None:
         """Build the page."""
-        from nicegui import ui
-
         from .rows import fixed_document
 
         with self.bar:
@@ -83,19 +79,19 @@ class View:
             with self.under:
                 for sentence in self.said:
                     refused(sentence)
-            box("section", "panel p-sum").props('aria-label="Progress and verdicts"')
-            self.root = box("section", "panel p-root").props("aria-label=Rows")
-            self.root.props["data-fixed"] = json.dumps(fixed_document(), separators=(",", ":"))
-            on_value(self.root, "pick", self.picked)
+            box("section", "panel p-sum").set(aria_label="Progress and verdicts")
+            self.root = box("section", "panel p-root").set(aria_label="Rows")
+            self.root.data("fixed", fixed_document())
+            self.root.on_value("pick", self.picked)
             with box("div", "p-right"):
                 with box("section", "panel p-figure"):
                     self.head = box("div", "hd")
                     self.body = box("div", "p-body")
-                box("section", "panel p-figures").props('aria-label="Figures"')
-            self.small = box("div").props("hidden")  # each picture goes to the browser once
+                box("section", "panel p-figures").set(aria_label="Figures")
+            self.small = box("div").set(hidden=True)  # each picture goes to the browser once
         self.look()
         self.chosen()
-        self.clock = ui.timer(LOOK, self.look)
+        Timer(page_document(), LOOK, self.look)
 
     # ---- what a visitor does
 
@@ -109,9 +105,9 @@ class View:
             tell("Every row is computed already.")
         self.look()
 
-    def picked(self, event: Any) -> None:
+    def picked(self, given: object) -> None:
         """A row or a figure was chosen in the browser."""
-        found = event.args if isinstance(event.args, dict) else {}
+        found = given if isinstance(given, dict) else {}
         row, figure = str(found.get("row") or ""), str(found.get("figure") or "")
         if row and row in self.all.rows:
             of = self.figures.get(self.figure)
@@ -121,8 +117,7 @@ class View:
             self.row, self.figure = self.row if self.row in of.rows else "", figure
         self.asks = True
         link(row=self.row or None, figure=self.figure or None)
-        self.root.props["data-chosen"] = json.dumps({"row": self.row, "figure": self.figure})
-        self.root.update()
+        self.root.data("chosen", {"row": self.row, "figure": self.figure})
         self.chosen()
 
     def again(self, name: str) -> None:
@@ -145,7 +140,9 @@ class View:
         def tell_on(words: str) -> None:
             told[0] = words
 
-        data = await doing(place, "Writing the report: its figures are drawn anew", self.all.report, ending, tell_on)
+        data = await run_in_thread(
+            place, "Writing the report: its figures are drawn anew", self.all.report, ending, tell_on
+        )
         self.writing.remove((line, told))
         line.delete()
         if data is not None:
@@ -157,7 +154,7 @@ class View:
     def look(self) -> None:
         """Show what has changed since the last look."""
         for line, told in self.writing:
-            line.set_content(html.escape(told[0]))
+            line.say(told[0])
         if not self.calm and time.monotonic() - self.began > CALM:
             self.calm = True
             if not self.asks:
@@ -171,20 +168,18 @@ class View:
         from .rows import state_document
 
         self.version = self.all.version
-        self.root.props["data-state"] = json.dumps(state_document(self.all), separators=(",", ":"), allow_nan=False)
-        self.root.props["data-chosen"] = json.dumps({"row": self.row, "figure": self.figure})
-        self.root.update()
+        self.root.data("state", state_document(self.all))
+        self.root.data("chosen", {"row": self.row, "figure": self.figure})
         with self.small:
             for name in [n for n in list(self.all.pictures) if n not in self.sent]:
                 self.sent.add(name)
-                one = box("i", "p-pic")
-                one.props["data-figure"], one.props["data-small"] = name, self.all.pictures[name].small
+                box("i", "p-pic").set(data_figure=name, data_small=self.all.pictures[name].small)
         for control, on in (
             (self.go, not self.all.running),
             (self.quick, not self.all.running),
             (self.halt, self.all.running),
         ):
-            control.props(remove="hidden") if on else control.props("hidden")
+            control.set(hidden=not on)
         self.drawn()
 
     def chosen(self) -> None:
@@ -221,8 +216,7 @@ class View:
         self.body.clear()
         with self.body:
             if name and self.form == "numbers":
-                numbers = box("div", "p-numbers")
-                numbers.props["data-numbers"] = json.dumps({"figure": name, "row": self.row})
+                box("div", "p-numbers").data("numbers", {"figure": name, "row": self.row})
             elif name:
                 self._picture(name)
             if name and (caption := self.figures[name].caption):
@@ -234,14 +228,12 @@ class View:
         all_ = self.all
         if name in all_.pictures:
             # wider than a phone: who has no mouse scrolls it by the arrows
-            raw(all_.pictures[name].svg, "div", "p-svg").props('tabindex=0 role=group aria-label="The figure"')
+            raw(all_.pictures[name].svg, "div", "p-svg").set(tabindex="0", role="group", aria_label="The figure")
         elif name in all_.refused:
             refused(f"{self.figures[name].title}: {all_.refused[name]}")
             button("Draw it", lambda: self.again(name))
         else:
-            with box("div", "loading p-wait").props("role=status"), box("div"):
-                text("span", all_.asked.get(name) or "drawing")
-                raw("<i></i>", "div", "line")
+            with loading(all_.asked.get(name) or "drawing", classes="p-wait"):
                 if self.figures[name].recordings and name in all_.asked:
                     text("span", "It is drawn from recordings of the simulated machine, which take minutes.", "small")
                     button("Stop drawing", lambda: all_.stop_drawing(name), small=True)

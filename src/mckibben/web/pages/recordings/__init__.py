@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ...laboratory import Laboratory
-from ...parts import page
 from ...shell import asked
+from ...widgets import page
 
 
 def build(lab: Laboratory, request: Any) -> None:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from ....errors import InputError, MckibbenError
-from ...parts import Incoming, box, button, download, read_with_progress, tell
+from ...elements import Element, call_script
+from ...transfers import IncomingFile, download, read_with_progress
+from ...widgets import Dialog, TypedField, box, button, tell
 from . import files
-from .dialogs import Dialog, Importing, Typed
+from .dialogs import Importing
 
 if TYPE_CHECKING:
-    from nicegui.element import Element
-
     from .view import View
 
 
@@ -35,7 +35,7 @@ class Actions:
         button("Open on Energy", lambda: self._open("energy"))
         button("Open on Fit", lambda: self._open("fit"))
         button("Rename", self._rename)
-        button("Delete", self._delete, key="Del").props("id=delete")
+        button("Delete", self._delete, key="Del").set(id="delete")
         box("span", "parted")
         button("Import file", lambda: self.importing.dialog.open())
         button("Repair", self._repair)
@@ -43,8 +43,8 @@ class Actions:
     def build(self) -> None:
         """The dialogs, which are closed."""
         self._renaming = Dialog("Rename a recording")
-        with self._renaming.body:
-            self._name = Typed("Name", done=self._renamed)
+        with self._renaming:
+            self._name = TypedField("Name", done=self._renamed)
             self._renaming.place_for_answers()
             with box("div", "row"):
                 button("Rename", self._renamed, primary=True)
@@ -56,10 +56,8 @@ class Actions:
         return self._view.chosen
 
     def _open(self, where: str) -> None:
-        from nicegui import ui
-
         for name in self._some()[-1:]:
-            ui.navigate.to(f"/{where}?recording={quote(name)}")
+            call_script("goTo", f"/{where}?recording={quote(name)}")
 
     # ---- rename and delete
 
@@ -100,7 +98,7 @@ class Actions:
     # ---- import and repair
 
     async def _take(
-        self, one: Incoming, place: Element, columns: Mapping[str, str], units: Mapping[str, str], period: str
+        self, one: IncomingFile, place: Element, columns: Mapping[str, str], units: Mapping[str, str], period: str
     ) -> tuple[str, list[str]]:
         """Make a recording of a file that came; its name, and remarks."""
         files.check_kind(one.name)

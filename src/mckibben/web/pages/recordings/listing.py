@@ -7,13 +7,11 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ...parts import SIGNS, box, on_value, raw, select
+from ...elements import Element
+from ...widgets import SIGNS, box, raw, select
 from .entries import Entry
-
-if TYPE_CHECKING:
-    from nicegui.element import Element
 
 LETTERS = "AB"
 ORIGINS = {"": "Simulated and measured", "simulated": "Simulated", "measured": "Measured", "file": "Imported"}
@@ -33,11 +31,11 @@ def tools(words: dict[str, str], change: Callable[[str, str], Any]) -> Element:
     with box("div", "hd finds"):
         with box("div", "field grow"):
             raw(GLASS, "span")
-            typed = box("input").props(
-                'id=search type=search aria-label="Search" placeholder="Search name, muscle, protocol, note"'
+            typed = box("input").set(
+                id="search", type="search", aria_label="Search", placeholder="Search name, muscle, protocol, note"
             )
-            typed.props(f'defaultValue="{html.escape(words.get("q", ""))}"')
-        on_value(typed, "lab-input", lambda e: change("q", str(e.args)), throttle=0.2)
+            typed.set(value=words.get("q", ""))
+        typed.on_value("input", lambda value: change("q", str(value)), wait=0.2)
         return box("div", "row wrap")
 
 
@@ -87,22 +85,22 @@ class Lines:
         now = {e.name: (e, LETTERS[chosen.index(e.name)] if e.name in chosen else "") for e in entries}
         if [*now] != [*self._made]:
             self.clear()
-            with self._place, box("table", "rows") as table, box("tbody").props("role=presentation"):
-                table.props('role=listbox aria-multiselectable=true aria-label="Recordings"')
+            with self._place, box("table", "rows") as table, box("tbody").set(role="presentation"):
+                table.set(role="listbox", aria_multiselectable="true", aria_label="Recordings")
                 for name in now:
                     self._made[name] = self._new(name)
         for name, (one, letter) in now.items():
             if self._shown.get(name) != (one, letter):
                 line = self._made[name]
-                line.set_content(_line(one, letter))
-                line.classes(add="sel" if letter else "", remove="" if letter else "sel")
-                line.props(f"aria-selected={'true' if letter else 'false'}")
+                line.put(_line(one, letter))
+                line.classed("sel", bool(letter))
+                line.set(aria_selected="true" if letter else "false")
         self._shown = now
 
     def _new(self, name: str) -> Element:
-        line = raw("", "tr", "pick").props(f'tabindex=0 role=option data-name="{html.escape(name)}"')
-        line.on("click", lambda: self._pick(name)).on("keydown.enter", lambda: self._pick(name))
-        return line.on("keydown.space.prevent", lambda: self._pick(name))
+        line = raw("", "tr", "pick").set(tabindex="0", role="option", data_name=name)
+        line.on("click", lambda: self._pick(name)).on("enter", lambda: self._pick(name))
+        return line.on("space", lambda: self._pick(name))
 
 
 def _line(one: Entry, letter: str) -> str:

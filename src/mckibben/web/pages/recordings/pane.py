@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError, MckibbenError
 from ...charts import Chart
-from ...parts import box, button, empty, link, on_value, panel, raw, segments, select, text
+from ...elements import page_document
+from ...widgets import Dialog, TypedField, box, button, empty, link, loading, panel, segments, select, text
 from . import entries, files, measures, overlay
-from .dialogs import Dialog, Typed
 from .listing import LETTERS
 from .overlay import VIEWS, Part
 
@@ -46,8 +46,8 @@ class Pane:
             with panel("Overlay") as head:
                 with head:
                     segments(VIEWS, self._kind, self._look_at, "View")
-                    note = button("Add note", key="N", small=True).props("id=note")
-                    on_value(note, "lab-note", lambda e: self._open_note(e.args))
+                    note = button("Add note", key="N", small=True).set(id="note")
+                    note.on_value("note", self._open_note)
                 self._which = box("div", "row wrap")
                 self._charts = box("div", "overlay")
                 self._notes = box("div", "notes")
@@ -59,10 +59,10 @@ class Pane:
                     button("Report", lambda: self._view.actions.report(), small=True)
                 self._table = box("div")
         self._dialog = Dialog("Add a note")
-        with self._dialog.body:
+        with self._dialog:
             self._on = box("div")
-            self._time = Typed("Time", unit="s", about="as on the time axis")
-            self._text = Typed("Note", done=self._add)
+            self._time = TypedField("Time", unit="s", about="as on the time axis")
+            self._text = TypedField("Note", done=self._add)
             self._dialog.place_for_answers()
             with box("div", "row"):
                 button("Add note", self._add, primary=True)
@@ -76,11 +76,9 @@ class Pane:
         self._view.actions.format = suffix
 
     def _look_at(self, kind: str) -> None:
-        from nicegui import background_tasks
-
         self._kind = kind
         link(view=None if kind == "tension" else kind)
-        background_tasks.create(self._draw())
+        page_document().spawn(self._draw())
 
     # ---- what is shown
 
@@ -133,9 +131,8 @@ class Pane:
 
     def _reading(self) -> None:
         self._charts.clear()
-        with self._charts, box("div", "loading").props("role=status"), box("div"):
-            text("span", "Reading and measuring")
-            raw("<i></i>", "div", "line")
+        with self._charts, loading("Reading and measuring"):
+            pass
 
     def _nothing(self, words: str) -> None:
         for place in (self._which, self._charts, self._notes, self._table):
@@ -159,7 +156,7 @@ class Pane:
                 if isinstance(one, Chart):
                     timed = box("div", "timed" if one.x.label.startswith("time") else "")
                     if one.x.low is not None and one.x.high is not None:
-                        timed.props(f'data-low="{one.x.low!r}" data-high="{one.x.high!r}"')
+                        timed.set(data_low=repr(one.x.low), data_high=repr(one.x.high))
                     with timed:
                         one.show()
                 else:
@@ -181,7 +178,7 @@ class Pane:
                         text("span", f"{note.time - part.begins:.3f}{THIN}s", "num")
                         text("span", note.text, "grow")
                         remove = button("Remove", lambda p=part, n=note: self._remove(p, n), small=True, quiet=True)
-                        remove.props(f'aria-label="Remove the note at {note.time:.3f} s"')
+                        remove.set(aria_label=f"Remove the note at {note.time:.3f} s")
 
     def _name(self, part: Part) -> str:
         return self._view.chosen[LETTERS.index(part.letter)]
@@ -257,17 +254,17 @@ def _disc(letter: str, words: str) -> None:
 def _measured(found: Sequence[measures.Measure], letters: Sequence[str]) -> None:
     """The table of properties, with their ratio where there are two."""
     two = len(letters) > 1
-    with box("table").props('aria-label="Measured properties"'):
+    with box("table").set(aria_label="Measured properties"):
         with box("thead"), box("tr"):
             for i, words in enumerate(["Property, last full cycle", *letters, "Unit", *(["B / A"] if two else [])]):
                 number = 0 < i <= len(letters) or i > len(letters) + 1
-                text("th", words, "num" if number else "").props("scope=col")
+                text("th", words, "num" if number else "").set(scope="col")
         with box("tbody"):
             for one in found:
                 with box("tr"):
                     text("td", one.name)
                     for value in one.values:
-                        text("td", _number(value, one.places), "num strong").props(f'data-value="{value!r}"')
+                        text("td", _number(value, one.places), "num strong").set(data_value=repr(value))
                     text("td", one.unit, "dim")
                     if two:
                         a, b = one.values

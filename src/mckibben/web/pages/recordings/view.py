@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import html
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ....errors import MckibbenError
+from ...elements import Element, Timer, page_document
 from ...laboratory import Laboratory
-from ...parts import box, empty, link, tell, text
+from ...widgets import box, empty, link, tell, text
 from . import entries, listing
 from .actions import Actions
 from .entries import Entry
 from .listing import LETTERS
 from .pane import Pane
-
-if TYPE_CHECKING:
-    from nicegui.element import Element
 
 WORDS = ("q", "muscle", "protocol", "origin")
 LINK = ("a", "b", "pa", "pb", "view", *WORDS)
@@ -48,23 +45,21 @@ class View:
 
     def build(self, bar: Element) -> None:
         """Make the places."""
-        from nicegui import ui
-
         with bar:
             self._told = text("span", "", "small dim")
             self.actions.buttons()
         with box("div", "recordings"):
-            with box("section", "panel list").props('aria-label="List of recordings"') as whole:
+            with box("section", "panel list").set(aria_label="List of recordings") as whole:
                 self._filters = listing.tools(self.words, self._searched)
                 self._list = box("div", "scroll-list")
             self._lines = listing.Lines(self._list, self.pick)
             self.pane.build()
         self.actions.build()
         self.actions.importing.takes(whole)
-        ui.context.client.on_delete(self.pane.forget)
-        # once the page is there: nobody waits for files that are read slowly
-        ui.timer(0.0, self.begin, once=True)
-        ui.timer(LOOKS, self.look)
+        document = page_document()
+        document.on_close(self.pane.forget)
+        document.when_connected(self.begin)  # nobody waits for files that are read slowly
+        Timer(document, LOOKS, self.look)
 
     async def begin(self) -> None:
         """Show what is known at once, the rest as it is read; a name of the link that is not there is passed over."""
@@ -144,7 +139,7 @@ class View:
         amount = f", {listing.amount(size)}" if size else ""
         which = " and ".join(LETTERS[: len(self.chosen)])
         now = f" \u00b7 {which} chosen" if which else ""
-        self._told.set_content(html.escape(f"{count} recording{'s' if count != 1 else ''}{amount}{now}"))  # type: ignore[attr-defined]
+        self._told.say(f"{count} recording{'s' if count != 1 else ''}{amount}{now}")
 
     def _searched(self, key: str, value: str) -> None:
         self.words[key] = value

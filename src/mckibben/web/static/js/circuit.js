@@ -1,9 +1,9 @@
 // The circuit page: parts are dragged, picked, put in by two keys, and taken out.
-import { act, key, tell } from './lab.js'
-import { calls } from './page.js'
+import { act, key, keysBefore, tell } from './lab.js'
+import { calls, notify } from './elements.js'
 
 const host = () => document.getElementById('circuit-host')
-const say = (name, detail) => host()?.dispatchEvent(new CustomEvent(`circuit-${name}`, { detail }))
+const say = (name, detail) => notify(host(), `circuit-${name}`, detail)
 const chosen = () => document.querySelector('.diagram .part.on')?.dataset.part ?? ''
 let inserting = false; let refocus = ''
 
@@ -80,7 +80,7 @@ function own (e) {
   }
   return false
 }
-window.circuitKey = e => { if (own(e)) { e.preventDefault(); e.stopImmediatePropagation() } }
+keysBefore.push(own)
 key('Insert', 'put in a part: then its letter', () => insert(!inserting))
 key('Delete', 'take the selected part out', () => { if (chosen()) say('take', { part: chosen() }) })
 

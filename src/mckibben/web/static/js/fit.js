@@ -1,5 +1,5 @@
 // The pictures of the page Fit: a figure with data-fit becomes one. Every number comes from the laboratory; here it is only drawn.
-import { calls } from './page.js'
+import { calls } from './elements.js'
 import { nice } from './plot.js'
 import { TS, clamp, escape, fmt, mark } from './words.js'
 

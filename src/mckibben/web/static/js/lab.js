@@ -303,7 +303,6 @@ const root = document.documentElement
 export const dark = () => root.dataset.theme ? root.dataset.theme === 'dark' : matchMedia('(prefers-color-scheme:dark)').matches
 function theme (to) {
   if (to) root.dataset.theme = to; else delete root.dataset.theme
-  window.Quasar?.Dark?.set(dark())
   forget()
   emit('theme')
 }
@@ -319,11 +318,14 @@ const PAGES = { b: '/', f: '/fit', c: '/compare', e: '/energy', i: '/circuit', p
 const keys = new Map()
 /** A key of one page: `key('n', 'note at the cursor', fn)`; single keys work outside fields only. */
 export function key (name, about, fn) { keys.set(name, { about, fn }) }
+/** Keys of one page that go before those of all: functions that say whether they took an event. */
+export const keysBefore = []
 const inField = e => e.target.closest?.('input:not([type=radio]):not([type=checkbox]):not([type=range]),textarea,select,[contenteditable=true]')
 let after = 0
 const singles = () => localStorage.getItem('mckibben-keys') !== 'off'
 
 function pressed (e) {
+  if (keysBefore.some(took => took(e))) { e.preventDefault(); e.stopImmediatePropagation(); return }
   if (e.key === 'Escape') {
     const moving = lab.status?.moving || !lab.open
     if (moving) { e.preventDefault(); e.stopPropagation(); emergency('Esc was pressed'); return }
@@ -373,17 +375,6 @@ addEventListener('DOMContentLoaded', () => {
   matchMedia('(prefers-color-scheme:dark)').addEventListener('change', () => theme(root.dataset.theme))
   setTimeout(() => theme(root.dataset.theme), 0)
   connect()
-})
-// While somebody types in a field, a page that is drawn anew leaves the words alone: Vue would put the old value back.
-addEventListener('focusin', e => {
-  const field = e.target
-  if (field.held || !field.matches?.('input:not([type=checkbox]):not([type=radio]):not([type=range]):not([type=file]),textarea')) return
-  const own = Object.getOwnPropertyDescriptor(Object.getPrototypeOf(field), 'value')
-  let typing = false
-  field.held = true
-  field.addEventListener('input', () => { typing = true })
-  for (const name of ['change', 'blur']) field.addEventListener(name, () => { typing = false })
-  Object.defineProperty(field, 'value', { configurable: true, get () { return own.get.call(this) }, set (v) { if (!typing) own.set.call(this, v) } })
 })
 addEventListener('pagehide', () => {
   remember()

@@ -1,4 +1,5 @@
 // The page The paper: rows with theirs and ours, filters, progress, and the figures as small pictures.
+import { notify } from './elements.js'
 import { key, link } from './lab.js'
 import { TS, clamp, escape, say } from './words.js'
 
@@ -134,7 +135,7 @@ function all () {
   if (all.rows !== now) { all.rows = now; rows(); if (!all.seen && chosen.row) { all.seen = true; centre() } }
 }
 function centre () { const box = $('.p-scroll'); const line = $('.p-root tr.sel'); if (box && line) box.scrollTop = line.offsetTop - box.clientHeight / 2 }
-const pick = detail => $('.p-root').dispatchEvent(new CustomEvent('pick', { detail }))
+const pick = detail => notify($('.p-root'), 'pick', detail)
 function chooseRow (id) {
   const r = fixed.rows.find(a => a.id === id); if (!r) return
   chosen = { row: id, figure: r.figures.includes(chosen.figure) ? chosen.figure : r.figures[0] ?? '' }

@@ -1,8 +1,9 @@
 // The page Recordings: its keys, and the time under the pointer, where a note is to go.
+import { notify } from './elements.js'
 import { key } from './lab.js'
 
 // The button of a note says where the pointer was last.
-document.addEventListener('click', e => e.target.closest?.('#note')?.dispatchEvent(new CustomEvent('lab-note', { detail: window.atCursor ?? null })), true)
+document.addEventListener('click', e => notify(e.target.closest?.('#note'), 'note', window.atCursor ?? null), true)
 const click = id => document.getElementById(id)?.click()
 key('n', 'note at the cursor', () => click('note'))
 key('/', 'search', () => document.getElementById('search')?.focus())

@@ -1,0 +1,163 @@
+"""What takes a while or goes to and fro: work in threads, and files that are read, sent and saved."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import shutil
+import tempfile
+import weakref
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..errors import MckibbenError
+from .elements import Element, call_script, page_document
+from .reader import ReaderProcess, is_small
+from .shelf import LARGEST, check_size, plain_name
+from .widgets import box, button, loading, raw, refused, text
+
+PROGRESS = 0.25  # time between two words on how far a file is read [s]
+AWAY = 5.0  # time for which a page may lose its line before what it reads is stopped [s]
+
+
+async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *given: Any) -> Any:
+    """Do what takes a while in another thread; `place` keeps its size and says what is done.
+
+    Returns:
+        What `work` returns; None where it was refused, with the sentence in the place.
+    """
+    place.clear()
+    with place, loading(words):
+        pass
+    try:
+        result = await asyncio.to_thread(work, *given)
+    except MckibbenError as error:
+        place.clear()
+        with place:
+            refused(str(error))
+        return None
+    place.clear()
+    return result
+
+
+async def read_with_progress(
+    place: Element, words: str, work: Callable[..., Any], path: Path, *given: Any, passes: int = 1
+) -> Any:
+    """Read a file, in a process of its own where it is large; `place` says how far it is, and has a button that stops it.
+
+    A page that is left for longer than `AWAY` stops it too.
+
+    Args:
+        place: keeps its size; empty afterwards.
+        words: that say what is done.
+        work: function of a module that is given the path and `given`.
+        path: the file.
+        given: further arguments.
+        passes: how often the function reads the file.
+
+    Raises:
+        MckibbenError: as `work` does, or that it was stopped.
+    """
+    place.clear()
+    if is_small(path):
+        with place, loading(words):
+            pass
+        try:
+            return await asyncio.to_thread(work, path, *given)
+        finally:
+            place.clear()
+    reader, document = ReaderProcess(work, path, *given, passes=passes), page_document()
+    with place, box("div", "reading").set(role="status"):
+        progress = text("span", words)
+        line = raw("<i></i>", "div", "line")
+        button("Stop reading", reader.stop, small=True)
+    done = asyncio.ensure_future(asyncio.to_thread(reader.result))
+    away = 0.0
+    try:
+        while not (await asyncio.wait({done}, timeout=PROGRESS))[0]:
+            away = 0.0 if document.connected else away + PROGRESS
+            if away > AWAY or document.closed:
+                reader.stop()
+                continue
+            left = "" if reader.left is None else f", about {reader.left:.0f}\u2009\u2060s left"
+            progress.say("Waiting for another file" if reader.waits else f"{words}{left}")
+            line.put(f'<i style="width:{100.0 * reader.share:.0f}%"></i>')
+        return done.result()
+    finally:
+        reader.stop()
+        place.clear()
+
+
+class IncomingFile:
+    """A file that a page sent: its name and a copy of its own, which is there until `close`, or until nobody has it."""
+
+    def __init__(self, name: str) -> None:
+        folder = Path(tempfile.mkdtemp(prefix="mckibben-"))
+        self.name = plain_name(name)
+        self.path = folder / f"given{Path(self.name).suffix.lower()}"
+        self.close = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+
+    def content(self) -> bytes:
+        """All of it; for small ones."""
+        return self.path.read_bytes()
+
+
+class UploadPlace:
+    """A place to drop a file, or to choose one.
+
+    Args:
+        words: that stand in it.
+        take: is given each `IncomingFile`, and may raise `InputError`.
+        endings: of the files that it takes.
+
+    Attributes:
+        element: the place itself.
+        words: the element of its words, which a page may change.
+        about: place above the words.
+    """
+
+    def __init__(self, words: str, take: Callable[[IncomingFile], object], endings: Sequence[str]) -> None:
+        self._take, self._endings = take, endings
+        with box("div", "drop") as self.element:
+            with box("div", "grow"):
+                self.about = box("div")
+                self.words = text("span", words)
+                self._answer = box("div")
+            self._picker = box("input").set(
+                type="file", accept=",".join(endings), data_most=LARGEST, hidden=True, tabindex=-1, aria_label=words
+            )
+            button("Choose", small=True).set(data_chooses=self._picker.number)
+        self._picker.on_value("rejected", self._rejected).on_value("came", self._came)
+        self.also(self.element)
+
+    def also(self, place: Element) -> None:
+        """Let files be dropped on another place too."""
+        place.set(data_takes=self._picker.number)
+
+    def _rejected(self, _: object) -> None:
+        kinds = ", ".join(self._endings)
+        self._say(f"the file has another ending than {kinds}, or more than {LARGEST >> 20} MB; nothing was stored")
+
+    def _say(self, sentence: str) -> None:
+        self._answer.clear()
+        with self._answer:
+            refused(sentence)
+
+    async def _came(self, file: IncomingFile) -> None:
+        self._answer.clear()
+        try:
+            check_size(file.name, file.path.stat().st_size, LARGEST)
+            result = self._take(file)
+            if asyncio.iscoroutine(result):
+                await result
+        except MckibbenError as error:
+            self._say(str(error))
+
+
+def download(name: str, data: bytes) -> None:
+    """Let the browser save something."""
+    document = page_document()
+    key = secrets.token_urlsafe(12)
+    document.downloads[key] = (name, data)
+    call_script("download", f"/download/{document.key}/{key}", name)
