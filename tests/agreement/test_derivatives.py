@@ -9,8 +9,7 @@ import jax
 import numpy as np
 import pytest
 
-from mckibben.identification.problem import Problem
-from mckibben.identification.solve import solve
+from mckibben.identification.problem import Problem, solve
 from mckibben.identification.uncertainty import uncertainty
 from mckibben.muscles.law import TensionLaw
 from mckibben.muscles.laws import LAWS, law_type

@@ -6,8 +6,8 @@ import functools
 import numpy as np
 
 from mckibben.batch import Output
-from mckibben.batch import recipe as recipes
 from mckibben.batch.run import Runner
+from mckibben.batch.run_template import make_template
 from mckibben.batch.variants import Variants, column
 from mckibben.bench.run import run
 from mckibben.experiments.read import parse_protocol, protocol
@@ -55,8 +55,8 @@ def whole(*names):
     return tuple(Output(name, "samples", name) for name in names)
 
 
-def recipe(what, columns, *, outputs=None, muscle="nylon", **more):
-    made = recipes.of(what, muscle, outputs=outputs or whole(*TRUE, *MEASURED), **more)
+def template(what, columns, *, outputs=None, muscle="nylon", **more):
+    made = make_template(what, muscle, outputs=outputs or whole(*TRUE, *MEASURED), **more)
     return dataclasses.replace(made, settings={path: made.setting(path) for path in columns})
 
 
@@ -72,7 +72,7 @@ def runner(made, variants):
 
 def single(one, variants, row):
     """The recording of a variant that is run by itself."""
-    return run(one.planner.kitchen.bench(variants.row(row)))
+    return run(one.planner.factory.bench(variants.row(row)))
 
 
 def same_as_single_runs(made, variants, rows, tolerance):

@@ -8,18 +8,18 @@ from lanes_and_runs import (
     MEASURED,
     TRUE,
     read,
-    recipe,
     runner,
     same_as_single_runs,
     single,
     step_protocol,
+    template,
     triangle_protocol,
     whole,
 )
 
-from mckibben.batch import Outcome, Output, Variants
+from mckibben.batch import Output, VariantOutcome, Variants
+from mckibben.batch.lanes import build
 from mckibben.batch.run import Runner
-from mckibben.batch.template import build
 from mckibben.bench.run import run
 from mckibben.errors import ConvergenceError, InputError
 
@@ -52,7 +52,7 @@ GOOD, REFUSED, STOPPED = (0, 1, 2), 3, 4
 
 @functools.cache
 def batch():
-    made = recipe(step_protocol(), COLUMNS, outputs=(*whole(*TRUE, *MEASURED), *REDUCED))
+    made = template(step_protocol(), COLUMNS, outputs=(*whole(*TRUE, *MEASURED), *REDUCED))
     variants = read(made, COLUMNS)
     one = runner(made, variants)
     return one, variants, one.run(variants)
@@ -68,7 +68,7 @@ def recording(row):
 def test_every_lane_is_the_run_of_its_variant(row):
     _, _, results = batch()
     count = int(np.isfinite(results.outputs["time"][row]).sum())
-    assert results.code[row] == Outcome.DONE
+    assert results.code[row] == VariantOutcome.DONE
     assert count == len(recording(row))
     np.testing.assert_allclose(results.outputs["time"][row][:count], recording(row).time, atol=1e-12)
     for name in (*TRUE, *MEASURED):
@@ -105,7 +105,7 @@ def test_reductions_are_those_of_the_recorded_channels(row):
 def test_a_lane_says_why_its_machine_stopped_as_its_run_does():
     one, variants, results = batch()
     meta = single(one, variants, STOPPED).meta
-    assert results.code[STOPPED] == Outcome.STOPPED and meta["result"] == "stopped"
+    assert results.code[STOPPED] == VariantOutcome.STOPPED and meta["result"] == "stopped"
     assert results.message[STOPPED] == meta["message"]
     samples = np.isfinite(results.outputs["time"][STOPPED]).sum()
     assert samples == len(single(one, variants, STOPPED))  # it is seen to vent, as in a run
@@ -114,8 +114,8 @@ def test_a_lane_says_why_its_machine_stopped_as_its_run_does():
 def test_a_variant_that_the_dry_run_refuses_says_what_the_run_would():
     one, variants, results = batch()
     with pytest.raises(InputError) as said:
-        run(one.planner.kitchen.bench(variants.row(REFUSED)))
-    assert results.code[REFUSED] == Outcome.REFUSED and results.message[REFUSED] == str(said.value)
+        run(one.planner.factory.bench(variants.row(REFUSED)))
+    assert results.code[REFUSED] == VariantOutcome.REFUSED and results.message[REFUSED] == str(said.value)
     assert results.duration[REFUSED] == 0.0
 
 
@@ -124,7 +124,7 @@ def test_a_lane_whose_physics_fails_gets_a_code_and_no_numbers():
     lane = len(COLUMNS["high"]) - 1
     with pytest.raises(ConvergenceError):
         single(one, variants, lane)
-    assert results.code[lane] in (Outcome.IMPOSSIBLE, Outcome.NOT_FINITE)
+    assert results.code[lane] in (VariantOutcome.IMPOSSIBLE, VariantOutcome.NOT_FINITE)
     assert "step" in results.message[lane] and np.isnan(results.outputs["most"][lane])
 
 
@@ -132,7 +132,7 @@ def test_bad_lanes_change_no_bit_of_the_others():
     one, variants, results = batch()
     rows = np.array([*GOOD, *GOOD])  # good ones in the place of the bad ones
     again = one.run(Variants({path: values[rows] for path, values in variants.columns.items()}))
-    assert (again.code == Outcome.DONE).all()
+    assert (again.code == VariantOutcome.DONE).all()
     for name, values in results.outputs.items():
         for row in GOOD:
             size = len(recording(row)) if values.ndim > 1 else 1
@@ -142,7 +142,7 @@ def test_bad_lanes_change_no_bit_of_the_others():
 def test_what_does_more_than_stand_in_the_machine_is_built_for_real():
     one, variants, _ = batch()
     assert one.planner.apart == {"high"}  # a table of set-points; all others are written into trees
-    first, *_ = (build(one.planner.kitchen, variants.row(row)) for row in (0, 1))
+    first, *_ = (build(one.planner.factory, variants.row(row)) for row in (0, 1))
     family = next(f for f in one.planner.families if f.fixed == first.fixed)
     # the law stands in the muscle, and in the volume of its gas
     assert [len(family.places[p]) for p in ("muscle.law.passive_stiffness", "rig.plumbing.direct.tube.length")] == [
@@ -157,7 +157,7 @@ def test_lanes_that_are_stiff_take_the_steps_of_their_runs():
         "rig.plumbing.direct.valve.flow": ["105 l/min", "600 l/min", "1500 l/min"],
         "rig.plumbing.direct.port_volume": ["2 cm^3", "1 cm^3", "0.1 cm^3"],
     }
-    made = recipe(step_protocol(), columns)
+    made = template(step_protocol(), columns)
     # the stiff method solves linear systems, whose pivots a batch rounds otherwise: 1.3e-11 was measured
     _, results = same_as_single_runs(made, read(made, columns), (0, 1, 2), 1e-10)
     assert (results.code == 0).all()
@@ -166,7 +166,7 @@ def test_lanes_that_are_stiff_take_the_steps_of_their_runs():
 @pytest.mark.slow
 def test_lanes_with_a_motor_and_its_control_are_their_runs():
     columns = {"muscle.law.passive_stiffness": ["3.5 N/cm", "4 N/cm"], "rig.control.force.kp": ["0.3", "0.35"]}
-    made = recipe(triangle_protocol(), columns)
+    made = template(triangle_protocol(), columns)
     same_as_single_runs(made, read(made, columns), (0, 1), ROUNDING)
 
 
@@ -178,7 +178,7 @@ def test_accounts_and_balances_are_those_of_the_runs_recording():
         Output("mass", "balance", "mass"),
         Output("enthalpy", "account", "enthalpy"),
     )
-    made = recipe(step_protocol(), columns, outputs=outputs)
+    made = template(step_protocol(), columns, outputs=outputs)
     variants = read(made, columns)
     one = runner(made, variants)
     results = one.run(variants)
@@ -198,6 +198,6 @@ def _net_enthalpy(meta):
 
 
 def test_an_engine_that_there_is_not_is_refused():
-    made = recipe(step_protocol(), {}, outputs=(Output("x", "max", "tension"),))
+    made = template(step_protocol(), {}, outputs=(Output("x", "max", "tension"),))
     with pytest.raises(InputError, match="Known are auto, native, gpu, xla"):
         Runner(made, {}, engine="fast")

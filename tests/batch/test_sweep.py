@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from lanes_and_runs import STEP
 
-from mckibben.batch import Outcome
-from mckibben.batch.distribute import Workers
+from mckibben.batch import VariantOutcome
 from mckibben.batch.drive import run_sweep
 from mckibben.batch.store import read_results
 from mckibben.batch.sweep import run_batch
 from mckibben.batch.sweep_file import read_sweep
+from mckibben.batch.workers import Workers
 from mckibben.errors import InputError
 
 FILE = """
@@ -83,7 +83,7 @@ def test_a_sweep_that_is_interrupted_goes_on_and_runs_nothing_twice(tmp_path):
     with pytest.raises(StopError):
         run_sweep(sweep, out, workers=SERIAL, progress=stop_after(1))
     _, part = read_results(out)
-    assert (part.code == Outcome.NOT_RUN).sum() == 6 and (part.code[:4] == Outcome.DONE).all()
+    assert (part.code == VariantOutcome.NOT_RUN).sum() == 6 and (part.code[:4] == VariantOutcome.DONE).all()
     report = run_sweep(sweep, out, workers=SERIAL)
     assert (report.runs, report.new, report.failed) == (10, 6, 0)
     assert run_sweep(sweep, out, workers=SERIAL).new == 0
@@ -135,7 +135,7 @@ def test_a_disk_without_room_is_said_before_anything_runs(tmp_path, monkeypatch)
 def test_a_store_of_another_sweep_is_left_alone(tmp_path):
     sweep, _ = at_once()
     run_sweep(sweep, tmp_path, workers=SERIAL)
-    other = dataclasses.replace(sweep, recipe=dataclasses.replace(sweep.recipe, noise_seed=1))
+    other = dataclasses.replace(sweep, template=dataclasses.replace(sweep.template, noise_seed=1))
     with pytest.raises(InputError, match="another sweep"):
         run_sweep(other, tmp_path, workers=SERIAL)
     renamed = dataclasses.replace(sweep, block=2, engine="xla")  # decide nothing

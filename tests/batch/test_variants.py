@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lanes_and_runs import recipe, step_protocol
+from lanes_and_runs import step_protocol, template
 
 from mckibben.batch import crossed, grid, latin, listed
 from mckibben.batch.posterior import draws, of_json, of_samples
@@ -47,7 +47,7 @@ def test_crossing_makes_every_pair_of_rows_and_no_path_varies_twice():
 
 @functools.cache
 def made():
-    return recipe(step_protocol(), ["muscle.law.passive_stiffness", "rig.control.force.kp", "high"])
+    return template(step_protocol(), ["muscle.law.passive_stiffness", "rig.control.force.kp", "high"])
 
 
 @given(st.floats(1e-9, 1e9))

@@ -99,7 +99,7 @@ def test_a_dry_run_says_what_would_be_run_and_writes_nothing(run, tmp_path):
 
 
 def test_ctrl_c_leaves_a_store_that_goes_on(run, monkeypatch):
-    from mckibben.batch.distribute import Serial
+    from mckibben.batch.workers import SerialTeam
 
     def interrupted(self, work, blocks, tell):
         for block in blocks[:1]:
@@ -108,7 +108,7 @@ def test_ctrl_c_leaves_a_store_that_goes_on(run, monkeypatch):
 
     text = FILE + "[run]\nblock = 2\n"
     with monkeypatch.context() as patch:
-        patch.setattr(Serial, "run", interrupted)
+        patch.setattr(SerialTeam, "run", interrupted)
         code, out, err = run('["1 bar", "2 bar", "3 bar"]', "--json", text=text)
     assert (code, out) == (130, "") and "the same command goes on" in err
     code, out, _ = run('["1 bar", "2 bar", "3 bar"]', "--json", text=text)

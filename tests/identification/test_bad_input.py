@@ -9,8 +9,7 @@ import pytest
 
 from mckibben.errors import InputError
 from mckibben.identification import Fit, fit, fit_all, rank
-from mckibben.identification.problem import Problem
-from mckibben.identification.solve import solve
+from mckibben.identification.problem import Problem, solve
 from mckibben.muscles import law_from_specimen
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap

@@ -10,7 +10,7 @@ from mckibben.assembly.circuit_file import read_circuit
 from mckibben.engine import held, ramped
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.identification import Trial, fit_circuit
-from mckibben.identification.records import trial_from_record
+from mckibben.identification.trial import trial_from_record
 from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.heat import Isothermal
 from mckibben.pneumatics.tubes import LinearTube

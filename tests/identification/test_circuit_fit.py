@@ -12,7 +12,7 @@ from mckibben.assembly.circuit_file import read_circuit
 from mckibben.bench.circuit_run import run_circuit
 from mckibben.engine import held, ramped
 from mckibben.identification import CircuitFit, Trial, fit_circuit
-from mckibben.identification.records import trial_from_record
+from mckibben.identification.trial import trial_from_record
 from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.heat import Isothermal
 from mckibben.pneumatics.leak import Leak

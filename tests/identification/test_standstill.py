@@ -12,8 +12,8 @@ from mckibben.engine import held
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.identification import Trial, fit, fit_all, fit_circuit
 from mckibben.identification import hysteresis_fit as loops
-from mckibben.identification.checks import require_progress
-from mckibben.identification.circuit_problem import CircuitProblem
+from mckibben.identification._checks import require_progress
+from mckibben.identification.circuit_fit import CircuitProblem
 from mckibben.identification.path_record import PathRecord
 from mckibben.identification.problem import Problem
 from mckibben.pneumatics.circuit import Branch, Circuit

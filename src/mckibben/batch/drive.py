@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .distribute import Block, Job, Workers
-from .outcome import Outcome
+from .outputs import VariantOutcome
 from .store import opened, zarr_library
 from .sweep import Sweep, codes_of
+from .workers import SweepJob, VariantBlock, Workers
 
 Progress = Callable[[float, int], None]  # variants that are done, of all
 
 
-class Report(NamedTuple):
+class SweepReport(NamedTuple):
     """What became of a sweep.
 
     Attributes:
@@ -50,7 +50,7 @@ def run_sweep(
     *,
     workers: Workers | None = None,
     progress: Progress = lambda done, total: None,
-) -> Report:
+) -> SweepReport:
     """Run what the store in a folder does not have yet.
 
     A keyboard interrupt leaves a store from which the next call goes on.
@@ -58,7 +58,7 @@ def run_sweep(
     Args:
         sweep: what to run.
         out: folder.
-        workers: where; a Dask cluster on this machine where left out.
+        workers: where; a DaskTeam cluster on this machine where left out.
         progress: told how far it is.
 
     Raises:
@@ -74,11 +74,11 @@ def run_sweep(
     block = sweep.sized(team_of.count, first.bench.plan.samples)
     new, simulated = 0, 0.0
     with opened(out, sweep, block) as store:
-        todo = [Block(part, sweep.variants[part]) for part in store.missing()]
+        todo = [VariantBlock(part, sweep.variants[part]) for part in store.missing()]
         already = store.count - sum(b.part.stop - b.part.start for b in todo)
         progress(already, store.count)
         if todo:
-            job = Job.of(sweep, threads=0 if team_of.way == "serial" else 1)
+            job = SweepJob.of(sweep, threads=0 if team_of.way == "serial" else 1)
             with team_of.open() as team:
                 sizes = [b.part.stop - b.part.start for b in todo]
 
@@ -91,8 +91,8 @@ def run_sweep(
                     simulated += float(np.sum(results.duration))
                     progress(already + new, store.count)
         codes = store.codes()
-    there = codes != Outcome.NOT_RUN
-    return Report(
-        runs=int(there.sum()), new=new, failed=int((there & (codes != Outcome.DONE)).sum()), codes=codes_of(codes),
+    there = codes != VariantOutcome.NOT_RUN
+    return SweepReport(
+        runs=int(there.sum()), new=new, failed=int((there & (codes != VariantOutcome.DONE)).sum()), codes=codes_of(codes),
         store=str(store.path), seconds=time.perf_counter() - begun, muscle_seconds=simulated,
     )  # fmt: skip

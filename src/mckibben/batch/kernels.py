@@ -19,13 +19,13 @@ from ..bench import channels
 from ..bench.hardware.plant import InstrumentedPlant
 from ..engine import sampled
 from ..engine.native import EngineFunction, compile_function
-from . import rest, tally
-from .outputs import Output
+from ..engine.signals import Signal, Value
+from .outputs import ChunkSamples, CountedSamples, Output, RunningTotals, add_samples, count_samples
 
 SHOWN = ("running", "record", "code", "missed", "step")
 
 
-class Unaccounted(InstrumentedPlant):
+class PlantWithoutAccounts(InstrumentedPlant):
     """A machine of which nobody asks the balances: three times as fast without their integrals."""
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
@@ -33,7 +33,7 @@ class Unaccounted(InstrumentedPlant):
         return {}
 
 
-class Seen(NamedTuple):
+class ChunkResult(NamedTuple):
     """Of a chunk, for every lane: what decides how it goes on, and the samples that are asked for.
 
     Attributes:
@@ -49,13 +49,13 @@ class Seen(NamedTuple):
     fastest: Any
     sound: Any
     finite: Any
-    counted: tally.Counted
+    counted: CountedSamples
     stop: dict[str, Any]
     samples: dict[str, Any]
     step: Any
 
 
-class Kind(NamedTuple):
+class KernelKey(NamedTuple):
     """What one compiled function is made for.
 
     Attributes:
@@ -83,7 +83,7 @@ class Kind(NamedTuple):
     threads: int = 0
 
 
-class Physics(NamedTuple):
+class ChunkPhysics(NamedTuple):
     """A chunk of samples of a lane as the physics gives it, before anything is counted.
 
     Attributes:
@@ -105,14 +105,14 @@ class Physics(NamedTuple):
     finite: Any
 
 
-class Kernels:
+class LaneKernels:
     """The compiled functions of one kind, in which lanes come first.
 
     The chunk of samples runs in native kernels where it can be lowered; by XLA else. What is made of its samples, and the
     beginning of a part, always is XLA's.
     """
 
-    def __init__(self, kind: Kind) -> None:
+    def __init__(self, kind: KernelKey) -> None:
         self.kind = kind
         self._leaves = tuple(None if s else 0 for s in kind.shared)
         self._rows = 0 if kind.seeds else None
@@ -128,8 +128,8 @@ class Kernels:
 
     def march(
         self, leaves: Sequence[Any], carry: Any, sums: Any, rows: Any, *, period: float, inner: int, stiff: bool
-    ) -> tuple[Any, Any, Seen]:
-        """A chunk of samples of every lane: the carry and the tally afterwards, and what was seen."""
+    ) -> tuple[Any, Any, ChunkResult]:
+        """A chunk of samples of every lane: the carry and the totals afterwards, and what was seen."""
         native = self._lowered(leaves, carry, rows, period, inner, stiff)
         if native is None:
             after, new, seen = self._by_xla(tuple(leaves), carry, sums, rows, period, inner, stiff)
@@ -160,20 +160,20 @@ class Kernels:
 
     def _called(
         self, native: EngineFunction, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int
-    ) -> Physics:
+    ) -> ChunkPhysics:
         """A chunk in native kernels, which have the lanes last."""
         last = [x if s else np.moveaxis(x, 0, -1) for x, s in zip(leaves, self.kind.shared, strict=True)]
         own = jax.tree.map(lambda x: np.moveaxis(np.asarray(x), 0, -1), carry)
         given = jax.tree.map(lambda x: np.moveaxis(x, 0, -1), rows) if self.kind.seeds else rows
         lanes = jax.tree.leaves(carry)[0].shape[0]
-        found: Physics = native(
+        found: ChunkPhysics = native(
             tuple(last), own, given, np.float64(period), np.int64(inner), lanes=lanes, threads=self.kind.threads or None
         )
         return found
 
     def _begin_lane(self, leaves: Any, row: Any, lane: Any) -> Any:
         tree = self.tree(leaves)
-        return rest.begin(tree["plant"], tree["software"], tree["pressure"], self.kind.depth, row)
+        return at_rest(tree["plant"], tree["software"], tree["pressure"], self.kind.depth, row)
 
     def _all(self, leaves: Any, carry: Any, sums: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> Any:
         """Physics and counting of all lanes in one function of XLA's."""
@@ -184,18 +184,20 @@ class Kernels:
 
         return jax.vmap(one, in_axes=(self._leaves, 0, 0, self._rows))(leaves, carry, sums, rows)
 
-    def _counted_lane(self, leaves: Any, sums: tally.Tally, done: Physics, period: Any) -> tuple[tally.Tally, Seen]:
+    def _counted_lane(
+        self, leaves: Any, sums: RunningTotals, done: ChunkPhysics, period: Any
+    ) -> tuple[RunningTotals, ChunkResult]:
         """What is made of the samples of a chunk of one lane."""
         windows, kind, shown = self.tree(leaves)["windows"], self.kind, done.shown
-        new, counted = tally.count(sums, shown, kind.every)
-        look = tally.Look(done.channels, shown)
-        new = tally.add(new, kind.outputs, look, windows, counted.kept, period, kind.every)
+        new, counted = count_samples(sums, shown, kind.every)
+        look = ChunkSamples(done.channels, shown)
+        new = add_samples(new, kind.outputs, look, windows, counted.kept, period, kind.every)
         stop = {**done.stop, "code": jnp.max(shown["code"])}
         kept = {n: done.channels[n] for n in kind.kept}
-        return new, Seen(done.fastest, done.sound, done.finite, counted, stop, kept, shown["step"].astype(int))
+        return new, ChunkResult(done.fastest, done.sound, done.finite, counted, stop, kept, shown["step"].astype(int))
 
 
-def physics(kind: Kind, leaves: Any, carry: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> Physics:
+def physics(kind: KernelKey, leaves: Any, carry: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> ChunkPhysics:
     """A chunk of samples of one lane, straight-line but for its counted loops."""
     tree = _tree(kind, leaves)
     sampled_ = (c for o in kind.outputs if o.sampled for c in (o.channel, o.over) if c)
@@ -220,14 +222,14 @@ def physics(kind: Kind, leaves: Any, carry: Any, rows: Any, period: Any, inner: 
     begun = carry, jnp.asarray(True), nothing
     (after, _, stop), (found, shown, rate_bound, sound) = jax.lax.scan(one, begun, rows)
     finite = [jnp.isfinite(x).all() for x in jax.tree.leaves((after.state, after.memory))]
-    return Physics(after, found, shown, stop, jnp.max(rate_bound), jnp.all(sound), jnp.stack(finite).all())
+    return ChunkPhysics(after, found, shown, stop, jnp.max(rate_bound), jnp.all(sound), jnp.stack(finite).all())
 
 
-def _tree(kind: Kind, leaves: Sequence[Any]) -> dict[str, Any]:
+def _tree(kind: KernelKey, leaves: Sequence[Any]) -> dict[str, Any]:
     tree: dict[str, Any] = jax.tree.unflatten(kind.structure, leaves)
     if not kind.accounts:
         plant = tree["plant"]
-        tree["plant"] = Unaccounted(
+        tree["plant"] = PlantWithoutAccounts(
             machine=plant.machine, sensors=plant.sensors, tested=plant.tested, converters=plant.converters
         )
     return tree
@@ -254,3 +256,24 @@ def channels_of(seen: sampled.SampleResult) -> Mapping[str, Any]:
     found |= {channels.INPUTS[n]: v for n, v in seen.commands.items()}
     true = {channels.RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(channels.CONSTANT)}
     return found | true
+
+
+def at_rest(plant: InstrumentedPlant, software: Any, pressure: Any, depth: int, row: Any) -> sampled.Carry:
+    """What goes into the first sample of a part, where a gauge pressure [Pa] has lasted; as `bench.segment` begins one.
+
+    Args:
+        plant: the machine behind its converters.
+        software: what commands it.
+        pressure: in every volume, and asked of the valve [Pa].
+        depth: of the history of commands, in samples.
+        row: of a sample without noise.
+    """
+    commands = {"valve": pressure, "motor": jnp.zeros(()), "open": jnp.ones(())}
+    held = {n: Signal(jnp.full((2,), v)) for n, v in plant.convert(commands).items()}
+    inputs = {n: Value(s.values[0], jnp.zeros(())) for n, s in plant.commands(held).items()}
+    room = plant.machine.environment.pressure_abs
+    state, memory = plant.machine.at_rest(dict.fromkeys(plant.machine.circuit.chambers, room + pressure), inputs)
+    seen = plant.seen(state, memory, inputs)
+    whole = {"machine": state, "sensors": {n: s.initial(seen[n]) for n, s in plant.sensors.items()}}
+    carry = sampled.rest(plant, (whole, memory), commands, depth)
+    return sampled.with_software(plant, software, carry, row)

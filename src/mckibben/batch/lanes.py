@@ -1,8 +1,12 @@
-"""Which variants can share one compiled function, and the arrays of each of them.
+"""Variants as lanes: which of them can share one compiled function, and the arrays of each of them.
 
-Variants are put into groups whose trees have one structure. In a group few variants are built for real; the others are
-written into their trees (`template`). The dry run judges every one: where only the muscle differs and nothing in a protocol
-waits for an event, the law's tension at all planned states decides, else the dry run itself.
+Variants are put into groups whose trees have one structure. In a group few variants are built for real, which takes a tenth
+of a second each; the others are written into their trees: where a parameter is found to be set, unchanged, at some places of
+the trees and nowhere else, its values are written there. What it sets is found by building two variants that differ in it
+alone; that the trees of others come out right, bit for bit, is checked on some of them.
+
+The dry run judges every variant: where only the muscle differs and nothing in a protocol waits for an event, the law's
+tension at all planned states decides, else the dry run itself.
 """
 
 from __future__ import annotations
@@ -12,29 +16,160 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
+from ..assembly.machine import Machine
+from ..bench.hardware.computer import Timing
 from ..bench.hardware.pneumatics import MUSCLE
+from ..bench.prepare import PreparedRun, RunSegment
+from ..bench.segment import software_of, timing_of, with_friction_scale
+from ..bench.software.loop import BenchSoftware
 from ..errors import InputError
 from ..experiments.dry_run import check, states
-from .recipe import KEPT, Kitchen, Recipe
-from .template import Fixed, Places, Template, build, places, same_leaves
+from .run_template import KEPT, RunFactory, RunTemplate
 from .variants import Variants, power
 
 CHECKED = 2  # variants of a new structure that are built for real, to compare
 NEAR = 1e-9  # of the allowed tension: the dry run itself decides there
 MOST_STATES = 65_536  # planned states at which tensions are compared at once
+STEPS = 64  # of a part, to which the tables of windows are padded, or 16 times as many
 
 
-class Lane(NamedTuple):
+class LaneStructure(NamedTuple):
+    """What lanes of one compiled function have in common and no array holds.
+
+    Attributes:
+        structures: of the trees of every part.
+        shapes: of the arrays of every part.
+        timing: of the loop; its latency is an array of the trees.
+        every: samples of the loop per sample of the protocol.
+    """
+
+    structures: tuple[Any, ...]
+    shapes: tuple[Any, ...]
+    timing: Timing
+    every: int
+
+
+class BuiltVariant(NamedTuple):
+    """A variant that was built for real.
+
+    Attributes:
+        bench: of it.
+        machines: of every part.
+        parts: of the plan.
+        fixed: what other lanes must have too.
+        leaves: arrays of every part.
+        guard: what the dry run looked at beside the muscle; a parameter that changes it is none that a lane can be given.
+    """
+
+    bench: PreparedRun
+    machines: tuple[Machine, ...]
+    parts: tuple[RunSegment, ...]
+    fixed: LaneStructure
+    leaves: tuple[tuple[np.ndarray, ...], ...]
+    guard: tuple[Any, ...]
+
+
+def build(factory: RunFactory, values: Mapping[str, Any]) -> BuiltVariant:
+    """A variant.
+
+    Args:
+        factory: of the batch.
+        values: by path.
+
+    Raises:
+        InputError: names what is unknown or out of bounds.
+    """
+    bench = factory.bench(values)
+    timing = timing_of(bench)
+    parts = tuple(bench.segments())
+    machines, leaves, structures = [], [], []
+    for part in parts:
+        rig = bench.rig
+        machine = rig.machine(
+            part.layout, with_friction_scale(bench.unit, part.friction), start=part.start_span, moves=part.moves
+        )  # fmt: skip
+        tree = {
+            "plant": rig.plant(machine, part.layout, mounted=part.start_span),
+            "software": _trimmed(software_of(bench, part, timing), part),
+            "pressure": jnp.asarray(part.start_pressure, float),
+            "latency": jnp.asarray(timing.latency, float),
+            "windows": _windows(factory, part),
+        }
+        found, structure = jax.tree.flatten(tree)
+        machines.append(machine)
+        leaves.append(tuple(np.asarray(leaf) for leaf in found))
+        structures.append(structure)
+    shapes = tuple(tuple((x.shape, str(x.dtype)) for x in part) for part in leaves)
+    fixed = LaneStructure(tuple(structures), shapes, timing._replace(latency=0.0), bench.every)
+    limits = bench.rig.limits(bench.layout)
+    guard = (bench.layout, bench.plan.rest_length, [len(bench.plan.steps), bench.plan.samples], str(limits))
+    return BuiltVariant(bench, tuple(machines), parts, fixed, tuple(leaves), guard)
+
+
+def _trimmed(software: BenchSoftware, part: RunSegment) -> BenchSoftware:
+    """With tables of set-points as long as the part needs, for there may be one for every lane."""
+    size = 1024
+    while size < sum(s.count for s in part.steps):
+        size *= 2
+    own: Any = software.sequencer
+    table = {n: v[:size] if len(v) >= size else np.pad(v, (0, size - len(v))) for n, v in own.table.items()}
+    trimmed: BenchSoftware = software.replace(sequencer=own.replace(table=table))
+    return trimmed
+
+
+def _windows(factory: RunFactory, part: RunSegment) -> dict[str, np.ndarray]:
+    """Of every output, at which steps of the part it looks (steps,)."""
+    size = STEPS
+    while size < len(part.steps):
+        size *= 16
+    found = {}
+    for one in factory.template.outputs:
+        if one.sampled:
+            chosen = [not one.step or s.step.label == one.step for s in part.steps]
+            found[one.name] = np.pad(np.array(chosen), (0, size - len(chosen)))
+    return found
+
+
+Places = tuple[tuple[int, int], ...]  # part and number of each array that a parameter sets
+
+
+def places(one: BuiltVariant, a: float, other: BuiltVariant, b: float) -> Places | None:
+    """Where a parameter stands that is `a` in one variant and `b` in another; None where it does more than stand there."""
+    if one.fixed != other.fixed or one.guard != other.guard:
+        return None
+    found = []
+    for part, (mine, theirs) in enumerate(zip(one.leaves, other.leaves, strict=True)):
+        for i, (x, y) in enumerate(zip(mine, theirs, strict=True)):
+            if _same(x, y):
+                continue
+            if x.dtype != float or not (np.all(x == a) and np.all(y == b)):
+                return None
+            found.append((part, i))
+    return tuple(found)
+
+
+def same_leaves(one: tuple[tuple[np.ndarray, ...], ...], other: tuple[tuple[np.ndarray, ...], ...]) -> bool:
+    """Whether two variants are the same, bit for bit."""
+    pairs = [(x, y) for a, b in zip(one, other, strict=True) for x, y in zip(a, b, strict=True)]
+    return all(_same(x, y) for x, y in pairs)
+
+
+def _same(x: np.ndarray, y: np.ndarray) -> bool:
+    return x.shape == y.shape and bool(np.array_equal(x, y, equal_nan=x.dtype == float))
+
+
+class VariantLane(NamedTuple):
     """One variant that may run: its row, the template it is made from, and its arrays where they were written."""
 
     row: int
-    template: Template
+    built: BuiltVariant
     values: Mapping[str, float]
 
 
-class Group(NamedTuple):
+class LaneGroup(NamedTuple):
     """Variants that one compiled function runs.
 
     Attributes:
@@ -42,21 +177,21 @@ class Group(NamedTuple):
         lanes: them.
     """
 
-    family: Family
-    lanes: list[Lane]
+    family: VariantFamily
+    lanes: list[VariantLane]
 
 
-class Family:
+class VariantFamily:
     """All variants of one structure, and what is known of their parameters."""
 
-    def __init__(self, fixed: Fixed) -> None:
+    def __init__(self, fixed: LaneStructure) -> None:
         self.fixed = fixed
         self.places: dict[str, Places] = {}
         self.checked = False
         # of every array, whether it was the same in all lanes so far: what once differed is given per lane from then on
         self.shared = [np.ones(len(part), bool) for part in fixed.shapes]
 
-    def write(self, template: Template, values: Mapping[str, float]) -> tuple[tuple[np.ndarray, ...], ...]:
+    def write(self, template: BuiltVariant, values: Mapping[str, float]) -> tuple[tuple[np.ndarray, ...], ...]:
         """The arrays of a variant."""
         leaves = [list(part) for part in template.leaves]
         for path, value in values.items():
@@ -64,11 +199,11 @@ class Family:
                 leaves[part][i] = np.full_like(leaves[part][i], value)
         return tuple(tuple(part) for part in leaves)
 
-    def stacked(self, lanes: Sequence[Lane], part: int) -> list[np.ndarray]:
+    def stacked(self, lanes: Sequence[VariantLane], part: int) -> list[np.ndarray]:
         """The arrays of a part of all lanes: those that are shared as they are, the others with the lanes first."""
-        templates = list({id(lane.template): lane.template for lane in lanes}.values())
+        templates = list({id(lane.built): lane.built for lane in lanes}.values())
         number = {id(t): i for i, t in enumerate(templates)}
-        which = np.array([number[id(lane.template)] for lane in lanes])
+        which = np.array([number[id(lane.built)] for lane in lanes])
         written: dict[int, list[str]] = {}
         for path in lanes[0].values:
             for at, i in self.places[path]:
@@ -90,17 +225,17 @@ class Family:
         return found
 
 
-class Planner:
-    """Makes lanes of the variants of a recipe; remembers what it found out."""
+class LanePlanner:
+    """Makes lanes of the variants of a run_template; remembers what it found out."""
 
-    def __init__(self, recipe: Recipe, ranges: Mapping[str, tuple[float, float]]) -> None:
-        self.recipe, self.ranges = recipe, ranges
-        self.kitchen = Kitchen(recipe)
-        self.families: list[Family] = []
-        self._templates: dict[tuple[Any, ...], Template] = {}
+    def __init__(self, run_template: RunTemplate, ranges: Mapping[str, tuple[float, float]]) -> None:
+        self.run_template, self.ranges = run_template, ranges
+        self.factory = RunFactory(run_template)
+        self.families: list[VariantFamily] = []
+        self._templates: dict[tuple[Any, ...], BuiltVariant] = {}
         self.apart: set[str] = set()  # paths that do more than stand in a tree: every value is built for real
 
-    def plan(self, variants: Variants) -> tuple[dict[int, str], list[Group]]:
+    def plan(self, variants: Variants) -> tuple[dict[int, str], list[LaneGroup]]:
         """What is wrong with some variants, by row, and the groups of the others."""
         while True:
             before = len(self.apart)
@@ -108,10 +243,10 @@ class Planner:
             if len(self.apart) == before:
                 return refused, groups
 
-    def _plan(self, variants: Variants) -> tuple[dict[int, str], list[Group]]:
+    def _plan(self, variants: Variants) -> tuple[dict[int, str], list[LaneGroup]]:
         before = len(self.apart)
         refused: dict[int, str] = {}
-        groups: dict[int, Group] = {}
+        groups: dict[int, LaneGroup] = {}
         for rows in self._alike(variants):
             built = self._built(variants, rows, refused)
             if built is None:
@@ -123,11 +258,11 @@ class Planner:
                 return refused, []
             lanes = self._judged(family, built, variants, rows, refused)
             for lane in lanes:
-                own = self._family(lane.template, variants.row(lane.row))
-                groups.setdefault(id(own), Group(own, [])).lanes.append(lane)
+                own = self._family(lane.built, variants.row(lane.row))
+                groups.setdefault(id(own), LaneGroup(own, [])).lanes.append(lane)
         return refused, list(groups.values())
 
-    def _built(self, variants: Variants, rows: list[int], refused: dict[int, str]) -> Template | None:
+    def _built(self, variants: Variants, rows: list[int], refused: dict[int, str]) -> BuiltVariant | None:
         """A template for some rows, perhaps of an earlier block; rows of which none can be made are refused and go."""
         while rows:
             values = variants.row(rows[0])
@@ -135,7 +270,7 @@ class Planner:
             if (key, len(self.apart)) in self._templates:
                 return self._templates[key, len(self.apart)]
             try:
-                built = build(self.kitchen, values)
+                built = build(self.factory, values)
             except InputError as error:
                 refused[rows.pop(0)] = str(error)
                 continue
@@ -157,13 +292,13 @@ class Planner:
             found.setdefault(tuple(v[row] for v in fixed), []).append(row)
         return found.values()
 
-    def _family(self, built: Template, values: Mapping[str, Any]) -> Family:
+    def _family(self, built: BuiltVariant, values: Mapping[str, Any]) -> VariantFamily:
         """The family of a template; of a new one it is found out where its parameters stand."""
         for family in self.families:
             if family.fixed == built.fixed:
                 break
         else:
-            family = Family(built.fixed)
+            family = VariantFamily(built.fixed)
             self.families.append(family)
         for path, value in values.items():
             if isinstance(value, str) or path in self.apart or path in family.places:
@@ -175,7 +310,7 @@ class Planner:
                 continue
             found = None
             try:
-                found = places(built, value, build(self.kitchen, {**values, path: other}), other)
+                found = places(built, value, build(self.factory, {**values, path: other}), other)
             except InputError:
                 pass  # allowed alone, but not with the others of this variant
             if found is None:
@@ -184,13 +319,13 @@ class Planner:
                 family.places[path] = found
         return family
 
-    def _check(self, family: Family, built: Template, variants: Variants, rows: Sequence[int]) -> bool:
+    def _check(self, family: VariantFamily, built: BuiltVariant, variants: Variants, rows: Sequence[int]) -> bool:
         """Whether written trees are those of variants that are built; else all paths are set apart."""
         free = self._free(variants)
         for row in rows[:: max(1, len(rows) // CHECKED)][:CHECKED] if free else ():
             values = variants.row(row)
             try:
-                real = build(self.kitchen, values)
+                real = build(self.factory, values)
             except InputError:
                 continue
             if real.fixed != built.fixed or any(p not in family.places for p in free):
@@ -202,11 +337,16 @@ class Planner:
         return True
 
     def _judged(
-        self, family: Family, built: Template, variants: Variants, rows: Sequence[int], refused: dict[int, str]
-    ) -> list[Lane]:
+        self,
+        family: VariantFamily,
+        built: BuiltVariant,
+        variants: Variants,
+        rows: Sequence[int],
+        refused: dict[int, str],
+    ) -> list[VariantLane]:
         """The lanes of rows that a template stands for; those against which something speaks are refused."""
         free = self._free(variants)
-        lanes = [Lane(r, built, {p: float(variants.columns[p][r]) for p in free}) for r in rows]
+        lanes = [VariantLane(r, built, {p: float(variants.columns[p][r]) for p in free}) for r in rows]
         muscle = [p for p in free if p.startswith("muscle.") and self.ranges[p][0] != self.ranges[p][1]]
         findings, accepted = built.bench.findings, built.bench.accepted
         if not muscle:
@@ -224,14 +364,14 @@ class Planner:
                 kept.append(found)
         return kept
 
-    def _looked_at(self, lane: Lane, variants: Variants, refused: dict[int, str]) -> Lane | None:
+    def _looked_at(self, lane: VariantLane, variants: Variants, refused: dict[int, str]) -> VariantLane | None:
         """A lane that the dry run itself judged."""
         values = variants.row(lane.row)
         try:
-            bench = self.kitchen.bench(values)
+            bench = self.factory.bench(values)
             check(list(bench.findings))
-            if bench.accepted or lane.template.bench.accepted or lane.template.bench.findings:
-                return Lane(lane.row, build(self.kitchen, values), lane.values)
+            if bench.accepted or lane.built.bench.accepted or lane.built.bench.findings:
+                return VariantLane(lane.row, build(self.factory, values), lane.values)
         except InputError as error:
             refused[lane.row] = str(error)
             return None
@@ -246,7 +386,7 @@ def _against(findings: Sequence[Any]) -> str:
     return ""
 
 
-def _doubtful(family: Family, built: Template, lanes: Sequence[Lane]) -> np.ndarray:
+def _doubtful(family: VariantFamily, built: BuiltVariant, lanes: Sequence[VariantLane]) -> np.ndarray:
     """Which lanes the dry run itself has to judge (lanes,): all, unless a tension is all that the muscle decides."""
     plan, limits = built.bench.plan, built.bench.rig.limits(built.bench.layout)
     machine = built.machines[0]

@@ -16,27 +16,26 @@ import numpy as np
 
 from ..bench.segment import AFTER_STOP, CHUNK, SensorNoise
 from ..engine.sampled import Steps
-from . import tally
-from .kernels import Kernels, Seen
-from .outcome import Outcome
+from .kernels import ChunkResult, LaneKernels
+from .outputs import RunningTotals, VariantOutcome
 
 LEAST_LANES = 8  # of a call: fewer cost as much
 
 
-class Failed(NamedTuple):
+class LaneFailure(NamedTuple):
     """What became of a lane that did not reach its end."""
 
-    outcome: Outcome
+    outcome: VariantOutcome
     message: str
 
 
-class Marched(NamedTuple):
+class MarchedPart(NamedTuple):
     """A part of all lanes.
 
     Attributes:
         begun: carries at its beginning.
         carry: carries at its end.
-        tally: afterwards.
+        totals: afterwards.
         failed: by lane.
         stopped: by lane: what was seen at the sample at which the machine stopped, with its time [s].
         samples: kept channels, each (lanes, samples).
@@ -46,15 +45,15 @@ class Marched(NamedTuple):
 
     begun: Any
     carry: Any
-    tally: tally.Tally
-    failed: dict[int, Failed]
+    totals: RunningTotals
+    failed: dict[int, LaneFailure]
     stopped: dict[int, dict[str, float]]
     samples: dict[str, np.ndarray]
     counted: np.ndarray
     step: np.ndarray
 
 
-class Rows:
+class NoiseRows:
     """The noise of every sample: one for all lanes, or one for each."""
 
     def __init__(self, draws: Sequence[SensorNoise]) -> None:
@@ -71,22 +70,22 @@ class Rows:
 
 
 def part(
-    kernels: Kernels, leaves: Sequence[np.ndarray], sums: tally.Tally, rows: Rows, *,
+    kernels: LaneKernels, leaves: Sequence[np.ndarray], sums: RunningTotals, rows: NoiseRows, *,
     period: float, inner: int, tell: Callable[[float], None],
-) -> Marched:  # fmt: skip
+) -> MarchedPart:  # fmt: skip
     """One part of every lane.
 
     Args:
         kernels: compiled functions.
         leaves: arrays of the lanes.
-        sums: tally so far; lanes that are not going stay as they are.
+        sums: totals so far; lanes that are not going stay as they are.
         rows: noise.
         period: of the samples [s].
         inner: steps of the physics per sample.
         tell: told how many samples all lanes have done.
     """
     carry = begun = kernels.begin(leaves, rows.first(), len(sums.going))
-    failed: dict[int, Failed] = {}
+    failed: dict[int, LaneFailure] = {}
     stopped: dict[int, dict[str, float]] = {}
     kept: list[tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]] = []
     done = 0
@@ -102,7 +101,7 @@ def part(
         tell(done)
     names = kernels.kind.kept
     width = len(sums.going)
-    return Marched(
+    return MarchedPart(
         begun, carry, sums, failed, stopped,
         {n: np.concatenate([k[0][n] for k in kept], axis=1) for n in names} if kept else {},
         np.concatenate([k[1] for k in kept], axis=1) if kept else np.zeros((width, 0), bool),
@@ -111,13 +110,13 @@ def part(
 
 
 def _chunk(
-    kernels: Kernels, leaves: Sequence[np.ndarray], carry: Any, sums: Any, row: Any, period: float, inner: int,
-    failed: dict[int, Failed],
-) -> tuple[Any, Any, Seen]:  # fmt: skip
+    kernels: LaneKernels, leaves: Sequence[np.ndarray], carry: Any, sums: Any, row: Any, period: float, inner: int,
+    failed: dict[int, LaneFailure],
+) -> tuple[Any, Any, ChunkResult]:  # fmt: skip
     """A chunk of all lanes, those that need it with shorter steps; what failed is added to `failed`."""
     after, new, seen = kernels.march(leaves, carry, sums, row, period=period, inner=inner, stiff=False)
     todo = {Steps(): np.flatnonzero(sums.going)}
-    found: Seen = seen
+    found: ChunkResult = seen
     while todo:
         steps, lanes = todo.popitem()
         if steps != Steps():
@@ -133,7 +132,7 @@ def _chunk(
         for lane in lanes:
             fastest, sound = float(found.fastest[lane]), bool(found.sound[lane])
             verdict = _verdict(fastest, sound, bool(found.finite[lane]), period / inner, steps)
-            if isinstance(verdict, Failed):
+            if isinstance(verdict, LaneFailure):
                 failed[int(lane)] = verdict
                 new.going[lane] = False
             elif verdict is not None:
@@ -141,19 +140,24 @@ def _chunk(
     return after, new, found
 
 
-def _verdict(fastest: float, sound: bool, finite: bool, usual: float, steps: Steps) -> None | Failed | Steps:
+def _verdict(fastest: float, sound: bool, finite: bool, usual: float, steps: Steps) -> None | LaneFailure | Steps:
     """Whether a chunk was done with steps that are short enough; else which ones to try."""
     h = usual / steps.split
     if steps.short(fastest, usual):
         if sound:
             return None
-        outcome = Outcome.IMPOSSIBLE if finite else Outcome.NOT_FINITE
-        return Failed(outcome, f"{outcome.sentence} The steps were of {h:.3g} s.")
+        outcome = VariantOutcome.IMPOSSIBLE if finite else VariantOutcome.NOT_FINITE
+        return LaneFailure(outcome, f"{outcome.sentence} The steps were of {h:.3g} s.")
     shorter = steps.shorter(fastest, usual)
     if shorter is None and not math.isfinite(fastest) and not finite:
-        return Failed(Outcome.NOT_FINITE, f"{Outcome.NOT_FINITE.sentence} The steps were of {h:.3g} s.")
+        return LaneFailure(
+            VariantOutcome.NOT_FINITE, f"{VariantOutcome.NOT_FINITE.sentence} The steps were of {h:.3g} s."
+        )
     if shorter is None:
-        return Failed(Outcome.TOO_STIFF, f"{Outcome.TOO_STIFF.sentence} It has {fastest:.3g} 1/s, the step {h:.3g} s.")
+        return LaneFailure(
+            VariantOutcome.TOO_STIFF,
+            f"{VariantOutcome.TOO_STIFF.sentence} It has {fastest:.3g} 1/s, the step {h:.3g} s.",
+        )
     return shorter
 
 

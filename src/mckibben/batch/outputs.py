@@ -1,4 +1,4 @@
-"""What is kept of every variant: one number per lane made of a channel, an account of the engine, or whole channels.
+"""What is kept of every variant: a result code, numbers made of channels or of the engine's accounts, or whole channels.
 
 Channels are those that a recording of `mckibben run` has, and only samples that it would keep count. In the sweep file:
 
@@ -17,13 +17,24 @@ Channels are those that a recording of `mckibben run` has, and only samples that
 | samples | the samples themselves, the output ``time`` with them |
 | account | engine's own integral over the run, such as ``delivered`` [J] |
 | balance | closure of mass, gas, muscle, mechanics, energy or exergy, as a recording's meta has it [1] |
+
+Running outputs are made chunk by chunk. Which samples count is decided as `bench.run` decides it: up to the end of the
+protocol, or for a while after something stopped the machine; those of steps that are recorded, or all of a chunk in which
+it stopped.
 """
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..analysis.steps import LAST, settling
+from ..engine.integration import Result
 from ..errors import InputError, suggest
 from ..schema import FileTable
 
@@ -116,3 +127,238 @@ def wanted(outputs: Iterable[Output]) -> tuple[str, ...]:
 def document(outputs: Iterable[Output]) -> dict[str, Mapping[str, Any]]:
     """As a store keeps it."""
     return {o.name: {k: v for k, v in o._asdict().items() if k != "name" and v not in ("",)} for o in outputs}
+
+
+# ---- result codes
+
+
+class VariantOutcome(enum.IntEnum):
+    """Result code of a lane; those of the engine, and what a bench adds to them."""
+
+    NOT_RUN = -1
+    DONE = 0
+    NOT_FINITE = 1
+    TOO_STIFF = 2
+    IMPOSSIBLE = 3
+    STOPPED = 4
+    REFUSED = 5
+
+    @property
+    def sentence(self) -> str:
+        """What it means, without the numbers of a lane."""
+        return SENTENCES[self]
+
+
+SENTENCES = {
+    VariantOutcome.NOT_RUN: "It has not been run yet.",
+    VariantOutcome.DONE: Result.DONE.value,
+    VariantOutcome.NOT_FINITE: Result.NOT_FINITE.value,
+    VariantOutcome.TOO_STIFF: Result.TOO_STIFF.value,
+    VariantOutcome.IMPOSSIBLE: Result.IMPOSSIBLE.value,
+    VariantOutcome.STOPPED: "The bench stopped it: an interlock tripped, or a test that had to come true did not.",
+    VariantOutcome.REFUSED: "Nothing moved: the dry run or a value's bounds spoke against it.",
+}
+
+
+# ---- running outputs of one lane
+
+# What has to be known of the samples so far.
+NEEDS = {
+    "first": ("first",), "final": ("last",), "min": ("low",), "max": ("high",), "mean": ("sum",), "rms": ("squares",),
+    "integral": ("path", "last", "since"), "area": ("path", "last", "since", "over"),
+}  # fmt: skip
+FAR = 1 << 40  # samples since the last one that counted, where none did
+
+
+class RunningTotals(NamedTuple):
+    """What is known of a lane so far.
+
+    Attributes:
+        going: whether its part has not ended (bool).
+        stopped: whether something stopped the machine (bool).
+        samples: that were used.
+        left: samples that follow a stop.
+        sums: of every running output.
+    """
+
+    going: Any
+    stopped: Any
+    samples: Any
+    left: Any
+    sums: dict[str, dict[str, Any]]
+
+
+class ChunkSamples(NamedTuple):
+    """Samples of a chunk, all (n,); channels by name."""
+
+    channels: Mapping[str, Any]
+    shown: Mapping[str, Any]
+
+
+class CountedSamples(NamedTuple):
+    """Which samples of a chunk count.
+
+    Attributes:
+        used: how many were used.
+        kept: which a recording has (n,).
+        stops: whether the machine stopped in this chunk, for the first time (bool).
+        at: sample at which.
+    """
+
+    used: Any
+    kept: Any
+    stops: Any
+    at: Any
+
+
+def start_totals(outputs: tuple[Output, ...], after_stop: int) -> RunningTotals:
+    """Before the first sample; `after_stop` samples follow a stop."""
+    zero, none = jnp.zeros(()), jnp.asarray(jnp.nan)
+    empty = {
+        "count": jnp.zeros((), int), "first": none, "last": none, "low": jnp.asarray(jnp.inf),
+        "high": jnp.asarray(-jnp.inf), "sum": zero, "squares": zero, "path": zero, "over": none,
+        "since": jnp.asarray(FAR),
+    }  # fmt: skip
+    sums = {o.name: {k: empty[k] for k in ("count", *NEEDS[o.reduce])} for o in outputs if o.reduce in RUNNING}
+    return RunningTotals(jnp.asarray(True), jnp.asarray(False), jnp.zeros((), int), jnp.asarray(after_stop), sums)
+
+
+def count_samples(totals: RunningTotals, shown: Mapping[str, Any], every: int) -> tuple[RunningTotals, CountedSamples]:
+    """Which samples of a chunk count, and the totals with their number."""
+    size = shown["running"].shape[0]
+    place = jnp.arange(size)
+    used = jnp.where(totals.going, jnp.sum(shown["running"]), 0)
+    stopped = totals.going & (jnp.any(shown["code"] > 0) | jnp.any(shown["missed"]))
+    after = jnp.where(stopped, jnp.minimum(size - used, totals.left), 0)
+    at = jnp.minimum(used, size - 1)
+    used, left = used + after, totals.left - after
+    over = jnp.where(stopped, left <= 0, used < size)
+    kept = (place < used) & (shown["record"].astype(bool) | stopped) & ((totals.samples + place) % every == 0)
+    new = totals._replace(
+        going=totals.going & ~over, stopped=totals.stopped | stopped, samples=totals.samples + used, left=left
+    )
+    return new, CountedSamples(used, kept, stopped & ~totals.stopped, at)
+
+
+def add_samples(
+    totals: RunningTotals,
+    outputs: tuple[Output, ...],
+    look: ChunkSamples,
+    windows: Mapping[str, Any],
+    kept: Any,
+    period: Any,
+    every: int,
+) -> RunningTotals:
+    """The running outputs with the samples of a chunk.
+
+    Args:
+        totals: so far.
+        outputs: of the sweep.
+        look: the samples.
+        windows: of every output, at which steps it looks (steps,).
+        kept: which samples a recording has (n,).
+        period: of the samples [s].
+        every: samples of the loop per one that is kept.
+    """
+    step = look.shown["step"].astype(int)
+    sums = dict(totals.sums)
+    for one in outputs:
+        if one.reduce not in RUNNING:
+            continue
+        chosen = kept & windows[one.name][step] if one.step else kept
+        x = look.channels[one.channel]
+        over = look.channels[one.over] if one.over else None
+        sums[one.name] = _added(sums[one.name], one.reduce, x, over, chosen, period, every)
+    return totals._replace(sums=sums)
+
+
+def _added(
+    so_far: dict[str, Any], kind: str, x: Any, over: Any, chosen: Any, period: Any, every: int
+) -> dict[str, Any]:
+    size = x.shape[0]
+    place = jnp.arange(size)
+    number = jnp.sum(chosen)
+    some = number > 0
+    new = {**so_far, "count": so_far["count"] + number}
+    if kind == "first":
+        begins = jnp.min(jnp.where(chosen, place, size - 1))
+        new["first"] = jnp.where((so_far["count"] == 0) & some, x[begins], so_far["first"])
+    elif kind == "min":
+        new["low"] = jnp.minimum(so_far["low"], jnp.min(jnp.where(chosen, x, jnp.inf)))
+    elif kind == "max":
+        new["high"] = jnp.maximum(so_far["high"], jnp.max(jnp.where(chosen, x, -jnp.inf)))
+    elif kind == "mean":
+        new["sum"] = so_far["sum"] + jnp.sum(jnp.where(chosen, x, 0.0))
+    elif kind == "rms":
+        new["squares"] = so_far["squares"] + jnp.sum(jnp.where(chosen, x * x, 0.0))
+    else:
+        last = jnp.max(jnp.where(chosen, place, 0))
+        if kind != "final":
+            new |= _along(so_far, x, over, chosen, last, period, every)
+        new["last"] = jnp.where(some, x[last], so_far["last"])
+    return new
+
+
+def _along(
+    so_far: dict[str, Any], x: Any, over: Any, chosen: Any, last: Any, period: Any, every: int
+) -> dict[str, Any]:
+    """The path of an integral or an area; samples of other steps in between break it."""
+    size = x.shape[0]
+    place, some = jnp.arange(size), jnp.any(chosen)
+    # the sample that counted before each one
+    before = jax.lax.cummax(jnp.where(chosen, place, -1))
+    before = jnp.concatenate([jnp.full((1,), -1), before[:-1]])
+    gap = jnp.where(before >= 0, place - before, so_far["since"] + place)
+    old = jnp.where(before >= 0, x[before], so_far["last"])
+    along, found = gap * period, {}
+    if over is not None:
+        along = over - jnp.where(before >= 0, over[before], so_far["over"])
+        found["over"] = jnp.where(some, over[last], so_far["over"])
+    found["path"] = so_far["path"] + jnp.sum(jnp.where(chosen & (gap <= every), 0.5 * (x + old) * along, 0.0))
+    found["since"] = jnp.where(some, size - last, jnp.minimum(so_far["since"] + size, FAR))
+    return found
+
+
+def final_values(one: Output, sums: Mapping[str, np.ndarray]) -> np.ndarray:
+    """A running output of all lanes (lanes,); NaN where no sample counted."""
+    found = sums[NEEDS[one.reduce][0]]
+    if one.reduce in ("mean", "rms"):
+        found = found / np.maximum(sums["count"], 1)
+    if one.reduce == "rms":
+        found = np.sqrt(found)
+    return np.asarray(np.where(sums["count"] > 0, found, np.nan))
+
+
+def time_to(one: Output, time: np.ndarray, values: np.ndarray) -> float:
+    """When a share of the way from the first value to the last is passed for the first time, from the first sample [s].
+
+    Passings lie between samples by a straight line; NaN where the values end where they begin.
+
+    Args:
+        one: the output.
+        time: of the samples that count (n,) [s].
+        values: of the channel (n,).
+    """
+    if len(values) < 2 or not np.isfinite(values).all() or values[-1] == values[0]:
+        return float("nan")
+    way = (values - values[0]) / (values[-1] - values[0])
+    i = int(np.argmax(way >= one.share))
+    between = (one.share - way[i - 1]) / (way[i] - way[i - 1])
+    return float(time[i - 1] + between * (time[i] - time[i - 1]) - time[0])
+
+
+def drift(time: np.ndarray, values: np.ndarray) -> tuple[float, bool]:
+    """The change over the last fifth of the samples over the way from the first value to the last, and whether it is none.
+
+    NaN, and settled, where the values end where they begin or are too few.
+
+    Args:
+        time: of the samples that count (n,) [s].
+        values: of the channel (n,).
+    """
+    if len(values) < 2 or not np.isfinite(values).all() or values[-1] == values[0]:
+        return float("nan"), True
+    late = time >= time[-1] - LAST * (time[-1] - time[0])
+    if np.count_nonzero(late) < 3:
+        return float("nan"), True
+    return settling(time[late], values[late], float(values[-1] - values[0]))

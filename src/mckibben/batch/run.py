@@ -1,4 +1,4 @@
-"""Variants of a recipe, run in lanes: numbers, a result code and a sentence for each."""
+"""Variants of a template, run in lanes: numbers, a result code and a sentence for each."""
 
 from __future__ import annotations
 
@@ -13,14 +13,12 @@ from ..bench.segment import SensorNoise
 from ..engine import sampled
 from ..engine.native import ENGINES, call_compiled
 from ..errors import InputError
-from . import march, rest, tally
-from .kernels import Kernels, Kind, channels_of
-from .lanes import Family, Group, Planner
-from .march import Marched
-from .outcome import Outcome
-from .outputs import LATER, TIME, Output
-from .recipe import Recipe
-from .template import Template
+from . import march
+from .kernels import KernelKey, LaneKernels, at_rest, channels_of
+from .lanes import BuiltVariant, LaneGroup, LanePlanner, VariantFamily
+from .march import MarchedPart
+from .outputs import LATER, TIME, Output, RunningTotals, VariantOutcome, drift, final_values, start_totals, time_to
+from .run_template import RunTemplate
 from .variants import Variants, power
 
 LANES = 256  # of a compiled call: more are hardly faster
@@ -44,34 +42,39 @@ class Results(NamedTuple):
 
 
 class Runner:
-    """Runs variants of one recipe; remembers what it compiled and found out.
+    """Runs variants of one template; remembers what it compiled and found out.
 
     Args:
-        recipe: of all variants.
+        template: of all variants.
         ranges: lowest and highest value of every varied number in the whole sweep [SI].
         engine: that compiles the lanes: ``auto``, ``native``, ``gpu`` or ``xla``.
         threads: of native kernels; all cores where 0.
     """
 
     def __init__(
-        self, recipe: Recipe, ranges: Mapping[str, tuple[float, float]], *, engine: str = "auto", threads: int = 0
+        self,
+        template: RunTemplate,
+        ranges: Mapping[str, tuple[float, float]],
+        *,
+        engine: str = "auto",
+        threads: int = 0,
     ) -> None:
         if engine not in ENGINES:
             raise InputError("engine", engine, f"known are {', '.join(ENGINES)}")
-        self.recipe, self.engine, self.threads = recipe, engine, threads
-        self.planner = Planner(recipe, ranges)
-        self._kernels: list[Kernels] = []
+        self.template, self.engine, self.threads = template, engine, threads
+        self.planner = LanePlanner(template, ranges)
+        self._kernels: list[LaneKernels] = []
 
     def run(self, variants: Variants, tell: Tell = lambda _: None) -> Results:
         """All of them; a bad one never raises."""
         count = len(variants)
-        code, duration = np.full(count, int(Outcome.REFUSED), np.int8), np.zeros(count)
+        code, duration = np.full(count, int(VariantOutcome.REFUSED), np.int8), np.zeros(count)
         message = [""] * count
         refused, groups = self.planner.plan(variants)
         for row, said in refused.items():
             message[row] = said
         pieces = [
-            Group(g.family, g.lanes[i : i + LANES]) for g in groups for i in range(0, len(g.lanes), LANES)
+            LaneGroup(g.family, g.lanes[i : i + LANES]) for g in groups for i in range(0, len(g.lanes), LANES)
         ]  # fmt: skip
         outputs: dict[str, np.ndarray] = {}
         for number, piece in enumerate(pieces):
@@ -82,16 +85,16 @@ class Runner:
                 message[row] = said
             for name, values in done.outputs.items():
                 outputs[name] = _placed(outputs.get(name), count, rows, values)
-        for one in self.recipe.outputs:
+        for one in self.template.outputs:
             outputs.setdefault(one.name, np.full((count, 0) if one.reduce == "samples" else count, np.nan))
         return Results(code, message, duration, outputs)
 
-    def kernels(self, family: Family, part: int, seeds: bool) -> Kernels:
+    def kernels(self, family: VariantFamily, part: int, seeds: bool) -> LaneKernels:
         """The compiled functions of a part, for what is now known to be shared."""
-        outputs = self.recipe.outputs
+        outputs = self.template.outputs
         kept = tuple(dict.fromkeys(o.channel for o in outputs if o.reduce in LATER))
         shared = tuple(bool(s) for s in family.shared[part])
-        kind = Kind(
+        kind = KernelKey(
             structure=family.fixed.structures[part], shared=shared, depth=family.fixed.timing.depth,
             every=family.fixed.every, outputs=outputs, kept=kept, accounts=any(not o.sampled for o in outputs),
             seeds=seeds, engine=self.engine, threads=self.threads,
@@ -99,54 +102,54 @@ class Runner:
         for known in self._kernels:
             if known.kind == kind:
                 return known
-        self._kernels.append(Kernels(kind))
+        self._kernels.append(LaneKernels(kind))
         return self._kernels[-1]
 
 
 class _Piece:
     """One group of lanes, run from begin to end."""
 
-    def __init__(self, runner: Runner, group: Group, tell: Tell) -> None:
+    def __init__(self, runner: Runner, group: LaneGroup, tell: Tell) -> None:
         lanes = group.lanes
-        self.outputs_wanted, self.family, self.lanes = runner.recipe.outputs, group.family, lanes
+        self.outputs_wanted, self.family, self.lanes = runner.template.outputs, group.family, lanes
         self.timing, self.period = group.family.fixed.timing, group.family.fixed.timing.period
         count, width = len(lanes), power(len(lanes))
         padded = [*lanes, *[lanes[-1]] * (width - count)]
         self.code, self.duration = np.zeros(count, np.int8), np.zeros(count)
-        self.message = [Outcome.DONE.sentence] * count
+        self.message = [VariantOutcome.DONE.sentence] * count
         self.outputs: dict[str, np.ndarray] = {}
         self.gathered: list[list[tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]]] = [[] for _ in lanes]
         self.integrals: dict[str, np.ndarray] = {}
         self.balances: dict[str, np.ndarray] = {}
         sums = jax.tree.map(
             lambda x: np.array(np.broadcast_to(np.asarray(x), (width, *np.shape(x)))),
-            tally.fresh(self.outputs_wanted, march.after_stop(self.period)),
+            start_totals(self.outputs_wanted, march.after_stop(self.period)),
         )
         sums.going[count:] = False  # the last lane again, to fill the width
-        total = max(lane.template.bench.plan.samples for lane in lanes)
-        seeds = len({lane.template.bench.seed for lane in lanes}) > 1
+        total = max(lane.built.bench.plan.samples for lane in lanes)
+        seeds = len({lane.built.bench.seed for lane in lanes}) > 1
         before = 0
         for part in range(len(group.family.fixed.structures)):
             leaves = group.family.stacked(padded, part)
             kernels = runner.kernels(group.family, part, seeds)
             chosen = padded if seeds else padded[:1]
-            rows = march.Rows([SensorNoise(lane.template.bench, part) for lane in chosen])
+            rows = march.NoiseRows([SensorNoise(lane.built.bench, part) for lane in chosen])
             offset = sums.samples.copy()
             found = march.part(
                 kernels, leaves, sums, rows, period=self.period, inner=self.timing.inner,
                 tell=_after(before, total, tell),
             )  # fmt: skip
-            before = int(found.tally.samples.max())
+            before = int(found.totals.samples.max())
             self._take(kernels, leaves, part, found, offset)
             dead = np.zeros(width, bool)
             dead[count:] = True
             dead[:count] = self.code != 0
-            sums = found.tally._replace(going=~dead, left=np.full(width, march.after_stop(self.period)))
+            sums = found.totals._replace(going=~dead, left=np.full(width, march.after_stop(self.period)))
         self.duration[:] = sums.samples[:count] * self.period
         self._finish(sums)
 
     def _take(
-        self, kernels: Kernels, leaves: Sequence[np.ndarray], part: int, found: Marched, offset: np.ndarray
+        self, kernels: LaneKernels, leaves: Sequence[np.ndarray], part: int, found: MarchedPart, offset: np.ndarray
     ) -> None:
         """What a part adds: codes, sentences, samples, integrals and balances."""
         for lane in range(len(self.lanes)):
@@ -155,7 +158,7 @@ class _Piece:
             if lane in found.failed:
                 self.code[lane], self.message[lane] = int(found.failed[lane].outcome), found.failed[lane].message
             elif lane in found.stopped:
-                self.code[lane] = int(Outcome.STOPPED)
+                self.code[lane] = int(VariantOutcome.STOPPED)
                 self.message[lane] = self._why(kernels, _lane(leaves, kernels.kind.shared, lane), part, lane, found)
             if found.samples:
                 at = np.flatnonzero(found.counted[lane])
@@ -164,19 +167,19 @@ class _Piece:
             if kernels.kind.accounts:
                 self._account(kernels, _lane(leaves, kernels.kind.shared, lane), lane, found)
 
-    def _why(self, kernels: Kernels, leaves: Any, part: int, lane: int, found: Marched) -> str:
+    def _why(self, kernels: LaneKernels, leaves: Any, part: int, lane: int, found: MarchedPart) -> str:
         """Why the machine stopped, as `bench.run` says it."""
         stop = found.stopped[lane]
         if stop["code"] > 0:
             watch = kernels.tree(leaves)["software"].interlocks
             said: str = watch.reason(int(stop["code"]), stop, stop["time"])
             return said
-        step = self.lanes[lane].template.parts[part].steps[int(stop["step"])]
+        step = self.lanes[lane].built.parts[part].steps[int(stop["step"])]
         test = "" if step.until is None else step.until.sentence()
         waited = step.count * self.period
         return f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
 
-    def _account(self, kernels: Kernels, leaves: Any, lane: int, found: Marched) -> None:
+    def _account(self, kernels: LaneKernels, leaves: Any, lane: int, found: MarchedPart) -> None:
         begun, ended = (jax.tree.map(lambda x: x[lane], c) for c in (found.begun, found.carry))
         for name, value in ended.integrals.items():
             many = self.integrals.setdefault(name, np.zeros(len(self.lanes)))
@@ -192,7 +195,7 @@ class _Piece:
             many = self.balances.setdefault(name, np.zeros(len(self.lanes)))
             many[lane] = max(many[lane], float(getattr(closed, name)))
 
-    def _finish(self, sums: tally.Tally) -> None:
+    def _finish(self, sums: RunningTotals) -> None:
         count = len(self.lanes)
         for one in self.outputs_wanted:
             if one.reduce == "account":
@@ -202,8 +205,8 @@ class _Piece:
             elif one.reduce in LATER:
                 self._of_samples(one)
             else:
-                self.outputs[one.name] = tally.finished(one, sums.sums[one.name])[:count]
-        bad = np.isin(self.code, [Outcome.NOT_FINITE, Outcome.TOO_STIFF, Outcome.IMPOSSIBLE])
+                self.outputs[one.name] = final_values(one, sums.sums[one.name])[:count]
+        bad = np.isin(self.code, [VariantOutcome.NOT_FINITE, VariantOutcome.TOO_STIFF, VariantOutcome.IMPOSSIBLE])
         for values in self.outputs.values():
             values[bad] = np.nan
 
@@ -211,16 +214,16 @@ class _Piece:
         kept = []
         for lane, parts in zip(self.lanes, self.gathered, strict=True):
             pieces = []
-            for part, (time, step, own) in zip(lane.template.parts, parts, strict=False):
+            for part, (time, step, own) in zip(lane.built.parts, parts, strict=False):
                 inside = np.array([not one.step or s.step.label == one.step for s in part.steps])[step]
                 pieces.append((time[inside], own[one.channel][inside]))
             kept.append(tuple(np.concatenate(x) if x else np.zeros(0) for x in zip(*pieces, strict=True)))
         if one.reduce == "time_to":
-            self.outputs[one.name] = np.array([tally.time_to(one, *x) for x in kept])
+            self.outputs[one.name] = np.array([time_to(one, *x) for x in kept])
             self._say_unsettled(one, kept)
             return
         if one.reduce == "drift":
-            self.outputs[one.name] = np.array([tally.drift(*x)[0] for x in kept])
+            self.outputs[one.name] = np.array([drift(*x)[0] for x in kept])
             return
         longest = max(len(t) for t, _ in kept)
         for name, i in ((TIME, 0), (one.name, 1)):
@@ -231,7 +234,7 @@ class _Piece:
     def _say_unsettled(self, one: Output, kept: Sequence[tuple[np.ndarray, ...]]) -> None:
         """Tell of the lanes whose time is one to a value that the channel has not reached for good."""
         for lane, (time, values) in enumerate(kept):
-            change, settled = tally.drift(time, values)
+            change, settled = drift(time, values)
             if self.code[lane] == 0 and not settled:
                 self.message[lane] += (
                     f" {one.name}: {one.channel} has not settled after {time[-1] - time[0]:.3g} s, in the last fifth of "
@@ -247,18 +250,18 @@ class _Ended(NamedTuple):
     integrals: Any
 
 
-def known_names(template: Template) -> tuple[list[str], list[str]]:
+def known_names(template: BuiltVariant) -> tuple[list[str], list[str]]:
     """Channels and integrals that outputs can name, of a built variant."""
     fixed, leaves = template.fixed, template.leaves[0]
-    kind = Kind(
+    kind = KernelKey(
         fixed.structures[0], (True,) * len(leaves), fixed.timing.depth, fixed.every, (), (), True, False, "auto"
     )
     row = SensorNoise(template.bench, 0).first()
-    kernels = Kernels(kind)
+    kernels = LaneKernels(kind)
 
     def one(own: Any) -> Any:
         tree = kernels.tree(own)
-        carry = rest.begin(tree["plant"], tree["software"], tree["pressure"], fixed.timing.depth, row)
+        carry = at_rest(tree["plant"], tree["software"], tree["pressure"], fixed.timing.depth, row)
         timing = fixed.timing
         _, seen = sampled.sample(
             tree["plant"], tree["software"], carry, row, period=timing.period, inner=timing.inner,

@@ -2,7 +2,7 @@
 
     results.zarr/
       parameters/<path>     (variants,)          SI floats with a unit, or words
-      code, message         (variants,)          `Outcome` and its sentence; -1 where it has not been run
+      code, message         (variants,)          `VariantOutcome` and its sentence; -1 where it has not been run
       duration              (variants,)          simulated time [s]
       written               (variants,)          how often a result was written: once
       outputs/<name>        (variants,) or (variants, samples)
@@ -26,8 +26,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..extras import library
-from .outcome import Outcome
-from .outputs import TIME
+from .outputs import TIME, VariantOutcome
 from .run import Results
 from .sweep import Sweep
 from .variants import Variants
@@ -38,7 +37,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 KEY = "mckibben"
 
 
-class Store:
+class ResultStore:
     """The results of one sweep in a folder; made by `opened`."""
 
     def __init__(self, folder: Path, group: Any, count: int, block: int) -> None:
@@ -57,7 +56,7 @@ class Store:
         """Blocks of which no result is there yet."""
         codes = self.codes()
         parts = (slice(i, min(i + self.block, self.count)) for i in range(0, self.count, self.block))
-        return [part for part in parts if (codes[part] == Outcome.NOT_RUN).any()]
+        return [part for part in parts if (codes[part] == VariantOutcome.NOT_RUN).any()]
 
     def write(self, part: slice, results: Results) -> None:
         """The results of a block.
@@ -81,7 +80,7 @@ class Store:
 
 
 @contextlib.contextmanager
-def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator[Store]:
+def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator[ResultStore]:
     """The store of a sweep in a folder, a new one or that of an earlier call; nobody else writes to it meanwhile.
 
     Args:
@@ -120,10 +119,10 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
         except BaseException:
             shutil.rmtree(place if new else draft, ignore_errors=True)
             raise
-        yield Store(place, zarr.open_group(path, mode="r+"), len(sweep.variants), block)
+        yield ResultStore(place, zarr.open_group(path, mode="r+"), len(sweep.variants), block)
 
 
-def _known(place: Path, sweep: Sweep) -> Store:
+def _known(place: Path, sweep: Sweep) -> ResultStore:
     zarr = zarr_library()
 
     try:
@@ -138,7 +137,7 @@ def _known(place: Path, sweep: Sweep) -> Store:
             "--out", str(place), f"it holds the results of another sweep ({title}, {count} variants, hash {digest[:12]}; "
             f"this one has {sweep.digest[:12]}); choose another folder",
         )  # fmt: skip
-    return Store(place, group, count, block)
+    return ResultStore(place, group, count, block)
 
 
 def _create(group: Any, sweep: Sweep, block: int) -> None:
@@ -154,13 +153,13 @@ def _create(group: Any, sweep: Sweep, block: int) -> None:
 
     for path, values in sweep.variants.columns.items():
         one = array(f"parameters/{path}", float if values.dtype == float else str, np.nan if values.dtype == float else "",
-                    unit=sweep.recipe.settings[path].unit)  # fmt: skip
+                    unit=sweep.template.settings[path].unit)  # fmt: skip
         one[:] = values
-    array("code", "i1", -1, meaning={o.name.lower(): int(o) for o in Outcome})
+    array("code", "i1", -1, meaning={o.name.lower(): int(o) for o in VariantOutcome})
     array("message", str, "")
     array("duration", float, np.nan, unit="s")
     array("written", "u1", 0)
-    channels = {o.name: o for o in sweep.recipe.outputs}
+    channels = {o.name: o for o in sweep.template.outputs}
     whole = [n for n, o in channels.items() if o.reduce == "samples"]
     for name, one in channels.items():
         if name not in whole:
@@ -212,12 +211,12 @@ def zarr_library() -> Any:
 
 def _size(sweep: Sweep) -> float:
     """What the results take on the disk at most, without whole channels [bytes]."""
-    columns = len(sweep.variants.columns) + len(sweep.recipe.outputs)
+    columns = len(sweep.variants.columns) + len(sweep.template.outputs)
     return len(sweep.variants) * (8.0 * columns + 100.0) + 1e5
 
 
 @contextlib.contextmanager
-def _full(store: Store | None, folder: Path | None = None) -> Iterator[None]:
+def _full(store: ResultStore | None, folder: Path | None = None) -> Iterator[None]:
     """A full disk as a line that says what is safe."""
     try:
         yield
@@ -227,7 +226,7 @@ def _full(store: Store | None, folder: Path | None = None) -> Iterator[None]:
         place = store.folder if store is not None else folder
         safe = "nothing was run"
         if store is not None:
-            done = int((store.codes() != Outcome.NOT_RUN).sum())
+            done = int((store.codes() != VariantOutcome.NOT_RUN).sum())
             safe = f"{done} of {store.count} variants are safe; make room and run the same command again"
         raise InputError("--out", str(place), f"the disk is full ({error.strerror}); {safe}") from None
 

@@ -1,4 +1,4 @@
-"""A sweep: a recipe and its variants, checked before anything runs, with one hash for one piece of work."""
+"""A sweep: a template and its variants, checked before anything runs, with one hash for one piece of work."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ import numpy as np
 
 from ..bench.segment import CHUNK
 from ..errors import InputError, suggest
-from .outputs import LATER, check_channels, document, wanted
-from .recipe import Kitchen, Recipe
-from .run import LANES, known_names
-from .template import Template, build
+from .lanes import BuiltVariant, build
+from .outputs import LATER, VariantOutcome, check_channels, document, wanted
+from .run import LANES, Results, Runner, known_names
+from .run_template import RunFactory, RunTemplate
 from .variants import Variants, power
 
 SCHEMA = 1
@@ -29,10 +29,10 @@ LEAST_BLOCK = 16
 
 @dataclass(frozen=True)
 class Sweep:
-    """Variants of a recipe, as a file states them or as they were made in Python.
+    """Variants of a template, as a file states them or as they were made in Python.
 
     Attributes:
-        recipe: what they share.
+        template: what they share.
         variants: them.
         title: for people.
         engine: that compiles the lanes.
@@ -41,7 +41,7 @@ class Sweep:
         where: file, for complaints.
     """
 
-    recipe: Recipe
+    template: RunTemplate
     variants: Variants
     title: str = ""
     engine: str = "auto"
@@ -66,17 +66,17 @@ class Sweep:
 
     def document(self) -> dict[str, Any]:
         """What the variants share, as a store keeps it."""
-        recipe = self.recipe
+        template = self.template
         return {
-            "schema": SCHEMA, "title": self.title, "protocol": recipe.protocol.document(), "muscle": recipe.muscle,
-            "rig": recipe.rig, "specimens": {k: s.stated() for k, s in recipe.specimens.items()},
-            "rigs": {k: dict(d) for k, d in recipe.rigs.items()}, "set": dict(recipe.given),
-            "plumbing": recipe.plumbing, "noise_seed": recipe.noise_seed, "step": recipe.step,
-            "accept_saturation": recipe.accept_saturation, "outputs": document(recipe.outputs),
-            "parameters": {p: recipe.settings[p].unit for p in self.variants.columns}, "variants": len(self.variants),
+            "schema": SCHEMA, "title": self.title, "protocol": template.protocol.document(), "muscle": template.muscle,
+            "rig": template.rig, "specimens": {k: s.stated() for k, s in template.specimens.items()},
+            "rigs": {k: dict(d) for k, d in template.rigs.items()}, "set": dict(template.given),
+            "plumbing": template.plumbing, "noise_seed": template.noise_seed, "step": template.step,
+            "accept_saturation": template.accept_saturation, "outputs": document(template.outputs),
+            "parameters": {p: template.settings[p].unit for p in self.variants.columns}, "variants": len(self.variants),
         }  # fmt: skip
 
-    def check(self) -> Template:
+    def check(self) -> BuiltVariant:
         """Refuse what is wrong before anything runs; gives the first variant.
 
         Every value is within its declared bounds, every path at its ends and every word makes a bench, as do the
@@ -87,11 +87,11 @@ class Sweep:
             InputError: names the path, the value and what is allowed.
         """
         for path, (low, high) in self.ranges.items():
-            self.recipe.settings[path].check(low, high, where=self.where)
-        kitchen = Kitchen(self.recipe)
-        first, longest = self._built(kitchen, self.variants.row(0)), 0
+            self.template.settings[path].check(low, high, where=self.where)
+        factory = RunFactory(self.template)
+        first, longest = self._built(factory, self.variants.row(0)), 0
         for values in self._trials():
-            longest = max(longest, self._built(kitchen, values).bench.plan.samples)
+            longest = max(longest, self._built(factory, values).bench.plan.samples)
         self._check_outputs(first)
         self.sized(1, max(longest, first.bench.plan.samples))
         return first
@@ -106,10 +106,10 @@ class Sweep:
         Raises:
             InputError: if one variant alone takes more than the memory.
         """
-        kept = sum(o.reduce in LATER for o in self.recipe.outputs)
+        kept = sum(o.reduce in LATER for o in self.template.outputs)
         # kept samples twice, with their steps; a chunk of all that is looked at; tables of set-points
         whole = 24.0 * samples * (kept + 1) if kept else 0.0
-        each = whole + 16.0 * CHUNK * (len(wanted(self.recipe.outputs)) + 12) + 48.0 * samples
+        each = whole + 16.0 * CHUNK * (len(wanted(self.template.outputs)) + 12) + 48.0 * samples
         fits = int(self.memory / each)
         if fits < 1:
             raise InputError(
@@ -118,9 +118,9 @@ class Sweep:
         wished = self.block or max(LEAST_BLOCK, min(LANES, power(-(-len(self.variants) // (2 * workers)))))
         return max(1, min(wished, 1 << (fits.bit_length() - 1), power(len(self.variants))))
 
-    def _built(self, kitchen: Kitchen, values: Mapping[str, Any]) -> Template:
+    def _built(self, factory: RunFactory, values: Mapping[str, Any]) -> BuiltVariant:
         try:
-            return build(kitchen, values)
+            return build(factory, values)
         except InputError as error:
             raise InputError(error.field, error.value, error.allowed, where=error.where or self.where) from None
 
@@ -137,17 +137,17 @@ class Sweep:
             for corner in itertools.product(*self.ranges.values()):
                 yield {**base, **dict(zip(self.ranges, corner, strict=True))}
 
-    def _check_outputs(self, first: Template) -> None:
-        check_channels(self.recipe.outputs, *known_names(first), self.where)
+    def _check_outputs(self, first: BuiltVariant) -> None:
+        check_channels(self.template.outputs, *known_names(first), self.where)
         labels = list(dict.fromkeys(s.step.label for part in first.parts for s in part.steps if s.step.label))
-        for one in self.recipe.outputs:
+        for one in self.template.outputs:
             if one.step and one.step not in labels:
                 said = f"{suggest(one.step, labels)}the protocol's steps are called {', '.join(labels) or 'nothing'}"
                 raise InputError(f"outputs.{one.name}.step", one.step, said, where=self.where)
 
 
-def run_batch(sweep: Sweep, *, progress: Callable[[float], None] = lambda _: None) -> Any:
-    """All variants of a sweep in this process: `run.Results`.
+def run_batch(sweep: Sweep, *, progress: Callable[[float], None] = lambda _: None) -> Results:
+    """Run all variants of a sweep in this process.
 
     Args:
         sweep: what to run.
@@ -156,10 +156,8 @@ def run_batch(sweep: Sweep, *, progress: Callable[[float], None] = lambda _: Non
     Raises:
         InputError: as `Sweep.check`.
     """
-    from .run import Runner
-
     sweep.check()
-    return Runner(sweep.recipe, sweep.ranges, engine=sweep.engine).run(sweep.variants, progress)
+    return Runner(sweep.template, sweep.ranges, engine=sweep.engine).run(sweep.variants, progress)
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:
@@ -169,6 +167,4 @@ def blocks(count: int, size: int) -> Iterator[slice]:
 
 def codes_of(codes: np.ndarray) -> dict[str, int]:
     """How many variants have each result code, by its name."""
-    from .outcome import Outcome
-
-    return {Outcome(c).name.lower(): int(n) for c, n in zip(*np.unique(codes, return_counts=True), strict=True)}
+    return {VariantOutcome(c).name.lower(): int(n) for c, n in zip(*np.unique(codes, return_counts=True), strict=True)}

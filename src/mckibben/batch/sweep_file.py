@@ -55,7 +55,7 @@ from ..schema import FileTable
 from ..specimens import specimen
 from . import posterior
 from .outputs import read_outputs
-from .recipe import Recipe
+from .run_template import RunTemplate
 from .settings import WORDS, Setting
 from .sweep import MEMORY, SCHEMA, Sweep
 from .variants import MOST, SPACINGS, Variants, between, crossed, grid, latin, listed
@@ -79,12 +79,12 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
     if top.values.get("schema") != SCHEMA or isinstance(top.values.get("schema"), bool):
         raise top.fail("schema", top.values.get("schema", "missing"), f"this version reads schema {SCHEMA}")
     folder = Path(where).parent
-    recipe = _recipe(top, folder)
+    template = _template(top, folder)
     settings: dict[str, Setting] = {}
 
     def known(name: str) -> Setting:
         if name not in settings:
-            settings[name] = recipe.setting(name, where=where)
+            settings[name] = template.setting(name, where=where)
         return settings[name]
 
     parts = [_grid(top, known), _latin(top, known), _list(top, known), _posterior(top, known, folder)]
@@ -92,19 +92,19 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
         raise top.fail("variants", "none", "needed is one of [grid], [latin], [[list]] and [posterior]")
     variants = crossed(*[p for p in parts if p is not None])
     for name in variants.columns:
-        if name in recipe.given:
+        if name in template.given:
             raise InputError(name, "set and varied", "state it once", where=where)
-    recipe = _with_files(dataclasses.replace(recipe, settings=settings), variants, folder, where)
+    template = _with_files(dataclasses.replace(template, settings=settings), variants, folder, where)
     run = top.table("run")
     run.only(("block", "memory", "engine"))
     return Sweep(
-        recipe, variants, title=top.text("title"), where=where, engine=run.word("engine", "auto", among=ENGINES),
+        template, variants, title=top.text("title"), where=where, engine=run.word("engine", "auto", among=ENGINES),
         block=run.whole("block", 1, 2**16) if "block" in run.values else 0,
         memory=run.number("memory", "byte", MEMORY),
     )  # fmt: skip
 
 
-def _recipe(top: FileTable, folder: Path) -> Recipe:
+def _template(top: FileTable, folder: Path) -> RunTemplate:
     protocol = _protocol(top.word("protocol"), folder)
     muscle, rig = _found(top.word("muscle"), folder), _found(top.word("rig", "paper"), folder)
     accept = top.values.get("accept_saturation", False)
@@ -113,7 +113,7 @@ def _recipe(top: FileTable, folder: Path) -> Recipe:
     step = top.number("step", "s", STEP)
     if not STEPS[0] <= step <= STEPS[1]:
         raise top.fail("step", top.values["step"], "must be 0.1 us to 1 ms")
-    recipe = Recipe(
+    template = RunTemplate(
         protocol=protocol, muscle=muscle, rig=rig, specimens={muscle: specimen(muscle)},
         rigs={rig: dict(rig_of(rig).document)}, outputs=read_outputs(top), plumbing=top.text("plumbing"), step=step,
         accept_saturation=accept,
@@ -123,9 +123,9 @@ def _recipe(top: FileTable, folder: Path) -> Recipe:
     for path in given.values:
         if path in WORDS:
             raise given.fail(path, given.values[path], "it stands at the top of the file")
-    words = {p: recipe.setting(p, where=top.where).text(raw, where=top.where) for p, raw in given.values.items()}
+    words = {p: template.setting(p, where=top.where).text(raw, where=top.where) for p, raw in given.values.items()}
     with_values(protocol, {k: v for k, v in words.items() if not k.startswith(("rig.", "muscle."))}, where=top.where)
-    return dataclasses.replace(recipe, given=words)
+    return dataclasses.replace(template, given=words)
 
 
 def _protocol(name: str, folder: Path) -> Protocol:
@@ -212,9 +212,9 @@ def _posterior(top: FileTable, known: Any, folder: Path) -> Variants | None:
     return posterior.of_json(folder / table.word("fit"), table.text("law"), count, known, seed=seed)
 
 
-def _with_files(recipe: Recipe, variants: Variants, folder: Path, where: str) -> Recipe:
+def _with_files(template: RunTemplate, variants: Variants, folder: Path, where: str) -> RunTemplate:
     """With every muscle and rig that a variant names, as they stand in their files now."""
-    specimens, rigs = dict(recipe.specimens), dict(recipe.rigs)
+    specimens, rigs = dict(template.specimens), dict(template.rigs)
     for path, read in (("muscle", lambda n: specimens.setdefault(n, specimen(_found(n, folder)))),
                        ("rig", lambda n: rigs.setdefault(n, dict(rig_of(_found(n, folder)).document)))):  # fmt: skip
         for name in dict.fromkeys(variants.columns.get(path, ())):
@@ -222,4 +222,4 @@ def _with_files(recipe: Recipe, variants: Variants, folder: Path, where: str) ->
                 read(str(name))
             except InputError as error:
                 raise error if error.where else error.at(where) from None
-    return dataclasses.replace(recipe, specimens=specimens, rigs=rigs)
+    return dataclasses.replace(template, specimens=specimens, rigs=rigs)

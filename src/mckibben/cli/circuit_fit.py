@@ -87,7 +87,7 @@ def _reading(plan: CircuitPlan, column: list[str] | None, unit: list[str] | None
 
 
 def _trial(plan: CircuitPlan, path: Path, reading: dict[str, Any]) -> Trial:
-    from ..identification.records import trial_from_record
+    from ..identification.trial import trial_from_record
     from ..recordings import read_record, read_recording
 
     if _is_own(path):
@@ -115,7 +115,7 @@ def _is_recording(path: Path) -> bool:
 
 def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> dict[str, float]:
     from ..components import paths
-    from ..identification.circuit_problem import DELAY
+    from ..identification.circuit_fit import DELAY
     from ..identification.trial import matching
     from ..quantities import parse
 

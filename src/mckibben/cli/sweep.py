@@ -11,7 +11,7 @@ import typer
 from .words import Json, print_json, progress, table
 
 if TYPE_CHECKING:
-    from ..batch.drive import Report
+    from ..batch.drive import SweepReport
     from ..batch.sweep import Sweep
 
 PARTS = 1000  # of the progress bar
@@ -37,9 +37,9 @@ def sweep(
     as_json: Json = False,
 ) -> None:
     """Run a protocol on many variants; results go to zarr, and a sweep that was interrupted goes on."""
-    from ..batch.distribute import Workers
     from ..batch.drive import run_sweep
     from ..batch.sweep_file import read_sweep
+    from ..batch.workers import Workers
 
     wanted, team = read_sweep(file), Workers(scheduler, workers)
     if dry:
@@ -74,18 +74,20 @@ def _tell(wanted: Sweep, as_json: bool) -> None:
     for path, values in wanted.variants.columns.items():
         low_high = wanted.ranges.get(path)
         words = list(dict.fromkeys(values)) if low_high is None else []
-        columns[path] = {"unit": wanted.recipe.settings[path].unit, "range": low_high, "words": words}
+        columns[path] = {"unit": wanted.template.settings[path].unit, "range": low_high, "words": words}
     if as_json:
         print_json(
             {
                 "result": "ready", "variants": len(wanted.variants), "duration": duration, "hash": wanted.digest,
-                "parameters": columns, "outputs": [o.name for o in wanted.recipe.outputs],
+                "parameters": columns, "outputs": [o.name for o in wanted.template.outputs],
             }
         )  # fmt: skip
         return
-    typer.echo(f"{len(wanted.variants):,} variants of {wanted.recipe.protocol.title!r}, the first of {duration:.4g} s.")
+    typer.echo(
+        f"{len(wanted.variants):,} variants of {wanted.template.protocol.title!r}, the first of {duration:.4g} s."
+    )
     table("", ["parameter", "values"], [[p, _range(c)] for p, c in columns.items()])
-    typer.echo(f"Kept: {', '.join(o.name for o in wanted.recipe.outputs)}")
+    typer.echo(f"Kept: {', '.join(o.name for o in wanted.template.outputs)}")
 
 
 def _range(column: dict[str, Any]) -> str:
@@ -96,18 +98,20 @@ def _range(column: dict[str, Any]) -> str:
     return " to ".join(with_unit(x, column["unit"] or "1") for x in column["range"])
 
 
-def _result(report: Report) -> dict[str, Any]:
+def _result(report: SweepReport) -> dict[str, Any]:
     return {
         "runs": report.runs, "failed": report.failed, "store": report.store,
         "muscle_seconds_per_second": report.rate, "new": report.new, "codes": report.codes, "seconds": report.seconds,
     }  # fmt: skip
 
 
-def _print(wanted: Sweep, report: Report) -> None:
-    from ..batch.outcome import Outcome
+def _print(wanted: Sweep, report: SweepReport) -> None:
+    from ..batch import VariantOutcome
 
-    rows = [[name.replace("_", " "), f"{n:,}", Outcome[name.upper()].sentence] for name, n in report.codes.items()]
-    table(f"{wanted.title or wanted.recipe.protocol.title}: {report.runs:,} variants", ["", "", ""], rows, right=(1,))
+    rows = [
+        [name.replace("_", " "), f"{n:,}", VariantOutcome[name.upper()].sentence] for name, n in report.codes.items()
+    ]
+    table(f"{wanted.title or wanted.template.protocol.title}: {report.runs:,} variants", ["", "", ""], rows, right=(1,))
     if report.new:
         typer.echo(f"\n{report.new:,} run now, {report.rate:.3g} s of muscle per second.")
     typer.echo(f"Written: {report.store}")

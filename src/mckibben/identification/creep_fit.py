@@ -22,15 +22,14 @@ import numpy as np
 
 from ..errors import InputError
 from ..muscles.creep import KelvinVoigtChain
-from .criterion import HalfSeen, akaike
-from .uncertainty import Estimate, uncertainty, widening
+from .uncertainty import Estimate, PartialFit, akaike, uncertainty, widening
 
 LAWS = ("free", "logarithmic")
 FEWEST = 8
 
 
 @dataclass(frozen=True)
-class CreepFit(HalfSeen):
+class CreepFit(PartialFit):
     """What is known of the creep after a step; errors in metres of stroke, prediction less measurement."""
 
     law: str

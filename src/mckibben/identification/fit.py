@@ -19,12 +19,10 @@ from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
 from ..quantities import declared
 from ..recordings import ForceMap
-from .checks import require_influence, require_progress
-from .criterion import akaike
-from .problem import Problem
-from .solve import Solution, solve
-from .uncertainty import Estimate, Uncertainty, uncertainty
-from .validation import CrossValidation, cross_validate
+from ._checks import require_influence, require_progress
+from ._validation import CrossValidation, cross_validate
+from .problem import Problem, Solution, solve
+from .uncertainty import Estimate, Uncertainty, akaike, uncertainty
 
 SCHEMES = ("pressure", "length", "block", "rest_length")
 # Share of the largest tension below which no sensor resolves an error: below it, laws differ by rounding only.

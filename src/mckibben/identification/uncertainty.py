@@ -1,7 +1,8 @@
-"""How far the data fix each parameter: intervals, correlations, and what they cannot tell apart."""
+"""How far the data fix each parameter, and how good a fit is: intervals, correlations, Akaike's criterion, errors."""
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -88,3 +89,36 @@ def widening(residuals: Sequence[np.ndarray]) -> float:
 
 def _listed(names: list[str]) -> str:
     return ", ".join(names[:-1]) + " and " + names[-1]
+
+
+def akaike(error: np.ndarray, parameters: int, *, resolution: float = 1e-15) -> float:
+    """Akaike's criterion with the correction for small samples (AICc) of errors (n,); infinite where they are too few.
+
+    The noise level counts as a parameter, and belongs to `parameters`. Root mean square errors below `resolution` (in the
+    unit of the errors) count as that: what is left of an exact fit is rounding, whose size says nothing.
+    """
+    n, k = error.size, parameters
+    least = resolution**2
+    variance = max(float(np.mean(error**2)), least) if n else least
+    return n * float(np.log(variance)) + 2.0 * k * n / (n - k - 1.0) if n > k + 1 else float("inf")
+
+
+class PartialFit(abc.ABC):
+    """A fit to some samples of a record, and its prediction of all; `train`, bool (n,), is what it saw."""
+
+    train: np.ndarray
+
+    @property
+    @abc.abstractmethod
+    def error(self) -> np.ndarray:
+        """Error of every sample (n,)."""
+
+    def rmse(self, *, seen: bool) -> float:
+        """Root mean square error of the samples that the fit saw, or of those that it did not; NaN where there are none."""
+        some = self.error[self.train == seen]
+        return float(np.sqrt(np.mean(some**2))) if some.size else float("nan")
+
+    def max_error(self, *, seen: bool) -> float:
+        """Largest of those errors; NaN where there are none."""
+        some = self.error[self.train == seen]
+        return float(np.abs(some).max()) if some.size else float("nan")

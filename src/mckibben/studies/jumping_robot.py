@@ -19,7 +19,7 @@ from ..assembly.circuit_file import read_circuit
 from ..assembly.circuit_plan import CircuitPlan
 from ..errors import InputError, MissingDataError
 from ..identification import CircuitFit, Trial, fit_circuit
-from ..identification.records import trial_from_record
+from ..identification.trial import trial_from_record
 from ..recordings import Channel, Recording, read_record
 
 MUSCLES = ("knee_right", "hip_right", "hip_left", "knee_left")  # in the order of the files

@@ -14,8 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..identification.creep_fit import FEWEST, LAWS, CreepFit, creep_half, fit_creep
-from ..identification.hysteresis_fit import LoopFit, fit_loop, fit_loops
-from ..identification.loop_models import MODELS, SMOOTH
+from ..identification.hysteresis_fit import MODELS, SMOOTH, LoopFit, fit_loop, fit_loops
 from ..identification.path_record import PathRecord
 from ..quantities import from_si, to_si
 from .loop_records import STEPS, read_loop, read_steps

@@ -162,8 +162,8 @@ class Guard:
 class _Safe:
     """Sends an answer with the headers that keep a browser from trusting others; scripts of a page get a nonce.
 
-    A page is held back until all of it is there. What a user typed stands in it escaped (`elements`), so that a script in the
-    page is one that this program wrote.
+    A page is held back until all of it is there. What a user typed stands in it escaped (`elements`), so that a script in
+    the page is one that this program wrote.
     """
 
     def __init__(self, send: Send) -> None:

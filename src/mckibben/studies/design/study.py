@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from ...analysis.steps import SETTLED
-from ...batch import Outcome, Output, Variants, grid
-from ...batch import recipe as recipes
+from ...batch import Output, VariantOutcome, Variants, grid
+from ...batch.run_template import make_template
 from ...batch.settings import setting
 from ...batch.sweep import Sweep, run_batch
 from ...bench.rig_file import rig as rig_of
@@ -127,7 +127,7 @@ def design_sweep(
     """
     if not muscles:
         raise InputError("muscles", "none", "allowed is at least one specimen")
-    base = recipes.of(protocol(**values), muscles[0], rig, outputs=OUTPUTS, plumbing=PLUMBING)
+    base = make_template(protocol(**values), muscles[0], rig, outputs=OUTPUTS, plumbing=PLUMBING)
     base = dataclasses.replace(base, specimens={m: specimen(m) for m in muscles})
     words = {"muscle": muscles, TUBE_LENGTH: tube_lengths, TUBE_DIAMETER: tube_diameters, VALVE_FLOW: valve_flows}
     settings = {p: setting(p, base.protocol, base.first_rig, base.first_unit) for p in words}
@@ -146,18 +146,18 @@ def design_study(
     axes = {"tube_lengths": tube_lengths, "tube_diameters": tube_diameters, "valve_flows": valve_flows}
     sweep = design_sweep(muscles, **axes, rig=rig, **values)
     results = run_batch(sweep, progress=progress)
-    words = next(str(p.values[0]) for p in sweep.recipe.protocol.parameters if p.name == "wait")
+    words = next(str(p.values[0]) for p in sweep.template.protocol.parameters if p.name == "wait")
     wait = parse(words, "s", field="wait")
     outputs, message = {n: v.copy() for n, v in results.outputs.items()}, list(results.message)
     for times in LONGER:
-        late = np.flatnonzero((results.code == Outcome.DONE) & (np.abs(outputs["drift"]) > SETTLED))
+        late = np.flatnonzero((results.code == VariantOutcome.DONE) & (np.abs(outputs["drift"]) > SETTLED))
         if not late.size:
             break
         longer = design_sweep(muscles, **axes, rig=rig, **{**values, "wait": f"{times * wait!r} s"})
         longer = dataclasses.replace(longer, variants=Variants({p: c[late] for p, c in sweep.variants.columns.items()}))
         again = run_batch(longer)
         for i, row in enumerate(late):
-            if again.code[i] == Outcome.DONE:
+            if again.code[i] == VariantOutcome.DONE:
                 message[row] = again.message[i]
                 for name in ("response", "drift", "tension"):
                     outputs[name][row] = again.outputs[name][i]
@@ -176,9 +176,9 @@ def judged(
         message: a sentence for each.
         outputs: by name (n,).
     """
-    rig = rig_of(sweep.recipe.rig)
-    done = np.asarray(code) == Outcome.DONE
-    cycles = float(next(p.values[0] for p in sweep.recipe.protocol.parameters if p.name == "cycles"))
+    rig = rig_of(sweep.template.rig)
+    done = np.asarray(code) == VariantOutcome.DONE
+    cycles = float(next(p.values[0] for p in sweep.template.protocol.parameters if p.name == "cycles"))
     dead = DeadState.of(AIR, rig.environment)
     supply = rig.plumbing[PLUMBING].supply_pressure + rig.environment.pressure_abs
     worth = float(dead.flowing(dead.see(supply, rig.environment.temperature)))
@@ -196,4 +196,4 @@ def judged(
         )
         for i, row in enumerate(variants.rows())
     ]  # fmt: skip
-    return DesignStudy(tuple(designs), sweep.recipe.protocol, sweep.recipe.rig)
+    return DesignStudy(tuple(designs), sweep.template.protocol, sweep.template.rig)

@@ -1,4 +1,4 @@
-"""Blocks of variants on one process, on several, or on a Dask cluster; whatever becomes of a worker, no block is lost.
+"""Blocks of variants on one process, on several, or on a DaskTeam cluster; whatever becomes of a worker, no block is lost.
 
 The caller gets results one after the other and writes them; workers write nothing, so that nothing is written twice. A
 block whose worker dies is given to another one, a few times: then it is the block that kills them.
@@ -30,10 +30,10 @@ PATIENCE = 10.0  # until a scheduler has answered [s]
 GATHERED = 300.0  # until a result that is there has come, or else is asked for again [s]
 
 
-class Work(Protocol):
+class BlockWork(Protocol):
     """What a worker does with a block; it is sent with each, for the worker may be a new one."""
 
-    def run(self, block: Block, tell: Tell = ...) -> Results:
+    def run(self, block: VariantBlock, tell: Tell = ...) -> Results:
         """The results of a block."""
 
     @property
@@ -41,47 +41,47 @@ class Work(Protocol):
         """Of the work, the same for all its blocks."""
 
 
-class Job(NamedTuple):
+class SweepJob(NamedTuple):
     """Blocks of a sweep.
 
     Attributes:
         name: hash of the sweep.
-        recipe: pickled.
+        template: pickled.
         ranges: of the varied numbers.
         engine: that compiles the lanes.
         threads: of native kernels; all cores where 0.
     """
 
     name: str
-    recipe: bytes
+    template: bytes
     ranges: Mapping[str, tuple[float, float]]
     engine: str
     threads: int = 1
 
     @classmethod
-    def of(cls, sweep: Sweep, threads: int) -> Job:
+    def of(cls, sweep: Sweep, threads: int) -> SweepJob:
         """The job of a sweep; a worker that shares a machine with others has one thread."""
-        return cls(sweep.digest, pickle.dumps(sweep.recipe), dict(sweep.ranges), sweep.engine, threads)
+        return cls(sweep.digest, pickle.dumps(sweep.template), dict(sweep.ranges), sweep.engine, threads)
 
-    def run(self, block: Block, tell: Tell = lambda _: None) -> Results:
+    def run(self, block: VariantBlock, tell: Tell = lambda _: None) -> Results:
         """The results of a block; what was compiled for the sweep is kept for the next one."""
         with _one_at_a_time:  # a worker may have threads
             if self.name not in _runners:
                 _runners.clear()
                 _runners[self.name] = Runner(
-                    pickle.loads(self.recipe), self.ranges, engine=self.engine, threads=self.threads
+                    pickle.loads(self.template), self.ranges, engine=self.engine, threads=self.threads
                 )
             return _runners[self.name].run(block.variants, tell)
 
 
-class Block(NamedTuple):
+class VariantBlock(NamedTuple):
     """Some variants in a row."""
 
     part: slice
     variants: Variants
 
 
-Done = tuple[Block, Results]
+Done = tuple[VariantBlock, Results]
 _runners: dict[str, Runner] = {}
 _one_at_a_time = threading.Lock()
 
@@ -91,7 +91,7 @@ class Workers:
     """Where blocks are run.
 
     Attributes:
-        way: one of `WAYS`, or the address of a Dask scheduler, such as ``tcp://node1:8786``.
+        way: one of `WAYS`, or the address of a DaskTeam scheduler, such as ``tcp://node1:8786``.
         count: of worker processes on this machine; as many as cores where 0.
     """
 
@@ -117,27 +117,27 @@ class Workers:
             _dask_libraries()
 
     @contextlib.contextmanager
-    def open(self) -> Iterator[Team]:
+    def open(self) -> Iterator[WorkerTeam]:
         """A team that runs blocks.
 
         Raises:
             InputError: if a library is missing, or no scheduler answers.
         """
         if self.way == "serial":
-            yield Serial()
+            yield SerialTeam()
         elif self.way == "processes":
-            yield Processes(self.count)
+            yield ProcessTeam(self.count)
         else:
             with _client(self.way, self.count) as client:
-                yield Dask(client)
+                yield DaskTeam(client)
 
 
-class Team:
+class WorkerTeam:
     """Runs blocks."""
 
     size = 1
 
-    def run(self, work: Work, blocks: Sequence[Block], tell: Tell) -> Iterator[Done]:
+    def run(self, work: BlockWork, blocks: Sequence[VariantBlock], tell: Tell) -> Iterator[Done]:
         """The results of every block, in the order in which they are there.
 
         Args:
@@ -151,22 +151,22 @@ class Team:
         raise NotImplementedError
 
 
-class Serial(Team):
+class SerialTeam(WorkerTeam):
     """In this process."""
 
-    def run(self, work: Work, blocks: Sequence[Block], tell: Tell) -> Iterator[Done]:
-        """As `Team.run`."""
+    def run(self, work: BlockWork, blocks: Sequence[VariantBlock], tell: Tell) -> Iterator[Done]:
+        """As `WorkerTeam.run`."""
         return ((block, work.run(block, tell)) for block in blocks)
 
 
-class Processes(Team):
+class ProcessTeam(WorkerTeam):
     """A pool of processes on this machine; a new one takes over where one of them dies."""
 
     def __init__(self, size: int) -> None:
         self.size = size
 
-    def run(self, work: Work, blocks: Sequence[Block], tell: Tell) -> Iterator[Done]:
-        """As `Team.run`."""
+    def run(self, work: BlockWork, blocks: Sequence[VariantBlock], tell: Tell) -> Iterator[Done]:
+        """As `WorkerTeam.run`."""
         import multiprocessing
         from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 
@@ -175,7 +175,7 @@ class Processes(Team):
         while waiting:
             others = set(multiprocessing.active_children())
             pool = ProcessPoolExecutor(min(self.size, len(waiting)), mp_context=spawn, initializer=_quiet)
-            at_work: dict[Future[Results], tuple[Block, int]] = {}
+            at_work: dict[Future[Results], tuple[VariantBlock, int]] = {}
             try:
                 while waiting or at_work:
                     while waiting and len(at_work) < AHEAD * self.size:
@@ -197,20 +197,20 @@ class Processes(Team):
                 pool.shutdown(cancel_futures=True)  # its own thread takes leave of them
 
 
-class Dask(Team):
-    """The workers of a Dask cluster."""
+class DaskTeam(WorkerTeam):
+    """The workers of a DaskTeam cluster."""
 
     def __init__(self, client: Any) -> None:
         self.client = client
         self.size = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
 
-    def run(self, work: Work, blocks: Sequence[Block], tell: Tell) -> Iterator[Done]:
-        """As `Team.run`."""
+    def run(self, work: BlockWork, blocks: Sequence[VariantBlock], tell: Tell) -> Iterator[Done]:
+        """As `WorkerTeam.run`."""
         from distributed import as_completed
         from distributed.scheduler import KilledWorker
 
         waiting = list(reversed(blocks))
-        at_work: dict[str, tuple[Block, Any]] = {}
+        at_work: dict[str, tuple[VariantBlock, Any]] = {}
         number = itertools.count()
 
         def more() -> list[Any]:
@@ -241,7 +241,7 @@ class Dask(Team):
 
 
 def _dask_libraries() -> tuple[Any, Any]:
-    use, instead = "Sweeps on Dask need", "--scheduler processes does without it"
+    use, instead = "Sweeps on DaskTeam need", "--scheduler processes does without it"
     return library("dask", use, instead=instead), library("distributed", use, instead=instead)
 
 
@@ -259,7 +259,7 @@ def _client(way: str, count: int) -> Iterator[Any]:
                 client = distributed.Client(way, timeout=PATIENCE)
             except (OSError, ValueError, TimeoutError):
                 raise InputError(
-                    "--scheduler", way, f"no Dask scheduler answered there within {PATIENCE:g} s"
+                    "--scheduler", way, f"no DaskTeam scheduler answered there within {PATIENCE:g} s"
                 ) from None
             with client:
                 yield client
@@ -289,13 +289,13 @@ def _silent(name: str) -> Iterator[None]:
         logger.setLevel(before)
 
 
-def _again(block: Block, tried: int) -> tuple[Block, int]:
+def _again(block: VariantBlock, tried: int) -> tuple[VariantBlock, int]:
     if tried + 1 >= ATTEMPTS:
         raise ConvergenceError(_deadly(block))
     return block, tried + 1
 
 
-def _deadly(block: Block) -> str:
+def _deadly(block: VariantBlock) -> str:
     part = block.part
     return (
         f"The workers that had variants {part.start} to {part.stop - 1} died, {ATTEMPTS} times; what other blocks gave is "

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..recordings import ForceMap
-from .problem import Problem
-from .solve import Solution, solve
+from .problem import Problem, Solution, solve
 
 # More distinct values than this are gathered into `BINS` groups of equal size.
 MOST_GROUPS, BINS = 30, 10

@@ -1,6 +1,6 @@
 """What all variants of a batch share, and how one of them becomes a bench, as ``mckibben run --set`` would prepare it.
 
-A recipe holds what it needs of files (rig, specimens, protocol), so that it can be sent to another machine.
+A template holds what it needs of files (rig, specimens, protocol), so that it can be sent to another machine.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ KEPT = 32  # rigs and protocols that a process remembers, half a megabyte each
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recipe:
+class RunTemplate:
     """All that does not differ between variants, and the files that any of them needs.
 
     Attributes:
@@ -81,11 +81,11 @@ class Recipe:
         return {**self.given, **{path: self.settings[path].words(v) for path, v in values.items()}}
 
 
-class Kitchen:
-    """Makes benches of a recipe, and remembers the parts that variants have in common."""
+class RunFactory:
+    """Prepares runs from a template, and remembers the parts that variants have in common."""
 
-    def __init__(self, recipe: Recipe) -> None:
-        self.recipe = recipe
+    def __init__(self, template: RunTemplate) -> None:
+        self.template = template
         self._rig = _remembering(self._read_rig)
         self._protocol = _remembering(self._read_protocol)
         self._unit = _remembering(lambda name: unit_from_specimen(self._specimen(name)))
@@ -99,21 +99,21 @@ class Kitchen:
         Raises:
             InputError: names what is unknown or out of bounds.
         """
-        recipe, given = self.recipe, self.recipe.words(values)
-        muscle, rig = given.pop("muscle", recipe.muscle), given.pop("rig", recipe.rig)
-        plumbing = given.pop("plumbing", recipe.plumbing) or None
-        seed = _whole("noise_seed", given.pop("noise_seed", recipe.noise_seed))
+        template, given = self.template, self.template.words(values)
+        muscle, rig = given.pop("muscle", template.muscle), given.pop("rig", template.rig)
+        plumbing = given.pop("plumbing", template.plumbing) or None
+        seed = _whole("noise_seed", given.pop("noise_seed", template.noise_seed))
         of_rig = {k: v for k, v in given.items() if k.startswith("rig.")}
         of_muscle = {k: v for k, v in given.items() if k.startswith("muscle.")}
         own = {k: v for k, v in given.items() if k not in of_rig and k not in of_muscle}
         return prepare(
             self._protocol(_key(own)), muscle=self._specimen(muscle), unit=self._changed(self._unit(muscle), of_muscle),
-            rig=self._rig((rig, *_key(of_rig))), plumbing=plumbing, step=recipe.step, seed=seed,
-            accept_saturation=recipe.accept_saturation,
+            rig=self._rig((rig, *_key(of_rig))), plumbing=plumbing, step=template.step, seed=seed,
+            accept_saturation=template.accept_saturation,
         )  # fmt: skip
 
     def _specimen(self, name: str) -> Specimen:
-        return self.recipe.specimens.get(name) or specimen(name)
+        return self.template.specimens.get(name) or specimen(name)
 
     @staticmethod
     def _changed(unit: MuscleUnit, given: Mapping[str, str]) -> MuscleUnit:
@@ -127,25 +127,25 @@ class Kitchen:
 
     def _read_rig(self, key: tuple[Any, ...]) -> Rig:
         name, *changes = key
-        if name not in self.recipe.rigs:
+        if name not in self.template.rigs:
             return rig_of(name, {k.removeprefix("rig."): v for k, v in changes})
-        document = copy.deepcopy(dict(self.recipe.rigs[name]))
+        document = copy.deepcopy(dict(self.template.rigs[name]))
         for path, words in changes:
             _put(document, path.removeprefix("rig."), words, _place(name))
         return read_rig(document, where=_place(name))
 
     def _read_protocol(self, key: tuple[Any, ...]) -> Protocol:
         values = {name: values_of(name, words, field=name) for name, words in key}
-        return with_values(self.recipe.protocol, values) if values else self.recipe.protocol
+        return with_values(self.template.protocol, values) if values else self.template.protocol
 
 
-def of(protocol: Protocol, muscle: str, rig: str = "paper", **more: Any) -> Recipe:
-    """A recipe with the files of its muscle and rig read.
+def make_template(protocol: Protocol, muscle: str, rig: str = "paper", **more: Any) -> RunTemplate:
+    """Make a template with the files of its muscle and rig read.
 
     Raises:
         InputError: if there is no such muscle or rig, or a path of `given` is unknown.
     """
-    made = Recipe(
+    made = RunTemplate(
         protocol=protocol, muscle=muscle, rig=rig,
         specimens={muscle: specimen(muscle), **more.pop("specimens", {})},
         rigs={rig: dict(rig_of(rig).document), **more.pop("rigs", {})}, **more,
