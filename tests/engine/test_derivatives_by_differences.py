@@ -4,13 +4,13 @@ The system is a chain of orifices and volumes behind a supply that comes late; w
 volume. JAX is asked for nothing but the graph, so that no second compiler is needed.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from lanewise import adjoint, lower, tangents
+from mckibben.components import field
 from mckibben.components.system import System
 from mckibben.engine import Signal, march
 from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
@@ -25,7 +25,7 @@ class Chain(System):
 
     conductance: jax.Array
     friction: MaxwellSlip | None
-    count: int = eqx.field(static=True)
+    count: int = field(static=True)
 
     def rate(self, state, memory, inputs):
         levels = [inputs["supply"].value, *(state[f"p{i}"] for i in range(self.count))]

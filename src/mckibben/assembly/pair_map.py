@@ -14,12 +14,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..components import Module, Scalar
+from ..components import Module, Scalar, jit_arrays
 from ..engine.signals import Value
 from ..errors import InputError
 from ..quantities import quantity, with_unit
@@ -139,7 +138,7 @@ class _Found(NamedTuple):
     sound: Any  # balanced, both muscles taut
 
 
-@eqx.filter_jit
+@jit_arrays
 def _solved(machine: Machine, start: Any, inputs: Any, angles: Any, common: Any) -> _Found:
     """Points at rest for all angles (m,) and common pressures (n,), each (m, n)."""
 

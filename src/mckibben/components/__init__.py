@@ -11,9 +11,9 @@ jax.config.update("jax_enable_x64", True)
 from .derivative import derivative  # noqa: E402
 from .element import Advanced, ForceElement, Hysteresis, MemoryElement  # noqa: E402
 from .environment import Environment  # noqa: E402
-from .module import AbstractVar, Module, Scalar, field  # noqa: E402
+from .module import AbstractVar, Module, Scalar, field, jit_arrays  # noqa: E402
 
 __all__ = [
     "AbstractVar", "Advanced", "Environment", "ForceElement", "Hysteresis", "MemoryElement", "Module", "Scalar", "field",
-    "derivative",
+    "derivative", "jit_arrays",
 ]  # fmt: skip

@@ -5,14 +5,15 @@
         name: str = field(static=True, kw_only=True, default="")
 
 Fields are those of a dataclass. What is `static` belongs to the structure of the tree and is compared by value; all else is
-a branch of it. It does what `equinox.Module` does for such values, and transformations of Equinox take it as a tree; but a
-process that only runs kernels is spared the loading of Equinox, and a class is made in a fifth of the time.
+a branch of it. It does what `equinox.Module` does for such values; but a process that only runs kernels is spared the
+loading of Equinox, and a class is made in a fifth of the time.
 """
 
 from __future__ import annotations
 
 import abc
 import dataclasses
+import functools
 import types
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, dataclass_transform
@@ -23,6 +24,7 @@ import numpy as np
 from ..quantities import check_fields
 
 Scalar = Any  # a number or an array of them: all formulas are elementwise and broadcast
+Result = TypeVar("Result")
 
 if TYPE_CHECKING:
     from typing import Annotated
@@ -107,6 +109,31 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
     def replace(self, **changes: Any) -> Any:
         """A copy with some fields changed, checked like a new one."""
         return dataclasses.replace(self, **changes)
+
+
+def jit_arrays(function: Callable[..., Result]) -> Callable[..., Result]:
+    """Compile a function for the arrays among the leaves of its arguments; every other leaf is a constant of the program.
+
+    Numbers of Python count as constants: another one compiles another program.
+    """
+
+    @functools.partial(jax.jit, static_argnums=0)
+    def compiled(constants: tuple[Any, tuple[tuple[type, Any], ...]], arrays: list[Any]) -> Result:
+        structure, others = constants
+        leaves = [other if array is None else array for array, (_, other) in zip(arrays, others, strict=True)]
+        return function(*jax.tree.unflatten(structure, leaves))
+
+    @functools.wraps(function)
+    def call(*arguments: Any) -> Result:
+        leaves, structure = jax.tree.flatten(arguments)
+        traced = [isinstance(leaf, jax.Array | np.ndarray | np.generic) for leaf in leaves]
+        arrays = [leaf if own else None for leaf, own in zip(leaves, traced, strict=True)]
+        others = tuple(
+            (type(None), None) if own else (type(leaf), leaf) for leaf, own in zip(leaves, traced, strict=True)
+        )
+        return compiled((structure, others), arrays)
+
+    return call
 
 
 def _register(cls: type[Module]) -> None:

@@ -117,7 +117,9 @@ class Line:
 
     async def end(self, code: int, reason: str) -> None:
         """Close the line."""
-        with contextlib.suppress(RuntimeError):  # it is closed
+        from starlette.websockets import WebSocketDisconnect
+
+        with contextlib.suppress(RuntimeError, WebSocketDisconnect):  # it is closed
             await self.socket.close(code, reason)
 
     async def _hear(self) -> None:

@@ -68,7 +68,7 @@ def _page_routes(lab: Laboratory, documents: Documents) -> list[Any]:
     from starlette.requests import Request
     from starlette.responses import HTMLResponse, PlainTextResponse, Response
     from starlette.routing import Route, WebSocketRoute
-    from starlette.websockets import WebSocket
+    from starlette.websockets import WebSocket, WebSocketDisconnect
 
     def of(module: str) -> Callable[[Request], Awaitable[Response]]:
         async def show(request: Request) -> Response:
@@ -83,10 +83,11 @@ def _page_routes(lab: Laboratory, documents: Documents) -> list[Any]:
     async def line(socket: WebSocket) -> None:
         await socket.accept()
         found = documents.find(socket.path_params["key"])
-        if found is None:
-            await socket.close(UNKNOWN_DOCUMENT, "The laboratory does not know this page any more.")
-        else:
-            await documents.serve(found, socket)
+        with contextlib.suppress(WebSocketDisconnect):
+            if found is None:
+                await socket.close(UNKNOWN_DOCUMENT, "The laboratory does not know this page any more.")
+            else:
+                await documents.serve(found, socket)
 
     async def upload(request: Request) -> Response:
         found = documents.find(request.path_params["key"])

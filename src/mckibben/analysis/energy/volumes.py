@@ -14,11 +14,10 @@ from __future__ import annotations
 import abc
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ...components import Module, Scalar, derivative
+from ...components import Module, Scalar, derivative, jit_arrays
 from ...errors import InputError, NoVolumeError
 from ...muscles.law import TensionLaw, law_name
 from ...muscles.laws.gas_spring import spring_volume
@@ -164,17 +163,17 @@ class Probe:
         return [np.concatenate(v)[:count].reshape(shape) for v in zip(*parts, strict=True)]
 
 
-@eqx.filter_jit
+@jit_arrays
 def _tension(muscle: CycleMuscle, length: Any, pressure: Any) -> tuple[Scalar]:
     return (muscle.tension(length, pressure),)
 
 
-@eqx.filter_jit
+@jit_arrays
 def _gas(muscle: CycleMuscle, length: Any, pressure: Any) -> tuple[Scalar, Scalar]:
     return muscle.volume(length, pressure), muscle.gas_energy(length, pressure)
 
 
-@eqx.filter_jit
+@jit_arrays
 def _slopes(muscle: CycleMuscle, length: Any, pressure: Any) -> tuple[Scalar, ...]:
     by_length = [derivative(lambda x: f(x, pressure), length) for f in (muscle.tension, muscle.volume)]  # noqa: B023
     by_pressure = [derivative(lambda p: f(length, p), pressure) for f in (muscle.tension, muscle.volume)]  # noqa: B023

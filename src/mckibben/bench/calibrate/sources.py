@@ -9,7 +9,6 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -117,7 +116,7 @@ class SimulatedSensors:
         self._draw = np.random.default_rng([seed, 1])
         self._encoder: Encoder | None = rig.encoder
         if rig.encoder is not None and rig.motor is not None:
-            self._encoder = eqx.tree_at(lambda e: e.pulley_radius, rig.encoder, rig.motor.pulley_radius)
+            self._encoder = rig.encoder.replace(pulley_radius=rig.motor.pulley_radius)
         self._zeroed = float(self._draw.uniform()) * self.grids[SPAN].resolution if SPAN in self.grids else 0.0
         self.true = dict.fromkeys(self.grids, 0.0)
         self.wave: Waveform | None = None

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...components import Scalar
+from ...components import Scalar, jit_arrays
 from ...errors import ConvergenceError, InputError
 from ...quantities import declared
 from .ends import End, ReservoirEnd
@@ -106,7 +105,7 @@ def _start(
     return TubeState(cells, left.initial(tube.gas), right.initial(tube.gas), zero, (zero, zero))
 
 
-@eqx.filter_jit
+@jit_arrays
 def _integrate(
     tube: DistributedTube, left: End, right: End, start: TubeState, samples: int, period: Any, most_steps: int
 ) -> tuple[tuple[TubeState, Scalar], Sample]:

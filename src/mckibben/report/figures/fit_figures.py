@@ -77,12 +77,12 @@ def _muscles(fit: Fit, points: ForceMap) -> list[tuple[float | None, TensionLaw,
 
 @functools.cache
 def _tension_function() -> Callable[[TensionLaw, Any, Any], Any]:
-    import equinox as eqx
+    from ...components import jit_arrays
 
     def force(law: TensionLaw, length: Any, pressure: Any) -> Any:
         return law.braid_tension(length, pressure)
 
-    return eqx.filter_jit(force)
+    return jit_arrays(force)
 
 
 def tension_grid(law: TensionLaw, lengths: np.ndarray, pressures: Iterable[float]) -> np.ndarray:

@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,7 +21,7 @@ import numpy as np
 from ...analysis.steps import LAST, settling
 from ...assembly.build import Line, circuit_for
 from ...assembly.muscle_unit import MuscleUnit
-from ...components import Environment, Scalar
+from ...components import Environment, Scalar, jit_arrays
 from ...components.flow import FlowElement
 from ...components.system import System
 from ...engine.integration import march
@@ -236,7 +235,7 @@ def _together(lanes: Sequence[Lane], prepared: Sequence[tuple[Any, float]]) -> l
     return found
 
 
-@eqx.filter_jit
+@jit_arrays
 def _marched(stacked: Any, steps: Any) -> dict[str, Any]:
     def one(tree: Any) -> dict[str, Any]:
         watched, signals, period, room = tree
@@ -294,7 +293,7 @@ def _opening_course(same: _Same, command: float) -> tuple[np.ndarray, np.ndarray
     return np.concatenate([[0.0], dead + time]), np.append(fill[0], fill), np.append(vent[0], vent)
 
 
-@eqx.filter_jit
+@jit_arrays
 def _moved(valve: Any, command: Any, h: Any) -> tuple[Scalar, Scalar]:
     """Openings of fill and vent over `OPENINGS` steps, from the rest at the other end of the stroke (midpoint rule)."""
     rising = command > 0.5

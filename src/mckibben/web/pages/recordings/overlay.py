@@ -165,12 +165,12 @@ def _residual(part: Part) -> tuple[np.ndarray, np.ndarray]:
 
 @functools.cache
 def _tension() -> Any:
-    import equinox as eqx
+    from ....components import jit_arrays
 
     def force(law: Any, length: Any, pressure: Any) -> Any:
         return law.tension(length, pressure)
 
-    return eqx.filter_jit(force)
+    return jit_arrays(force)
 
 
 def over_time(parts: Sequence[Part], what: str, height: int) -> Chart | None:
