@@ -11,7 +11,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from .bench.run import run
-    from .identification import fit, fit_all
+    from .identification.fit import fit, fit_all
     from .muscles import law
     from .recordings import read_force_map
     from .reproduction import reproduce

@@ -195,7 +195,7 @@ def test_nothing_is_written_over_and_links_are_no_files(tmp_path):
     (tmp_path / "secret.nc").write_bytes(b"secret")
     (shelf.folder / "link.nc").symlink_to(tmp_path / "secret.nc")
     assert "link.nc" not in shelf.names()
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="File not found"):
         shelf.found("link.nc")
     for size in (0, 11):
         with pytest.raises(InputError, match="nothing was stored"):
@@ -416,7 +416,7 @@ def test_a_field_speaks_as_the_command_line_does_and_keeps_the_old_value():
     assert accept("roughness", "20 um", roughness, 1e-5).value == pytest.approx(2e-5)
     for words in ("\u22120.01", "abc", "", "1 N", "nan", "1e9"):
         value, said = accept("roughness", words, roughness, 1e-5)
-        assert value == 1e-5 and said.startswith("roughness is") and "The old value, 0.001, stays in use." in said
+        assert value == 1e-5 and said.startswith("roughness must be") and "The old value, 0.001, stays in use." in said
 
 
 @pytest.mark.parametrize("name", protocol_names())

@@ -1,6 +1,6 @@
 """The kinds of files that recordings are read from and written to: one registry, open to other packages.
 
-A kind of file is one `FileFormat`. Those of this package stand in `BUILT_IN`; another package adds its own by an entry point
+A kind of file is one `FileFormat`. Those of this package are in `BUILT_IN`; another package adds its own by an entry point
 of the group ``mckibben.formats``, named after the suffix without its dot:
 
     [project.entry-points."mckibben.formats"]
@@ -11,27 +11,24 @@ A format is imported when a file with its suffix is met, and not before.
 
 from __future__ import annotations
 
-import contextlib
-import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module, metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
 from ..extras import library
+from ..registry import Registry
 
 if TYPE_CHECKING:
     from .recording import Recording
 
-GROUP = "mckibben.formats"  # of entry points
-# Suffix -> module beside this one and the name of its format.
+# Suffix without its dot -> module beside this one and the name of its format.
 BUILT_IN = {
-    ".nc": "_store:NETCDF", ".csv": "_store:CSV", ".mcap": "mcap:FORMAT", ".mat": "_matlab:FORMAT",
-    ".tdms": "_tdms:FORMAT", ".parquet": "_parquet:FORMAT",
+    "nc": "_store:NETCDF", "csv": "_store:CSV", "mcap": "mcap:FORMAT", "mat": "_matlab:FORMAT", "tdms": "_tdms:FORMAT",
+    "parquet": "_parquet:FORMAT",
 }  # fmt: skip
 # Text tables of other programs, which are read with the meaning of their header at hand; see `text`.
 TEXT_TABLES = (".csv", ".txt", ".csv.gz", ".txt.gz")
@@ -97,15 +94,14 @@ class FileFormat:
             library(self.requires, f"{self.title} need", where=where)
 
 
-@functools.cache
-def _plugins() -> dict[str, metadata.EntryPoint]:
-    """Formats of other packages by suffix."""
-    return {f".{point.name.lower()}": point for point in metadata.entry_points(group=GROUP)}
+FORMATS: Registry[FileFormat] = Registry(
+    "mckibben.formats", "format", {name: f"mckibben.recordings.{place}" for name, place in BUILT_IN.items()}
+)  # fmt: skip
 
 
 def suffixes() -> tuple[str, ...]:
     """Suffixes of all formats, those of other packages last."""
-    return (*BUILT_IN, *(suffix for suffix in _plugins() if suffix not in BUILT_IN))
+    return tuple(f".{name}" for name in FORMATS)
 
 
 def readable() -> tuple[str, ...]:
@@ -115,12 +111,7 @@ def readable() -> tuple[str, ...]:
 
 def writable() -> tuple[str, ...]:
     """Suffixes of all files that can be written."""
-    found = []
-    for suffix in suffixes():
-        with contextlib.suppress(InputError):  # a package that is broken keeps nobody from writing other files
-            if _format(suffix).write is not None:
-                found.append(suffix)
-    return tuple(found)
+    return tuple(f".{name}" for name in FORMATS if FORMATS[name].write is not None)
 
 
 def is_text_table(path: Path) -> bool:
@@ -130,8 +121,7 @@ def is_text_table(path: Path) -> bool:
 
 def format_of(path: Path) -> FileFormat | None:
     """The format of a path by its suffix; None where no package knows it."""
-    suffix = path.suffix.lower()
-    return _format(suffix) if suffix in BUILT_IN or suffix in _plugins() else None
+    return FORMATS.get(path.suffix.lower().removeprefix("."))
 
 
 def writer_of(path: Path) -> FileFormat:
@@ -143,22 +133,4 @@ def writer_of(path: Path) -> FileFormat:
     found = format_of(path)
     if found is None or found.write is None:
         raise InputError("suffix", path.suffix or str(path), f"known are {', '.join(writable())}", where=str(path))
-    return found
-
-
-@functools.cache
-def _format(suffix: str) -> FileFormat:
-    if suffix in BUILT_IN:
-        module, name = BUILT_IN[suffix].split(":")
-        found = getattr(import_module(f".{module}", __package__), name)
-        return cast(FileFormat, found)
-    point = _plugins()[suffix]
-    try:
-        found = point.load()
-    except Exception as error:  # whatever another package does when it is imported
-        sentence = f"The entry point {point.name!r} of {GROUP} cannot be loaded: {type(error).__name__}: {error}"
-        raise InputError("suffix", suffix, "", sentence=sentence) from None
-    if not isinstance(found, FileFormat):
-        sentence = f"The entry point {point.name!r} of {GROUP} must be a FileFormat, got {type(found).__name__}"
-        raise InputError("suffix", suffix, "", sentence=sentence)
     return found
