@@ -11,8 +11,8 @@ from ..engine import Run
 from ..engine.native import call_compiled
 from ..muscles.stored import stored_change
 from ..pneumatics.exergy import stored_exergy
+from .exergy_balance import Gained, WhereItWent, exergy_balance
 from .machine import Machine
-from .where_it_went import Gained, WhereItWent, where_it_went
 
 LEAST = 1e-6  # [J]; of less work than this, rounding of what is stored is all that an account shows
 
@@ -81,7 +81,7 @@ def accounts(
     # With closed valves no enthalpy crosses the border, and the work in the muscles is what there is.
     crossed = max(flow["enthalpy_turnover"], flow["exchanged"], LEAST)
     whole = got.gas + got.muscle + got.lifted + moving + got.friction - entered - flow["outside"] + flow["lost"]
-    parts = where_it_went(machine, flow, got)
+    parts = exergy_balance(machine, flow, got)
     return Accounts(
         mass=abs(more.mass - flow["mass"]) / max(flow["mass_turnover"], before.mass),
         gas=abs(got.gas - entered + flow["muscle_work"]) / crossed,

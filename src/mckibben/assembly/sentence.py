@@ -7,7 +7,7 @@ from typing import Any
 from ..components import paths
 from ..experiments.waveforms import time_words
 from ..quantities import with_unit
-from .circuit_plan import CircuitPlan
+from .circuit_file import CircuitPlan
 
 
 def sentence(plan: CircuitPlan) -> str:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..analysis.steps import unsettled_at_end
-from ..assembly.circuit_plan import CircuitPlan
+from ..assembly.circuit_file import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
 from ..components import Module, Scalar, field
 from ..engine import Run, Signal, integrate

@@ -14,11 +14,11 @@ import numpy as np
 
 from ..assembly.accounts import Accounts, accounts
 from ..assembly.build import antagonist_pair
+from ..assembly.exergy_balance import document
 from ..assembly.loads import MomentArm
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..assembly.pair_map import NAMES, pair_map
-from ..assembly.where_it_went import document
 from ..engine import STEP, sampled
 from ..engine.native import call_compiled
 from ..errors import InputError

@@ -14,8 +14,8 @@ import numpy as np
 from .. import citations
 from ..analysis.saturation import saturation
 from ..assembly.accounts import Accounts
+from ..assembly.exergy_balance import document
 from ..assembly.machine import Machine
-from ..assembly.where_it_went import document
 from ..components import paths
 from ..experiments.plan import PlannedStep
 from ..recordings.recording import Recording

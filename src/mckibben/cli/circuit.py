@@ -10,7 +10,7 @@ import typer
 from .words import Json, caution, pairs, print_json, progress, table, writable
 
 if TYPE_CHECKING:
-    from ..assembly.circuit_plan import CircuitPlan
+    from ..assembly.circuit_file import CircuitPlan
     from ..recordings.recording import Recording
 
 circuit = typer.Typer(

@@ -12,7 +12,7 @@ from .circuit import Change, File, circuit, planned
 from .words import Json, caution, options_named, pairs, print_json, table, told, writable
 
 if TYPE_CHECKING:
-    from ..assembly.circuit_plan import CircuitPlan
+    from ..assembly.circuit_file import CircuitPlan
     from ..identification import CircuitFit, Trial
 
 

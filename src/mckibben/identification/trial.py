@@ -12,7 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..assembly.circuit_plan import CircuitPlan
+from ..assembly.circuit_file import CircuitPlan
 from ..components import paths
 from ..engine import STEP, Run, Signal, integrate, march
 from ..engine.prediction import Prediction, prediction

@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..assembly.circuit_file import read_circuit
-from ..assembly.circuit_plan import CircuitPlan
+from ..assembly.circuit_file import CircuitPlan, read_circuit
 from ..errors import InputError, MissingDataError
 from ..identification import CircuitFit, Trial, fit_circuit
 from ..identification.trial import trial_from_record

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....assembly.circuit_plan import CircuitPlan
+from ....assembly.circuit_file import CircuitPlan
 from ....errors import MckibbenError
 from ....recordings import Recording
 from . import response

@@ -9,7 +9,7 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ....assembly.circuit_plan import CircuitPlan
+from ....assembly.circuit_file import CircuitPlan
 from ....report.figures import circuit_diagram, style
 from ....report.figures.circuit_diagram import Plan
 from ....report.figures.circuit_symbols import Box, Mark

@@ -9,8 +9,7 @@ import zlib
 from collections.abc import Mapping
 from typing import Any
 
-from ....assembly.circuit_file import build_plan
-from ....assembly.circuit_plan import CircuitPlan
+from ....assembly.circuit_file import CircuitPlan, build_plan
 from ....documents import parse_toml
 from ....errors import InputError
 from ....quantities import Quantity, from_si, parse, shown_unit

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from ....assembly.circuit_plan import CircuitPlan
+from ....assembly.circuit_file import CircuitPlan
 from ....errors import InputError
 from ....pneumatics.build import ELEMENTS
 from ....pneumatics.valves import PressureRegulator, SpoolValve

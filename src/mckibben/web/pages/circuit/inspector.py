@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ....assembly.circuit_file import TIME
-from ....assembly.circuit_nodes import HEATS
-from ....assembly.circuit_plan import CircuitPlan
+from ....assembly.circuit_file import TIME, CircuitPlan
+from ....assembly.circuit_parts import HEATS
 from ....components import paths
 from ....pneumatics.build import known_keys, passages_of, with_usual_unit
 from ....pneumatics.heat import WallHeat

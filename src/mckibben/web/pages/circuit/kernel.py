@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from ....assembly.circuit_plan import CircuitPlan
+from ....assembly.circuit_file import CircuitPlan
 from ....components.system import Moment, System
 from ....engine.integration import ATTEMPTS, MOST_PARTS, ROS2_LIMIT, march
 from ....engine.native import EngineFunction, compile_function

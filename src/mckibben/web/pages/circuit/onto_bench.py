@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ....assembly.circuit_plan import CircuitPlan
+from ....assembly.circuit_file import CircuitPlan
 from ....bench.rig_file import read_rig, rig
 from ....errors import InputError
 from ....quantities import parse

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....analysis.steps import LAST, settling, step_responses
-from ....assembly.circuit_plan import CircuitPlan
+from ....assembly.circuit_file import CircuitPlan
 from ....components import paths
 from ....components.flow import GasState
 from ....errors import InputError, MckibbenError

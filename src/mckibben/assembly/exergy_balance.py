@@ -100,7 +100,7 @@ class WhereItWent:
         )  # fmt: skip
 
 
-def where_it_went(machine: Machine, flow: Mapping[str, float], got: Gained) -> WhereItWent:
+def exergy_balance(machine: Machine, flow: Mapping[str, float], got: Gained) -> WhereItWent:
     """The parts from the integrals of a run, as `Machine.integrands` names them, and from its end states."""
     load = Ledger(
         {"shaft_work": flow["delivered"], "outside": flow["outside"]},

@@ -1,10 +1,20 @@
-"""Nodes of a circuit from their tables: reservoirs, the atmosphere, volumes, muscles, junctions."""
+"""The parts of a circuit from their tables: nodes, the elements that join them, and the [fit] table.
+
+A [fit] table says what is free, where the search starts, and how the records of the circuit are read:
+
+    [fit]
+    free = ["elements.tube.friction_scale", "elements.valve_*.passage.conductance"]
+    start = { "elements.tube.friction_scale" = 1.2 }
+    columns = { time = 1, "tank.pressure" = 2 }        # of records that have other names, or no header
+    units = { "tank.pressure" = "kPa" }
+    pressure_zero = "9 kPa"                            # what the sensors read at zero
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 from ..components import Environment
 from ..errors import InputError, MissingParametersError, suggest
@@ -12,6 +22,8 @@ from ..muscles import law_from_specimen
 from ..muscles.build import build_law, needed_words
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
+from ..pneumatics.build import ELEMENTS, build_element, known_keys
+from ..pneumatics.circuit import Branch
 from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiabatic
 from ..pneumatics.volume import Chamber, CompliantVolume, FixedVolume, MovingVolume, Reservoir
 from ..quantities import declared, shown_unit, with_unit
@@ -224,3 +236,95 @@ def _heat(entry: FileTable, room: Environment) -> tuple[HeatModel, str]:
         )
     table.only(("kind",), f"{kind} has")
     return (Isothermal() if kind == "isothermal" else adiabatic()), kind
+
+
+TWO_PORTS = ("from", "to")  # the two ports of an element that has no more
+
+
+class PlannedBranch(NamedTuple):
+    """An element with its place in the circuit, and the SI unit of its command."""
+
+    branch: Branch
+    unit: str
+
+
+def read_branch(entry: FileTable, nodes: Sequence[str]) -> PlannedBranch:
+    """One element of a kind, joined to nodes.
+
+    Raises:
+        InputError: names file, dotted path, value and what is allowed.
+    """
+    kind = entry.word("kind", among=ELEMENTS)
+    ports = ELEMENTS[kind].ports
+    keys = TWO_PORTS if len(ports) == 2 and not set(ports) & set(entry.values) else ports
+    ends = tuple(_end(entry, key, keys, nodes) for key in keys)
+    spec = _specimen(entry) if "specimen" in entry.values else None
+    values = {k: v for k, v in entry.values.items() if k not in ("kind", "command", "specimen", *keys)}
+    try:
+        element = build_element(kind, values, where=entry.where, specimen=spec)
+    except InputError as error:
+        key = error.field.removeprefix(f"{kind}.")
+        if spec is not None and error.where == (spec.where or spec.id):
+            key = "specimen"
+        hint = suggest(key, known_keys(kind)) if error.value == "unknown" else ""
+        raise InputError(entry.field(key), error.value, hint + error.allowed, where=entry.where) from None
+    command = entry.word("command") if "command" in entry.values else None
+    return PlannedBranch(Branch(element, ends, command), element.command_unit)
+
+
+def _end(entry: FileTable, key: str, keys: Sequence[str], nodes: Sequence[str]) -> str:
+    if key not in entry.values:
+        raise entry.fail(key, "missing", f"its ports are {', '.join(keys)}, and each leads to a node")
+    end = entry.values[key]
+    if end not in nodes:
+        raise entry.fail(key, end, f"{suggest(end, nodes)}known are {', '.join(nodes)}")
+    return str(end)
+
+
+def _specimen(entry: FileTable) -> Specimen:
+    wanted = entry.word("specimen")
+    try:
+        return specimen(wanted)
+    except InputError as error:
+        raise entry.fail("specimen", wanted, error.allowed) from None
+
+
+FIT_KEYS = ("free", "start", "columns", "units", "pressure_zero")
+
+
+@dataclass(frozen=True)
+class FitTable:
+    """What the file says of a fit; the command line adds to it."""
+
+    free: tuple[str, ...] = ()
+    start: dict[str, str | float] = field(default_factory=dict)
+    columns: dict[str, str | int] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    pressure_zero: float = 0.0
+
+
+def read_fit(entry: FileTable) -> FitTable:
+    """The table as a value.
+
+    Raises:
+        InputError: names the key, its value and what is allowed.
+    """
+    entry.only(FIT_KEYS, "a fit has")
+    free = entry.values.get("free", [])
+    if not isinstance(free, list) or not all(isinstance(path, str) for path in free):
+        raise entry.fail("free", str(free), "must be a list of dotted paths")
+    return FitTable(
+        free=tuple(free),
+        start=_fit_words(entry, "start", (str, int, float), "a value in words"),
+        columns=_fit_words(entry, "columns", (str, int), "the name or the number of a column"),
+        units=_fit_words(entry, "units", (str,), "a unit in words"),
+        pressure_zero=entry.number("pressure_zero", "Pa", 0.0),
+    )
+
+
+def _fit_words(entry: FileTable, key: str, kinds: tuple[type, ...], allowed: str) -> dict[str, Any]:
+    values = entry.table(key).values
+    for name, value in values.items():
+        if not isinstance(value, kinds) or isinstance(value, bool):
+            raise entry.fail(f"{key}.{name}", str(value), f"must be {allowed}")
+    return dict(values)
