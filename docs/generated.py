@@ -325,7 +325,7 @@ def papers(_: Path) -> str:
     """Return the table of those printed numbers of the papers that need no recording, with the computed ones."""
     from mckibben.reproduction import reproduce
     from mckibben.reproduction.rows import select
-    from mckibben.reproduction.verdicts import headline
+    from mckibben.reproduction.rows import headline
 
     outcomes, printed = reproduce(recordings=False), select()
     done = [o for o in outcomes if o.ours is not None]

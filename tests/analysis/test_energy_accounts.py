@@ -5,8 +5,8 @@ import functools
 import numpy as np
 import pytest
 
+from mckibben.analysis._recorded_machine import RecordedMachine
 from mckibben.analysis.energy_accounts import energy_account
-from mckibben.analysis.recorded_machine import RecordedMachine
 from mckibben.errors import InputError
 from mckibben.muscles import law_from_specimen
 from mckibben.muscles.laws import LAWS, law_type
@@ -14,7 +14,7 @@ from mckibben.muscles.stored import stored_along, stored_change
 from mckibben.pneumatics.gas import AIR
 from mckibben.quantities import declared
 from mckibben.recordings import Channel, Recording
-from mckibben.report.figures.energy_flow_figures import energy_flow_figure, streams
+from mckibben.report.figures.energy_figures import energy_flow_figure, streams
 from mckibben.specimens import specimen
 
 ROOM, T0, SUPPLY = 101325.0, 293.15, 6.9e5

@@ -9,8 +9,7 @@ from scipy import signal
 from test_sampling import law
 
 from mckibben.analysis.lag import corrected_loop
-from mckibben.analysis.loops import loop, loop_ratio, peak_velocity
-from mckibben.analysis.paths import path_distance, paths
+from mckibben.analysis.loops import loop, loop_ratio, path_distance, paths, peak_velocity
 from mckibben.analysis.repeatability import between_cycles, spread, trend
 from mckibben.muscles.hysteresis.limit import FrictionLimit
 from mckibben.muscles.hysteresis.maxwell_slip import MaxwellSlip

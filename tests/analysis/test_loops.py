@@ -17,8 +17,7 @@ from analysis_records import (
 )
 
 from mckibben.analysis.lag import advanced, channel_lag, corrected_loop, filter_effect, unfiltered
-from mckibben.analysis.loops import closed_area, loop, loop_ratio, loops, peak_velocity, variation
-from mckibben.analysis.paths import path_distance, paths
+from mckibben.analysis.loops import closed_area, loop, loop_ratio, loops, path_distance, paths, peak_velocity, variation
 from mckibben.errors import InputError
 from mckibben.recordings import Recording
 

@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 from analysis_records import COUNT, clock, counts, record, sine, triangle
 
-from mckibben.analysis.force_velocity import fit_hill, force_velocity_point, peak_power
-from mckibben.analysis.power import power_density, shortening_power, tension_error, work_between
+from mckibben.analysis.shortening import (
+    fit_hill,
+    force_velocity_point,
+    peak_power,
+    power_density,
+    shortening_power,
+    tension_error,
+    work_between,
+)
 from mckibben.errors import InputError
 
 PULL, STROKE, F = 50.0, 0.028, 5.0

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from analysis_records import COUNT, MIDDLE, clock, coulomb, counts, record, sine, triangle
 
+from mckibben.analysis.channels import saturation
+from mckibben.analysis.loops import StaticPoint, fit_linear_tension, static_points
 from mckibben.analysis.repeatability import between_cycles, between_runs, spread, trend
-from mckibben.analysis.sampling import StaticPoint, fit_linear_tension, static_points
-from mckibben.analysis.saturation import saturation
 from mckibben.errors import InputError
 from mckibben.muscles.laws.linear_threshold import LinearThreshold
 

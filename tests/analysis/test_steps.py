@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from analysis_records import COUNT, clock, counts, record
 
-from mckibben.analysis.steps import find_steps, isometric_timing, step_responses, unsettled, unsettled_at_end
-from mckibben.analysis.twitch import twitch
+from mckibben.analysis.steps import find_steps, isometric_timing, step_responses, twitch, unsettled, unsettled_at_end
 from mckibben.errors import InputError
 
 DEAD, LATE = 5e-3, 7e-3  # command to pressure, pressure to tension [s]

@@ -6,15 +6,13 @@ import jax
 import numpy as np
 import pytest
 
-from mckibben.cli import ranking
 from mckibben.errors import InputError
 from mckibben.identification import fit, rank
 from mckibben.identification.fit import INDIFFERENT, bound_of, degenerate_words
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
 from mckibben.report.fit_report import cautions_of
-from mckibben.report.specimen_file import write_specimen
-from mckibben.report.study import Study
+from mckibben.report.fit_study import Study, write_specimen
 from mckibben.specimens import specimen
 from mckibben.web.pages.fit import results
 
@@ -95,9 +93,9 @@ def test_command_report_and_page_name_what_is_not_counted(fits, capsys) -> None:
     study = Study(
         title="ideal braid", specimen=None, points=order[0].points, fits=order, published=[], skipped={},
     )  # fmt: skip
-    ranking.show(study)
+    fit.show(study)
     printed = capsys.readouterr().out
     assert "wall_thickness at its bound" in printed and "is not counted" in printed
-    assert [f["at_bound"] for f in ranking.as_json(study)["fits"]] == [[], ["wall_thickness"]]
+    assert [f["at_bound"] for f in fit.as_json(study)["fits"]] == [[], ["wall_thickness"]]
     assert any("counts 2 of 3 parameters" in s for s in cautions_of(order[1], 100.0))
     assert [row["degenerate"] for row in results._rows(study)] == ["", "wall_thickness at its bound"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from mckibben.analysis import biology
+from mckibben.analysis import characteristics
 from mckibben.components import derivative
 from mckibben.errors import InputError
 from mckibben.muscles.biological import BiologicalMuscle
@@ -119,7 +119,7 @@ def test_tension_grows_with_velocity_up_to_a_plateau():
 
 @pytest.mark.parametrize("curvature", [0.1, 0.25, 0.5])
 def test_peak_power_is_where_calculus_puts_it(curvature):
-    found = biology.peak_power(lambda v: velocity_curve(v, curvature=curvature))
+    found = characteristics.peak_power(lambda v: velocity_curve(v, curvature=curvature))
     u = curvature * (math.sqrt(1.0 + 1.0 / curvature) - 1.0)
     # A search by values finds the place to the root of the rounding, 1e-8, and the height to rounding.
     assert found.relative_velocity == pytest.approx(u, abs=1e-6)
@@ -128,14 +128,14 @@ def test_peak_power_is_where_calculus_puts_it(curvature):
 
 def test_peak_power_is_about_a_tenth():
     # McMahon 1984: about 0.1 Fmax vmax; 0.0955 with a/F0 = 0.25, which rounds to 0.1.
-    assert round(biology.peak_power(MUSCLE.velocity_curve).fraction, 1) == 0.1
+    assert round(characteristics.peak_power(MUSCLE.velocity_curve).fraction, 1) == 0.1
 
 
 # ---- the row of Table 1 in Chou and Hannaford 1996
 
 
 def test_dynamic_range_is_found_from_the_curve():
-    found = biology.dynamic_range(MUSCLE.active_curve)
+    found = characteristics.dynamic_range(MUSCLE.active_curve)
     # The search ends within 3/1000^5 of a kink.
     assert found.shortest == pytest.approx(1.27 / 2.0, abs=1e-12)
     assert found.longest == pytest.approx(2.25 / 2.0, abs=1e-12)
@@ -145,31 +145,31 @@ def test_dynamic_range_is_found_from_the_curve():
 
 def test_dynamic_range_follows_the_curve_and_not_the_paper():
     other = MUSCLE.replace(shortest_active_length=0.5, plateau_end=1.0)
-    found = biology.dynamic_range(other.active_curve)
+    found = characteristics.dynamic_range(other.active_curve)
     assert found == pytest.approx((0.5, 1.0), abs=1e-12)
     # A smooth peak: its top is where the slope, flat to 1e-9 of the steepest, vanishes.
-    parabola = biology.dynamic_range(lambda x: 1.0 - ((x - 1.3) / 0.5) ** 2)
+    parabola = characteristics.dynamic_range(lambda x: 1.0 - ((x - 1.3) / 0.5) ** 2)
     assert parabola == pytest.approx((0.8, 1.3), abs=1e-8)
     # The scale of the curve, and so its unit, does not matter.
-    assert biology.dynamic_range(lambda x: 33.0 * other.active_curve(x)) == pytest.approx((0.5, 1.0), abs=1e-12)
+    assert characteristics.dynamic_range(lambda x: 33.0 * other.active_curve(x)) == pytest.approx((0.5, 1.0), abs=1e-12)
 
 
 def test_a_curve_without_tension_has_no_dynamic_range():
     with pytest.raises(InputError, match="no tension"):
-        biology.dynamic_range(lambda x: 0.0 * x)
+        characteristics.dynamic_range(lambda x: 0.0 * x)
 
 
 def test_stiffness_intensity_is_73_with_the_printed_ends_and_71_with_the_nodes():
-    found = biology.dynamic_range(MUSCLE.active_curve)
+    found = characteristics.dynamic_range(MUSCLE.active_curve)
     printed, exact = (
-        from_si(biology.stiffness_intensity(INTENSITY, r), "N/m^2", "N/cm^2") for r in (found.rounded(), found)
+        from_si(characteristics.stiffness_intensity(INTENSITY, r), "N/m^2", "N/cm^2") for r in (found.rounded(), found)
     )
     assert round(printed) == 73
     assert round(exact) == 71
 
 
 def test_work_density_is_0_13_joules_per_cubic_centimetre():
-    work = biology.work_density(MUSCLE.active_curve, INTENSITY)
+    work = characteristics.work_density(MUSCLE.active_curve, INTENSITY)
     independent = quad(lambda x: float(active_curve(x)), 0.635, 1.125, points=[0.835, 1.0])[0] * INTENSITY
     # Trapezoids across kinks: an error of slope jump times h^2 / 8, 1e-9 of the result.
     assert work == pytest.approx(independent, rel=1e-8)
@@ -180,17 +180,17 @@ def test_work_density_is_0_13_joules_per_cubic_centimetre():
 
 
 def test_peak_power_density_is_0_7_watts_per_cubic_centimetre():
-    as_printed = from_si(biology.peak_power_density(MUSCLE, fraction=0.1), "W/m^3", "W/cm^3")
-    from_the_curve = from_si(biology.peak_power_density(MUSCLE), "W/m^3", "W/cm^3")
+    as_printed = from_si(characteristics.peak_power_density(MUSCLE, fraction=0.1), "W/m^3", "W/cm^3")
+    from_the_curve = from_si(characteristics.peak_power_density(MUSCLE), "W/m^3", "W/cm^3")
     assert as_printed == pytest.approx(0.70, rel=1e-12)
     assert round(from_the_curve, 1) == 0.7
 
 
 def test_comparison_gathers_the_same_numbers():
-    row = biology.comparison(MUSCLE)
-    assert row.stiffness_intensity == biology.stiffness_intensity(INTENSITY, row.dynamic_range)
-    assert row.work_density == biology.work_density(MUSCLE.active_curve, INTENSITY)
-    assert row.peak_power_density == biology.peak_power_density(MUSCLE)
+    row = characteristics.comparison(MUSCLE)
+    assert row.stiffness_intensity == characteristics.stiffness_intensity(INTENSITY, row.dynamic_range)
+    assert row.work_density == characteristics.work_density(MUSCLE.active_curve, INTENSITY)
+    assert row.peak_power_density == characteristics.peak_power_density(MUSCLE)
     assert (row.tension_intensity, row.maximum_velocity) == (INTENSITY, 20.0)
 
 
@@ -210,4 +210,4 @@ def test_specimen_states_every_parameter_with_its_source(name, velocity):
     np.testing.assert_allclose(
         muscle.active_curve(np.linspace(0, 3, 301)), active_curve(np.linspace(0, 3, 301)), atol=1e-14
     )
-    assert biology.dynamic_range(muscle.active_curve).rounded() == (0.64, 1.12)
+    assert characteristics.dynamic_range(muscle.active_curve).rounded() == (0.64, 1.12)

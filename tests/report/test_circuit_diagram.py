@@ -15,7 +15,7 @@ from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import LumpedTube
 from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir
-from mckibben.report.figures import circuit_cells, circuit_diagram, circuit_labels, circuit_symbols, style
+from mckibben.report.figures import circuit_diagram, circuit_labels, circuit_layout, circuit_symbols, style
 from mckibben.specimens import specimen
 
 # Two rectangles may touch: half a point is less than the width of a line.
@@ -254,6 +254,6 @@ def test_words_for_what_is_not_there_are_refused(field: str) -> None:
 
 @pytest.mark.parametrize("kind", ELEMENTS.values(), ids=ELEMENTS)
 def test_every_element_that_can_be_built_from_words_has_a_symbol_of_its_own(kind: type[FlowElement]) -> None:
-    symbol, inside = circuit_cells.symbol_of(object.__new__(kind), driven=kind.commanded)
+    symbol, inside = circuit_layout.symbol_of(object.__new__(kind), driven=kind.commanded)
     assert inside == "" and len(symbol.ports) == len(kind.ports)
     assert len({port[:2] for port in symbol.ports}) == len(kind.ports), "two ports at one place"

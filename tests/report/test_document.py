@@ -9,11 +9,10 @@ import pytest
 
 from mckibben.errors import InputError
 from mckibben.report import document_pdf
-from mckibben.report.document import (
+from mckibben.report.blocks import (
     Cell,
     Cite,
     Column,
-    Document,
     Figure,
     Fold,
     Gauge,
@@ -28,10 +27,10 @@ from mckibben.report.document import (
     Section,
     Span,
     Table,
-    checked_place,
     plain,
     printable,
 )
+from mckibben.report.document import Document, checked_place
 from mckibben.report.figures import style
 
 typst = pytest.importorskip("typst")

@@ -8,8 +8,8 @@ from mckibben.identification import fit
 from mckibben.muscles.braid import braid_of
 from mckibben.muscles.build import build_law, law_from_specimen
 from mckibben.recordings import ForceMap
-from mckibben.report.figures import fit_figures, hysteresis_figures, muscle_figures, style
-from mckibben.report.study import Study
+from mckibben.report.figures import fit_figures, muscle_figures, style
+from mckibben.report.fit_study import Study
 from mckibben.specimens import specimen
 
 
@@ -33,7 +33,7 @@ def every_figure(study: Study) -> dict[str, Figure]:
     shape = braid_of(law)
     assert shape is not None
     x = np.concatenate([np.linspace(0, 0.01, 20), np.linspace(0.01, 0, 20)])
-    loop = hysteresis_figures.Loop(x, 1e3 * x + np.sign(np.gradient(x)), "whole")
+    loop = muscle_figures.Loop(x, 1e3 * x + np.sign(np.gradient(x)), "whole")
     figures = {
         "curves": fit_figures.tension_curves(best, study.points),
         "residuals": fit_figures.residuals(best),
@@ -43,7 +43,7 @@ def every_figure(study: Study) -> dict[str, Figure]:
         "overview": fit_figures.overview([study]),
         "law": muscle_figures.law_curves(law, title="Nylon", pressures=[1e5, 5e5]),
         "muscle": muscle_figures.muscle_drawing(shape, [0.15, 0.10], title="Nylon", remarks=["long"]),
-        "loop": hysteresis_figures.loop_figure(loop, title="Loop"),
+        "loop": muscle_figures.loop_figure(loop, title="Loop"),
     }
     assert all(f is not None for f in figures.values())
     return {k: v for k, v in figures.items() if v is not None}

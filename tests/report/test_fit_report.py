@@ -9,7 +9,7 @@ from mckibben.identification import Fit, fit_all
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
 from mckibben.report.fit_report import fit_report, write_fit_report
-from mckibben.report.study import Study
+from mckibben.report.fit_study import Study
 from mckibben.specimens import specimen
 
 NAME = '<script>alert("1")</script> & sons'

@@ -10,10 +10,11 @@ from mckibben.analysis.loops import closed_area
 from mckibben.errors import InputError
 from mckibben.quantities import from_si
 from mckibben.report.figures import style
-from mckibben.report.figures.paper import common, loops, shortening
+from mckibben.report.figures.paper import common
+from mckibben.report.figures.paper import recordings as drawings
 from mckibben.report.figures.paper.common import as_printed, label, outcome, shown
 from mckibben.report.paper_figures import CONFERENCE, FIGURES, JOURNAL, figure
-from mckibben.reproduction import isotonic, part1, quasi_static
+from mckibben.reproduction import loops, part1, shortening
 from mckibben.reproduction.rows import all_rows, needs_recording
 
 FIRST = (
@@ -216,7 +217,7 @@ def test_the_drawn_pressures_differ_by_the_rms_of_the_row(drawn, key, row):
 @pytest.mark.slow
 def test_the_drawn_loop_has_the_height_of_the_row_and_its_samples_are_the_recording(drawn):
     length, tension = line(drawn("3a"), "5 bar")
-    rising, falling = np.split(np.arange(2 * loops.POINTS), 2)
+    rising, falling = np.split(np.arange(2 * drawings.POINTS), 2)
     middle = 0.5 * (length.min() + length.max())
     height = np.interp(middle, length[rising], tension[rising]) - np.interp(
         middle, length[falling][::-1], tension[falling][::-1]
@@ -224,7 +225,7 @@ def test_the_drawn_loop_has_the_height_of_the_row_and_its_samples_are_the_record
     # the mean of heights against the height of mean paths: noise of 0.1 N over the samples of a window
     assert height == pytest.approx(ours("loop.height"), abs=0.15)
     samples = line(drawn("3a"), "5 bar, samples")[1]
-    assert np.array_equal(samples, quasi_static.triangle()["tension"])
+    assert np.array_equal(samples, loops.triangle()["tension"])
 
 
 @pytest.mark.slow
@@ -237,10 +238,10 @@ def test_the_drawn_rise_takes_the_time_of_the_row(drawn):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("case", "name"), list(zip((isotonic.LIGHT, isotonic.FAST), shortening.CASES, strict=True)))
+@pytest.mark.parametrize(("case", "name"), list(zip((shortening.LIGHT, shortening.FAST), drawings.CASES, strict=True)))
 def test_the_drawn_power_has_the_peak_of_the_row(drawn, case, name):
     _, power = line(drawn("11"), f"power {name}")
-    assert power.max() <= isotonic.power(case).largest_power * (1.0 + DIFFERENT)
+    assert power.max() <= shortening.power(case).largest_power * (1.0 + DIFFERENT)
     assert power.max() == pytest.approx(
         ours(f"isotonic.peak_power_{name}"), rel=0.05
     )  # the largest of three, not their mean

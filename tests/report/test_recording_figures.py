@@ -9,8 +9,15 @@ from mckibben.analysis.segments import segments
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording
 from mckibben.report.figures import style
-from mckibben.report.figures.recording_figures import against_figure, time_figure
-from mckibben.report.figures.recording_panels import envelope, panels, path, told_apart, usual_channels
+from mckibben.report.figures.recording_figures import (
+    against_figure,
+    envelope,
+    panels,
+    path,
+    time_figure,
+    told_apart,
+    usual_channels,
+)
 
 RECORD = machine_record(pressure=["1 bar", "3 bar", "5 bar"])
 

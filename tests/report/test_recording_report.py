@@ -14,7 +14,8 @@ from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording
 from mckibben.recordings.calibration import Calibration, Correction, CorrectionTerm, Origin
 from mckibben.report import document_pdf
-from mckibben.report.document import Document, Figure, Fold, Row, Span, Table, plain
+from mckibben.report.blocks import Figure, Fold, Row, Span, Table, plain
+from mckibben.report.document import Document
 from mckibben.report.origins import inferred_inputs, parameters
 from mckibben.report.recording_report import recording_report, write_recording_report
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mckibben.recordings import Channel, Recording
-from mckibben.reproduction import load, reproduce
-from mckibben.reproduction.sharing import ElsewhereError, Folder, helped
+from mckibben.reproduction import helped, reproduce
+from mckibben.reproduction.recorded import ElsewhereError, Folder
 
 
 def small(value=1.0 / 3.0):
@@ -45,7 +45,6 @@ def test_a_helper_that_died_leaves_its_recording_to_the_first_process(tmp_path):
 
 @pytest.mark.slow
 def test_rows_are_the_same_with_and_without_a_helper():
-    load()
     with helped(["isotonic"]):
         together = reproduce(rows=["isotonic"])
     from mckibben.reproduction.recorded import recording

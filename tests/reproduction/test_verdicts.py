@@ -7,8 +7,17 @@ from pathlib import Path
 import pytest
 
 from mckibben.reproduction import Outcome, Row, reproduce
-from mckibben.reproduction.rows import all_rows, judge, said_of
-from mckibben.reproduction.verdicts import KINDS, REASONED, headline, kind_of, relative_tolerance, tallies
+from mckibben.reproduction.rows import (
+    KINDS,
+    REASONED,
+    all_rows,
+    headline,
+    judge,
+    kind_of,
+    relative_tolerance,
+    said_of,
+    tallies,
+)
 
 
 def outcome(ours: float | None, expect: str = "near", paper=2.0, **more) -> Outcome:

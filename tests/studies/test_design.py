@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from mckibben.batch.sweep import run_batch
 from mckibben.errors import InputError
-from mckibben.report.figures import design_figures, style
+from mckibben.report.figures import sizing_figures, style
+from mckibben.studies import design as design_runs
 from mckibben.studies.design import design_study, design_sweep, dominated
-from mckibben.studies.design import study as design_runs
 
 AXES = {"tube_lengths": ["20 cm", "1 m"], "tube_diameters": ["4 mm"], "valve_flows": ["100 l/min", "300 l/min"]}
 
@@ -77,7 +77,7 @@ def test_the_front_is_of_designs_that_no_other_beats():
 
 
 def test_the_front_is_drawn(tmp_path):
-    style.save(design_figures.design_front(study()), tmp_path / "front.svg")
+    style.save(sizing_figures.design_front(study()), tmp_path / "front.svg")
     text = (tmp_path / "front.svg").read_text()
     assert "Efficiency" in text and "bridgestone" in text
 

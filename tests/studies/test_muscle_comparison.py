@@ -20,11 +20,9 @@ from mckibben.recordings import Channel, Recording
 from mckibben.specimens.published import published_ranges, read_ranges
 from mckibben.studies.comparison import PROPERTIES, Subject, compare, subject
 from mckibben.studies.comparison.assisted import Assisted, steady, with_spring
-from mckibben.studies.comparison.match import match
+from mckibben.studies.comparison.match import CURVES, FREE, Goal, Search, curves_of, match
 from mckibben.studies.comparison.protocols import FULL, NAMES, Trials, normalised, record_of, trials
-from mckibben.studies.comparison.recorded import column_of
-from mckibben.studies.comparison.search import CURVES, FREE, Goal, Search, curves_of
-from mckibben.studies.comparison.table import STATIC, law_column
+from mckibben.studies.comparison.table import STATIC, column_of, law_column
 
 IDS = ("nylon", "bridgestone", "fast-fibre")
 

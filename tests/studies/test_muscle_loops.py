@@ -11,12 +11,24 @@ import numpy as np
 import pytest
 
 from mckibben.cli import main
-from mckibben.cli.study_loops import limits
+from mckibben.cli.study import limits
 from mckibben.errors import InputError, MissingDataError
 from mckibben.identification.hysteresis_fit import AREA
 from mckibben.muscles.hysteresis import Dahl, FrictionLimit
-from mckibben.studies.loop_records import LOOP, STEPS, read_loop, read_steps
-from mckibben.studies.muscle_loops import HOLD, SPACING, STAGES, TARGET, LoopStudy, Width, compared, loop_study
+from mckibben.studies.muscle_loops import (
+    HOLD,
+    LOOP,
+    SPACING,
+    STAGES,
+    STEPS,
+    TARGET,
+    LoopStudy,
+    Width,
+    compared,
+    loop_study,
+    read_loop,
+    read_steps,
+)
 from measured_data import FOLDER, measured
 
 STROKE = np.concatenate([np.linspace(0.0, 0.03, 41), np.linspace(0.03, 0.0, 41)[1:]])

@@ -40,11 +40,10 @@ from mckibben.studies.sizing import (
     sources_for,
     unit_of,
 )
-from mckibben.studies.sizing.braid_design import frontier
+from mckibben.studies.sizing._circuit import courses, settled_courses
+from mckibben.studies.sizing.braid import frontier
 from mckibben.studies.sizing.candidate import Ends, air_of_cycle, ranked
-from mckibben.studies.sizing.circuit import courses
-from mckibben.studies.sizing.settled import settled_courses
-from mckibben.studies.sizing.supply import adiabatic_work
+from mckibben.studies.sizing.size import adiabatic_work
 
 WISH = Wish(force=50.0, stroke=0.03, pressure=5e5)
 
@@ -433,7 +432,7 @@ def test_a_file_of_parts_that_is_wrong_is_refused(text, says):
 
 
 def test_lanes_are_drawn_at_the_speed_that_was_asked_for():
-    from mckibben.studies.sizing.circuit import Lane, courses
+    from mckibben.studies.sizing._circuit import Lane, courses
 
     one = of_specimen("nylon", MET["nylon"])
     valve = valve_from_specimen(specimen("MHE4-3-2"))

@@ -6,11 +6,34 @@ import numpy as np
 import pytest
 
 from mckibben.cli import main
-from mckibben.studies import tube_records
-from mckibben.studies.tube_claims import HELD, NOT, PARTLY, claims, rising_speeds, together
-from mckibben.studies.tube_models import HEAT, STEP, Case, models, transferred
-from mckibben.studies.tube_records import ACCUMULATORS, LARGE, PERIOD, SMALL, records, reference, surface_share
-from mckibben.studies.tube_study import QUICK_SEEDS, QUICK_THERMALS, TubeStudy, stages, tube_study
+from mckibben.studies import tube_models
+from mckibben.studies.tube_models import (
+    ACCUMULATORS,
+    HEAT,
+    LARGE,
+    PERIOD,
+    SMALL,
+    STEP,
+    Case,
+    models,
+    records,
+    reference,
+    surface_share,
+    transferred,
+)
+from mckibben.studies.tube_study import (
+    HELD,
+    NOT,
+    PARTLY,
+    QUICK_SEEDS,
+    QUICK_THERMALS,
+    TubeStudy,
+    claims,
+    rising_speeds,
+    stages,
+    together,
+    tube_study,
+)
 
 THERMAL = QUICK_THERMALS[0]
 KEYS = ("linear", "quadratic", "inertial", "lumped_isothermal", "lumped", "lumped_unfitted_adiabatic")
@@ -29,7 +52,7 @@ def study(told: list[str]) -> TubeStudy:
 def test_noise_holds_nothing_above_its_cutoff_and_reaches_both_ends():
     for record in records():
         gauge = record.pressure_abs() - record.pressure_abs().min()
-        assert gauge.max() == pytest.approx(tube_records.TOP, rel=1e-12)
+        assert gauge.max() == pytest.approx(tube_models.TOP, rel=1e-12)
         assert len(gauge) == 3001
         if record.kind == "noise":
             power = np.abs(np.fft.rfft(gauge[:-1])) ** 2
@@ -70,7 +93,7 @@ MIDDLE = (328917.3775, 186477.2026, 201325.0, 401325.0)  # [Pa]
 def test_the_reference_is_resolved(monkeypatch):
     supply = records((1,))[0].pressure_abs()
     coarse = reference(supply, ACCUMULATORS[SMALL], THERMAL).pressure_abs
-    monkeypatch.setattr(tube_records, "CELLS", 2 * tube_records.CELLS)
+    monkeypatch.setattr(tube_models, "CELLS", 2 * tube_models.CELLS)
     fine = reference(supply, ACCUMULATORS[SMALL], THERMAL).pressure_abs
     # 2 Pa, a thousandth of the smallest model error: second order, so that what is left is a third of this
     assert np.sqrt(np.mean((coarse - fine) ** 2)) < 2.0
@@ -112,8 +135,8 @@ def test_a_transfer_moves_nothing_but_the_conductance_by_the_surface(study):
 def test_the_fitted_conductance_is_that_of_the_reference(study):
     e = study.result(THERMAL, "lumped", LARGE).parameters["conductance"]
     # not exact, for the tube's own walls and the friction of a developing flow are lumped: within a third
-    assert e.value == pytest.approx(tube_records.CONDUCTANCE, rel=0.33)
-    assert e.low < tube_records.CONDUCTANCE < e.high
+    assert e.value == pytest.approx(tube_models.CONDUCTANCE, rel=0.33)
+    assert e.low < tube_models.CONDUCTANCE < e.high
 
 
 def test_linear_is_early_when_low_and_late_when_high_and_a_constant_lead_is_neither(study):

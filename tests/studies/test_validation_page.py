@@ -18,9 +18,17 @@ from mckibben.report.figures import style
 from mckibben.report.figures.validation_figures import errors_figure
 from mckibben.specimens import specimen
 from mckibben.studies import validation as study
-from mckibben.studies.validation import Validation, ordered_laws, validation
+from mckibben.studies.validation import (
+    PLATEAUS,
+    VARIABLE,
+    Validation,
+    branches_apart,
+    measured_data,
+    ordered_laws,
+    static_sets,
+    validation,
+)
 from mckibben.studies.validation_page import _gathered, page, share
-from mckibben.studies.validation_sets import PLATEAUS, VARIABLE, branches_apart, measured_data, static_sets
 
 PAGE = Path(__file__).parents[2] / "docs/reference/validation.md"
 SHIPPED, LAWS = "DMSP-10-250", ("ideal", "martens_boblan")

@@ -12,16 +12,24 @@ whole path, lengthening counted against it; ``work_out`` counts what they do whi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..components import Environment
 from ..errors import InputError
+from ..muscles.build import law_from_specimen
+from ..muscles.law import TensionLaw
+from ..muscles.stored import stored_along
+from ..pneumatics.exergy import DeadState
+from ..pneumatics.gas import AIR
 from ..recordings import Recording
-from .cycles import find_cycles
-from .energy_measured import estimate
+from ..specimens import Specimen, specimen
+from ._energy_samples import Flows, whole_pieces
+from ._recorded_machine import RecordedMachine
+from .channels import known
+from .cycles import Cycle, find_cycles
 from .energy_parts import CycleEnergy, EnergyAccount, Part, Saving
-from .energy_samples import Flows, whole_pieces
 
 __all__ = ["CycleEnergy", "EnergyAccount", "Part", "Saving", "energy_account"]
 
@@ -154,3 +162,189 @@ def _caught(pieces: list[Flows], pressure_abs: float, parts: tuple[Part, ...]) -
     air = sum(float(mass[before > pressure_abs].sum()) for p in pieces for before, mass in p.vented)
     worth = float(pieces[0].dead.compression(pressure_abs, cooled=True))
     return air, air * worth, _of(parts, "supply"), _of(parts, "shaft_work")
+
+
+UNKNOWN = ("tube", "mixing", "heat", "leak", "friction", "viscous")
+
+
+class _Known(NamedTuple):
+    """What the estimate stands on."""
+
+    law: TensionLaw
+    dead: DeadState
+    supply_abs: float  # [Pa], NaN where it is not known
+    idle: float  # volume that does no work [m^3], NaN where it is not known
+
+
+class _Piece(NamedTuple):
+    """One stretch: arrays (n,) [SI] and its cycles of the mass."""
+
+    time: np.ndarray
+    pressure_abs: np.ndarray
+    span: np.ndarray
+    tension: np.ndarray
+    mass: np.ndarray
+    stored: np.ndarray
+    cycles: tuple[Cycle, ...]
+
+
+def estimate(
+    record: Recording,
+    *,
+    muscle: Specimen | TensionLaw | str | None = None,
+    pressure: str = "pressure",
+    tension: str = "tension",
+    span: str = "span",
+    supply: float | None = None,
+    dead_volume: float | None = None,
+    cycle: str | None = None,
+) -> EnergyAccount:
+    """The account of the full cycles of the gas.
+
+    Args:
+        record: with the three channels.
+        muscle: its law, a specimen or its id; what the recording's parameters say where left out.
+        pressure: name of the gauge pressure in the muscle [Pa].
+        tension: name of the tension [N].
+        span: name of the span [m].
+        supply: gauge pressure of the supply [Pa]; what the parameters say where left out.
+        dead_volume: of ports, tubes and fittings [m^3]; likewise.
+        cycle: channel whose low turns part the cycles instead of the mass.
+
+    Raises:
+        InputError: names the channel that is missing, the muscle that is not known, or that no cycle is complete.
+    """
+    for name, unit, what in ((pressure, "Pa", "pressure"), (tension, "N", "tension"), (span, "m", "span")):
+        if name not in record:
+            raise InputError(
+                f"channel {name}", "missing", f"the account needs the {what} [{unit}]; the recording has "
+                f"{', '.join(record.channels) or 'none'}",
+            )  # fmt: skip
+    given = _known(record, muscle, supply, dead_volume)
+    pieces = [_piece(record, p, given, (pressure, tension, span), cycle) for p in whole_pieces(record)]
+    pairs = [(p, c) for p in pieces for c in p.cycles]
+    if not pairs:
+        raise InputError("cycles", "none", "needed is one in which the muscle is filled and emptied")
+    cycles = tuple(_one(p, c, given) for p, c in pairs)
+    parts = tuple(a._replace(value=sum(c.parts[i].value for c in cycles)) for i, a in enumerate(cycles[0].parts))
+    air = sum(c.air for c in cycles)
+    work = {
+        how: air * float(given.dead.compression(given.supply_abs, cooled=how == "isothermal"))
+        for how in ("isothermal", "adiabatic")
+    }
+    unknown = [
+        *UNKNOWN,
+        *(["dead_volume"] if np.isnan(given.idle) else []),
+        *(["supply"] if np.isnan(given.supply_abs) else []),
+    ]
+    notes = ("estimated with the gas at the room's temperature and the muscle at rest on its law",)
+    return EnergyAccount(
+        kind="measured", parts=parts, energy=(), load=(), throughput=sum(c.supply for c in cycles), air=air,
+        compressor=work, cycles=cycles, unknown=tuple(unknown), notes=notes,
+        room_pressure=float(given.dead.pressure_abs), caught=lambda p: _caught_in_cycles(pairs, cycles, given, p),
+    )  # fmt: skip
+
+
+def _known(record: Recording, muscle: Any, supply: float | None, dead_volume: float | None) -> _Known:
+    machine = RecordedMachine(record) if record.meta.get("parameters") else None
+    room = machine.room if machine else Environment(**dict(record.meta.get("environment") or {}))
+    law: TensionLaw
+    if isinstance(muscle, TensionLaw):
+        law = muscle
+    elif muscle is not None:
+        law = law_from_specimen(muscle if isinstance(muscle, Specimen) else specimen(muscle))
+    elif machine is not None and machine.muscles():
+        law = machine.law(machine.muscles()[0])
+    else:
+        raise InputError("muscle", "not known", "allowed is a specimen, its id, or a recording that carries its law")
+    if not law.has_volume():
+        raise InputError("muscle", "of unknown volume", "the account needs a law that knows the volume of the gas")
+    source = None if supply is None else supply + float(room.pressure_abs)
+    if source is None and machine is not None:
+        source = machine.find("circuit.nodes.supply.pressure_abs")
+    idle = dead_volume
+    if idle is None and machine is not None:
+        nodes, elements = machine.below("circuit.nodes"), machine.below("circuit.elements")
+        sizes = [float(v) for k, v in nodes.items() if k.endswith((".size", ".dead"))]
+        bores = [k.removesuffix(".diameter") for k in elements if k.endswith(".diameter") and "tube" in k]
+        tubes = [0.25 * np.pi * elements[f"{b}.diameter"] ** 2 * elements[f"{b}.length"] for b in bores]
+        idle = sum(sizes) + sum(tubes) if sizes else None
+    unknown = float("nan")
+    return _Known(
+        law, DeadState.of(machine.gas if machine else AIR, room), unknown if source is None else float(source),
+        unknown if idle is None else float(idle),
+    )  # fmt: skip
+
+
+def _piece(record: Recording, where: slice, given: _Known, names: tuple[str, str, str], cycle: str | None) -> _Piece:
+    gauge, tension, span = (known(record.pick([n]), n)[where] for n in names)
+    volume = np.asarray(given.law.volume(span, gauge))
+    at = gauge + float(given.dead.pressure_abs)
+    mass = np.asarray(given.dead.gas.mass(at, volume, given.dead.temperature))
+    drive = mass if cycle is None else record[cycle][where]
+    try:
+        cycles = find_cycles(drive, what="mass of the gas" if cycle is None else f"channel {cycle}")
+    except InputError:
+        cycles = ()
+    # between two low turns the muscle is filled and emptied
+    cycles = tuple(c for c in cycles if not c.begins_high)
+    stored = stored_along(given.law, span, gauge)
+    return _Piece(record.time[where], at, span, tension, mass, stored, cycles)
+
+
+def _one(piece: _Piece, cycle: Cycle, given: _Known) -> CycleEnergy:
+    first, turn, last = cycle.start, cycle.turn, cycle.end
+    dead, room = given.dead, float(given.dead.temperature)
+    source = given.supply_abs
+    top = float(dead.compression(source, cooled=True)) if np.isfinite(source) else float("nan")
+    worth = np.asarray(dead.flowing(dead.see(piece.pressure_abs, room)))
+    fills, empties = (slice(first, turn + 1), slice(turn, last + 1))
+    filled = float(piece.mass[turn] - piece.mass[first])
+    swing = float(piece.pressure_abs[turn] - piece.pressure_abs[first])
+    idle = given.idle * swing / (float(dead.gas.gas_constant) * room) if np.isfinite(given.idle) else 0.0
+    shaft = -np.trapezoid(piece.tension[first : last + 1], piece.span[first : last + 1])
+    power = -piece.tension[first:last] * np.diff(piece.span[first : last + 1])
+    air = filled + idle
+    values = {
+        ("supply", "into"): top * air,
+        ("way_in", "out"): top * filled - float(np.trapezoid(worth[fills], piece.mass[fills])),
+        ("dead_volume", "out"): top * idle,
+        ("exhaust", "out"): -float(np.trapezoid(worth[empties], piece.mass[empties])),
+        ("shaft_work", "out"): float(shaft),
+        # the gas that is stored: over a cycle as near to nothing as its ends are alike
+        ("gas", "stored"): _gained(piece, first, last, given),
+        ("muscle", "stored"): float(piece.stored[last] - piece.stored[first]),
+    }
+    if not np.isfinite(given.idle):
+        del values["dead_volume", "out"]
+    left = sum(v if side == "into" else -v for (_, side), v in values.items())
+    parts = [Part(name, value, side, "estimate") for (name, side), value in values.items()]
+    parts.append(Part("remainder", left, "remainder", "remainder"))
+    work = air * float(dead.compression(source, cooled=False))
+    return CycleEnergy(
+        float(piece.time[first]), float(piece.time[last]), air, top * air, work, float(shaft),
+        float(power[power > 0.0].sum()), tuple(parts),
+    )  # fmt: skip
+
+
+def _gained(piece: _Piece, first: int, last: int, given: _Known) -> float:
+    def exergy(i: int) -> float:
+        gas, at = given.dead.gas, float(piece.pressure_abs[i])
+        volume = float(piece.mass[i]) * float(gas.gas_constant * given.dead.temperature) / at
+        return float(given.dead.stored(at, volume, float(piece.mass[i])))
+
+    return exergy(last) - exergy(first)
+
+
+def _caught_in_cycles(
+    pairs: list[tuple[_Piece, Cycle]], cycles: tuple[CycleEnergy, ...], given: _Known, pressure_abs: float
+) -> tuple[float, float, float, float]:
+    """Of the muscle's own air, what is there before its pressure has fallen to that of the accumulator."""
+    air = 0.0
+    for piece, c in pairs:
+        below = np.flatnonzero(piece.pressure_abs[c.turn : c.end + 1] <= pressure_abs)
+        if below.size == 0 or below[0] > 0:
+            until = c.turn + int(below[0]) if below.size else c.end
+            air += float(piece.mass[c.turn] - piece.mass[until])
+    worth = float(given.dead.compression(pressure_abs, cooled=True))
+    return air, air * worth, sum(c.supply for c in cycles), sum(c.shaft_work for c in cycles)

@@ -1,15 +1,7 @@
-"""Tension-length loops: width, height, area, stiffness, and what they say about friction.
+"""The rising and the falling path of a cycle: tension as a function of length while lengthening and while shortening.
 
-With the turns and paths of `cycles` and `paths`, of one cycle:
-    width      length of the falling path less that of the rising one, both at mid-range of the tension [m]
-    height     tension of the rising path less that of the falling one, both at mid-range of the length [N]
-    area       integral of F dL around the closed cycle, the polygon through its samples (shoelace) [J]
-    stiffness  mean of the two paths' least-squares slopes over the middle half of the length range [N/m]
-All three are positive where the muscle takes work in, as friction does, and change their sign with the direction of time.
-The work of a cycle is what the muscle does, -area: whatever is shown to a person as work has that sign (`nomenclature`).
-The mid-range lies halfway between the largest and the smallest sample. A polygon of n samples loses (2 pi/n)^2/6 of the
-area of an ellipse: 1 % at 25 samples in a cycle. Half the height is the friction by which C.-P. Chou and B. Hannaford, IEEE
-Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753, describe their muscles.
+A path is read by a local parabola through its samples within 5 % of the length range to either side, at least the five
+nearest: straight and parabolic paths are exact, and noise and counts average over the samples of the window.
 """
 
 from __future__ import annotations
@@ -21,9 +13,152 @@ import numpy as np
 
 from ..errors import InputError
 from ..recordings import Recording
-from .channels import finite, known
+from ._regression import Interval, linear_fit
+from .channels import finite, known, positive
 from .cycles import Cycle, cycle_frequency, find_cycles
-from .paths import Path, paths_of
+
+_HALF_WINDOW = 0.05
+_LEAST = 5
+
+
+class Path(NamedTuple):
+    """Samples of one path by increasing length: length [m] (n,), tension [N] (n,), half the reading window [m]."""
+
+    length: np.ndarray
+    tension: np.ndarray
+    half_window: float
+
+    def read(self, length: float) -> tuple[float, float]:
+        """Tension [N] and slope [N/m] at one length [m]; outside the samples the parabola is continued."""
+        first, last = np.searchsorted(self.length, [length - self.half_window, length + self.half_window])
+        if last - first < _LEAST:
+            first, last = _nearest(self.length, length, int(first))
+        x = (self.length[first:last] - length) / self.half_window
+        size = max(float(np.abs(x).max()), 1e-300)
+        matrix = np.stack([np.ones_like(x), x / size, (x / size) ** 2], axis=1)
+        value, slope, _ = np.linalg.lstsq(matrix, self.tension[first:last], rcond=1e-10)[0]
+        return float(value), float(slope / size / self.half_window)
+
+    def at(self, lengths: np.ndarray) -> np.ndarray:
+        """Tension [N] at lengths [m], both (m,)."""
+        return np.array([self.read(float(x))[0] for x in np.atleast_1d(lengths)])
+
+    def length_at(self, tension: float) -> float:
+        """First length [m] at which the path passes a tension [N]; NaN where it never does."""
+        span = self.length[-1] - self.length[0]
+        grid = np.linspace(self.length[0] + 0.01 * span, self.length[-1] - 0.01 * span, 101)
+        changes = np.flatnonzero(np.diff(self._coarse(grid) >= tension))
+        if not changes.size:
+            return float("nan")
+        # The means place it to about a hundredth of the range, noise and bend included to a few.
+        x = middle = 0.5 * (grid[changes[0]] + grid[changes[0] + 1])
+        for _ in range(6):
+            value, slope = self.read(float(x))
+            if slope:
+                x = np.clip(x - (value - tension) / slope, middle - 0.05 * span, middle + 0.05 * span)
+        return float(x)
+
+    def _coarse(self, grid: np.ndarray) -> np.ndarray:
+        """Means over the reading window [N] at lengths (m,); straight lines where it holds no samples."""
+        total = np.concatenate([[0.0], np.cumsum(self.tension)])
+        first = np.searchsorted(self.length, grid - self.half_window)
+        last = np.searchsorted(self.length, grid + self.half_window)
+        count = last - first
+        means = (total[last] - total[first]) / np.maximum(count, 1)
+        return np.where(count >= 2 * _LEAST, means, np.interp(grid, self.length, self.tension))
+
+
+class Paths(NamedTuple):
+    """Both paths of one cycle."""
+
+    rising: Path
+    falling: Path
+
+
+def _nearest(x: np.ndarray, at: float, near: int) -> tuple[int, int]:
+    first = last = min(max(near, 0), len(x))
+    while last - first < min(_LEAST, len(x)):
+        if last == len(x) or (first > 0 and at - x[first - 1] <= x[last] - at):
+            first -= 1
+        else:
+            last += 1
+    return first, last
+
+
+def paths_of(length: np.ndarray, tension: np.ndarray, cycle: Cycle) -> Paths:
+    """The two paths of one cycle of the arrays (n,) [m] and (n,) [N]."""
+    span = float(np.ptp(length[cycle.start : cycle.end + 1]))
+    parts = []
+    for first, last in ((cycle.start, cycle.turn), (cycle.turn, cycle.end)):
+        part = slice(first, last + 1)
+        order = np.argsort(length[part], kind="stable")
+        parts.append(Path(length[part][order], tension[part][order], _HALF_WINDOW * span))
+    return Paths(*(parts[::-1] if cycle.begins_high else parts))
+
+
+def paths(record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0) -> Paths:
+    """The paths of all full cycles taken together: the more cycles, the less noise.
+
+    Args:
+        record: with both channels.
+        length: name of the channel that turns [m].
+        tension: name of the channel read [N]; any other does as well, such as a pressure.
+        skip: cycles left out at the beginning.
+
+    Raises:
+        InputError: a channel is missing, or there is no full cycle.
+    """
+    x, y = known(record, length), known(record, tension)
+    each = [paths_of(x, y, cycle) for cycle in find_cycles(x, skip=skip, what=f"channel {length}")]
+    return Paths(_pooled([p.rising for p in each]), _pooled([p.falling for p in each]))
+
+
+def _pooled(parts: list[Path]) -> Path:
+    x, y = np.concatenate([p.length for p in parts]), np.concatenate([p.tension for p in parts])
+    order = np.argsort(x, kind="stable")
+    return Path(x[order], y[order], float(np.mean([p.half_window for p in parts])))
+
+
+class PathDistance(NamedTuple):
+    """Distance of two paths in tension where both exist."""
+
+    largest: float  # [N]
+    rms: float  # [N]
+    length: float  # where it is largest [m]
+    from_length: float  # compared from here [m]
+    to_length: float  # to here [m]
+
+
+def path_distance(first: Path, second: Path, *, trim: float = 0.05, points: int = 51) -> PathDistance:
+    """How far two paths, such as the rising ones of two recordings, lie apart.
+
+    Args:
+        first: one path.
+        second: the other.
+        trim: share of the common length range left out at either end, where turning mixes the paths.
+        points: of the common grid.
+
+    Raises:
+        InputError: no length is on both paths.
+    """
+    if not 0.0 <= trim < 0.5 or points < 2:
+        raise InputError("trim, points", f"{trim}, {points}", "allowed are 0 to below 0.5, and 2 or more")
+    low = max(first.length[0], second.length[0])
+    high = min(first.length[-1], second.length[-1])
+    if not high > low:
+        raise InputError(
+            "paths",
+            f"{first.length[0]:.6g} to {first.length[-1]:.6g} m and {second.length[0]:.6g} to "
+            f"{second.length[-1]:.6g} m",
+            "allowed are two with lengths in common",
+        )
+    grid = np.linspace(low + trim * (high - low), high - trim * (high - low), points)
+    # One window for both, so that the same is averaged.
+    half = min(first.half_window, second.half_window)
+    apart = np.abs(first._replace(half_window=half).at(grid) - second._replace(half_window=half).at(grid))
+    worst = int(apart.argmax())
+    rms = float(np.sqrt(np.mean(apart**2)))
+    return PathDistance(float(apart[worst]), rms, float(grid[worst]), float(grid[0]), float(grid[-1]))
 
 
 class Loop(NamedTuple):
@@ -175,3 +310,105 @@ def peak_velocity(record: Recording, *, length: str = "muscle.length", skip: int
     found = find_cycles(x, skip=skip, what=f"channel {length}")
     span = float(np.mean([np.ptp(x[c.start : c.end + 1]) for c in found]))
     return np.pi * cycle_frequency(record.time, x, what=f"channel {length}") * span
+
+
+class StaticPoint(NamedTuple):
+    """A length with the tension and pressure that friction and motion have been averaged out of."""
+
+    length: float  # [m]
+    pressure: float  # gauge [Pa]
+    tension: float  # [N]
+
+
+def static_points(
+    record: Recording,
+    lengths: Sequence[float] | np.ndarray,
+    *,
+    length: str = "muscle.length",
+    tension: str = "muscle.tension",
+    pressure: str = "muscle.pressure",
+    skip: int = 0,
+) -> tuple[StaticPoint, ...]:
+    """Points of one quasi-static recording at constant pressure.
+
+    Args:
+        record: with the three channels.
+        lengths: where to sample [m].
+        length: name of the driven channel.
+        tension: name of the tension.
+        pressure: name of the pressure.
+        skip: cycles left out at the beginning.
+
+    Raises:
+        InputError: a channel is missing, there is no full cycle, or a length is not reached on both paths.
+    """
+    at = finite(lengths, "lengths")
+    found = {
+        name: paths(record, length=length, tension=channel, skip=skip)
+        for name, channel in (("pressure", pressure), ("tension", tension))
+    }
+    rising, falling = found["tension"]
+    low, high = max(rising.length[0], falling.length[0]), min(rising.length[-1], falling.length[-1])
+    for x in at:
+        if not low <= x <= high:
+            raise InputError("lengths", float(x), f"allowed is {low:.6g} to {high:.6g} m, which both paths reach")
+    mean = {name: 0.5 * (p.rising.at(at) + p.falling.at(at)) for name, p in found.items()}
+    return tuple(
+        StaticPoint(float(x), float(p), float(f)) for x, p, f in zip(at, mean["pressure"], mean["tension"], strict=True)
+    )
+
+
+class LinearTensionFit(NamedTuple):
+    """The four numbers of eq. 13 with 95 % intervals unless asked otherwise [SI]."""
+
+    stiffness_per_pressure: Interval  # Kg [m]
+    offset_pressure: Interval  # Pa [Pa]
+    shortest_length: Interval  # Lmin [m]
+    offset_tension: Interval  # Fa [N]
+    rms: float  # of the residual tension [N]
+    points: int
+
+    def tension(self, length: np.ndarray | float, pressure: np.ndarray | float) -> np.ndarray:
+        """Eq. 13 [N] at lengths [m] and gauge pressures [Pa], of one shape."""
+        active = self.stiffness_per_pressure.value * (np.asarray(pressure, float) - self.offset_pressure.value)
+        return active * (np.asarray(length, float) - self.shortest_length.value) + self.offset_tension.value
+
+    def passive_stiffness(self, rest_length: float) -> float:
+        """Kp that goes with a rest length [N/m]; the rest length in [m]."""
+        return self.offset_tension.value / (self.shortest_length.value - positive("rest_length", rest_length, "m"))
+
+    def threshold_pressure(self, rest_length: float) -> float:
+        """Pth that goes with a rest length [Pa]; the rest length in [m]."""
+        return self.offset_pressure.value + self.passive_stiffness(rest_length) / self.stiffness_per_pressure.value
+
+
+def fit_linear_tension(points: Sequence[StaticPoint], *, confidence: float = 0.95) -> LinearTensionFit:
+    """Eq. 13 through points, by linear least squares of the tension.
+
+    Args:
+        points: five or more, of two or more lengths at each of two or more pressures; the paper took ten.
+        confidence: of the intervals, to first order.
+
+    Raises:
+        InputError: too few points, or points that do not tell the four numbers apart.
+    """
+    table = np.array(points, float).reshape(-1, 3)
+    # About their middle: the products then differ, and the four columns stay independent in float64.
+    middle = table.mean(axis=0) if len(table) else np.zeros(3)
+    x, p = table[:, 0] - middle[0], table[:, 1] - middle[1]
+    matrix = np.stack([p * x, p, x, np.ones_like(x)], axis=1)
+    fit = linear_fit(matrix, table[:, 2], what="points of eq. 13", confidence=confidence)
+    kg, c_p, c_x, c_1 = fit.values
+    if kg == 0.0:
+        raise InputError(
+            "points of eq. 13", "without stiffness", "needed is a tension that grows with pressure and length"
+        )
+    lever, rise = c_p / kg, c_x / kg  # length above Lmin, pressure above Pa at the middle
+    return LinearTensionFit(
+        fit.coefficient(0),
+        fit.interval(middle[1] - rise, np.array([rise, 0.0, -1.0, 0.0]) / kg),
+        fit.interval(middle[0] - lever, np.array([lever, -1.0, 0.0, 0.0]) / kg),
+        fit.interval(c_1 - kg * lever * rise, np.array([lever * rise, -rise, -lever, 1.0])),
+        fit.rms,
+        len(table),
+    )

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..recordings import Recording
+from ._regression import Interval, linear_fit
 from .channels import finite, known
 from .cycles import find_cycles
-from .regression import Interval, linear_fit
 
 
 class Spread(NamedTuple):

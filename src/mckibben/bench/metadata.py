@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from .. import citations
-from ..analysis.saturation import saturation
+from ..analysis.channels import saturation
 from ..assembly.accounts import Accounts
 from ..assembly.exergy_balance import document
 from ..assembly.machine import Machine

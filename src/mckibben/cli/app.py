@@ -1,49 +1,154 @@
-"""The commands' table, and the one place where an error becomes a line and an exit code."""
+"""The table of all commands, and the one place where an error becomes a line and an exit code."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
+import importlib
 import os
 import shutil
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+import typer.core
+import typer.main
 
 from lanewise.cache import is_private, make_private_folder
 from lanewise.errors import CacheWarning
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError
-from . import (
-    calibrate,
-    circuit_fit,
-    compare,
-    console,
-    device,
-    energy,
-    fit,
-    muscles,
-    protocols,
-    record,
-    reproduce,
-    run,
-    serve,
-    size,
-    study,
-    sweep,
-)
 
 ROOM = 16 << 20  # that a disk must have for compilations to be kept [B]; JAX leaves parts of files on a full one
 # Warnings of JAX on a disk that is full, or was full once: it compiles anew.
 CACHE = ("Error writing persistent compilation cache", "Error reading persistent compilation cache")
 
+
+# Each command by its words: the module and function that run it, and the line of help that lists it. The module is imported
+# when the command is called, for most of them load what computes, which takes a second. A group has no function.
+COMMANDS: dict[str, tuple[str, str]] = {
+    "muscles": ("catalogue:list_muscles", "List the muscles that ship, with their sources."),
+    "show": ("muscles:show", "Show the parameters of a muscle with their units and sources, and its law."),
+    "tension": ("muscles:tension", "Compute tension, volume and state of a muscle at one length and pressure."),
+    "fit": ("fit:fit", "Fit tension laws to a measured table of length, pressure and tension, and rank them."),
+    "protocols": ("catalogue:protocols", "List the protocols, or describe one of them with all its numbers."),
+    "run": ("run:run_protocol", "Run a protocol on a test machine; nothing moves until the dry run passes."),
+    "console": ("console:console", "Operate a test machine, simulated or real, at a prompt, by a script or a pipe."),
+    "device": ("device:device", "Serve a simulated test machine on a virtual serial port."),
+    "energy": ("energy:energy", "Compute input, output and efficiency of a muscle's working cycles."),
+    "compare": (
+        "compare:compare_muscles",
+        "Compare muscles with each other, and with published biological muscle.",
+    ),
+    "reproduce": (
+        "reproduce:reproduce_papers",
+        "Compute the papers' numbers and report whether each value is reproduced.",
+    ),
+    "size": ("size:size_muscle", "Find the muscle, valve, tube and gas source for a force and a stroke."),
+    "sweep": ("sweep:sweep", "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr."),
+    "serve": ("serve:serve_screen", "Serve the laboratory's screen to a browser on this machine."),
+    "circuit": ("", "Show, run, linearise and fit pneumatic circuits."),
+    "circuit show": ("circuit:show", "Describe a circuit, its fastest mode, and the method with which a run begins."),
+    "circuit run": ("circuit:run", "Run a circuit, close its balances of mass and energy, and save the recording."),
+    "circuit fit": (
+        "circuit:fit",
+        "Fit a circuit's parameters to records of its pressures, and predict other records.",
+    ),
+    "record": ("", "Show, plot, report on, analyse, convert and repair recordings."),
+    "record show": ("record:show", "Describe a recording: protocol, muscle, rig, steps, channels, balances, events."),
+    "record plot": ("record:plot", "Draw a recording over time, or one channel over another."),
+    "record convert": (
+        "record:convert_file",
+        "Convert a recording, or a file of another program, to another file format.",
+    ),
+    "record energy": (
+        "record_analysis:energy",
+        "Account for the exergy of a recording: supply, losses and shaft work.",
+    ),
+    "record repair": ("record:repair", "Save what is left of the log of a process that was killed as a recording."),
+    "record report": (
+        "record_analysis:report",
+        "Write a report of a recording: figures, balances, parameters, references.",
+    ),
+    "calibrate": ("", "Calibrate the channels of a rig, show a calibration, or apply it to a recording."),
+    "calibrate zero": ("calibrate:zero", "Calibrate the zeros of channels without load and pressure."),
+    "calibrate weights": ("calibrate:weights", "Calibrate a load cell with dead weights, up and down."),
+    "calibrate pressure": ("calibrate:pressure", "Calibrate pressure sensors with a reference gauge."),
+    "calibrate encoder": (
+        "calibrate:encoder",
+        "Calibrate the encoder with known travels, such as those of gauge blocks.",
+    ),
+    "calibrate skew": ("calibrate:skew", "Calibrate the lag of channels behind the first one, from a common signal."),
+    "calibrate show": ("calibration:show", "Show a calibration: values, 95 % intervals, origin and age."),
+    "calibrate apply": ("calibration:apply", "Apply a calibration to a recording in place of the one it carries."),
+    "study": ("", "Run the laboratory's studies of tubes, a robot, loops and all laws."),
+    "study tube": ("study:study_tube", "Compare lumped models of a tube with the distributed one, claim by claim."),
+    "study robot": (
+        "study:study_robot",
+        "Fit the air of a jumping robot to some of its jumps, and predict the others.",
+    ),
+    "study loops": ("study:study_loops", "Predict half of a muscle's loop and creep from the other half."),
+    "study validation": ("study:study_validation", "Fit every tension law to every data set, and cross-validate it."),
+}
+
+
+class CommandTable(Mapping[str, Any]):
+    """The commands of `COMMANDS` one level below a group, imported when they are asked for.
+
+    Args:
+        group: name of the group, empty for the program itself.
+    """
+
+    def __init__(self, group: str = "") -> None:
+        self.group = group
+
+    def __getitem__(self, name: str) -> Any:
+        words = f"{self.group} {name}".strip()
+        if name not in set(self):
+            raise KeyError(name)
+        place, summary = COMMANDS[words]
+        if not place:
+            return CommandGroup(name=name, group=words, help=summary, no_args_is_help=True, rich_markup_mode=None)
+        module, _, function = place.partition(":")
+        single = typer.Typer(add_completion=False, rich_markup_mode=None)
+        single.command(name)(getattr(importlib.import_module(f".{module}", __package__), function))
+        return typer.main.get_command(single)
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for *group, name in map(str.split, COMMANDS) if group == self.group.split())
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def summaries(self) -> list[tuple[str, str]]:
+        """Each name with its line of help."""
+        return [(name, COMMANDS[f"{self.group} {name}".strip()][1]) for name in self]
+
+
+class CommandGroup(typer.core.TyperGroup):
+    """A group whose commands are those of a `CommandTable`."""
+
+    def __init__(self, *, group: str = "", **options: Any) -> None:
+        super().__init__(**options)
+        self.commands: Any = CommandTable(group)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names in the order of the table."""
+        return list(self.commands)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(self.commands.summaries())
+
+
 app = typer.Typer(
     name="mckibben",
+    cls=CommandGroup,
     help="A laboratory for McKibben pneumatic artificial muscles.",
     no_args_is_help=True,
     add_completion=False,
@@ -65,24 +170,6 @@ def options(
     ] = False,
 ) -> None:
     """A laboratory for McKibben pneumatic artificial muscles."""
-
-
-muscles.add_to(app)
-fit.add_to(app)
-circuit_fit.add_to(app)
-protocols.add_to(app)
-record.add_to(app)
-run.add_to(app)
-console.add_to(app)
-device.add_to(app)
-calibrate.add_to(app)
-energy.add_to(app)
-compare.add_to(app)
-reproduce.add_to(app)
-size.add_to(app)
-study.add_to(app)
-sweep.add_to(app)
-serve.add_to(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -11,23 +11,25 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from ..bench import rig_file
+from ..bench.calibrate.estimate import GRAVITY, GRAVITY_UNCERTAINTY, Reference
+from ..bench.calibrate.file import merged, write_calibration
+from ..bench.calibrate.machine import HardwareReadings
+from ..bench.calibrate.session import Outcome, Session
+from ..bench.calibrate.sources import PERIOD, Ask, SimulatedPerson, SimulatedSensors, Source, Task, grids
+from ..bench.hardware.connect import check_connection, connected
+from ..bench.metadata import created
 from ..errors import InputError
-from .calibrate_show import apply, print_outcome, say_outcome, show
+from ..quantities import parse, split_values, with_unit
+from ..recordings.calibration import LONGEST, Calibration
+from ._terminal import Json, pairs, print_json, writable
+from .calibration import print_outcome, say_outcome
 from .run import On, RigName
-from .words import Json, pairs, print_json, writable
 
 if TYPE_CHECKING:
-    from ..bench.calibrate.estimate import Reference
-    from ..bench.calibrate.session import Outcome, Session
-    from ..bench.calibrate.sources import Ask, Source, Task
     from ..bench.rig import Rig
 
-calibrate = typer.Typer(
-    name="calibrate",
-    help="Calibrate the channels of a rig: zero, weights, pressure, encoder, skew; show a calibration, or apply it.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+
 _FAULT = "rig.sensors.tension.offset='3 N'"
 Simulate = Annotated[
     bool, typer.Option("--simulate", help="Simulated sensors are put to each true value; nobody is asked.")
@@ -50,21 +52,13 @@ Scale = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add these commands to the table."""
-    calibrate.command("show")(show)
-    calibrate.command("apply")(apply)
-    app.add_typer(calibrate)
-
-
-@calibrate.command("zero")
 def zero(
     rig: RigName, channel: Channels = "pressure,tension", uncertainty: Own = None, machine: On = None,
     simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 1000, sensor: Sensor = "",
     valid_for: Valid = None,
     out: Out = None, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """What channels read at nothing: no load, no pressure."""
+    """Calibrate the zeros of channels without load and pressure."""
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     names = _names(channel)
     units = {"tension": "N"}
@@ -75,7 +69,6 @@ def zero(
         _done(wanted, session, session.zero(names, uncertainty=own))
 
 
-@calibrate.command("weights")
 def weights(
     rig: RigName,
     masses: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, such as '0 kg,1 kg,5 kg'.")],
@@ -89,9 +82,7 @@ def weights(
     simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 1000, sensor: Sensor = "",
     reference: Name = "masses", valid_for: Valid = None, out: Out = None, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """A load cell from dead weights, hung up and down again."""
-    from ..bench.calibrate.estimate import GRAVITY, GRAVITY_UNCERTAINTY, Reference
-
+    """Calibrate a load cell with dead weights, up and down."""
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     own = _value("--uncertainty", uncertainty, "kg")
     if gravity is None and gravity_uncertainty is not None:
@@ -108,7 +99,6 @@ def weights(
         _done(wanted, session, found)
 
 
-@calibrate.command("pressure")
 def pressure(
     rig: RigName,
     pressures: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, gauge, such as '0 bar,3 bar,6 bar'.")],
@@ -117,9 +107,7 @@ def pressure(
     simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 1000, sensor: Sensor = "",
     reference: Name = "reference gauge", valid_for: Valid = None, out: Out = None, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Pressure sensors beside a reference gauge."""
-    from ..bench.calibrate.estimate import Reference
-
+    """Calibrate pressure sensors with a reference gauge."""
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     share = _value("--scale-uncertainty", scale_uncertainty, "1", 0.0, 1.0)
     gauge = Reference(reference, _value("--uncertainty", uncertainty, "Pa"), share)
@@ -127,7 +115,6 @@ def pressure(
         _done(wanted, session, session.pressure(_values("--pressures", pressures, "Pa"), gauge, _names(channel)))
 
 
-@calibrate.command("encoder")
 def encoder(
     rig: RigName,
     travels: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, such as '0 mm,50 mm'.")],
@@ -136,9 +123,10 @@ def encoder(
     simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 100, sensor: Sensor = "",
     reference: Name = "gauge blocks", valid_for: Valid = None, out: Out = None, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """The encoder from known travels, such as of gauge blocks: metres per count against nominal."""
-    from ..bench.calibrate.estimate import Reference
+    """Calibrate the encoder with known travels, such as those of gauge blocks.
 
+    The gain is metres per count relative to the nominal value.
+    """
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     share = _value("--scale-uncertainty", scale_uncertainty, "1", 0.0, 1.0)
     blocks = Reference(reference, _value("--uncertainty", uncertainty, "m"), share)
@@ -146,7 +134,6 @@ def encoder(
         _done(wanted, session, session.encoder(_values("--travels", travels, "m"), blocks))
 
 
-@calibrate.command("skew")
 def skew(
     rig: RigName,
     channel: Channels = "pressure,tension",
@@ -156,7 +143,7 @@ def skew(
     simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 5000, valid_for: Valid = None,
     out: Out = None, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """By how much channels lag the first one, from a signal that all of them see."""
+    """Calibrate the lag of channels behind the first one, from a common signal."""
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, "", valid_for, out, as_json)
     first = _value("--frequency", frequency, "1/s", 1e-3, 1e6)
     last = None if to is None else _value("--to", to, "1/s", 1e-3, 1e6)
@@ -182,19 +169,13 @@ class _Wanted(NamedTuple):
 @contextmanager
 def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[Session]:
     """A session with its source of readings; what is wrong with the file is said before anybody is asked."""
-    from ..bench.calibrate.file import merged
-    from ..bench.calibrate.session import Session
-    from ..bench.metadata import created
-    from ..bench.rig_file import rig as rig_of
-    from ..recordings.calibration import LONGEST
-
     writable("--out", wanted.out, ".toml")
     given = pairs(wanted.change, "--set", _FAULT)
     for path, value in given.items():
         if not path.startswith("rig."):
             raise InputError(f"--set {path}", value, f"allowed is a value of the rig, such as {_FAULT}")
     valid = math.inf if wanted.valid_for is None else _value("--valid-for", wanted.valid_for, "s", 1.0, LONGEST)
-    rig = rig_of(wanted.rig, {path.removeprefix("rig."): value for path, value in given.items()})
+    rig = rig_file.rig(wanted.rig, {path.removeprefix("rig."): value for path, value in given.items()})
     date = created()
     if wanted.out is not None:
         merged(wanted.out, rig.name, {}, date)
@@ -213,8 +194,6 @@ def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[Session]:
 @contextmanager
 def _source(wanted: _Wanted, rig: Rig, reference: Reference | None) -> Iterator[tuple[Source, Ask, Any]]:
     """Where the readings come from, who brings the points about, and who is told of those that are refused."""
-    from ..bench.calibrate.sources import SimulatedPerson, SimulatedSensors
-
     if wanted.simulate:
         if wanted.machine is not None:
             raise InputError("--on", wanted.machine, "allowed without --simulate")
@@ -225,9 +204,6 @@ def _source(wanted: _Wanted, rig: Rig, reference: Reference | None) -> Iterator[
         raise InputError("--on", "missing", "no machine is connected; allowed is --on MACHINE, or --simulate")
     if not sys.stdin.isatty():
         raise InputError("terminal", "none", "nobody can be asked for the points; allowed is a terminal, or --simulate")
-    from ..bench.calibrate.machine import HardwareReadings
-    from ..bench.calibrate.sources import PERIOD, grids
-    from ..bench.hardware.connect import check_connection, connected
 
     check_connection(wanted.machine)
     with connected(wanted.machine, rig, PERIOD) as hardware:
@@ -238,8 +214,6 @@ def _source(wanted: _Wanted, rig: Rig, reference: Reference | None) -> Iterator[
 
 def ask_person(task: Task) -> float | None:
     """Ask at the terminal, on standard error; what the reference shows is typed with its unit."""
-    from ..quantities import parse, with_unit
-
     if not task.gauge:
         typer.prompt(
             f"{task.sentence[0].upper()}{task.sentence[1:]}, then press Enter", "", show_default=False, err=True
@@ -261,11 +235,7 @@ def tell_person(error: InputError) -> None:
 
 def _done(wanted: _Wanted, session: Session, found: Outcome) -> None:
     """Keep and show what was found."""
-    from ..bench.calibrate.file import merged, write_calibration
-    from ..bench.rig_file import rig as rig_of
-    from ..recordings.calibration import Calibration
-
-    name = rig_of(wanted.rig).name
+    name = rig_file.rig(wanted.rig).name
     notes = []
     if wanted.out is None:
         whole = Calibration(rig=name, created=session.date, corrections=found.corrections)
@@ -292,8 +262,6 @@ def _names(words: str) -> Sequence[str]:
 
 def _value(option: str, words: str | None, unit: str, low: float = 0.0, high: float = 1e9) -> float:
     """An option as SI; nothing where it is left out."""
-    from ..quantities import parse, with_unit
-
     if words is None:
         return 0.0
     value = parse(words, unit, field=option)
@@ -305,8 +273,6 @@ def _value(option: str, words: str | None, unit: str, low: float = 0.0, high: fl
 
 def _values(option: str, words: str, unit: str) -> Sequence[float]:
     """Several values as SI."""
-    from ..quantities import parse, split_values
-
     found = [parse(word, unit, field=option) for word in split_values(words, field=option)]
     if not found:
         raise InputError(option, words, "allowed are two different ones or more, parted by commas")

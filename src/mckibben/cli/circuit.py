@@ -7,18 +7,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .words import Json, caution, pairs, print_json, progress, table, writable
+from ..assembly.circuit_file import read_circuit
+from ..assembly.sentence import run_sentence, sentence
+from ..bench.circuit_run import chunks, run_circuit
+from ..components import paths
+from ..components.paths import get, parameters
+from ..errors import InputError
+from ..identification import CircuitFit, Trial, fit_circuit
+from ..identification.circuit_fit import DELAY
+from ..identification.trial import matching, trial_from_record
+from ..muscles.plausible import pressure_caution
+from ..pneumatics.volume import Reservoir
+from ..quantities import from_si, parse, shown_unit, with_unit
+from ..recordings import read_record, read_recording
+from ..report.figures import circuit_diagram, circuit_figures, style
+from ._terminal import Json, caution, options_named, pairs, print_json, progress, table, told, writable
 
 if TYPE_CHECKING:
     from ..assembly.circuit_file import CircuitPlan
     from ..recordings.recording import Recording
 
-circuit = typer.Typer(
-    name="circuit",
-    help="Pneumatic circuits: show one, run one, fit one to records.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+
 File = Annotated[Path, typer.Argument(metavar="FILE.toml", help="The circuit, its signals and its run.")]
 Change = Annotated[
     list[str] | None,
@@ -26,16 +35,13 @@ Change = Annotated[
 ]
 
 
-@circuit.command("show")
 def show(
     file: File,
     change: Change = None,
     svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Draw the circuit.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Say what a circuit is, how fast its modes are, and which method a run begins with."""
-    from ..assembly.sentence import run_sentence, sentence
-
+    """Describe a circuit, its fastest mode, and the method with which a run begins."""
     writable("--svg", svg, ".svg", ".png")
     plan = planned(file, change)
     rate, method = plan.rates()
@@ -76,7 +82,6 @@ def show(
         typer.echo(f"Written: {svg}")
 
 
-@circuit.command("run")
 def run(
     file: File,
     change: Change = None,
@@ -84,9 +89,7 @@ def run(
     figure: Annotated[Path | None, typer.Option(help="Draw the run into this SVG or PNG file.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Run a circuit, balance its accounts, and save the recording."""
-    from ..bench.circuit_run import chunks, run_circuit
-
+    """Run a circuit, close its balances of mass and energy, and save the recording."""
     writable("--out", out, ".nc", ".csv")
     writable("--figure", figure, ".svg", ".png")
     plan = planned(file, change)
@@ -96,8 +99,6 @@ def run(
     if out is not None:
         recording.save(out)
     if figure is not None:
-        from ..report.figures import circuit_figures, style
-
         style.save(circuit_figures.run_figure(recording), figure)
     if as_json:
         result = _result(recording, out)
@@ -113,8 +114,6 @@ def run(
 
 def _cautions(plan: CircuitPlan, recording: Recording) -> list[str | None]:
     """What is to be said of the highest pressure that each muscle took."""
-    from ..muscles.plausible import pressure_caution
-
     found = []
     for name, node in plan.nodes.items():
         if node.law is not None:
@@ -126,14 +125,11 @@ def _cautions(plan: CircuitPlan, recording: Recording) -> list[str | None]:
 
 def planned(file: Path, change: list[str] | None) -> CircuitPlan:
     """A circuit's file, with what ``--set`` replaces."""
-    from ..assembly.circuit_file import read_circuit
-
     plan = read_circuit(file)
     return plan.change(pairs(change, "--set", "elements.tube.length='2 m'")) if change else plan
 
 
 def _nodes(plan: CircuitPlan) -> dict[str, Any]:
-    from ..pneumatics.volume import Reservoir
 
     found = {}
     for name, n in plan.nodes.items():
@@ -149,7 +145,6 @@ def _nodes(plan: CircuitPlan) -> dict[str, Any]:
 
 
 def _elements(plan: CircuitPlan) -> dict[str, Any]:
-    from ..components.paths import get, parameters
 
     found = {}
     for name, element in plan.circuit.elements.items():
@@ -168,7 +163,6 @@ def _elements(plan: CircuitPlan) -> dict[str, Any]:
 
 
 def _draw(plan: CircuitPlan, path: Path) -> None:
-    from ..report.figures import circuit_diagram, style
 
     room = float(plan.environment.pressure_abs)
     pressures = {name: start + room for name, start in plan.starts.items()}
@@ -203,7 +197,6 @@ def _result(recording: Recording, out: Path | None) -> dict[str, Any]:
 
 
 def _print(recording: Recording) -> None:
-    from ..quantities import from_si, shown_unit
 
     meta, rows = recording.meta, []
     units = {"kg/s": "g/s", "kg": "g"}
@@ -225,3 +218,135 @@ def _print(recording: Recording) -> None:
     )
     for warning in meta.get("warnings", ()):
         typer.echo(f"Warning: {warning}.")
+
+
+def fit(
+    file: File,
+    records: Annotated[list[Path], typer.Argument(metavar="RECORD..", help="Recordings, or measured CSV tables.")],
+    free: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH", help="Parameter to fit, such as elements.tube.friction_scale; * stands for several."
+        ),
+    ] = None,
+    predict: Annotated[
+        list[Path] | None, typer.Option(metavar="RECORD", help="Record to predict with what was fitted.")
+    ] = None,
+    start: Annotated[list[str] | None, typer.Option(metavar="PATH=VALUE", help="First guess of a parameter.")] = None,
+    column: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="Which column is tank.pressure, time, ...")
+    ] = None,
+    unit: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none.")
+    ] = None,
+    change: Change = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw measured and predicted into this SVG or PNG file.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Fit a circuit's parameters to records of its pressures, and predict other records."""
+    writable("--figure", figure, ".svg", ".png")
+    plan = planned(file, change)
+    wanted = list(free or plan.fit.free)
+    if not wanted:
+        raise InputError(
+            "--free", "nothing", "allowed is a dotted path, here or as free = [..] in [fit]", where=str(file)
+        )
+    reading = _reading(plan, column, unit)
+    for option, words in (("--column", column), ("--unit", unit)):
+        if words and (own := next(filter(_is_own, [*records, *(predict or [])]), None)):
+            allowed = "a recording of mckibben says these itself; they are for files of others"
+            raise InputError(option, words[0], allowed, where=str(own))
+    trials = [_trial(plan, path, reading) for path in records]
+    others = [_trial(plan, path, reading) for path in predict or []]
+    with told("fitting") as tell:
+        found = fit_circuit(
+            trials, wanted, predict=others, start=_starts(plan, wanted, start), step=plan.step, progress=tell
+        )
+    if figure is not None:
+        style.save(circuit_figures.overview(found, [*trials, *others], title=plan.title), figure)
+    if as_json:
+        print_json(circuit_fit_json(found))
+        return
+    show_circuit_fit(found, plan.title)
+    if figure is not None:
+        typer.echo(f"Written: {figure}")
+
+
+def _reading(plan: CircuitPlan, column: list[str] | None, unit: list[str] | None) -> dict[str, Any]:
+    given: dict[str, str | int] = dict(plan.fit.columns)
+    for name, place in pairs(column, "--column", "tank.pressure=2").items():
+        given[name] = int(place) if place.isdigit() else place
+    units = plan.fit.units | pairs(unit, "--unit", "tank.pressure=kPa")
+    return {"columns": given or None, "units": units or None, "pressure_zero": plan.fit.pressure_zero}
+
+
+def _trial(plan: CircuitPlan, path: Path, reading: dict[str, Any]) -> Trial:
+
+    if _is_own(path):
+        record = read_recording(path)
+    else:
+        with options_named():
+            record = read_record(path, ambient=float(plan.environment.pressure_abs), **reading)
+        caution(*(f"{path}: {said}" for said in record.meta["source"].get("left_out", [])))
+    return trial_from_record(plan, record, name=str(path))
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a file was saved by this laboratory, and carries its own units."""
+    return path.suffix == ".nc" or (path.suffix == ".csv" and _is_recording(path))
+
+
+def _is_recording(path: Path) -> bool:
+    """Whether a CSV file was saved by this laboratory, and carries its own units."""
+    try:
+        with path.open(encoding="utf-8") as stream:
+            return stream.readline().startswith("# mckibben")
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> dict[str, float]:
+
+    found = {}
+    for name, words in {**plan.fit.start, **pairs(start, "--start", "elements.tube.ends=2")}.items():
+        if name not in wanted:
+            if name in plan.fit.start and not pairs(start, "--start", "").get(name):
+                continue  # the file's guess for a parameter that is not asked for this time
+            raise InputError("--start", name, f"it is not free; free are {', '.join(wanted)}")
+        path = matching(name, plan.circuit, tuple(plan.signals))[0]
+        unit = DELAY.unit if path.startswith("signals.") else paths.declaration(plan.circuit, path).unit
+        found[name] = parse(str(words), unit, field=f"start of {name}", bare=True)
+    return found
+
+
+def circuit_fit_json(found: CircuitFit) -> dict[str, Any]:
+    """A fit as one object, SI."""
+    return {
+        "parameters": {name: e._asdict() for name, e in found.parameters.items()},
+        "errors": [e._asdict() for e in found.errors],
+        "rms": {"fitted": found.rms(), "predicted": found.rms(fitted=False)},
+        "converged": found.converged,
+        "message": found.message,
+        "evaluations": found.evaluations,
+        "warnings": list(found.warnings),
+    }
+
+
+def show_circuit_fit(found: CircuitFit, title: str) -> None:
+    """Print parameters, the errors of every record, and what is to be noted."""
+    rows = [
+        [name, with_unit(e.value, e.unit), f"{with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)}"]
+        for name, e in found.parameters.items()
+    ]
+    table(title, ["parameter", "value", "95 %"], rows, right=[1, 2])
+    rows = []
+    for e in found.errors:
+        lead = "-" if e.lead is None else f"{round(1e3 * e.lead, 1) + 0.0:+.1f} ms"
+        used = "fitted" if e.fitted else "predicted"
+        channel = e.channel.removesuffix(".pressure_abs")
+        rows.append([Path(e.trial).name, channel, used, with_unit(e.rms, "Pa"), with_unit(e.largest, "Pa"), lead])
+    table("", ["record", "pressure of", "", "rms", "largest", "model leads"], rows, right=[3, 4, 5])
+    if not found.converged:
+        typer.echo(f"The search did not converge: {found.message}.")
+    for warning in found.warnings:
+        typer.echo(f"note: {warning}")

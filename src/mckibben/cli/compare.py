@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from ..citations import reference
 from ..errors import InputError
-from .words import Json, caution, print_json, table, told, writable
+from ..muscles.plausible import pressure_caution
+from ..quantities import parse, with_unit
+from ..report.comparison_report import muscle_comparison
+from ..report.document import checked_place
+from ..report.figures import style
+from ..report.figures.comparison_figures import comparison_figure
+from ..studies.comparison import Subject, Table, compare, subject
+from ..studies.comparison.match import TWITCH, Match, Tuned, match
+from ..studies.comparison.protocols import Trials, rig_for, trials
+from ._terminal import Json, caution, print_json, table, told, writable
 
-if TYPE_CHECKING:
-    from ..studies.comparison import Subject, Table
-    from ..studies.comparison.match import Match, Tuned
-    from ..studies.comparison.protocols import Trials
 
-
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("compare")(compare)
-
-
-def compare(
+def compare_muscles(
     muscles: Annotated[
         list[str] | None, typer.Argument(metavar="ID ID ..", help="Specimens by id, or .toml files of them.")
     ] = None,
@@ -54,16 +54,9 @@ def compare(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Compare muscles by Table 1 of the paper, with what is published of biological muscle beside them."""
-    from ..muscles.plausible import pressure_caution
-    from ..quantities import parse
-    from ..studies.comparison import Table, subject
-    from ..studies.comparison import compare as tabled
-
+    """Compare muscles with each other, and with published biological muscle."""
     writable("--figure", figure, ".svg", ".png")
     if report is not None:
-        from ..report.document import checked_place
-
         checked_place(report, field="--report")
     if rig is not None and not protocols and match is None:
         raise InputError("--rig", rig, "allowed with --protocols or --match, which run on it")
@@ -74,7 +67,7 @@ def compare(
     target = None if match is None else _target(match)
     if match is not None and not any(s.unit is not None for s in chosen):
         raise InputError("--match", match, "needed is a McKibben muscle among those compared")
-    found = tabled(chosen, recording or [])
+    found = compare(chosen, recording or [])
     done: list[Trials] = []
     matches: list[Match] = []
     with told("comparing") as tell:
@@ -85,12 +78,8 @@ def compare(
             matches = _matches(chosen, target, rig, done, tell)
     drawn: Any = _drawn(chosen, done, matches) if figure is not None or (report is not None and chosen) else None
     if figure is not None:
-        from ..report.figures import style
-
         style.save(drawn, figure, dpi=130.0)
     if report is not None:
-        from ..report.comparison_report import muscle_comparison
-
         muscle_comparison(found, drawn, matches).write(report)
     if as_json:
         print_json(_as_json(found, matches) | {"warnings": warnings})
@@ -102,7 +91,6 @@ def compare(
 
 
 def _target(name: str) -> Subject:
-    from ..studies.comparison import subject
 
     target = subject(name)
     if target.fibre is None:
@@ -111,14 +99,12 @@ def _target(name: str) -> Subject:
 
 
 def _done(chosen: list[Subject], rig: str | None, tell: Any) -> list[Trials]:
-    from ..studies.comparison.protocols import rig_for, trials
 
     on = rig or rig_for(chosen)
     return [trials(s, rig=on, progress=tell) for s in chosen]
 
 
 def _matches(chosen: list[Subject], target: Subject, rig: str | None, done: list[Trials], tell: Any) -> list[Match]:
-    from ..studies.comparison.match import TWITCH, match
 
     records = {t.muscle.id: t.records[TWITCH] for t in done if TWITCH in t.records}
     braided = [s for s in chosen if s.unit is not None]
@@ -126,8 +112,6 @@ def _matches(chosen: list[Subject], target: Subject, rig: str | None, done: list
 
 
 def _drawn(chosen: list[Subject], done: list[Trials], matches: list[Match]) -> Any:
-    from ..report.figures.comparison_figures import comparison_figure
-    from ..studies.comparison.protocols import trials
 
     if not chosen:
         raise InputError("--figure", "asked for", "needed is a specimen: a recording alone has no law to draw")
@@ -163,7 +147,6 @@ def _match_json(found: Match) -> dict[str, Any]:
 
 
 def _print(found: Table, matches: list[Match]) -> None:
-    from ..citations import reference
 
     lines, keys = [], {"chou1996": None}
     for row in found.rows():
@@ -204,7 +187,6 @@ def _print_match(found: Match) -> None:
 
 
 def _tuned(p: Tuned) -> list[str]:
-    from ..quantities import with_unit
 
     if not p.hit:
         return [p.title, with_unit(p.start, p.unit), with_unit(p.value, p.unit), ""]

@@ -13,24 +13,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..bench.console import Console
+from ..bench.hardware.connect import check_connection, connected
+from ..bench.session import Session
+from ..bench.session.setup import RATE
 from ..errors import ConvergenceError, InputError, MckibbenError
+from ..quantities import parse
+from ._terminal import progress
 from .run import CalibrationFile, Muscle, On, RigName, chosen_rig
 from .run import ask_person as ask_person
-from .words import progress
 
 if TYPE_CHECKING:
-    from ..bench.console import Console
     from ..bench.hardware.interface import Hardware
     from ..bench.rig import Rig
 
 PARTS = 1000  # of a progress bar
 LOOK = 0.2  # time between two looks at the machine for the line at the bottom and its messages [s]
 ENDED = 143  # exit code after a signal that ends the program
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("console")(console)
 
 
 def console(
@@ -54,12 +53,7 @@ def console(
     ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of the simulated sensors' noise.")] = 0,
 ) -> None:
-    """Operate a test machine, simulated or real: set, run, watch and save; with a prompt, a script, or a pipe."""
-    from ..bench.console import Console
-    from ..bench.hardware.connect import check_connection
-    from ..bench.session import Session
-    from ..quantities import parse
-
+    """Operate a test machine, simulated or real, at a prompt, by a script or a pipe."""
     check_connection(machine)
     lines = None if script is None else _lines(script)
     if machine is not None and as_fast_as_it_goes:
@@ -88,9 +82,6 @@ def console(
 
 def _machine(words: str | None, rig: Rig, rate: float | None) -> AbstractContextManager[Hardware | None]:
     """The machine that is meant, open for as long as this lasts; None for a simulated one."""
-    from ..bench.hardware.connect import connected
-    from ..bench.session.setup import RATE
-
     return connected(words, rig, rig.computer.period(rate or RATE))
 
 

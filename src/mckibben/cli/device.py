@@ -9,15 +9,14 @@ from typing import Annotated
 
 import typer
 
+from ..bench.hardware.serial_line.device import About
+from ..bench.hardware.serial_line.microcontroller import in_thread
+from ..bench.segment import SegmentMachine, timing_of
+from ..documents import write_text
 from ..errors import InputError
 from .run import Change, Muscle, Protocol, RigName, prepared
 
 LOOK = 0.2  # at whether somebody ends it [s]
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("device")(device)
 
 
 def device(
@@ -30,12 +29,10 @@ def device(
     port: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the name of the port into a file.")] = None,
     seconds: Annotated[float | None, typer.Option("--for", metavar="SECONDS", help="End by itself.")] = None,
 ) -> None:
-    """Host the machine on which a protocol begins behind a simulated microcontroller; say its port; Ctrl-C ends it."""
-    from ..bench.hardware.serial_line.device import About
-    from ..bench.hardware.serial_line.microcontroller import in_thread
-    from ..bench.segment import SegmentMachine, timing_of
-    from ..documents import write_text
+    """Serve a simulated test machine on a virtual serial port.
 
+    The machine is the one on which the protocol begins. Ctrl-C ends it.
+    """
     if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
         raise InputError("--for", seconds, "allowed are 0 seconds or more")
     if port is not None and (not port.name or port.is_dir() or not port.absolute().parent.is_dir()):

@@ -3,16 +3,38 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from ..analysis.energy import (
+    CYCLES,
+    READINGS,
+    Conditions,
+    CycleMuscle,
+    EnergyCurve,
+    EnergyCycle,
+    cycle_loops,
+    energy_curve,
+    energy_cycle,
+)
+from ..analysis.energy.cycles import (
+    at_threshold,
+    check_threads,
+    coulomb_friction,
+    cycle_muscles,
+    pressures,
+    stretched_length,
+    surroundings,
+)
+from ..components import Environment
 from ..errors import InputError
-from .words import Json, Set, caution, chosen_law, parameters, print_json, table, writable
-
-if TYPE_CHECKING:
-    from ..analysis.energy import Conditions, CycleMuscle, EnergyCurve, EnergyCycle
-    from ..specimens import Specimen
+from ..muscles.plausible import length_caution, pressure_caution
+from ..quantities import from_si, parse, with_unit
+from ..report.figures import energy_figures, style
+from ..specimens import Specimen, specimen
+from ._terminal import Json, Set, caution, chosen_law, print_json, table, writable
+from .muscles import parameters
 
 LOSSES = ("friction", "throttling", "exhaust", "emptying", "slackening", "unaccounted")
 CURVE_POINTS = 91
@@ -27,11 +49,6 @@ class Asked(NamedTuple):
     volume: str
     conditions: Conditions
     names: list[str]
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("energy")(energy)
 
 
 def energy(
@@ -70,9 +87,7 @@ def energy(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Input of an ideal compressor, output and efficiency of a muscle's working cycles."""
-    from ..analysis.energy import energy_cycle
-
+    """Compute input, output and efficiency of a muscle's working cycles."""
     writable("--figure", figure, ".svg", ".png")
     spec, chosen, muscles, which = _muscles(name, law, change, volume)
     between = _conditions(
@@ -95,7 +110,6 @@ def energy(
 def _cautions(
     spec: Specimen, muscle: CycleMuscle, between: Conditions, pressure: str, stretched: str | None
 ) -> list[str]:
-    from ..muscles.plausible import length_caution, pressure_caution
 
     longest = float(muscle.length_range()[1])
     return caution(
@@ -107,7 +121,6 @@ def _cautions(
 
 
 def _names(cycle: list[str] | None) -> list[str]:
-    from ..analysis.energy import CYCLES
 
     for name in cycle or []:
         if name not in CYCLES:
@@ -119,9 +132,6 @@ def _muscles(
     name: str, law: str | None, change: list[str] | None, volume: str | None
 ) -> tuple[Specimen, str, dict[str, CycleMuscle], str]:
     """The specimen, the name of its law, the muscle with each volume that it has, and the volume that is asked for."""
-    from ..analysis.energy.settings import cycle_muscles
-    from ..specimens import specimen
-
     spec = specimen(name)
     chosen = chosen_law(law, spec)
     if volume == "":
@@ -133,10 +143,6 @@ def _muscles(
 def _conditions(
     spec: Specimen, muscle: CycleMuscle, pressure: str, stretched: str | None, ambient: str | None, **more: Any
 ) -> Conditions:
-    from ..analysis.energy import Conditions
-    from ..analysis.energy.settings import surroundings
-    from ..components import Environment
-    from ..quantities import parse
 
     around = surroundings(spec)
     if ambient is not None:
@@ -155,9 +161,6 @@ def _conditions(
 
 def _stretched(spec: Specimen, muscle: CycleMuscle, text: str | None) -> float:
     """The length at which cycles begin [m], below that of the threads wherever the specimen states one."""
-    from ..analysis.energy.settings import check_threads, stretched_length
-    from ..quantities import parse
-
     if text is None:
         return stretched_length(spec, muscle)
     length = parse(text, "m", field="--stretched")
@@ -166,8 +169,6 @@ def _stretched(spec: Specimen, muscle: CycleMuscle, text: str | None) -> float:
 
 
 def _exchange(wanted: bool, text: str | None, muscle: CycleMuscle, law: str) -> float:
-    from ..analysis.energy.settings import at_threshold
-    from ..quantities import parse
 
     if text is not None and wanted:
         raise InputError("--accumulator-pressure", text, "allowed without --accumulator, which is at the threshold")
@@ -178,8 +179,6 @@ def _exchange(wanted: bool, text: str | None, muscle: CycleMuscle, law: str) -> 
 
 
 def _friction(spec: Specimen, text: str | None, *, none: bool) -> float:
-    from ..analysis.energy.settings import coulomb_friction
-    from ..quantities import parse
 
     if none and text is not None:
         raise InputError("--friction", text, "allowed without --no-friction")
@@ -191,8 +190,6 @@ def _friction(spec: Specimen, text: str | None, *, none: bool) -> float:
 
 
 def _curve(asked: Asked, name: str) -> EnergyCurve:
-    from ..analysis.energy import energy_curve
-    from ..analysis.energy.settings import pressures
 
     muscle, between = asked.muscles[asked.volume], asked.conditions
     at = pressures(muscle, between, 2.0 * between.pressure, CURVE_POINTS - 1)
@@ -200,8 +197,6 @@ def _curve(asked: Asked, name: str) -> EnergyCurve:
 
 
 def _draw(asked: Asked, curves: dict[str, EnergyCurve], path: Path) -> None:
-    from ..analysis.energy import cycle_loops
-    from ..report.figures import energy_figures, style
 
     if curves:
         drawn = [energy_figures.Line(n, c) for n, c in curves.items()]
@@ -214,7 +209,6 @@ def _draw(asked: Asked, curves: dict[str, EnergyCurve], path: Path) -> None:
 
 
 def _json(asked: Asked, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]) -> dict[str, Any]:
-    from ..analysis.energy import CYCLES
 
     c, cycles = asked.conditions, []
     for name, by in found.items():
@@ -255,8 +249,6 @@ def _overstretched(asked: Asked) -> bool:
 
 
 def _print(asked: Asked, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]) -> None:
-    from ..analysis.energy import CYCLES, READINGS
-    from ..quantities import with_unit
 
     c = asked.conditions
     around = with_unit(float(c.ambient.pressure_abs), "Pa", 5)
@@ -293,7 +285,6 @@ def _print(asked: Asked, found: dict[str, dict[str, EnergyCycle]], curves: dict[
 
 
 def _print_curves(curves: dict[str, EnergyCurve]) -> None:
-    from ..quantities import from_si
 
     first = next(iter(curves.values()))
     rows = [

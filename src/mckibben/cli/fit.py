@@ -1,24 +1,28 @@
-"""``fit``: from a measured table to laws, ranked, with intervals and predictions."""
+"""``fit``: from a measured table to laws, ranked, with intervals and predictions; or from printed constraints."""
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from ..documents import read_toml
 from ..errors import InputError
-from . import ranking
-from .words import Json, Set, assignments, caution, options_named, pairs, print_json, progress, writable
-
-if TYPE_CHECKING:
-    from ..recordings import ForceMap
-    from ..specimens import Specimen
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("fit")(fit)
+from ..identification import Fit, fit_all
+from ..identification.constraints import KINDS, Constraint, fit_constraints
+from ..identification.fit import SCHEMES, bound_of, degenerate_words
+from ..muscles.laws import LAWS, law_type
+from ..muscles.plausible import pressure_caution
+from ..quantities import declared, parse, with_unit
+from ..recordings import ForceMap, read_force_map
+from ..report.document import checked_place
+from ..report.figures import fit_figures, style
+from ..report.fit_report import write_fit_report
+from ..report.fit_study import Study, known_of, published_of, write_specimen
+from ..specimens import Specimen, map_file, specimen, specimen_ids
+from ._terminal import Json, Set, assignments, caution, options_named, pairs, print_json, progress, table, writable
 
 
 def fit(
@@ -59,14 +63,10 @@ def fit(
     as_json: Json = False,
 ) -> None:
     """Fit tension laws to a measured table of length, pressure and tension, and rank them."""
-    from ..quantities import parse
-
     if any(f.endswith(".toml") for f in files):
         _constraints(files, as_json)
         return
     if report is not None:
-        from ..report.document import checked_place
-
         checked_place(report, field="--report")
     writable("--save", save, ".toml")
     writable("--figure", figure, ".svg", ".png")
@@ -85,23 +85,17 @@ def fit(
         warnings = [_cautions(points, spec) for points, spec in loaded]
         studies = [_study(points, spec, law, change, below, slack) for points, spec in loaded]
     if report is not None:
-        from ..report.fit_report import write_fit_report
-
         write_fit_report(studies, report)
     if figure is not None:
-        from ..report.figures import fit_figures, style
-
         style.save(fit_figures.overview(studies), figure)
     if save is not None:
-        from ..report.specimen_file import write_specimen
-
         write_specimen(studies[0].fits, studies[0].specimen, save)
     if as_json:
-        results = [ranking.as_json(s) | {"warnings": w} for s, w in zip(studies, warnings, strict=True)]
+        results = [ranking_json(s) | {"warnings": w} for s, w in zip(studies, warnings, strict=True)]
         print_json(results[0] if len(results) == 1 else {"maps": results})
         return
     for study in studies:
-        ranking.show(study)
+        show_ranking(study)
     for path in (report, figure, save):
         if path is not None:
             typer.echo(f"Written: {path}")
@@ -109,14 +103,11 @@ def fit(
 
 def _cautions(points: ForceMap, spec: Specimen | None) -> list[str]:
     """What is to be minded of a table: pressures beyond those that muscles take, and rows that were left out."""
-    from ..muscles.plausible import pressure_caution
-
     said = pressure_caution(float(points.pressure.max()), spec)
     return caution(*(None if s is None else f"{points.name}: {s}" for s in (*points.remarks, said)))
 
 
 def _constraints(files: list[str], as_json: bool) -> None:
-    from .constraints import fit_constraints_file
 
     if len(files) > 1:
         raise InputError("file", ", ".join(files), "allowed is one file of constraints, alone")
@@ -124,8 +115,6 @@ def _constraints(files: list[str], as_json: bool) -> None:
 
 
 def _load(file: str, rest: float | None, like: str | None, reading: dict[str, Any]) -> tuple[ForceMap, Specimen | None]:
-    from ..recordings import read_force_map
-    from ..specimens import map_file, specimen, specimen_ids
 
     path: Any = file
     spec = None if like is None else specimen(like)
@@ -145,10 +134,6 @@ def _study(
     below: float | None,
     slack: bool,
 ) -> Any:
-    from ..identification import fit_all
-    from ..identification.fit import SCHEMES
-    from ..muscles.laws import LAWS, law_type
-    from ..report.study import Study, published_of
 
     for name in laws or []:
         law_type(name)
@@ -171,10 +156,6 @@ def _study(
 
 def _known(spec: Specimen | None, change: list[str] | None, laws: list[str] | None) -> dict[str, Any]:
     """Dimensions that are not fitted: from the specimen, then from ``--set``."""
-    from ..muscles.laws import LAWS, law_type
-    from ..quantities import declared, parse
-    from ..report.study import known_of
-
     found: dict[str, Any] = {**known_of(spec)}
     fields = {k: q for name in (laws or LAWS) if name in LAWS for k, q in declared(law_type(name)).items()}
     for name, text in assignments(change).items():
@@ -183,3 +164,209 @@ def _known(spec: Specimen | None, change: list[str] | None, laws: list[str] | No
         found[name] = parse(text, fields[name].unit, field=f"--set {name}", bare=True)
         fields[name].check(f"--set {name}", found[name])
     return found
+
+
+def ranking_json(study: Any) -> dict[str, Any]:
+    """The study as the object of the CLI's contract."""
+    return {
+        "map": study.points.name,
+        "fits": [fit_json(f) for f in study.fits],
+        "published": [
+            {"law": title, "rmse": float((error**2).mean() ** 0.5), "max_error": float(abs(error).max())}
+            for title, error in study.published
+        ],
+        "skipped": study.skipped,
+        "largest_tension": study.points.largest,
+    }
+
+
+def fit_json(f: Fit) -> dict[str, Any]:
+    """One fit as the object of the CLI's contract."""
+    import numpy as np
+
+    known = {
+        k: (float(np.max(v)) if np.ndim(v) == 0 or len(set(np.ravel(v))) == 1 else None) for k, v in f.known.items()
+    }
+    return {
+        "law": f.law,
+        "parameters": {k: e._asdict() for k, e in f.parameters.items()},
+        "known": known,
+        "rmse": f.rmse,
+        "max_error": f.max_error,
+        "cv_rmse": f.cv_rmse,
+        "cv_max_error": f.cv_max_error,
+        "aicc": f.aicc,
+        "n": len(f.points),
+        "converged": f.converged,
+        "at_bound": list(f.at_bound),
+        "not_contained": list(f.not_contained),
+        "warnings": list(f.warnings),
+        "cross_validation": {
+            k: {"groups": c.groups, "rmse": c.rmse, "max_error": c.max_error} for k, c in f.cross.items()
+        },
+        "holdout": None
+        if f.holdout is None
+        else {"trained_on": f.holdout.trained_on, "rmse": f.holdout.rmse, "max_error": f.holdout.max_error},
+    }
+
+
+def _share(largest: float, newton: float | None) -> str:
+    """An error as a share of the largest tension, for a person."""
+    if newton is None:
+        return "-"
+    if not newton < 1e9:
+        return "fails"
+    return "> 100 %" if newton > largest else f"{100 * newton / largest:.2f} %"
+
+
+def show_ranking(study: Any) -> None:
+    """Print the ranking of one table, the best law's parameters, and what is to be noted."""
+    largest = study.points.largest
+    n = int(study.points.taut.sum())
+    share = functools.partial(_share, largest)
+    rows = []
+    for f in study.fits:
+        held = f.holdout.max_error if f.holdout else None
+        rows.append(
+            [
+                f.law,
+                str(len(f.parameters)),
+                f"{f.rmse:.2f} N",
+                share(f.max_error),
+                share(f.cv_max_error),
+                *(share(f.cross[s].max_error if s in f.cross else None) for s in ("length", "block", "rest_length")),
+                share(held),
+                f"{f.aicc:.1f}",
+                "; ".join([*([] if f.converged else ["did not converge"]), *degenerate_words(f)]),
+            ]
+        )
+    for title, error in study.published:
+        rows.append(
+            [
+                title,
+                "0",
+                f"{(error**2).mean() ** 0.5:.2f} N",
+                share(float(abs(error).max())),
+                "-",
+                "-",
+                "-",
+                "-",
+                "-",
+                "-",
+                "",
+            ]
+        )
+    columns = [
+        "law",
+        "free",
+        "rmse",
+        "largest",
+        "pressure out",
+        "length out",
+        "block out",
+        "muscle out",
+        "above",
+        "AICc",
+        "",
+    ]
+    keep = [i for i in range(len(columns)) if i < 5 or any(r[i] not in ("-", "") for r in rows)]
+    table(
+        f"{study.title}: {n} points with tension, largest {largest:.1f} N; errors are the largest, of that",
+        [columns[i] for i in keep],
+        [[r[i] for i in keep] for r in rows],
+        right=[j for j, i in enumerate(keep) if 0 < i < 10],
+    )
+    best = study.fits[0]
+
+    typer.echo(f"\n{best.law}:")
+    for name, e in best.parameters.items():
+        if name in best.at_bound:
+            typer.echo(f"  {name} = {with_unit(bound_of(best, name), e.unit)}  (at its bound)")
+            continue
+        typer.echo(
+            f"  {name} = {with_unit(e.value, e.unit)}  (95 %: {with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)})"
+        )
+    for f in study.fits:
+        for warning in f.warnings:
+            typer.echo(f"note: {f.law}: {warning}")
+    for name, why in study.skipped.items():
+        typer.echo(f"left out: {name}: {why}")
+    if study.specimen is not None and "martens2017" in study.specimen.sources:
+        typer.echo("data: M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0")
+    if len(study.fits) > 1:
+        typer.echo("ranked by AICc; a parameter at its bound, or not in the data, is not counted")
+    typer.echo("")
+
+
+def fit_constraints_file(path: Path, *, as_json: bool) -> None:
+    """Solve a file of constraints and print the parameters, with what they leave open."""
+    where = str(path)
+    data = _read(path, where)
+    law = _word(data, "law", where)
+    fields = declared(law_type(law))
+    known = {k: _value(v, f"known.{k}", _unit(fields, k, where), where) for k, v in data.get("known", {}).items()}
+    constraints = []
+    for i, entry in enumerate(data.get("constraint", []), 1):
+        place = f"constraint {i}"
+        _only(entry, {"what", "value", "pressure", "length"}, place, where)
+        what = _word(entry, "what", where, place)
+        if what not in KINDS:
+            raise InputError(f"{place}.what", what, f"known are {', '.join(KINDS)}", where=where)
+        length = entry.get("length")
+        constraints.append(
+            Constraint(
+                what=what,
+                value=_value(entry.get("value", ""), f"{place}.value", KINDS[what], where),
+                pressure=_value(entry.get("pressure", ""), f"{place}.pressure", "Pa", where),
+                length=None if length is None else _value(length, f"{place}.length", "m", where),
+            )
+        )
+    found = fit_constraints(law, constraints, known=known)
+    if as_json:
+        parameters = {k: e._asdict() for k, e in found.parameters.items()}
+        entry = {
+            "law": law,
+            "parameters": parameters,
+            "known": known,
+            "n": len(constraints),
+            "warnings": list(found.warnings),
+        }
+        print_json({"fits": [entry]})
+        return
+    print(f"{law}, from {len(constraints)} printed constraints:")
+    for name, e in found.parameters.items():
+        fixed = "" if e.low == e.high else "  (not determined)"
+        print(f"  {name} = {with_unit(e.value, e.unit)}{fixed}")
+    for warning in found.warnings:
+        print(f"note: {warning}")
+
+
+def _read(path: Path, where: str) -> dict[str, Any]:
+    data = read_toml(path)
+    _only(data, {"law", "known", "constraint"}, "file", where)
+    if not data.get("constraint"):
+        raise InputError("constraint", "none", "allowed is one or more [[constraint]]", where=where)
+    return data
+
+
+def _only(entry: dict[str, Any], allowed: set[str], place: str, where: str) -> None:
+    for key in entry:
+        if key not in allowed:
+            raise InputError(f"{place}.{key}", "unknown", f"known are {', '.join(sorted(allowed))}", where=where)
+
+
+def _word(entry: dict[str, Any], key: str, where: str, place: str = "") -> str:
+    if not isinstance(entry.get(key), str):
+        raise InputError(f"{place}.{key}".lstrip("."), entry.get(key, "missing"), "allowed is a name", where=where)
+    return str(entry[key])
+
+
+def _value(text: Any, field: str, unit: str, where: str) -> float:
+
+    return parse(str(text), unit, field=field, where=where)
+
+
+def _unit(fields: dict[str, Any], name: str, where: str) -> str:
+    if name not in fields:
+        raise InputError(f"known.{name}", "unknown", f"known are {', '.join(fields)}", where=where)
+    return str(fields[name].unit)

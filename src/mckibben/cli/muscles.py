@@ -1,41 +1,25 @@
-"""``muscles``, ``show`` and ``tension``: what is known of a muscle, and what it pulls."""
+"""``show`` and ``tension``: what is known of a muscle, and what it pulls."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from ..citations import reference
 from ..errors import InputError
-from .words import Json, Set, caution, chosen_law, parameters, print_json, table, writable
-
-if TYPE_CHECKING:
-    from ..specimens import Parameter, Specimen
+from ..muscles.build import build_law, from_specimen, missing_parameters, needed_words
+from ..muscles.laws import LAWS, law_type
+from ..muscles.plausible import length_caution, pressure_caution
+from ..quantities import declared, parse, shown_unit, values, with_unit
+from ..report.figures import muscle_figures, style
+from ..specimens import Parameter, Specimen, specimen, specimens
+from ._terminal import Json, Set, assignments, caution, chosen_law, print_json, table, writable
 
 Name = Annotated[str, typer.Argument(metavar="SPECIMEN_OR_LAW", help="Specimen id, .toml file, or the name of a law.")]
 Law = Annotated[str | None, typer.Option("--law", help="Law to use, where the specimen states several.")]
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add these commands to the table."""
-    app.command("muscles")(list_muscles)
-    app.command("show")(show)
-    app.command("tension")(tension)
-
-
-def list_muscles(as_json: Json = False) -> None:
-    """List the muscles that are known, with their sources."""
-    from ..specimens import specimens
-
-    known = [s for s in specimens() if s.kind != "valve"]
-    if as_json:
-        print_json(
-            {"specimens": [{"id": s.id, "source": s.source(), "law": s.law, "inferred": s.inferred()} for s in known]}
-        )
-        return
-    rows = [[s.id, s.title, s.law, s.source(), str(len(s.inferred()))] for s in known]
-    table("Muscles", ["id", "what it is", "law", "source", "inferred numbers"], rows, right=[4])
 
 
 def show(
@@ -46,10 +30,7 @@ def show(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show a muscle: its parameters, their units and sources, and its law."""
-    from ..citations import reference
-    from ..specimens import specimen
-
+    """Show the parameters of a muscle with their units and sources, and its law."""
     writable("--figure", figure, ".svg", ".png")
     spec = specimen(name)
     chosen = chosen_law(law, spec)
@@ -94,11 +75,8 @@ def tension(
     change: Set = None,
     as_json: Json = False,
 ) -> None:
-    """Tension, volume and state of a muscle at one length and pressure."""
+    """Compute tension, volume and state of a muscle at one length and pressure."""
     import jax
-
-    from ..muscles.plausible import length_caution, pressure_caution
-    from ..quantities import declared, parse, values, with_unit
 
     spec, chosen, built = _resolve(name, law, change)
     biological = spec is not None and spec.kind == "biological"
@@ -163,9 +141,6 @@ def tension(
 
 def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Specimen | None, str, Any]:
     """The specimen, None where a law is named; the name of the law, and the muscle."""
-    from ..muscles.laws import LAWS
-    from ..specimens import specimen
-
     if name in LAWS:
         if law is not None:
             raise InputError("--law", law, f"allowed with a specimen; {name} is a law itself")
@@ -181,9 +156,6 @@ def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Spec
 
 def _named_law(name: str, given: dict[str, float]) -> Any:
     """A law by its name, with the parameters that were given; nothing is taken from any muscle."""
-    from ..muscles.build import build_law, missing_parameters, needed_words
-    from ..specimens import specimens
-
     missing = missing_parameters(name, given)
     if missing:
         words = " ".join(f"--set {key}={placeholder(q.unit)}" for key, q in missing)
@@ -195,30 +167,35 @@ def _named_law(name: str, given: dict[str, float]) -> Any:
     return build_law(name, given)
 
 
+def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
+    """``--set`` words as parameters of a law [SI]; a bare number is taken as SI."""
+    known = declared(law_type(law))
+    found = {}
+    for name, text in assignments(words).items():
+        if name not in known:
+            raise InputError(f"--set {name}", text, f"{law} has {', '.join(known)}")
+        found[name] = parse(text, known[name].unit, field=f"--set {name}", bare=True)
+    return found
+
+
 def placeholder(unit: str) -> str:
     """What stands for a value that a person has to give: ``'.. cm'``."""
-    from ..quantities import shown_unit
-
     return ".." if unit == "1" else f"'.. {shown_unit(unit)}'"
 
 
 def _defaults(built: Any, change: list[str] | None, law: str) -> list[str]:
     """The parameters of a law that were not given and have a value all the same."""
-    from ..quantities import declared
-
     given = parameters(change, law)
     return [name for name in declared(type(built)) if name not in given]
 
 
 def _law(spec: Specimen, law: str, changes: dict[str, float]) -> Any:
-    from ..muscles.build import from_specimen
 
     built = from_specimen(spec, law, changes=changes)
     return getattr(built, "law", built)
 
 
 def _activation(activation: str | None, pressure: str | None, spec: Specimen) -> float:
-    from ..quantities import parse
 
     if pressure is not None:
         raise InputError("--pressure", pressure, f"{spec.id} is a biological muscle; give --activation from 0 to 1")
@@ -245,7 +222,6 @@ def _entry(p: Parameter) -> dict[str, Any]:
 
 
 def _draw(law: Any, spec: Specimen, path: Path) -> None:
-    from ..report.figures import muscle_figures, style
 
     if spec.kind != "mckibben":
         raise InputError("--figure", spec.id, "curves are drawn for McKibben muscles only")

@@ -4,45 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from ..analysis.segments import segments, steps_of, varied
+from ..citations import known_keys, reference
 from ..errors import InputError
-from .convert import convert, repair
-from .record_energy import energy
-from .record_report import report
-from .words import Json, pairs, print_json, table, writable
-
-if TYPE_CHECKING:
-    from ..recordings import Recording
+from ..experiments.waveforms import time_words
+from ..quantities import from_si, parse, shown_unit
+from ..recordings import Recording, convert, read_recording
+from ..recordings.mcap import read_log
+from ..report.figures import recording_figures
+from ._terminal import Json, options_named, pairs, print_json, table, writable
 
 SENTENCE = 280  # characters of a protocol's sentence that a person is shown
 STEPS = 40  # rows of steps that a person is shown
 
-record = typer.Typer(
-    name="record",
-    help="Recordings: show what one holds, plot it, report on it, convert it, repair a log.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A recording of mckibben: .nc, .csv, .mcap.")]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add these commands to the table."""
-    record.command("convert")(convert)
-    record.command("energy")(energy)
-    record.command("repair")(repair)
-    record.command("report")(report)
-    app.add_typer(record)
-
-
-@record.command("show")
 def show(file: File, as_json: Json = False) -> None:
-    """Say what a recording is: protocol, muscle, rig, steps, channels, balance, events."""
-    from ..recordings import read_recording
-
+    """Describe a recording: protocol, muscle, rig, steps, channels, balances, events."""
     found = _described(file, read_recording(file))
     if as_json:
         print_json(found)
@@ -50,7 +33,6 @@ def show(file: File, as_json: Json = False) -> None:
         _print(found)
 
 
-@record.command("plot")
 def plot(
     file: File,
     out: Annotated[Path, typer.Option(metavar="PICTURE", help="An .svg, .png or .pdf file.")],
@@ -68,21 +50,18 @@ def plot(
     as_json: Json = False,
 ) -> None:
     """Draw a recording over time, or one channel over another."""
-    from ..recordings import read_recording
-
     writable("--out", out, ".svg", ".png", ".pdf")
     known = read_recording(file)
     parts = _parts(_between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
     names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
     if names == []:
         raise InputError("--channels", channels, "allowed are names of channels, parted by commas")
-    from ..report.figures import recording_figures as figures
 
     if against is None:
-        drawn = figures.time_figure(parts, channels=names, title=title)
+        drawn = recording_figures.time_figure(parts, channels=names, title=title)
     else:
-        drawn = figures.against_figure(parts, against, channels=names, title=title)
-    figures.write(drawn, out)
+        drawn = recording_figures.against_figure(parts, against, channels=names, title=title)
+    recording_figures.write(drawn, out)
     if as_json:
         print_json(
             {
@@ -98,7 +77,6 @@ def plot(
 
 
 def _between(known: Recording, start: str | None, end: str | None) -> Recording:
-    from ..quantities import parse
 
     if start is None and end is None:
         return known
@@ -112,8 +90,6 @@ def _between(known: Recording, start: str | None, end: str | None) -> Recording:
 
 def _parts(known: Recording, label: str | None, case: Mapping[str, str], apart: bool) -> list[Recording]:
     """The steps that are asked for; where none are, all of them if they shall be told apart, else the whole."""
-    from ..analysis.segments import segments
-
     if label is not None or case or (apart and known.meta.get("steps")):
         try:
             return segments(known, label, **case)
@@ -158,13 +134,11 @@ def _described(file: Path, known: Recording) -> dict[str, Any]:
 
 
 def _steps(known: Recording) -> list[dict[str, Any]]:
-    from ..analysis.segments import steps_of
 
     return steps_of(known) if known.meta.get("steps") else []
 
 
 def _varied(known: Recording) -> dict[str, list[str]]:
-    from ..analysis.segments import varied
 
     return varied(known) if known.meta.get("steps") else {}
 
@@ -179,7 +153,6 @@ def _channels(known: Recording) -> dict[str, dict[str, Any]]:
 
 
 def _citations(keys: Any) -> list[dict[str, str]]:
-    from ..citations import known_keys, reference
 
     listed = [str(key) for key in keys] if isinstance(keys, list) else []
     # a newer version may cite what this one does not know
@@ -224,7 +197,6 @@ def _print_steps(found: dict[str, Any]) -> None:
 
 
 def _print_channels(channels: dict[str, dict[str, Any]]) -> None:
-    from ..quantities import from_si, shown_unit
 
     rows = []
     units = {"kg/s": "g/s", "kg": "g"}
@@ -263,7 +235,6 @@ def _is_number(value: Any) -> bool:
 
 
 def _time(seconds: float) -> str:
-    from ..experiments.waveforms import time_words
 
     return time_words(seconds)
 
@@ -277,3 +248,82 @@ def _named(value: Any) -> str:
 
 def _shortened(text: str) -> str:
     return text if len(text) <= SENTENCE else text[:SENTENCE].rsplit(" ", 1)[0] + " ..."
+
+
+_READ = ".nc, .csv, .txt, .mcap, .mat, .tdms or .parquet; recordings, logs, tables of others."
+
+
+def convert_file(
+    source: Annotated[Path, typer.Argument(metavar="IN", help=_READ)],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help=".nc, .csv, .mcap, .mat, .tdms or .parquet.")],
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=COLUMN", help="Which column is tank.pressure, time, ..; then only these are read."),
+    ] = None,
+    unit: Annotated[
+        list[str] | None, typer.Option(metavar="COLUMN=UNIT", help="Unit of a column of which the file says none.")
+    ] = None,
+    period: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Interval of the samples, where the file has no time.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Convert a recording, or a file of another program, to another file format."""
+    places: dict[str, str | int] = {}
+    for name, place in pairs(column, "--column", "tank.pressure=2").items():
+        places[name] = int(place) if place.isdecimal() else place
+    asked: dict[str, Any] = {
+        "columns": places or None,
+        "units": pairs(unit, "--unit", "tank.pressure=bar") or None,
+        "period": None if period is None else parse(period, "s", field="--period", bare=True),
+    }
+    with options_named():
+        read = convert(source, target, **asked)
+    if as_json:
+        print_json({**_written(source, target, read.recording), "warnings": read.remarks})
+        return
+    _print_written(target, read.recording)
+    for remark in read.remarks:
+        typer.echo(f"Note: {remark}")
+
+
+def repair(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of a bench, .mcap, cut off or damaged.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Where to, .nc or .csv; beside the log, .nc, where left out.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Save what is left of the log of a process that was killed as a recording.
+
+    The log itself is not changed.
+    """
+    target = log.with_suffix(".nc") if out is None else out
+    if target.suffix.lower() not in (".nc", ".csv"):
+        raise InputError("--out", str(target), "allowed is a name that ends in .nc or .csv")
+    if out is None and target.exists():
+        raise InputError("file", str(target), "it is there already; say another name, or this one, with --out")
+    found = read_log(log)
+    found.recording.save(target)
+    if as_json:
+        print_json({**_written(log, target, found.recording), "whole": found.whole, "lost": found.remarks})
+        return
+    _print_written(target, found.recording)
+    typer.echo("The log was whole." if found.whole else "\n".join(f"Note: {remark}" for remark in found.remarks))
+
+
+def _written(source: Path, target: Path, known: Recording) -> dict[str, Any]:
+    return {
+        "file": str(target),
+        "source": str(source),
+        "samples": len(known),
+        "start": float(known.time[0]),
+        "end": float(known.time[-1]),
+        "channels": {name: {"unit": c.unit, "kind": c.kind} for name, c in known.channels.items()},
+    }
+
+
+def _print_written(target: Path, known: Recording) -> None:
+    count = len(known.channels)
+    span = f"{len(known)} samples of {count} channel{'s' if count != 1 else ''}"
+    typer.echo(f"Written: {target}, {span}, {known.time[0]:.6g} s to {known.time[-1]:.6g} s")

@@ -10,24 +10,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError
-from .words import Json, print_json, progress
+from ..report.document import checked_place
+from ..report.document_pdf import compiler
+from ..report.figures import style
+from ..report.reproduction_report import PARTS, Drawn, chosen_figures, difference, draw, printed, reproduction_report
+from ..report.words import significant
+from ..reproduction import Outcome, helped, reproduce
+from ..reproduction.recorded import told
+from ..reproduction.rows import headline, kind_of, relative_difference, relative_tolerance, select, tallies
+from ._terminal import Json, print_json, progress
 
 if TYPE_CHECKING:
     from ..report.paper_figures import PaperFigure
-    from ..report.reproduction_report import Drawn
-    from ..reproduction import Outcome
 
 REPORTS = ("reproduction.html", "reproduction.pdf")  # what --out writes
 WIDTH = 120  # of the table, where nobody's screen says another
 GAP = "  "
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("reproduce")(reproduce)
-
-
-def reproduce(
+def reproduce_papers(
     part: Annotated[str | None, typer.Option(help="Only one part: I, II, III, IV or discussion.")] = None,
     row: Annotated[
         list[str] | None, typer.Option("--row", help="Only rows whose name begins so, such as table1.nylon.")
@@ -50,13 +51,11 @@ def reproduce(
     ] = True,
     as_json: Json = False,
 ) -> None:
-    """Compute the papers' numbers and say of each whether it holds. Exit code 1 when one falls short.
+    """Compute the papers' numbers and report whether each value is reproduced.
 
-    Rows of loops, friction, steps and power come from recordings of the simulated machine, which take minutes;
-    --no-recordings leaves them out.
+    The exit code is 1 when a value is not reproduced. Rows of loops, friction, steps and power come from recordings of
+    the simulated machine, which take minutes; --no-recordings leaves them out.
     """
-    from ..reproduction.rows import select
-
     select(part, row)  # refuses a wrong word before anything is loaded
     places = _places(report, out, pdf=pdf, figures_only=bool(figure))
     pictures = _pictures(figure, part, row, recordings) if figure or places else []
@@ -78,13 +77,9 @@ def reproduce(
 
 def _places(report: list[Path] | None, out: Path | None, *, pdf: bool, figures_only: bool) -> list[Path]:
     """Where reports go; refused before minutes of work are done, and before a folder is made."""
-    from ..report.document import checked_place
-
     named = [checked_place(path, field="--report") for path in report or []]
     names = [] if out is None or figures_only else [name for name in REPORTS if pdf or not name.endswith(".pdf")]
     if any(name.endswith(".pdf") for name in names):
-        from ..report.document_pdf import compiler
-
         compiler("--no-pdf writes the HTML report alone")
     if out is not None:
         if out.exists() and not out.is_dir():
@@ -96,7 +91,6 @@ def _places(report: list[Path] | None, out: Path | None, *, pdf: bool, figures_o
 
 
 def _pictures(figure: list[str] | None, part: str | None, row: list[str] | None, recordings: bool) -> list[PaperFigure]:
-    from ..report.reproduction_report import chosen_figures
 
     return chosen_figures(figure, part=part, rows=row, recordings=recordings)
 
@@ -109,17 +103,12 @@ def _rows(row: list[str] | None, pictures: list[PaperFigure]) -> list[str] | Non
 def _done(
     part: str | None, rows: list[str] | None, pictures: list[PaperFigure], recordings: bool
 ) -> tuple[list[Outcome], list[Drawn]]:
-    from ..reproduction import load
-    from ..reproduction import reproduce as run
-    from ..reproduction.rows import select
-    from ..reproduction.sharing import helped
 
-    load()
     asked = [] if rows == [] else select(part, rows)
     recorded = [r.id for r in asked] if recordings else []
     with helped(recorded), progress("reproducing", len(asked) + len(pictures)) as advance:
         outcomes = (
-            run(
+            reproduce(
                 part,
                 rows,
                 progress=lambda r: advance(r.id),
@@ -131,8 +120,6 @@ def _done(
         )
         if not pictures:
             return outcomes, []
-        from ..report.reproduction_report import draw
-        from ..reproduction.recorded import told
 
         with told(lambda words: advance(words, 0)):
             return outcomes, draw(pictures, lambda f: advance(f"figure {f.id}: {f.title}"))
@@ -141,7 +128,6 @@ def _done(
 def _write(places: list[Path], outcomes: list[Outcome], drawn: list[Drawn], recordings: bool) -> list[Path]:
     if not places:
         return []
-    from ..report.reproduction_report import reproduction_report
 
     left = "" if recordings else "What is computed of recordings of the simulated test machine was left out."
     document = reproduction_report(outcomes, drawn, left_out=left)
@@ -149,7 +135,6 @@ def _write(places: list[Path], outcomes: list[Outcome], drawn: list[Drawn], reco
 
 
 def _save(drawn: list[Drawn], folder: Path) -> list[str]:
-    from ..report.figures import style
 
     files = [folder / f"figure-{one.of.id}.svg" for one in drawn]
     for path, one in zip(files, drawn, strict=True):
@@ -158,7 +143,6 @@ def _save(drawn: list[Drawn], folder: Path) -> list[str]:
 
 
 def _document(outcomes: list[Outcome], failed: int) -> dict[str, Any]:
-    from ..reproduction.verdicts import headline, tallies
 
     kinds = {t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest} for t in tallies(outcomes)}
     rows = [_as_json(o) for o in outcomes]
@@ -166,7 +150,6 @@ def _document(outcomes: list[Outcome], failed: int) -> dict[str, Any]:
 
 
 def _as_json(o: Outcome) -> dict[str, Any]:
-    from ..reproduction.verdicts import kind_of, relative_difference, relative_tolerance
 
     return {
         "id": o.row.id,
@@ -191,8 +174,6 @@ def _as_json(o: Outcome) -> dict[str, Any]:
 def _print(outcomes: list[Outcome]) -> None:
     from rich.console import Console
 
-    from ..reproduction.verdicts import headline
-
     if not outcomes:
         typer.echo("No row is asked for.")
         return
@@ -215,14 +196,11 @@ def _print(outcomes: list[Outcome]) -> None:
 
 
 def _titled(part: str) -> str:
-    from ..report.reproduction_report import PARTS
 
     return PARTS.get(part, part)
 
 
 def _cells(o: Outcome) -> list[str]:
-    from ..report.reproduction_report import difference, printed
-    from ..report.words import significant
 
     ours = "–" if o.ours is None else significant(o.ours)
     unit = "" if o.row.unit == "-" else o.row.unit

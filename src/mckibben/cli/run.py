@@ -10,14 +10,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..assembly.build import unit_from_specimen
+from ..bench import rig_file
+from ..bench.calibrate import read_calibration
+from ..bench.hardware.connect import check_connection, connected
+from ..bench.prepare import PreparedRun, prepare
+from ..bench.run import run
+from ..bench.software.emergency_stop import EmergencyStop
+from ..components import paths
 from ..errors import InputError
-from .protocols import chosen_protocol
-from .words import Json, pairs, print_json, progress, table, writable
+from ..quantities import parse, with_unit
+from ..report.figures import recording_figures
+from ..specimens import specimen
+from ._terminal import Json, pairs, print_json, progress, table, writable
+from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
-    from ..bench.prepare import PreparedRun
     from ..bench.rig import Rig
-    from ..bench.software.emergency_stop import EmergencyStop
     from ..experiments.dry_run import Finding
     from ..recordings.recording import Recording
 
@@ -45,12 +54,7 @@ CalibrationFile = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("run")(run)
-
-
-def run(
+def run_protocol(
     protocol: Protocol,
     muscle: Muscle,
     rig: RigName = "paper",
@@ -83,11 +87,7 @@ def run(
     calibration: CalibrationFile = None,
     as_json: Json = False,
 ) -> None:
-    """Run a protocol on a test machine; nothing moves before the dry run has found nothing."""
-    from ..bench.hardware.connect import check_connection, connected
-    from ..bench.software.emergency_stop import EmergencyStop
-    from ..quantities import parse
-
+    """Run a protocol on a test machine; nothing moves until the dry run passes."""
     writable("--out", out, ".nc", ".csv")
     writable("--figure", figure, ".svg", ".png", ".pdf")
     writable("--log", log, ".mcap")
@@ -119,8 +119,6 @@ def run(
     else:
         _print(recording)
     if figure is not None:
-        from ..report.figures import recording_figures
-
         recording_figures.write(recording_figures.time_figure(recording), figure)
     if not as_json:
         for path in (out, log, figure):
@@ -134,12 +132,6 @@ def prepared(
     protocol: str, muscle: str, rig: str, change: list[str] | None, calibration: Path | None, **options: Any
 ) -> PreparedRun:
     """A bench from the words of the command line."""
-    from ..assembly.build import unit_from_specimen
-    from ..bench.prepare import prepare
-    from ..components import paths
-    from ..quantities import parse
-    from ..specimens import specimen
-
     given = pairs(change, "--set", _EXAMPLE)
     own = [f"{k}={v}" for k, v in given.items() if not k.startswith(("rig.", "muscle."))]
     spec = specimen(muscle)
@@ -157,12 +149,9 @@ def prepared(
 
 def chosen_rig(name: str, changes: Mapping[str, str], calibration: Path | None = None) -> Rig:
     """A rig with the values of ``--set rig.*``, and its calibration."""
-    from ..bench.rig_file import rig as rig_of
-
-    on = rig_of(name, {k.removeprefix("rig."): v for k, v in changes.items() if k.startswith("rig.")})
+    on = rig_file.rig(name, {k.removeprefix("rig."): v for k, v in changes.items() if k.startswith("rig.")})
     if calibration is None:
         return on
-    from ..bench.calibrate import read_calibration
 
     return on.calibrated(read_calibration(calibration))
 
@@ -187,7 +176,6 @@ def _step(value: float) -> float:
 
 
 def _run(bench: PreparedRun, advance: Any, button: EmergencyStop, **where: Any) -> Recording:
-    from ..bench.run import run as do
 
     shown = 0
 
@@ -197,7 +185,7 @@ def _run(bench: PreparedRun, advance: Any, button: EmergencyStop, **where: Any) 
             advance(f"{time:.1f} s of {total:.1f} s")
             shown += 1
 
-    return do(bench, progress=tell, stop=button, **where)
+    return run(bench, progress=tell, stop=button, **where)
 
 
 def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
@@ -236,7 +224,6 @@ def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[st
 
 
 def _print(recording: Recording) -> None:
-    from ..quantities import with_unit
 
     meta = recording.meta
     rows = [

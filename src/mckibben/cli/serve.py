@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from ..bench.hardware.connect import check_connection, connected
+from ..bench.session.setup import RATE
 from ..errors import InputError
 from ..extras import library
 from .run import CalibrationFile, On, chosen_rig
@@ -15,12 +17,7 @@ from .run import CalibrationFile, On, chosen_rig
 NEEDED = ("starlette", "uvicorn", "websockets")
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("serve")(serve)
-
-
-def serve(
+def serve_screen(
     host: Annotated[
         str, typer.Option(help="Address to listen on; with another than this machine's own others can reach it.")
     ] = "127.0.0.1",
@@ -35,15 +32,15 @@ def serve(
         bool, typer.Option("--lock-step", help="A simulated device waits for every command, instead of its own clock.")
     ] = False,
 ) -> None:
-    """Open the laboratory's screen: bench, fits, comparisons, recordings, in a browser; nothing comes from the internet."""
+    """Serve the laboratory's screen to a browser on this machine.
+
+    The screen has the bench, fits, comparisons and recordings. Nothing is loaded from the internet.
+    """
     for name in NEEDED:
         library(name, "The laboratory's screen needs")
-    from ..bench.hardware.connect import check_connection, connected
-    from ..bench.session.setup import RATE
-    from ..web.bench import Bench, HardwareSpec
+    from ..web.bench import Bench, HardwareSpec  # these import what comes with the extra
     from ..web.laboratory import Laboratory
-    from ..web.server import listen
-    from ..web.server import serve as go
+    from ..web.server import listen, serve
 
     check_connection(machine)
     with listen(host, port) as line:  # an address that is taken is refused before anything is made ready
@@ -56,4 +53,4 @@ def serve(
             raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
         typer.echo("Getting the laboratory ready ..", err=True)
         lab = Laboratory(folder, functools.partial(Bench, muscle=muscle, rig=first, spec=real))
-        go(lab, line, host, show=show, tell=typer.echo)
+        serve(lab, line, host, show=show, tell=typer.echo)

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from ..errors import InputError
-from .words import Json, caution, print_json, table, told, writable
-
-if TYPE_CHECKING:
-    from ..studies.sizing import Judged, LineFound, Sizing, Wish
+from ..muscles.plausible import likely_pressure, pressure_caution
+from ..quantities import parse, with_unit
+from ..report.figures import style
+from ..report.figures.sizing_figures import design_map
+from ..studies.sizing import Judged, LineFound, Sizing, Wish, size
+from ._terminal import Json, caution, print_json, table, told, writable
 
 TOP = 5
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("size")(size)
-
-
-def size(
+def size_muscle(
     force: Annotated[str, typer.Option(help="Force at the end of the stroke, such as '50 N'.")],
     stroke: Annotated[str, typer.Option(help="Stroke, such as '3 cm'.")],
     pressure: Annotated[str, typer.Option(help="Gauge pressure, such as '5 bar'.")],
@@ -46,10 +43,10 @@ def size(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Find the muscle, the valve and tube, and the gas source for a force and a stroke; exit code 2 when nothing does it."""
-    from ..muscles.plausible import pressure_caution
-    from ..studies.sizing import size as sized
+    """Find the muscle, valve, tube and gas source for a force and a stroke.
 
+    The exit code is 2 when no muscle meets the requirements.
+    """
     writable("--figure", figure, ".svg", ".png")
     if top < 1:
         raise InputError("--top", top, "allowed is 1 or more")
@@ -58,11 +55,8 @@ def size(
         raise InputError("--speed", speed, "allowed without --no-lines: a speed takes a valve and a tube")
     warnings = caution(pressure_caution(wish.pressure, text=pressure))
     with told("sizing") as tell:
-        found = sized(wish, law=law, muscle=muscle, lines=not no_lines, progress=tell)
+        found = size(wish, law=law, muscle=muscle, lines=not no_lines, progress=tell)
     if figure is not None:
-        from ..report.figures import style
-        from ..report.figures.sizing_figures import design_map
-
         style.save(design_map(found, law=law), figure, dpi=130.0)
     if as_json:
         print_json(_as_json(found, top) | {"warnings": warnings})
@@ -78,9 +72,6 @@ def size(
 def _wish(
     force: str, stroke: str, pressure: str, space: str | None, speed: str | None, cycles: str | None, tube: str
 ) -> Wish:
-    from ..muscles.plausible import likely_pressure
-    from ..quantities import parse
-    from ..studies.sizing import Wish
 
     length, diameter = _space(space)
 
@@ -112,8 +103,6 @@ _OPTIONS = {
 
 def _space(text: str | None) -> tuple[float | None, float | None]:
     """Length and diameter of ``20 cm x 3 cm`` [m]; of the length alone where there is no x."""
-    from ..quantities import parse
-
     if text is None:
         return None, None
     parts = [part.strip() for part in text.replace("\N{MULTIPLICATION SIGN}", "x").split("x")]
@@ -160,7 +149,6 @@ def _muscle_json(one: Judged) -> dict[str, Any]:
 
 
 def _print(found: Sizing, top: int) -> None:
-    from ..quantities import with_unit
 
     wish = found.wish
     words = ", ".join(f"{n.replace('_', ' ')} {with_unit(v, _UNITS[n], 3)}" for n, v in wish.parts().items())
@@ -222,7 +210,6 @@ def _muscle_row(one: Judged) -> list[str]:
 
 
 def _braid_words(one: Judged) -> str:
-    from ..quantities import with_unit
 
     d = one.muscle.dimensions
     return (

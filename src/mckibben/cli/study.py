@@ -8,51 +8,47 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .words import Json, print_json, progress, table, told, writable
+from .. import __version__
+from ..documents import write_text
+from ..identification.hysteresis_fit import AREA
+from ..quantities import from_si
+from ..report.figures import circuit_figures, style
+from ..report.figures.loop_figures import loops_figure
+from ..report.figures.tube_figures import tube_figure
+from ..report.figures.validation_figures import errors_figure
+from ..studies import validation
+from ..studies.jumping_robot import robot_plan, robot_study
+from ..studies.muscle_loops import MIDDLE, SMOOTH, STAGES, TARGET, LoopStudy, StepCreep, Width, loop_study
+from ..studies.tube_models import PERIOD, models
+from ..studies.tube_study import NOT, PARTLY, QUICK_SEEDS, QUICK_THERMALS, Claim, TubeStudy, claims, stages, tube_study
+from ..studies.validation_page import page, share
+from ._terminal import Json, print_json, progress, table, told, writable
+from .circuit import circuit_fit_json, show_circuit_fit
+from .fit import fit_json
 
 if TYPE_CHECKING:
-    from ..studies.tube_claims import Claim
-    from ..studies.tube_study import TubeStudy
-
-study = typer.Typer(
-    name="study",
-    help="Questions that the laboratory answers as a whole: tube, robot, loops, validation.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+    from ..identification import Fit
+    from ..identification.uncertainty import Estimate
+    from ..studies.validation import StaticResult, Validation
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add these commands to the table."""
-    app.add_typer(study)
-
-
-@study.callback()
-def _studies() -> None:
-    """Questions that the laboratory answers as a whole, with fixed inputs and seeds."""
-
-
-@study.command("tube")
-def tube(
+def study_tube(
     quick: Annotated[bool, typer.Option("--quick", help="One seed and the reference with wall heat only.")] = False,
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the models and their errors, .svg or .png.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Lumped models of a tube against the distributed one: do the claims hold? Exit code 1 when a target is missed."""
-    from ..studies.tube_claims import NOT, PARTLY, claims
-    from ..studies.tube_study import QUICK_SEEDS, QUICK_THERMALS, stages, tube_study
+    """Compare lumped models of a tube with the distributed one, claim by claim.
 
+    The exit code is 1 when a target is missed.
+    """
     writable("--figure", figure, ".svg", ".png")
     options: dict[str, Any] = {"seeds": QUICK_SEEDS, "thermals": QUICK_THERMALS} if quick else {}
     with progress("tube study", stages(**options)) as advance:
         found = tube_study(**options, progress=advance)
     judged = claims(found)
     if figure is not None:
-        from ..report.figures import style
-        from ..report.figures.tube_figures import tube_figure
-
         style.save(tube_figure(found), figure, dpi=130.0)
     if as_json:
         print_json(_as_json(found, judged))
@@ -62,8 +58,7 @@ def tube(
         raise typer.Exit(1)
 
 
-@study.command("robot")
-def robot(
+def study_robot(
     trials: Annotated[list[Path], typer.Argument(metavar="FOLDER..", help="Trials to fit, a folder each.")],
     predict: Annotated[
         list[Path] | None, typer.Option(metavar="FOLDER", help="Trial to predict with what was fitted.")
@@ -73,26 +68,20 @@ def robot(
     figure: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw measured and predicted.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Fit the air of a jumping robot to some of its jumps, and predict the pressures of others."""
-    from ..studies.jumping_robot import robot_plan, robot_study
-    from .circuit_fit import fit_json, show_fit
-
+    """Fit the air of a jumping robot to some of its jumps, and predict the others."""
     writable("--figure", figure, ".svg", ".png")
     with told("fitting") as tell:
         found, all_trials = robot_study(trials, predict or [], free=free or (), evaluations=evaluations, progress=tell)
     title = robot_plan().title
     if figure is not None:
-        from ..report.figures import circuit_fit_figures, style
-
-        style.save(circuit_fit_figures.overview(found, all_trials, title=title), figure)
+        style.save(circuit_figures.overview(found, all_trials, title=title), figure)
     if as_json:
-        print_json(fit_json(found))
+        print_json(circuit_fit_json(found))
     else:
-        show_fit(found, title)
+        show_circuit_fit(found, title)
 
 
-@study.command("loops")
-def loops(
+def study_loops(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="Folder with the loop and the steps of a DMSP-10-250.")
     ],
@@ -105,17 +94,14 @@ def loops(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Predict half of a muscle's loop and creep from the other half. Exit code 1 when width or branch order is missed."""
-    from ..studies.muscle_loops import SMOOTH, STAGES, loop_study
-    from .study_loops import loops_json, show_loops
+    """Predict half of a muscle's loop and creep from the other half.
 
+    The exit code is 1 when the width or the order of the branches is missed.
+    """
     writable("--figure", figure, ".svg", ".png")
     with progress("loops", STAGES) as advance:
         found = loop_study(folder, frictions=friction or SMOOTH, progress=advance)
     if figure is not None:
-        from ..report.figures import style
-        from ..report.figures.loop_figures import loops_figure
-
         style.save(loops_figure(found), figure)
     if as_json:
         print_json(loops_json(found))
@@ -125,8 +111,7 @@ def loops(
         raise typer.Exit(1)
 
 
-@study.command("validation")
-def validation(
+def study_validation(
     data: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder of measured data; MCKIBBEN_DATA names it where left out."),
@@ -141,17 +126,14 @@ def validation(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Every tension law against every data set at hand: errors, cross-validation, numbers as published.
+    """Fit every tension law to every data set, and cross-validate it.
 
-    With all data it takes a quarter of an hour or more, two minutes of it for the robot. What is not at hand is named, not
-    passed over.
+    With all data it takes a quarter of an hour or more, two minutes of it for the robot. Data sets that
+    are not at hand are named.
     """
-    from ..studies import validation as rooms
-    from .study_validation import show_validation, validation_json, write_page
-
     writable("--out", out, ".md")
-    with progress("validation", rooms.stages(only or (), law or ())) as advance:
-        found = rooms.validation(data, only=only or (), laws=law or (), progress=advance)
+    with progress("validation", validation.stages(only or (), law or ())) as advance:
+        found = validation.validation(data, only=only or (), laws=law or (), progress=advance)
     written = [] if out is None else [str(path) for path in write_page(found, out)]
     if as_json:
         print_json(validation_json(found) | ({"files": written} if written else {}))
@@ -190,9 +172,6 @@ def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, Any]:
 
 
 def _print(found: TubeStudy, judged: list[Claim]) -> None:
-    from ..quantities import from_si
-    from ..studies.tube_models import models
-    from ..studies.tube_records import PERIOD
 
     waves = [[r.name, r.sentence()] for r in found.records]
     table(f"Gauge pressure in front of the tube, {1.0 / PERIOD:g} samples per second", ["record", "what"], waves)
@@ -233,8 +212,6 @@ def _words(numbers: dict[str, Any]) -> str:
 
 def _word(name: str, value: Any) -> str:
     """A number of a claim as a person reads it; the beginning of its name says what it is."""
-    from ..quantities import from_si
-
     if isinstance(value, str):
         return value
     kind, _, rest = name.partition("_")
@@ -252,3 +229,283 @@ def _word(name: str, value: Any) -> str:
     if kind == "cutoff":
         return f"cut-off {value / math.pi:.2f} pi rad/s"
     return f"{name.replace('_', ' ')} {value:.2f}"
+
+
+HALVES = ("first", "second")
+
+
+def loops_json(found: LoopStudy) -> dict[str, Any]:
+    """Everything of the study in SI units."""
+    return {
+        "width_holds": found.width_holds,
+        "order_holds": not found.swapped,
+        "worst": _width_json(found.worst),
+        "widths": [_width_json(w) for w in found.widths],
+        "halves": [
+            {
+                "fitted": which,
+                "friction": h.model,
+                "parameters": _estimates(h.parameters),
+                "curve": h.curve,
+                **_errors(h),
+                "samples": int(h.train.sum()),
+                "converged": h.converged,
+                "warnings": list(h.warnings),
+            }
+            for which, h in zip(HALVES, found.halves, strict=True)
+        ],
+        "branch_errors": found.branch_errors(),
+        "loop": {
+            "pressure": found.record.pressure,
+            "stroke": found.record.stroke,
+            "predicted": found.unseen.stroke,
+        },
+        "steps": [_step_json(s) for s in found.steps],
+        "cannot": limits(found),
+    }
+
+
+def show_loops(found: LoopStudy) -> None:
+    """Tables and sentences for a person."""
+    halves = list(zip(HALVES, found.halves, strict=True))
+    rows = [
+        [which, h.model, *(_mm(v, 3) for v in (h.rmse(seen=True), h.rmse(seen=False), h.max_error(seen=False)))]
+        for which, h in halves
+    ]
+    columns = ["fitted half", "friction", "seen, mm", "unseen, mm", "largest unseen, mm"]
+    table("Each half of the loop from the other, rms errors of the stroke", columns, rows, right=[2, 3, 4])
+    typer.echo("")
+    rows = [[which, name, *_shown(e)] for which, h in halves for name, e in h.parameters.items()]
+    table("", ["fitted half", "parameter", "value", "95 %"], rows, right=[2, 3])
+    typer.echo("")
+    rows = [
+        [f"{_bar(w.pressure):.2f}", _mm(w.measured), _mm(w.predicted), f"{100.0 * w.error:+.1f}", _where(w)]
+        for w in found.widths
+    ]
+    columns = ["pressure, bar", "measured, mm", "model, mm", "error, %", ""]
+    table("Width of the loop, each sample by the half that did not see it", columns, rows, right=[0, 1, 2, 3])
+    typer.echo("")
+    rows = [
+        [
+            s.segment.replace("_", " "),
+            f"{s.start:g} to {s.start + s.fit.time[-1]:.2f}",
+            f"{s.start + s.fit.time[s.fit.train][-1]:.2f}",
+            s.fit.law,
+            *(_mm(v, 3) for v in (s.fit.rmse(seen=True), s.fit.rmse(seen=False), s.fit.max_error(seen=False))),
+            _mm(abs(s.fit.stroke[-1] - s.fit.stroke[0])),
+            "{} of {}".format(*s.inside),
+            _mm(s.high[_last(s)] - s.low[_last(s)]),
+        ]
+        for s in found.steps
+    ]
+    columns = ["step", "held, s", "fitted to, s", "law", "seen, mm", "unseen, mm", "largest unseen, mm", "crept, mm"]
+    columns += ["in the 95 % band", "its width at the end, mm"]
+    table("Creep after a step, its second half from its first", columns, rows, right=range(4, 10))
+    typer.echo("")
+    for line in _verdicts(found):
+        typer.echo(line)
+    typer.echo("")
+    typer.echo("What these records cannot tell:")
+    for line in limits(found):
+        typer.echo(f"  {line}")
+
+
+def limits(found: LoopStudy) -> list[str]:
+    """What cannot be predicted from these records, a sentence each."""
+    said = []
+    outside = [w for w in found.widths if not w.middle]
+    if outside:
+        worst = max(outside, key=lambda w: abs(w.error) if math.isfinite(w.error) else math.inf)
+        said.append(
+            f"The ends of the loop: where it is narrow the width is missed by up to {100.0 * abs(worst.error):.0f} %, "
+            f"at {_bar(worst.pressure):.2f} bar ({_mm(worst.predicted)} mm predicted, {_mm(worst.measured)} mm measured)."
+        )
+    if alone := found.branch_errors():
+        said.append(
+            f"One branch from the other: from the rising branch alone mid-range widths are missed by up to "
+            f"{100.0 * alone['up']:.0f} %, from the falling one alone by up to {100.0 * alone['down']:.0f} %. The halves "
+            "above are runs of ten samples in turns, on both branches."
+        )
+    turns = len(found.record.turning_points)
+    if turns == 1:
+        said.append("Loops within the loop: the record turns once, so that no smaller loop is compared.")
+    said.append(
+        "The friction as a force: no load was measured. Forces and stiffnesses are stated for a nominal area of "
+        f"{_area():g} cm2, which the stroke does not depend on; only their ratio to it is from the data."
+    )
+    for which, h in zip(HALVES, found.halves, strict=True):
+        loose = [n for n, e in h.parameters.items() if not (e.low > 0.0 and e.high < 3.0 * e.low)]
+        if loose:
+            told = ", ".join("{} {} ({})".format(n, *_shown(h.parameters[n])) for n in loose)
+            said.append(f"Parameters of {h.model} from the {which} half that the loop hardly fixes: {told}.")
+    for s in found.steps:
+        if s.late is None:
+            continue
+        end, late = s.start + s.late.time, s.late
+        text = (
+            f"The end of the hold: {_mm(late.predicted)} mm predicted at {end:g} s, {_mm(late.measured)} mm measured, from "
+            f"{s.fit.time[s.fit.train][-1]:.2f} s of creep; with elements slower than those, {_mm(late.low)} to "
+            f"{_mm(late.high)} mm would fit as well."
+        )
+        if math.isfinite(late.drift) and late.drift:
+            text += f" The pressure drifts meanwhile, which the loop's slope makes {_mm(late.drift)} mm of it."
+        said.append(text)
+    return said
+
+
+def _verdicts(found: LoopStudy) -> list[str]:
+
+    middle = [w.pressure for w in found.widths if w.middle]
+    held, worst = "HELD" if found.width_holds else "MISSED", found.worst
+    lines = [
+        f"{held}: the width is right to {100.0 * TARGET:g} % where the loop is at least {MIDDLE:g} times as wide as at its "
+        f"widest ({_bar(min(middle)):g} to {_bar(max(middle)):g} bar); worst {100.0 * worst.error:+.1f} % at "
+        f"{_bar(worst.pressure):g} bar"
+    ]
+    wrong = ", ".join(f"{_bar(w.pressure):g}" for w in found.swapped)
+    reach = (
+        f"{len(found.widths)} pressures, {_bar(found.widths[0].pressure):g} to {_bar(found.widths[-1].pressure):g} bar"
+    )
+    order = "the falling branch lies above the rising one, measured and predicted"
+    lines.append(f"MISSED: {order}; not so at {wrong} bar" if wrong else f"HELD: {order}, at all of {reach}")
+    for which, h in zip(HALVES, found.halves, strict=True):
+        lines += [f"note: {which} half: {w}" for w in h.warnings]
+    for s in found.steps:
+        lines += [f"note: {s.segment.replace('_', ' ')}: {w}" for w in s.fit.warnings]
+    return lines
+
+
+def _width_json(w: Width) -> dict[str, Any]:
+    return {**w._asdict(), "error": w.error}
+
+
+def _errors(fit: Any) -> dict[str, float]:
+    return {
+        "rms_seen": fit.rmse(seen=True),
+        "rms_unseen": fit.rmse(seen=False),
+        "largest_unseen": fit.max_error(seen=False),
+    }
+
+
+def _estimates(parameters: dict[str, Estimate]) -> dict[str, Any]:
+    return {name: e._asdict() for name, e in parameters.items()}
+
+
+def _step_json(s: StepCreep) -> dict[str, Any]:
+    inside, count = s.inside
+    return {
+        "segment": s.segment,
+        "start": s.start,
+        "law": s.fit.law,
+        "time_constants": s.fit.time_constants,
+        "amplitudes": [a._asdict() for a in s.fit.amplitudes],
+        **_errors(s.fit),
+        "inside_band": inside,
+        "unseen": count,
+        "time": s.fit.time,
+        "stroke": s.fit.stroke,
+        "predicted": s.fit.predicted,
+        "fitted": s.fit.train,
+        "band": {"time": s.at, "low": s.low, "high": s.high},
+        "end_of_hold": s.late._asdict() if s.late else None,
+        "warnings": list(s.fit.warnings),
+    }
+
+
+def _last(s: StepCreep) -> int:
+    """The band's place at the end of the record."""
+    return int(abs(s.at - s.fit.time[-1]).argmin())
+
+
+def _shown(e: Estimate) -> list[str]:
+    unit = "" if e.unit == "1" else f" {e.unit}"
+    return [f"{e.value:.3g}{unit}", f"{e.low:.3g} to {e.high:.3g}"]
+
+
+def _where(w: Width) -> str:
+    return "mid-range" if w.middle else ""
+
+
+def _area() -> float:
+
+    return from_si(AREA, "m^2", "cm^2")
+
+
+def _bar(pressure: float) -> float:
+
+    return from_si(pressure, "Pa", "bar")
+
+
+def _mm(length: float, digits: int = 2) -> str:
+
+    return f"{from_si(float(length), 'm', 'mm'):.{digits}f}"
+
+
+def write_page(found: Validation, path: Path) -> list[Path]:
+    """Write the page, and its figure beside it where there is a static data set; returns what was written."""
+    figure = path.with_name(f"{path.stem}-errors.svg")
+    if found.static:
+        style.save(errors_figure(found), figure)
+    text = page(found, figure=figure.name if found.static else "", version=__version__)
+    write_text(path, text)
+    return [path, figure] if found.static else [path]
+
+
+def validation_json(found: Validation) -> dict[str, Any]:
+    """Everything in SI units."""
+    return {
+        "static": [_static_json(r) for r in found.static],
+        "loops": loops_json(found.loops) if found.loops else None,
+        "jumps": [j._asdict() for j in found.jumps],
+        "absent": found.absent,
+    }
+
+
+def _static_json(r: StaticResult) -> dict[str, Any]:
+
+    return {
+        "name": r.of.name,
+        "title": r.of.title,
+        "source": r.of.source,
+        "licence": r.of.licence,
+        "points": len(r.points),
+        "taut": int(r.points.taut.sum()),
+        "largest_tension": r.points.largest,
+        "branches_apart": None if r.apart is None else {"half_rms": r.apart[0], "half_largest": r.apart[1]},
+        "fits": [fit_json(f) for f in r.fits],
+        "unfitted": [
+            {"law": u.title, "origin": u.origin, "rmse": u.rmse, "max_error": u.max_error} for u in r.unfitted
+        ],
+        "skipped": r.skipped,
+    }
+
+
+def show_validation(found: Validation) -> None:
+    """One table per data set, then loops and jumps, then what was not at hand."""
+    for r in found.static:
+        rows = [_row(f, r.points.largest) for f in r.fits]
+        rows += [
+            [u.title, "0", f"{u.rmse:.2f} N", share(u.max_error, r.points.largest), "-", "-", "-", u.origin]
+            for u in r.unfitted
+        ]
+        title = f"{r.of.title}: {int(r.points.taut.sum())} points with tension, largest {r.points.largest:.1f} N"
+        columns = ["law", "free", "rmse", "largest", "pressure out, rms", "pressure out", "above 4 bar", ""]
+        table(title, columns, rows, right=range(1, 7))
+        typer.echo("")
+    if found.loops:
+        worst = found.loops.worst
+        typer.echo(
+            f"Loop of a DMSP-10-250: width of the unseen loop off by at most {100.0 * abs(worst.error):.1f} % mid-range"
+        )
+    for j in found.jumps:
+        typer.echo(f"Jump {j.name} from the others: {from_si(j.rms, 'Pa', 'mbar'):.0f} mbar rms")
+    for what, file in found.absent.items():
+        typer.echo(f"not at hand: {what} ({file})")
+
+
+def _row(f: Fit, largest: float) -> list[str]:
+
+    held = share(f.holdout.max_error if f.holdout else None, largest)
+    crossed = [share(f.cv_rmse, largest), share(f.cv_max_error, largest), held]
+    told = "" if f.converged else "did not converge"
+    return [f.law, str(len(f.parameters)), f"{f.rmse:.2f} N", share(f.max_error, largest), *crossed, told]

@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .words import Json, print_json, progress, table
+from ..batch import VariantOutcome
+from ..batch.drive import SweepReport, run_sweep
+from ..batch.sweep_file import read_sweep
+from ..batch.workers import Workers
+from ..quantities import with_unit
+from ._terminal import Json, print_json, progress, table
 
 if TYPE_CHECKING:
-    from ..batch.drive import SweepReport
     from ..batch.sweep import Sweep
 
 PARTS = 1000  # of the progress bar
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("sweep")(sweep)
 
 
 def sweep(
@@ -36,11 +35,7 @@ def sweep(
     dry: Annotated[bool, typer.Option("--dry-run", help="Only say what would be run.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Run a protocol on many variants; results go to zarr, and a sweep that was interrupted goes on."""
-    from ..batch.drive import run_sweep
-    from ..batch.sweep_file import read_sweep
-    from ..batch.workers import Workers
-
+    """Run a protocol on many variants of a rig and a muscle; resumable, results in zarr."""
     wanted, team = read_sweep(file), Workers(scheduler, workers)
     if dry:
         _tell(wanted, as_json)
@@ -91,7 +86,6 @@ def _tell(wanted: Sweep, as_json: bool) -> None:
 
 
 def _range(column: dict[str, Any]) -> str:
-    from ..quantities import with_unit
 
     if column["range"] is None:
         return ", ".join(column["words"][:8]) + (" .." if len(column["words"]) > 8 else "")
@@ -106,7 +100,6 @@ def _result(report: SweepReport) -> dict[str, Any]:
 
 
 def _print(wanted: Sweep, report: SweepReport) -> None:
-    from ..batch import VariantOutcome
 
     rows = [
         [name.replace("_", " "), f"{n:,}", VariantOutcome[name.upper()].sentence] for name, n in report.codes.items()

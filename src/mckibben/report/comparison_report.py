@@ -12,12 +12,11 @@ from ..quantities import with_unit
 from ..studies.comparison.match import Match
 from ..studies.comparison.table import Row as ComparedRow
 from ..studies.comparison.table import Table as Compared
-from .document import (
+from .blocks import (
     Block,
     Cell,
     Cite,
     Column,
-    Document,
     Figure,
     Heading,
     KeyValues,
@@ -28,6 +27,7 @@ from .document import (
     Table,
     Text,
 )
+from .document import Document
 from .words import minus, significant, unit_text, versions_text
 
 CURVES = {"force_length": "Force over length", "passive": "Passive force", "force_velocity": "Force over velocity"}

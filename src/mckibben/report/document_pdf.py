@@ -11,15 +11,14 @@ import itertools
 from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..citations import known_keys, reference
 from ..extras import library
-from .document import (
+from .blocks import (
     Block,
     Cell,
     Cite,
-    Document,
     Figure,
     Fold,
     Gauge,
@@ -38,7 +37,12 @@ from .document import (
     plain,
     printable,
 )
-from .gauge import gauge_svg
+from .document_html import gauge_svg
+from .figures.style import to_svg
+
+if TYPE_CHECKING:
+    from .document import Document
+
 
 SMALLEST, LARGEST = 6.2, 8.2  # type of tables [pt]
 FULL = 7  # columns that stand in the largest type
@@ -205,8 +209,6 @@ class _Writer:
     def _(self, block: Figure) -> Iterator[str]:
         picture = block.picture
         if not isinstance(picture, bytes):
-            from .figures.style import to_svg
-
             picture = to_svg(picture).replace(_PANEL, _PAPER).encode()
         name = self._kept(_wrapped(picture) if picture.startswith(b"\x89PNG") else picture)
         caption = self.text(block.caption) if block.caption else "none"

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..analysis.energy import CYCLES, READINGS, CycleLoops, CycleMuscle, EnergyCurve, EnergyCycle
-from .document import Column, Document, Figure, KeyValues, Paragraph, References, Row, Section, Table
+from .blocks import Column, Figure, KeyValues, Paragraph, References, Row, Section, Table
+from .document import Document
 from .figures import energy_figures
 from .words import amount, significant, versions_text
 

@@ -18,12 +18,11 @@ from ..identification import Fit
 from ..identification.fit import INDIFFERENT, degenerate_words
 from ..muscles.laws import law_type
 from ..quantities import declared, from_si, shown_unit, with_unit
-from .document import (
+from .blocks import (
     Block,
     Cell,
     Cite,
     Column,
-    Document,
     Figure,
     Fold,
     Gauge,
@@ -39,10 +38,11 @@ from .document import (
     Table,
     Text,
 )
+from .document import Document
 from .figures import fit_figures
 from .figures.fit_figures import law_title
 from .figures.style import number, symbol_text
-from .study import Study
+from .fit_study import Study
 from .words import listed, power_text, unit_text, versions, versions_text
 
 __all__ = ["fit_document", "fit_report", "versions", "write_fit_report"]

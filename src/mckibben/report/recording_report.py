@@ -1,25 +1,28 @@
-"""The report of a recording: what was done, with what, what came of it, and what it rests on.
-
-It reads the recording alone, whether a simulation, a real machine or another laboratory wrote it; what a recording does not
-hold is left out. The only date in it is the recording's own.
-"""
+"""What a recording says beside its channels, as blocks of a report; what it does not say gives no block."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..analysis.cycles import find_cycles
+from ..analysis.loops import loop
+from ..analysis.segments import segments, steps_of, varied
 from ..citations import bibtex, known_keys
+from ..errors import InputError
+from ..experiments.waveforms import time_words
+from ..quantities import from_si
+from ..recordings import read_recording
+from ..recordings.calibration import Calibration, CorrectionTerm, read_plain
 from ..recordings.recording import Recording
-from . import recording_tables as tables
-from .document import (
+from .blocks import (
     Block,
+    Cell,
     Column,
-    Document,
     Figure,
     Fold,
     Heading,
@@ -34,9 +37,365 @@ from .document import (
     Table,
     Text,
 )
+from .document import Document, checked_place
+from .figures.recording_figures import against_figure, time_figure, usual_channels
 from .origins import inferred_inputs, known_specimen, parameters
-from .recording_loops import as_written, loop_blocks
-from .words import amount, flat, is_number, listed, mapping, minus, significant, tied, versions_text
+from .words import (
+    amount,
+    flat,
+    is_number,
+    listed,
+    mapping,
+    minus,
+    person_unit,
+    significant,
+    tied,
+    unit_text,
+    versions_text,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+
+MOST_STEPS, MOST_EVENTS = 60, 60  # rows that are shown
+NOTHING = 1e-12  # share of a ledger's throughput below which a part is nothing but rounding
+LEDGERS = {
+    "exergy": "Exergy: work that could be had against the room",
+    "energy": "Energy, by the first law",
+    "load": "What the muscle did to the load",
+}
+_SIDES = (("into", "came in"), ("out", "went out"), ("stored", "is stored more"))
+
+
+def clock(record: Recording) -> list[str]:
+    """How many samples, from when to when, how often, and how many gaps."""
+    start, end = significant(float(record.time[0]), 6), significant(float(record.time[-1]), 6)
+    said = [f"{significant(len(record), 9)} samples from {start} to {tied(end, 's')}"]
+    if len(record) > 1:
+        period = record.period
+        gaps = int((np.diff(record.time) > 1.5 * period).sum())
+        said.append(f"every {time_words(period)} ({tied(significant(1.0 / period), 'Hz')})")
+        said += [f"{gaps} gap{'s' if gaps > 1 else ''} where nothing was recorded"] if gaps else []
+    return said
+
+
+def channels(record: Recording) -> Table:
+    """Smallest, mean and largest value of every channel, and how much of it is known."""
+    columns = (
+        Column("Channel"), Column("Kind"), Column("Smallest", number=True), Column("Mean", number=True),
+        Column("Largest", number=True), Column("Unit"), Column("", wide=True),
+    )  # fmt: skip
+    rows = []
+    for name, s in record.summary().items():
+        unit, share = person_unit(s["unit"]), float(np.isfinite(record[name]).mean())
+        numbers = [significant(from_si(s[k], s["unit"], unit)) for k in ("min", "mean", "max")]
+        known = (
+            "" if share == 1.0 else f"known in {tied(significant(100.0 * share, 3), '%')}" if share else "nothing known"
+        )
+        words = "; ".join(w for w in (record.channels[name].meaning, known) if w)
+        rows.append(Row((Span(name, "code"), s["kind"], *numbers, unit_text(unit), words)))
+    return Table(columns, tuple(rows))
+
+
+def saturation(meta: Mapping[str, Any]) -> list[str]:
+    """A sentence for each channel that was at an end of its range."""
+    found = []
+    for name, said in mapping(meta.get("saturation")).items():
+        told = mapping(said)
+        if told.get("sentence"):
+            found.append(f"{name} {told['sentence']}.")
+        elif told:
+            words = (
+                [f"{significant(100.0 * told['share'], 3)} % of its samples"] if is_number(told.get("share")) else []
+            )
+            words += [f"first at {significant(told['first'], 6)} s"] if is_number(told.get("first")) else []
+            words += [f"at most {time_words(told['longest'])} on end"] if is_number(told.get("longest")) else []
+            found.append(", ".join([f"{name} was at an end of its range", *words]) + ".")
+    return found
+
+
+def steps(record: Recording) -> list[Block]:
+    """The steps as they were done."""
+    try:
+        listed, names = steps_of(record), [*varied(record)]
+    except InputError:
+        return []
+    columns = (
+        Column("", number=True), Column("Step"), Column("Case", wide=True), Column("From", "s", True),
+        Column("To", "s", True), Column("Ended by"), Column("Recorded"),
+    )  # fmt: skip
+    rows = []
+    for s in listed[:MOST_STEPS]:
+        case = ", ".join(f"{n.replace('_', ' ')} {s['case'][n]}" for n in names if n in s["case"])
+        times = [significant(float(s[k]), 6) for k in ("start", "end")]
+        ended, kept = str(s.get("ended_by", "")), "yes" if s["recorded"] else "no"
+        rows.append(Row((str(s["index"]), str(s["label"]), minus(case), *times, ended, kept)))
+    rest = len(listed) - len(rows)
+    more: list[Block] = [Paragraph(f"And {rest} more, in the recording.", "quiet")] if rest else []
+    return [Table(columns, tuple(rows), head=1), *more]
+
+
+def events(meta: Mapping[str, Any]) -> list[Block]:
+    """What happened, by time."""
+    found = meta.get("events")
+    told = [mapping(e) for e in found] if isinstance(found, list) else []
+    rows = [
+        Row((significant(float(e["time"]), 6), str(e.get("text") or e.get("kind") or "")))
+        for e in told
+        if is_number(e.get("time"))
+    ]
+    if not rows:
+        return []
+    rest = len(rows) - MOST_EVENTS
+    more: list[Block] = [Paragraph(f"And {rest} more, in the recording.", "quiet")] if rest > 0 else []
+    columns = (Column("Time", "s", True), Column("Event", wide=True))
+    return [Heading("Events"), Table(columns, tuple(rows[:MOST_EVENTS]), head=1), *more]
+
+
+def balances(meta: Mapping[str, Any]) -> list[Block]:
+    """How far the books close."""
+    closed = [(k, float(v)) for k, v in mapping(meta.get("balance")).items() if is_number(v)]
+    if not closed:
+        return []
+    rows = tuple(Row((name.replace("_", " ").capitalize(), significant(v, 2))) for name, v in closed)
+    words = (
+        "What came in less what went out less what is stored more, each from integrals of its own, over what went through. "
+        "A step of the integration that was too long would show here."
+    )
+    blocks: list[Block] = [
+        Paragraph(words, "quiet"),
+        Table((Column("Balance of"), Column("Share left", number=True)), rows),
+    ]
+    friction = {k: v for k, v in mapping(meta.get("friction")).items() if is_number(v)}
+    if friction:
+        told = ", ".join(f"{name} {tied(significant(v), 'J')}" for name, v in friction.items())
+        blocks.append(KeyValues((("Friction of the braid", told),)))
+    return blocks
+
+
+# ---- energy
+
+
+def energy(meta: Mapping[str, Any]) -> list[Block]:
+    """Every ledger of the account, part by part, and what else the account says in numbers."""
+    account = mapping(meta.get("energy"))
+    ledgers = {str(k): mapping(v) for k, v in account.items() if "into" in mapping(v) and "out" in mapping(v)}
+    blocks: list[Block] = []
+    for name, ledger in ledgers.items():
+        blocks += [Heading(LEDGERS.get(name, name.replace("_", " ").capitalize())), _ledger(ledger)]
+    pairs = []
+    if is_number(account.get("air")) and account["air"] == account["air"]:
+        pairs.append(("Air drawn from supplies", amount(account["air"], "kg")))
+    for how, work in mapping(account.get("compressor")).items():
+        if is_number(work) and work == work:
+            pairs.append((f"Least work of a compressor, {how}", tied(significant(work), "J")))
+    return [*blocks, KeyValues(tuple(pairs))] if pairs else blocks
+
+
+def _ledger(ledger: Mapping[str, Any]) -> Table:
+    through = float(ledger["throughput"]) if is_number(ledger.get("throughput")) else 0.0
+    came = [float(v) for v in mapping(ledger["into"]).values() if is_number(v)]
+    whole = sum(v for v in came if v > 0.0)
+    rows = []
+    for key, words in _SIDES:
+        for name, value in mapping(ledger.get(key)).items():
+            if is_number(value) and abs(value) > NOTHING * through:
+                rows.append(_part(name.replace("_", " "), words, float(value), whole))
+    if is_number(ledger.get("remainder")):
+        share = f", {significant(abs(ledger['remainder']) / through, 2)} of what went through" if through else ""
+        row = _part("remainder", f"is accounted for nowhere{share}", float(ledger["remainder"]), 0.0)
+        rows.append(Row(row.cells, look="quiet"))
+    columns = (
+        Column("Part"), Column(""), Column("Amount", "J", True), Column("Of what came in", "%", True),
+    )  # fmt: skip
+    return Table(columns, tuple(rows))
+
+
+def _part(name: str, words: str, joule: float, whole: float) -> Row:
+    share = significant(100.0 * joule / whole, 3) if whole > 0.0 else ""
+    return Row((name, words, significant(joule), share))
+
+
+# ---- a real machine
+
+
+def calibration(meta: Mapping[str, Any]) -> list[Block]:
+    """The corrections of every channel with uncertainty, method and dates."""
+    if not meta.get("calibration"):
+        return []
+    try:
+        found = read_plain(meta["calibration"])
+    except InputError:  # of a newer version: what it says is shown as it stands
+        return [KeyValues(tuple(flat(meta["calibration"])))]
+    columns = (
+        Column("Channel"), Column("Term"), Column("Value", number=True), Column("± 95 %", number=True), Column("Unit"),
+        Column("Method and reference", wide=True), Column("Date"), Column("Valid until"),
+    )  # fmt: skip
+    rows = tuple(_terms(found, str(meta.get("created") or found.created)))
+    pairs = (("Rig", found.rig), ("Made", found.created))
+    words = "True value = gain × (indicated value − zero), taken later by the skew. Applied to what was measured."
+    return [KeyValues(pairs), Paragraph(words, "quiet"), Table(columns, rows)]
+
+
+def _terms(found: Calibration, when: str) -> Iterator[Row]:
+    for channel, one in found.corrections.items():
+        for name, term in one.terms.items():
+            unit = {"gain": "1", "skew": "s"}.get(name, one.unit)
+            shown = person_unit(unit)
+            low, high = term.interval()
+            value, half = (significant(from_si(v, unit, shown), 5) for v in (term.value, 0.5 * (high - low)))
+            sensor = f" ({one.sensor})" if one.sensor else ""
+            expired = name in one.expired(when)
+            yield Row((channel + sensor, name, value, half, unit_text(shown), *_whence(term, expired)))
+
+
+def _whence(term: CorrectionTerm, expired: bool) -> tuple[str, str, str | Cell]:
+    origin = term.origin
+    if origin is None:
+        return "nobody determined it", "", ""
+    words = ", ".join(
+        w for w in (origin.method, origin.reference, f"{origin.points} points" if origin.points else "") if w
+    )
+    end = origin.expires
+    until = "without end" if end is None else end.date().isoformat()
+    return words, origin.date[:10], Cell(until, "caution") if expired else until
+
+
+def deadlines(meta: Mapping[str, Any]) -> list[Block]:
+    """How a run by the wall clock kept its deadlines."""
+    told = mapping(meta.get("deadlines"))
+    count = told.get("samples")
+    if not (is_number(count) and count):
+        return [KeyValues(tuple(flat(told)))] if told else []
+    pairs = [("Samples", significant(float(count), 9))]
+    names = {"late": "Began more than a tenth of a period late", "behind": "Began more than a period late"}
+    for key, words in names.items():
+        if is_number(told.get(key)):
+            pairs.append((words, f"{significant(float(told[key]), 9)} ({significant(100.0 * told[key] / count, 3)} %)"))
+    found = told.get("percentiles")
+    if isinstance(found, list) and len(found) == 4 and all(map(is_number, found)):
+        shares = ("half of them", "99 %", "99.9 %", "all")
+        words = "; ".join(f"{s} within {time_words(v)}" for s, v in zip(shares, found, strict=True))
+        pairs.append(("Lateness", words))
+    return [KeyValues(tuple(pairs))]
+
+
+# Channels that are driven, and those that answer, the ones that are measured first.
+LENGTHS = ("span", "muscle.length", "muscle.span", "length")
+TENSIONS = ("tension", "muscle.tension")
+PRESSURES = ("pressure", "muscle.pressure")
+LEAST_TURN = 0.02  # share of the largest value by which a channel must move to be driven
+
+
+def as_written(drawn: Drawing) -> Drawing:
+    """The figure with its words as they stand: a dollar sign in a name from outside begins no formula."""
+    from matplotlib.text import Text
+
+    for text in drawn.findobj(Text):
+        text.set_parse_math(False)
+    return drawn
+
+
+def loop_blocks(record: Recording) -> list[Block]:
+    """Figures and tables of loops, for each label of steps in which the length or the pressure goes through cycles."""
+    blocks: list[Block] = []
+    for label, parts in _groups(record):
+        length, tension, pressure = (_first(parts[0], names) for names in (LENGTHS, TENSIONS, PRESSURES))
+        if length and tension and (some := _cycling(parts, length)):
+            blocks += [_figure(some, length, tension, label), *_table(some, length, tension, _told_apart(record))]
+        elif pressure and (some := _cycling(parts, pressure)):
+            answers = [n for n in (length, tension) if n and any(_moves(p[n]) for p in some)]
+            blocks += [_figure(some, pressure, n, label) for n in answers[:1]]
+    return blocks
+
+
+def _groups(record: Recording) -> list[tuple[str, list[Recording]]]:
+    if not record.meta.get("steps"):
+        return [("", [record])]
+    try:
+        labels = dict.fromkeys(str(s["label"]) for s in steps_of(record) if s["recorded"])
+        return [(label, segments(record, label)) for label in labels]
+    except InputError:
+        return [("", [record])]
+
+
+def _first(record: Recording, names: Sequence[str]) -> str:
+    return next((n for n in names if n in record and np.isfinite(record[n]).all()), "")
+
+
+def _moves(values: np.ndarray) -> bool:
+    return bool(np.ptp(values) > LEAST_TURN * np.abs(values).max())
+
+
+def _cycling(parts: Sequence[Recording], name: str) -> list[Recording]:
+    found = []
+    for part in parts:
+        try:
+            if name in part and np.isfinite(part[name]).all() and _moves(part[name]) and find_cycles(part[name]):
+                found.append(part)
+        except InputError:
+            continue
+    return found
+
+
+def _figure(parts: list[Recording], across: str, up: str, label: str) -> Block:
+
+    where = f", step “{label}”" if label else ""
+    title = f"{_word(up).capitalize()} over {_word(across)}"
+    drawn = against_figure(parts, across, channels=[up], title=f"{title}{where}")
+    caption = (
+        f"{title}{where}: {len(parts)} recorded part{'s' if len(parts) > 1 else ''}, each in the shade of its case."
+    )
+    return Figure(as_written(drawn), caption, f"{title}{where}.")
+
+
+def _word(name: str) -> str:
+    return name.rpartition(".")[2].replace("_", " ")
+
+
+def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) -> list[Block]:
+    """Width, height, work and stiffness of the mean loop of each part."""
+    rows = []
+    for part in parts:
+        try:
+            found = loop(part, length=length, tension=tension)
+        except InputError:
+            continue
+        values = (1e3 * found.width, found.height, found.work, 1e-2 * found.stiffness, found.friction)
+        count = len(find_cycles(part[length]))
+        rows.append(Row((_case(part, apart), str(count), *(significant(v) for v in values))))
+    if not rows:
+        return []
+    columns = (
+        Column("Case"), Column("Cycles", number=True), Column("Width", "mm", True), Column("Height", "N", True),
+        Column("Work", "J", True), Column("Stiffness", "N/cm", True), Column("Friction", "N", True),
+    )  # fmt: skip
+    words = (
+        f"Mean loop of each part, {_word(tension)} over {_word(length)}. Width at mid-range of the tension, height at "
+    )
+    return [
+        Table(
+            columns,
+            tuple(rows),
+            words + "that of the length, both positive where the muscle takes work in; friction is half the height. "
+            "Work per cycle is positive where the muscle does it",
+        )
+    ]
+
+
+def _told_apart(record: Recording) -> list[str]:
+    """What varies among the steps."""
+    return [*varied(record)] if record.meta.get("steps") else []
+
+
+def _case(part: Recording, apart: list[str]) -> str:
+    step = part.meta.get("step")
+    if not step:
+        return "whole recording"
+    told = [f"{n.replace('_', ' ')} {step['case'][n]}" for n in apart if n in step["case"]]
+    return listed(told) or str(step["label"])
+
 
 MOST_FURTHER = 60  # lines of what a recording says beside all that is known here
 # Keys of the meta that have a place of their own, or are too long for one.
@@ -70,9 +429,6 @@ def write_recording_report(file: str | os.PathLike[str], out: str | Path) -> Pat
     Raises:
         InputError: the recording cannot be read, or the report not be written; says why.
     """
-    from ..recordings import read_recording
-    from .document import checked_place
-
     place = checked_place(out)
     return recording_report(read_recording(Path(file)), name=Path(file).name).write(place)
 
@@ -91,7 +447,7 @@ def _done(record: Recording, name: str) -> list[Block]:
     if meta.get("result", "done") != "done":
         words = ": ".join(str(w) for w in (meta["result"], meta.get("message")) if w)
         blocks.append(Note("The run did not reach its end", (words,), "stop"))
-    cautions = [*_warnings(meta), *tables.saturation(meta)]
+    cautions = [*_warnings(meta), *saturation(meta)]
     if cautions:
         blocks.append(Note("Caution", tuple(cautions)))
     return [*blocks, KeyValues(tuple(_facts(record, name)))]
@@ -124,7 +480,7 @@ def _facts(record: Recording, name: str) -> list[tuple[str, Text]]:
     add("Air", f"plumbing “{meta['plumbing']}”" if meta.get("plumbing") else "", *_room(meta))
     add("Protocol", mapping(meta.get("protocol")).get("name"), mapping(meta.get("protocol")).get("source"))
     add("Recorded", meta.get("created"))
-    add("Time", *tables.clock(record))
+    add("Time", *clock(record))
     timing = {k: v for k, v in mapping(meta.get("timing")).items() if is_number(v) and v > 0.0}
     control = [f"software at {tied(significant(timing['control_rate']), 'Hz')}"] if "control_rate" in timing else []
     control += [f"{k} {amount(timing[k] * 1e3, '1')} ms" for k in ("latency", "step") if k in timing]
@@ -153,8 +509,6 @@ def _room(meta: Mapping[str, Any]) -> list[str]:
 def _figures(record: Recording) -> list[Block]:
     if not any(np.isfinite(record[name]).any() for name in record.names()):
         return [Paragraph("No channel holds a value.")]
-    from .figures.recording_figures import time_figure
-    from .figures.recording_panels import usual_channels
 
     shown = usual_channels([record])
     kinds = {record.channels[n].kind for n in shown}
@@ -165,7 +519,7 @@ def _figures(record: Recording) -> list[Block]:
     words += ["commands dashed"] * ("command" in kinds)
     caption = f"{listed(words)}. A line ends where samples are missing."
     over = Figure(as_written(time_figure(record)), caption[0].upper() + caption[1:], f"Over time: {listed(shown)}.")
-    return [over, *loop_blocks(record), Heading("Channels"), tables.channels(record)]
+    return [over, *loop_blocks(record), Heading("Channels"), channels(record)]
 
 
 # ---- the rest
@@ -174,11 +528,11 @@ def _figures(record: Recording) -> list[Block]:
 def _sections(record: Recording) -> list[Section]:
     meta = record.meta
     found = (
-        ("Steps and events", "steps", [*tables.steps(record), *tables.events(meta)]),
-        ("Balances", "balances", tables.balances(meta)),
-        ("Where the energy went", "energy", tables.energy(meta)),
-        ("Calibration", "calibration", tables.calibration(meta)),
-        ("Deadlines", "deadlines", tables.deadlines(meta)),
+        ("Steps and events", "steps", [*steps(record), *events(meta)]),
+        ("Balances", "balances", balances(meta)),
+        ("Where the energy went", "energy", energy(meta)),
+        ("Calibration", "calibration", calibration(meta)),
+        ("Deadlines", "deadlines", deadlines(meta)),
         ("Parameters and their origin", "parameters", _parameters(meta)),
     )
     return [Section(title, tuple(blocks), anchor) for title, anchor, blocks in found if blocks]

@@ -11,13 +11,22 @@ from typing import Any, NamedTuple
 
 from ..errors import InputError
 from ..reproduction import Outcome, Row
-from ..reproduction.rows import accepted_band, judge
-from ..reproduction.verdicts import REASONED, Kind, Tally, headline, kind_of, percent, relative_difference, tallies
-from .document import (
+from ..reproduction.rows import (
+    REASONED,
+    Kind,
+    Tally,
+    accepted_band,
+    headline,
+    judge,
+    kind_of,
+    percent,
+    relative_difference,
+    tallies,
+)
+from .blocks import (
     Block,
     Cell,
     Column,
-    Document,
     Figure,
     Gauge,
     KeyValues,
@@ -30,7 +39,8 @@ from .document import (
     Table,
     Text,
 )
-from .document import Row as TableRow
+from .blocks import Row as TableRow
+from .document import Document
 from .paper_figures import CONFERENCE, FIGURES, JOURNAL, PaperFigure
 from .words import minus, significant, unit_text, versions_text
 

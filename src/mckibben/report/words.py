@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from .. import __version__
 from ..quantities import from_si, shown_unit
 
 TIED = "\N{THIN SPACE}\N{WORD JOINER}"  # between a number and its unit: it never breaks
@@ -108,8 +109,6 @@ def _leaf(value: Any) -> str:
 def versions() -> list[tuple[str, str]]:
     """What computed a report: name and version of the package, of the libraries under it, and of Python."""
     from importlib.metadata import version
-
-    from .. import __version__
 
     return [
         ("mckibben", __version__),

@@ -1,12 +1,27 @@
-"""The papers, number by number: what is printed, what we compute, and what that says."""
+"""The papers, number by number: what is printed, what we compute, and what that says.
+
+Rows are computed from the first one on. Where several need recordings, a second process computes them from the last one on,
+only to make recordings, which it leaves in a folder.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import multiprocessing
+import os
+import signal
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
+from ..errors import MckibbenError
+from . import loops, part1, part2, part4, shortening  # noqa: F401
+from .recorded import Folder, kept_in, told
 from .rows import Outcome, Row, needs_recording, reproduce_row, select
 
-__all__ = ["Outcome", "Row", "load", "reproduce"]
+__all__ = ["Outcome", "Row", "helped", "reproduce"]
+
+WORTH = 6  # rows with recordings from which on a second process is worth its start
 
 
 def reproduce(
@@ -26,10 +41,6 @@ def reproduce(
         tell: called with words while a recording is made, of which several rows are computed; that takes minutes.
         recordings: off leaves out the rows that need them.
     """
-    from .recorded import told
-
-    load()
-
     outcomes = []
     with told(tell):
         for row in select(part, rows):
@@ -41,6 +52,28 @@ def reproduce(
     return outcomes
 
 
-def load() -> None:
-    """Let every module of the rows register what it computes."""
-    from . import discussion, isometric, isotonic, lubricants, part1, part2, part4, quasi_static, sinusoids, static_fit  # noqa: F401
+@contextlib.contextmanager
+def helped(identifiers: list[str]) -> Iterator[None]:
+    """While inside, a second process makes recordings for these rows, where that is worth its start."""
+    wanted = [row.id for row in select(None, identifiers) if needs_recording(row)] if identifiers else []
+    if len(wanted) < WORTH or (os.cpu_count() or 1) < 2 or multiprocessing.parent_process() is not None:
+        yield
+        return
+    with tempfile.TemporaryDirectory(prefix="mckibben-") as place:
+        other = multiprocessing.get_context("spawn").Process(target=_help, args=(place, wanted), daemon=True)
+        other.start()
+        try:
+            with kept_in(Folder(Path(place), other.is_alive)):
+                yield
+        finally:
+            other.terminate()
+            other.join()
+
+
+def _help(place: str, identifiers: list[str]) -> None:
+    """The second process: what fails is left to the first, which says why."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process ends this one
+    with kept_in(Folder(Path(place))):
+        for row in reversed(select(None, identifiers)):
+            with contextlib.suppress(MckibbenError, ArithmeticError, OSError):
+                reproduce_row(row)

@@ -10,8 +10,7 @@ from ..components import Environment
 from ..pneumatics import AIR
 from ..pneumatics.tubes.inertial import inertance
 from ..specimens import specimen
-from ..studies.tube_models import Result, capacity
-from ..studies.tube_records import ACCUMULATORS, DIAMETER, LARGE, LENGTH, SMALL
+from ..studies.tube_models import ACCUMULATORS, DIAMETER, LARGE, LENGTH, SMALL, Result, capacity
 from ..studies.tube_study import PAPERS, QUICK_SEEDS, QUICK_THERMALS, TubeStudy, tube_study
 from .rows import reproduces
 

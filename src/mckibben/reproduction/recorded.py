@@ -1,19 +1,92 @@
-"""Recordings of the simulated test machine, of which rows are computed: each is made once and shared by its rows."""
+"""Recordings of the simulated test machine, of which rows are computed: each is made once and shared by its rows.
+
+Two processes may make them for the same rows, through a folder: what one of them has begun, the other does not begin again.
+A recording that is read there is the one that was made, bit for bit.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import hashlib
+import os
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from ..analysis.segments import segments
 from ..bench.run import prepare, run
-from ..errors import ConvergenceError
+from ..errors import ConvergenceError, MckibbenError
 from ..experiments.read import protocol
-from ..recordings import Recording
+from ..recordings import Recording, read_recording
 from . import rows
-from .sharing import shared
+
+PAUSE = 0.05  # between two looks at what the other process has done [s]
+
+
+class ElsewhereError(MckibbenError):
+    """The other process is at this recording already."""
+
+
+class Folder:
+    """Where both processes leave their recordings.
+
+    Args:
+        place: of the folder.
+        alive: whether the other process lives, for whose recording it is waited then; where left out, nobody waits.
+    """
+
+    def __init__(self, place: Path, alive: Callable[[], bool] | None = None) -> None:
+        self.place, self.alive = place, alive
+
+    def one(self, key: str, make: Callable[[], Recording]) -> Recording:
+        """The recording with a key: as the other process left it, or made here.
+
+        Raises:
+            ElsewhereError: the other process makes it, and it is not waited for.
+        """
+        name = hashlib.sha256(key.encode()).hexdigest()[:24]
+        file = self.place / f"{name}.nc"
+        if not self._claimed(name):
+            if self.alive is None:
+                raise ElsewhereError(key)
+            while self.alive() and not file.exists():
+                time.sleep(PAUSE)
+            if file.exists():
+                return read_recording(file)
+            return make()
+        found = make()
+        if self.alive is None:
+            found.save(file)
+        return found
+
+    def _claimed(self, name: str) -> bool:
+        try:
+            os.close(os.open(self.place / f"{name}.claim", os.O_CREAT | os.O_EXCL))
+        except FileExistsError:
+            return False
+        return True
+
+
+_folders: list[Folder] = []
+
+
+def shared(key: str, make: Callable[[], Recording]) -> Recording:
+    """The recording with a key, made here unless another process does."""
+    return _folders[-1].one(key, make) if _folders else make()
+
+
+@contextlib.contextmanager
+def kept_in(folder: Folder) -> Iterator[None]:
+    """While inside, recordings come from a folder and go there."""
+    _folders.append(folder)
+    try:
+        yield
+    finally:
+        _folders.remove(folder)
+
 
 SPAN, TENSION = "span", "tension"  # channels that the machine measures
 FIVE_BAR = "5 bar"

@@ -9,8 +9,7 @@ from collections.abc import Iterable, Sequence
 from ..identification import Fit
 from ..quantities import from_si
 from .muscle_loops import LoopStudy
-from .validation import LOOP_FOLDER, ROBOT_FOLDER, StaticResult, Unfitted, Validation, ordered_laws
-from .validation_sets import VARIABLE
+from .validation import LOOP_FOLDER, ROBOT_FOLDER, VARIABLE, StaticResult, Unfitted, Validation, ordered_laws
 
 FRONT = "---\nhide:\n  - toc\n---"  # the tables are as wide as the page
 HEAD = "<!-- written by `mckibben study validation`; do not edit -->"

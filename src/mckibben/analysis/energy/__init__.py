@@ -8,10 +8,9 @@ Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 
 longer report of the same work, whose Part IV this is.
 """
 
-from .curves import EnergyCurve, best_pressure, energy_curve, zero_pressure
+from .curves import CycleLoops, CyclePath, EnergyCurve, best_pressure, cycle_loops, energy_curve, zero_pressure
 from .cycles import CYCLES, READINGS, Conditions, EnergyCycle, energy_cycle
-from .loops import CycleLoops, Path, cycle_loops
-from .volumes import VOLUMES, CycleMuscle, cycle_muscle, has_paper_volume
+from .muscle import VOLUMES, CycleMuscle, cycle_muscle, has_paper_volume
 
 __all__ = [
     "CYCLES",
@@ -20,9 +19,9 @@ __all__ = [
     "Conditions",
     "CycleLoops",
     "CycleMuscle",
+    "CyclePath",
     "EnergyCurve",
     "EnergyCycle",
-    "Path",
     "best_pressure",
     "cycle_loops",
     "cycle_muscle",

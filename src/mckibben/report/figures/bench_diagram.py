@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from ...bench.hardware.analogue import AnalogOut, Sensor
 from ...bench.rig import Rig
@@ -21,8 +19,12 @@ from ...quantities import with_unit
 from . import style
 from .circuit_diagram import draw_mark, draw_text
 from .circuit_labels import Text, Words, stacked
-from .circuit_symbols import DOT, Mark, Point, arrow, line, muscle, rectangle, source, tube
+from .circuit_symbols import Mark, Point, arrow, dot, line, muscle, rectangle, source, tube
 from .style import COLOURS, INK, INK_3, NORMAL, PANEL, SMALL, SUNKEN
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 WIDE, HIGH = 756.0, 430.0  # of the picture [pt]
 LEFT, RIGHT = 14.0, WIDE - 14.0
@@ -116,7 +118,7 @@ class _Drawing:
         self.marks.append(line((middle - 34.0, TOP), (middle + 34.0, TOP), width=3.0, colour=SUNKEN))
         self.put(tube(("a", "b"), False).marks, middle, TOP)
         self.write(self._tube_words(), middle, TOP + 36.0, "center")
-        self.put([DOT], near, TOP)
+        self.put([dot()], near, TOP)
         for x, key in ((near, "valve_accumulator"), (far, "muscle_accumulator")):
             if p.has_muscle and _si(getattr(p, key)) > 0.0:
                 size = self.of(key, with_unit(_si(getattr(p, key)), "m^3", 3).replace("^3", "\N{SUPERSCRIPT THREE}"))

@@ -7,21 +7,21 @@ Crossing lines join only where there is a dot.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
-
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.path import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...errors import InputError
 from ...pneumatics.circuit import Circuit
 from ...pneumatics.volume import Reservoir
 from . import style
-from .circuit_cells import Cell, element_cell, node_cell
 from .circuit_labels import Text, Words, ambient, element_words, is_atmosphere, node_words, stacked
-from .circuit_layout import Net, Wiring, arrange, wiring
+from .circuit_layout import Cell, Net, Wiring, arrange, element_cell, node_cell, wiring
 from .circuit_symbols import Box, Mark, Point
 from .style import COLOURS, INK, LINE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 MARGIN = 18.0
 TITLE = 12.0
@@ -144,6 +144,8 @@ def _strengths(circuit: Circuit, pressures: Mapping[str, float]) -> dict[str, fl
 
 def _draw_net(ax: Axes, net: Net, strength: float | None) -> None:
     """All lines of a node as one stroke, so that nothing darkens where they meet."""
+    from matplotlib.path import Path
+
     colour = INK if strength is None else COLOURS["pressure"]
     codes: list[Any] = []
     points: list[Point] = []

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from ...errors import InputError
+from ...identification import CircuitFit, Trial
 from ...quantities import from_si
 from ...recordings.recording import Recording
 from . import style
-from .style import COLOURS, RECORDING_DASHES
+from .style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES, RULE, SMALL, SUNKEN
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
 
 WIDTH = 8.4  # [inch]
 POINTS = 4000  # per line; more than a page can show
@@ -152,3 +161,161 @@ def _short(name: str) -> str:
     for ending in (".pressure", ".mass_flow", ".tension", ".length"):
         name = name.removesuffix(ending)
     return name.replace("_", " ").replace(".", " ")
+
+
+PRESSURE = ".pressure_abs"
+MOST_COLUMNS = 3
+FINE = 0.1e5  # residuals within this are shown in mbar [Pa]
+# Of the figure [inch]: margins, the key at the right, panels and what stands between them.
+LEFT, KEY, BETWEEN, TOP, FOOT = 0.62, 1.75, 0.3, 1.0, 0.5
+UPPER, LOWER, GAP, STEP = 2.1, 1.05, 0.42, 1.12
+LETTER = 0.082  # width of a bold letter [inch]
+
+
+@style.styled()
+def overview(found: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figure:
+    """One column per record: absolute pressures, measured and of the model, and their difference on one common scale.
+
+    Records that the fit did not see stand on grey.
+
+    Args:
+        found: the fit.
+        trials: all its records, fitted and predicted.
+        title: of the circuit.
+
+    Raises:
+        InputError: if no record holds a pressure.
+    """
+    channels = list(dict.fromkeys(c for t in trials for c in t.channels if c.endswith(PRESSURE)))
+    if not channels:
+        raise InputError("records", "no pressure", "allowed are records with the pressure of a volume")
+    shown = [t for t in trials if any(c in channels for c in t.channels)]
+    columns = len(shown) if len(shown) <= MOST_COLUMNS else 2 if len(shown) == 4 else MOST_COLUMNS
+    lines = math.ceil(len(shown) / columns)
+    width = style.MIDDLE + 0.6 if columns == 1 else style.WIDE
+    each = UPPER + GAP + LOWER
+    height = TOP + lines * each + (lines - 1) * STEP + FOOT
+    own = (width - LEFT - KEY - (columns - 1) * BETWEEN) / columns
+    fig = style.figure(width, height)
+    levels, limit = _levels(found, shown, channels), _limit(found, shown, channels)
+    unit = "mbar" if limit < FINE else "bar"
+    for i, trial in enumerate(shown):
+        line, column = divmod(i, columns)
+        x, y = LEFT + column * (own + BETWEEN), height - TOP - line * (each + STEP)
+        upper = fig.add_axes((x / width, (y - UPPER) / height, own / width, UPPER / height))
+        lower = fig.add_axes((x / width, (y - each) / height, own / width, LOWER / height), sharex=upper)
+        _draw_trial(upper, lower, trial, found, channels, unit)
+        upper.set_ylim(*levels)
+        lower.set_ylim(from_si(-limit, "Pa", unit), from_si(limit, "Pa", unit))
+        _titles(upper, lower, unit, first=column == 0)
+        _heading(upper, trial, found, int(own / LETTER))
+        if i == columns - 1:
+            _key(upper, channels, grey=not all(_fitted(found, t) for t in shown))
+    fig.text(
+        LEFT / width, 1.0 - 0.14 / height, title, fontsize=style.NORMAL + 1.5, fontweight="bold", va="top", color=INK
+    )
+    return fig
+
+
+def _draw_trial(upper: Axes, lower: Axes, trial: Trial, found: CircuitFit, channels: Sequence[str], unit: str) -> None:
+    time = trial.period * np.arange(trial.samples + 1)
+    bar, fine = from_si(1.0, "Pa", "bar"), from_si(1.0, "Pa", unit)
+    for i, channel in enumerate(channels):
+        if channel not in trial.channels:
+            continue
+        measured, predicted = np.asarray(trial.measured[channel]), found.predicted[trial.name][channel]
+        look: Any = {"color": COLOURS["pressure"], "alpha": _opacity(i, channels), "ls": _dash(i)}
+        upper.plot(*thinned(time, predicted * bar), lw=style.HEAVY + 0.3, zorder=2.5, **look)
+        upper.plot(*thinned(time, measured * bar), color=INK, lw=0.6, zorder=3)
+        lower.plot(*thinned(time, (predicted - measured) * fine), lw=style.LINE - 0.3, zorder=2.5, **look)
+    lower.axhline(0.0, color=INK_3, lw=style.HAIR, zorder=2)
+    upper.set_xlim(float(time[0]), float(time[-1]))
+    upper.tick_params(labelbottom=False)
+    if not _fitted(found, trial):
+        for ax in (upper, lower):
+            ax.set_facecolor(SUNKEN)
+            ax.grid(color=RULE)
+
+
+def _titles(upper: Axes, lower: Axes, unit: str, *, first: bool) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    style.quantity_axes(upper, x=("", None), y=("Pressure, bar abs" if first else "", "pressure"))
+    style.quantity_axes(lower, x=("Time, s", None), y=(f"Predicted less measured, {unit}" if first else "", "pressure"))
+    lower.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+    for ax in (upper, lower):
+        ax.tick_params(labelleft=first)
+
+
+def _heading(ax: Axes, trial: Trial, found: CircuitFit, letters: int) -> None:
+    name = Path(trial.name).name
+    name = name if len(name) <= letters else "…" + name[1 - letters :]
+    style.heading(ax, name, above=31.0)
+    errors = [e for e in found.errors if e.trial == trial.name and e.channel.endswith(PRESSURE)]
+    rms = float(np.sqrt(np.mean([e.rms**2 for e in errors])))
+    largest = max(e.largest for e in errors)
+    word = "fitted" if _fitted(found, trial) else "predicted"
+    text = f"{word}: rms {_told(rms)}, largest {_told(largest)}"
+    style.note(ax, text, y=1.0, dy=20.0, va="bottom", color=INK_2)
+
+
+def _told(pressure: float) -> str:
+    unit = "mbar" if pressure < FINE else "bar"
+    rounded = float(f"{from_si(pressure, 'Pa', unit):.2g}")
+    return f"{style.number(rounded)}\N{NO-BREAK SPACE}{unit}"
+
+
+def _key(ax: Axes, channels: Sequence[str], *, grey: bool) -> None:
+    """Channels in the looks of their lines, right of the axes."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Line2D | Patch] = [Line2D([], [], color=INK, lw=0.6, label="measured")]
+    for i, channel in enumerate(channels):
+        name = channel.removesuffix(PRESSURE).replace("_", " ")
+        name = name if len(name) <= 17 else name[:16] + "…"
+        look: Any = {"color": COLOURS["pressure"], "alpha": _opacity(i, channels), "ls": _dash(i)}
+        handles.append(Line2D([], [], lw=style.HEAVY + 0.3, label=name if i else f"{name}, predicted", **look))
+    colours = [INK, *[COLOURS["pressure"]] * len(channels), INK_2]
+    if grey:
+        handles.append(Patch(fc=SUNKEN, ec=RULE, lw=style.HAIR, label="not seen by the fit"))
+    ax.legend(
+        handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.03), frameon=False, fontsize=SMALL, handlelength=2.8,
+        labelcolor=colours[: len(handles)], labelspacing=0.35, borderpad=0.2,
+    )  # fmt: skip
+
+
+def _fitted(found: CircuitFit, trial: Trial) -> bool:
+    return any(e.fitted for e in found.errors if e.trial == trial.name)
+
+
+def _opacity(i: int, channels: Sequence[str]) -> float:
+    return style.graded(len(channels), 0.45)[::-1][i]
+
+
+def _dash(i: int) -> Any:
+    return RECORDING_DASHES[i % len(RECORDING_DASHES)]
+
+
+def _levels(found: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) -> tuple[float, float]:
+    """Ends of the axes of pressure [bar]: what was measured, and of what was predicted what is not far beyond."""
+    known = np.concatenate([np.asarray(t.measured[c]) for t in trials for c in channels if c in t.channels])
+    low, high = float(known.min()), float(known.max())
+    room = 0.6 * max(high - low, 0.01 * high, 1.0)
+    model = np.concatenate([found.predicted[t.name][c] for t in trials for c in channels if c in t.channels])
+    low, high = (
+        min(low, max(float(model.min()), low - room, 0.0)),
+        max(high, min(float(model.max()), high + room)),
+    )
+    edge = 0.05 * max(high - low, 1.0)
+    return from_si(low - edge, "Pa", "bar"), from_si(high + edge, "Pa", "bar")
+
+
+def _limit(found: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) -> float:
+    """End of the axes of differences [Pa]: the largest one, but not more than was measured at all."""
+    pairs = [
+        (found.predicted[t.name][c], np.asarray(t.measured[c])) for t in trials for c in channels if c in t.channels
+    ]
+    largest = max(float(np.abs(predicted - measured).max()) for predicted, measured in pairs)
+    highest = max(float(measured.max()) for _, measured in pairs)
+    return 1.1 * max(min(largest, highest), 1.0)

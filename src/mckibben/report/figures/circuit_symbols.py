@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.path import Path
 
 from .style import INK, LINE, PANEL, SUNKEN
+
+if TYPE_CHECKING:
+    from matplotlib.path import Path
 
 THIN = 0.9
 LEVEL = 12.0  # between two ports on one side
@@ -56,7 +58,7 @@ class Mark(NamedTuple):
     def placed(self, x: float, y: float, *, mirrored: bool = False) -> Mark:
         """The same at another place, left and right exchanged where asked."""
         sign = -1.0 if mirrored else 1.0
-        return self._replace(path=Path(np.asarray(self.path.vertices, float) * [sign, 1.0] + [x, y], self.path.codes))
+        return self._replace(path=_path(np.asarray(self.path.vertices, float) * [sign, 1.0] + [x, y], self.path.codes))
 
 
 class Port(NamedTuple):
@@ -86,19 +88,30 @@ class Symbol(NamedTuple):
 
 # ---- strokes
 
+MOVETO, LINETO, CURVE4, CLOSEPOLY = 1, 2, 4, 79  # codes of matplotlib's paths
+
+
+def _path(vertices: Any, codes: Any = None, *, closed: bool = False) -> Path:
+    """A path; drawing is loaded when the first one is made."""
+    from matplotlib.path import Path
+
+    return Path(vertices, codes, closed=closed)
+
 
 def line(*points: Point, width: float = LINE, dash: tuple[float, ...] = (), colour: str = INK) -> Mark:
     """An open line through points."""
-    return Mark(Path(list(points)), width=width, dash=dash, colour=colour)
+    return Mark(_path(list(points)), width=width, dash=dash, colour=colour)
 
 
 def shape(*points: Point, fill: str = PANEL, width: float = LINE) -> Mark:
     """A closed polygon."""
-    return Mark(Path([*points, points[0]], closed=True), fill, width)
+    return Mark(_path([*points, points[0]], closed=True), fill, width)
 
 
 def circle(x: float, y: float, radius: float, fill: str = PANEL) -> Mark:
     """A circle."""
+    from matplotlib.path import Path
+
     return Mark(Path.circle((x, y), radius), fill)
 
 
@@ -141,7 +154,9 @@ def source() -> Symbol:
     return Symbol(marks, Box(-21.0, -12.0, 0.0, 12.0), (Port(0.0, 0.0, 1),), (-20.0, 10.5))
 
 
-DOT = circle(0.0, 0.0, 2.6, fill=INK)
+def dot() -> Mark:
+    """The filled dot of a junction."""
+    return circle(0.0, 0.0, 2.6, fill=INK)
 
 
 def tank(volume: float) -> Symbol:
@@ -160,10 +175,10 @@ def tank(volume: float) -> Symbol:
         (-r, lower - k),
         (-r, lower),
     ]
-    codes = [Path.MOVETO, Path.LINETO, *[Path.CURVE4] * 6, Path.LINETO, *[Path.CURVE4] * 6, Path.CLOSEPOLY]
-    body = Mark(Path([*vertices, vertices[0]], codes), PANEL)
+    codes = [MOVETO, LINETO, *[CURVE4] * 6, LINETO, *[CURVE4] * 6, CLOSEPOLY]
+    body = Mark(_path([*vertices, vertices[0]], codes), PANEL)
     return Symbol(
-        (line((0.0, 0.0), (0.0, top)), body, DOT), Box(-9.0, top - size - 1.0, 9.0, 3.5), _ends(0.0), (0.0, 3.5)
+        (line((0.0, 0.0), (0.0, top)), body, dot()), Box(-9.0, top - size - 1.0, 9.0, 3.5), _ends(0.0), (0.0, 3.5)
     )
 
 
@@ -189,7 +204,7 @@ def muscle(angle: float | None, *, hanging: bool) -> Symbol:
         marks += [line((end + i * ends / 4, y - 5.0), (end + i * ends / 4, y + 5.0), width=THIN) for i in (1, 2, 3)]
     right = left + long + ends
     return Symbol(
-        (*marks, DOT), Box(-3.5, y - half - 1.0, right + 1.0, max(y + half + 1.0, 3.5)), _ends(0.0), (right, y)
+        (*marks, dot()), Box(-3.5, y - half - 1.0, right + 1.0, max(y + half + 1.0, 3.5)), _ends(0.0), (right, y)
     )
 
 
@@ -213,7 +228,7 @@ def _threads(left: float, y: float, long: float, half: float, angle: float) -> l
                 edge = _bulge(at, long, half)
                 across = hand * slope * (at - start - run / 2.0)
                 # A thread stays within the narrowing beside the fittings.
-                parts.append(Path(np.column_stack([left + at, y + np.clip(across, -edge, edge)])))
+                parts.append(_path(np.column_stack([left + at, y + np.clip(across, -edge, edge)])))
             start += gap
     return parts
 
@@ -228,7 +243,7 @@ def _ends(x: float) -> tuple[Port, Port]:
 def restriction(ports: Sequence[str], driven: bool) -> Symbol:
     """Two arcs that narrow a line; an arrow across where a command opens it."""
     arcs = [
-        Mark(Path([(-11.0, s * 9.5), (-5.0, s * 1.2), (5.0, s * 1.2), (11.0, s * 9.5)], _CURVE)) for s in (1.0, -1.0)
+        Mark(_path([(-11.0, s * 9.5), (-5.0, s * 1.2), (5.0, s * 1.2), (11.0, s * 9.5)], _CURVE)) for s in (1.0, -1.0)
     ]
     marks = [line((-14.0, 0.0), (14.0, 0.0)), *arcs]
     if driven:
@@ -239,7 +254,7 @@ def restriction(ports: Sequence[str], driven: bool) -> Symbol:
     )
 
 
-_CURVE = [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4]
+_CURVE = [MOVETO, CURVE4, CURVE4, CURVE4]
 
 
 def leak(ports: Sequence[str], driven: bool) -> Symbol:
@@ -250,7 +265,7 @@ def leak(ports: Sequence[str], driven: bool) -> Symbol:
         tip, r = (x, y), 2.6 * s
         vertices = [tip, (x + r, y - 4 * s), (x + r * 1.3, y - 8 * s), (x, y - 8 * s)]
         vertices += [(x - r * 1.3, y - 8 * s), (x - r, y - 4 * s), tip]
-        drops.append(Mark(Path(vertices, [Path.MOVETO, *[Path.CURVE4] * 6]), INK, 0.5))
+        drops.append(Mark(_path(vertices, [MOVETO, *[CURVE4] * 6]), INK, 0.5))
     return plain._replace(marks=(*plain.marks, *drops), box=plain.box._replace(y0=-21.0))
 
 
@@ -286,3 +301,137 @@ def plain_box(name: str, width: float) -> Callable[[Sequence[str], bool], Symbol
 def level_ports(x: float) -> tuple[Port, Port]:
     """The ports of a part that stands in its line."""
     return Port(-x, 0.0, -1), Port(x, 0.0, 1)
+
+
+BOX = 26.0
+
+
+_EXHAUST = ("exhaust", "vent", "relief", "atmosphere", "r", "s", "ea", "eb", "3", "5")
+_SUPPLY = ("supply", "inlet", "in", "p", "source", "1")
+
+
+def roles(ports: Sequence[str]) -> list[str]:
+    """What each port is for: in, out or exhaust; the first port is the inlet where no name says so."""
+    found = [
+        "exhaust" if p.startswith(_EXHAUST[:4]) or p in _EXHAUST else "in" if p in _SUPPLY else "out" for p in ports
+    ]
+    if "in" not in found:
+        found[0] = "in"
+    return found
+
+
+def _by_role(ports: Sequence[str], at: dict[str, Port]) -> tuple[Port, ...]:
+    return tuple(at[role] for role in roles(ports))
+
+
+def check_valve(ports: Sequence[str], driven: bool) -> Symbol:
+    """A ball in its seat; gas lifts it from left to right."""
+    seat = line((3.0, 11.0), (-8.5, 0.0), (3.0, -11.0))
+    marks = (line((-11.0, 0.0), (-8.5, 0.0)), seat, circle(0.0, 0.0, 5.9), line((5.9, 0.0), (11.0, 0.0)))
+    return Symbol(marks, Box(-11.0, -12.0, 11.0, 12.0), level_ports(11.0), (0.0, 12.0))
+
+
+def regulator(ports: Sequence[str], driven: bool) -> Symbol:
+    """A pressure reducing valve: adjustable spring on top, pilot line from its outlet."""
+    marks = [rectangle(-13.0, -13.0, 13.0, 13.0), line((13.0, 0.0), (18.0, 0.0))]
+    marks += arrow((-13.0, -4.0), (13.0, -4.0))
+    marks.append(line((18.0, 0.0), (18.0, -19.0), (0.0, -19.0), (0.0, -13.0), width=THIN, dash=(3.0, 2.0)))
+    marks.append(spring(0.0, 13.0, 14.0))
+    marks += arrow((-12.0, 14.0), (12.0, 28.0), width=0.7)
+    at = {"in": Port(-13.0, 0.0, -1), "out": Port(18.0, 0.0, 1), "exhaust": Port(13.0, -9.0, 1)}
+    return Symbol(tuple(marks), Box(-14.0, -20.0, 19.0, 29.0), _by_role(ports, at), (0.0, 27.0))
+
+
+def quick_exhaust(ports: Sequence[str], driven: bool) -> Symbol:
+    """A ball between the seats of inlet and exhaust, the outlet from between them: inlet left, exhaust below."""
+    marks = [Mark(rectangle(-19.0, -17.0, 19.0, 13.0).path, PANEL, THIN, dash=(5.0, 2.0, 1.0, 2.0))]
+    marks += [line((-19.0, 0.0), (-9.0, 0.0)), line((-3.0, 7.0), (-9.0, 0.0), (-3.0, -7.0)), circle(-3.0, 0.0, 3.9)]
+    marks += [line((0.0, 4.0), (0.0, 10.0), (14.0, 10.0), (14.0, 0.0), (19.0, 0.0))]
+    marks += [line((3.0, 7.0), (9.0, 0.0), (3.0, -7.0)), line((9.0, 0.0), (9.0, -11.0), (19.0, -11.0))]
+    at = {"in": Port(-19.0, 0.0, -1), "out": Port(19.0, 0.0, 1), "exhaust": Port(19.0, -11.0, 1)}
+    return Symbol(tuple(marks), Box(-20.0, -18.0, 20.0, 14.0), _by_role(ports, at), (0.0, 14.0))
+
+
+def on_off_valve(ports: Sequence[str], driven: bool) -> Symbol:
+    """Two positions, a spring below and a solenoid above; 2/2, 3/2 or more by its ports."""
+    return _valve(ports, positions=2, proportional=False)
+
+
+def proportional_valve(ports: Sequence[str], driven: bool) -> Symbol:
+    """Three positions with all between them: two lines along the boxes, an arrow across the solenoid."""
+    return _valve(ports, positions=3, proportional=True)
+
+
+def _valve(ports: Sequence[str], *, positions: int, proportional: bool) -> Symbol:
+    role = roles(ports)
+    works, exhausts = role.count("out"), role.count("exhaust")
+    levels = max(works, role.count("in") + exhausts)
+    high, wide = BOX + LEVEL * (levels - 1), BOX / 2.0 + 2.0
+    low = -LEVEL * (levels - 1) - BOX / 2.0
+    kinds = ["fill", "vent"] if positions == 2 else ["fill", "closed", "vent"]
+    if not exhausts:
+        kinds = ["fill", "closed"]
+    rest = 1 if len(kinds) == 3 else 0  # boxes below the one that the lines meet
+    bottom = low - high * rest
+    marks: list[Mark] = []
+    for i, kind in enumerate(reversed(kinds)):
+        marks.append(rectangle(-wide, bottom + i * high, wide, bottom + (i + 1) * high))
+        marks += _inside(kind, wide, (i - rest) * high, role)
+    top = bottom + len(kinds) * high
+    marks += [spring(0.0, bottom - 11.0, 11.0), line((-6.0, bottom - 11.0), (6.0, bottom - 11.0), width=THIN)]
+    marks += [rectangle(-9.0, top, 9.0, top + 9.0), line((-4.0, top), (4.0, top + 9.0), width=THIN)]
+    side = wide
+    if proportional:
+        side = wide + 3.5
+        marks += [line((s * side, bottom), (s * side, top), width=THIN) for s in (-1, 1)]
+        marks += arrow((-11.0, top - 2.0), (12.0, top + 13.0))
+    at, used = [], {-1: 0, 1: 0}
+    for r in sorted(range(len(ports)), key=lambda i: ("in", "out", "exhaust").index(role[i])):
+        way = 1 if role[r] == "out" else -1
+        at.append((r, Port(way * side, -LEVEL * used[way], way)))
+        marks.append(line((way * wide, at[-1][1].y), (way * side, at[-1][1].y)))
+        used[way] += 1
+    box = Box(-side, bottom - 12.0, side, top + (14.0 if proportional else 10.0))
+    return Symbol(tuple(marks), box, tuple(p for _, p in sorted(at)), (0.0, top + 9.0))
+
+
+def _inside(kind: str, wide: float, y: float, role: Sequence[str]) -> list[Mark]:
+    """What a position joins, drawn into its box."""
+    left = [y - LEVEL * i for i in range(role.count("in") + role.count("exhaust"))]
+    right = [y - LEVEL * i for i in range(role.count("out"))]
+    open_left, open_right = set(left), set(right)
+    marks: list[Mark] = []
+
+    def join(start: Point, end: Point) -> None:
+        marks.extend(arrow(start, end))
+        open_left.discard(start[1] if start[0] < 0 else end[1])
+        open_right.discard(start[1] if start[0] > 0 else end[1])
+
+    if kind != "closed":
+        first, second = (0, 1) if kind == "fill" else (1, 0)
+        exit_ = left[-1] if len(left) < 3 else left[1 + first]
+        if kind == "fill" or len(right) > 1:
+            join((-wide, left[0]), (wide, right[first]))
+        if kind == "vent":
+            join((wide, right[0]), (-wide, left[1] if len(left) > 1 else left[0]))
+        elif len(right) > 1 and len(left) > 1:
+            join((wide, right[second]), (-wide, exit_))
+    for sign, free in ((-1.0, open_left), (1.0, open_right)):
+        for at in sorted(free):
+            marks.append(line((sign * wide, at), (sign * (wide - 6.0), at), width=THIN))
+            marks.append(line((sign * (wide - 6.0), at - 3.5), (sign * (wide - 6.0), at + 3.5), width=THIN))
+    return marks
+
+
+# By the name that an element declares as its `symbol`.
+SYMBOLS: dict[str, Callable[[Sequence[str], bool], Symbol]] = {
+    "restriction": restriction,
+    "leak": leak,
+    "check_valve": check_valve,
+    "on_off_valve": on_off_valve,
+    "proportional_valve": proportional_valve,
+    "regulator": regulator,
+    "quick_exhaust": quick_exhaust,
+    "compressor": compressor,
+    "tube": tube,
+}

@@ -7,11 +7,9 @@ each line ends in its letter, so that the figure reads in greyscale too.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from ...errors import InputError
 from ...quantities import from_si
@@ -19,6 +17,11 @@ from ...studies.comparison.match import Match
 from ...studies.comparison.protocols import LOAD, PULSE, STIFF_AT, Trials
 from . import style
 from .style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 WIDTH = style.WIDE  # [inch]
 LEFT, RIGHT, FOOT, KEY_LINE, KEY, GAP_X, GAP_Y, TALL = 0.42, 0.4, 0.5, 0.2, 0.3, 0.62, 1.02, 1.72  # [inch]

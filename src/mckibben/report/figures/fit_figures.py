@@ -9,20 +9,23 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from ...identification import Fit
 from ...muscles.law import TensionLaw
 from ...muscles.laws import law_type
 from ...quantities import declared, from_si
 from ...recordings import ForceMap
-from ..study import Study
+from ..fit_study import Study
 from . import style
 from .style import CAUTION, COLOURS, INK, INK_2, INK_3, PANEL, RULE, SUNKEN, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 MOST_LINES, MOST_LABELS, MOST_PANELS = 24, 8, 3
 FINE = 61

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from ...quantities import from_si
 from ...recordings.recording import Recording
 from . import style
-from .recording_panels import checked_names, envelope
+from .recording_figures import checked_names, envelope
 from .style import DASHES, SMALL, SUNKEN
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 WIDTH = 8.4  # [inch]
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ...quantities import from_si
 from ...studies.muscle_loops import TARGET, LoopStudy, StepCreep
 from . import style
 from .style import COLOURS, INK, INK_2, INK_3, RULE, SUNKEN, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 HEIGHT = 6.9  # [inch]
 LEFT, FOOT, TOP, GAP_X, GAP_Y = 0.5, 0.55, 0.75, 0.7, 1.25  # [inch]
@@ -76,6 +78,8 @@ def _width(ax: Axes, study: LoopStudy) -> None:
 
 
 def _creep(ax: Axes, step: StepCreep) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
     mm, fit = from_si(1.0, "m", "mm"), step.fit
     seen, time = fit.train, fit.time
     late = step.late

@@ -18,17 +18,17 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.text import Text
-from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from ...documents import write_text, write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
+
 
 INK, INK_2, INK_3 = "#14181b", "#454d51", "#5c6468"
 PANEL, GRID, RULE, SUNKEN = "#fcfcfa", "#e6e8e4", "#d9dcd7", "#e9ebe7"
@@ -97,12 +97,16 @@ _RC: dict[str, Any] = {
 @contextlib.contextmanager
 def styled() -> Iterator[None]:
     """The settings of all figures, as a context or a decorator; a user's own matplotlib settings are left out."""
+    import matplotlib
+
     with matplotlib.rc_context(_settings()):
         yield
 
 
 @functools.cache
 def _settings() -> Any:
+    import matplotlib
+
     left_out = ("backend", "backend_fallback", "toolbar", "interactive", "webagg", "tk.", "savefig.directory", "date.")
     plain = {k: v for k, v in matplotlib.rcParamsDefault.items() if not k.startswith(left_out)}
     return plain | _RC
@@ -110,6 +114,9 @@ def _settings() -> Any:
 
 def figure(width: float, height: float) -> Figure:
     """An empty figure of a width and height [inch]."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     fig = Figure(figsize=(width, height))
     FigureCanvasAgg(fig)
     return fig
@@ -123,6 +130,8 @@ def quantity_axes(ax: Axes, *, x: tuple[str, str | None], y: tuple[str, str | No
         x: title with its unit, such as ``"Length, cm"``, and the quantity, or None for something derived.
         y: the same; it stands above the axis, so that it is read without turning the head.
     """
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
+
     ax.set_xlabel(x[0], color=colour(x[1]), fontweight="bold", fontsize=SMALL + 0.5, labelpad=3)
     ax.set_ylabel(y[0], color=colour(y[1]), fontweight="bold", fontsize=SMALL + 0.5, rotation=0, ha="left", va="bottom")
     ax.yaxis.set_label_coords(0.0, 1.0, transform=ax.transAxes + shift(ax, 0, 5))

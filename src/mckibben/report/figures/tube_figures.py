@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from ...quantities import from_si
-from ...studies.tube_models import Case, models
-from ...studies.tube_records import LARGE, PERIOD, SMALL
+from ...studies.tube_models import LARGE, PERIOD, SMALL, Case, models
 from ...studies.tube_study import PAPERS, TubeStudy
 from . import style
 from .style import COLOURS, INK, INK_2, INK_3, PANEL, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 SHOWN = (*PAPERS, "lumped")
 DASHES = dict(zip(SHOWN, ((0, (1.2, 1.8)), (0, (5, 1.7, 1.2, 1.7)), (0, (4, 2.3)), "-"), strict=True))

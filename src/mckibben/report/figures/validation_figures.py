@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from ...errors import InputError
 from ...muscles.laws import law_type
 from ...studies.validation import StaticResult, Validation, ordered_laws
 from . import style
 from .style import COLOURS, INK, INK_2, INK_3, PANEL, RULE, SUNKEN, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 SHADE = COLOURS["tension"]
 LOW, HIGH = 0.2, 100.0  # ends of the axes [% of the largest tension]

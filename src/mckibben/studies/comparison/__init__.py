@@ -4,8 +4,7 @@ Everything is relative to the muscle: lengths to its rest length L0, tensions to
 the drive to the full one. A pressure set-point over the full pressure is what an activation is to a biological muscle.
 """
 
-from .subject import FULL_PRESSURE, Subject, subject
-from .table import PROPERTIES, Column, Property, Row, Table, compare
+from .table import FULL_PRESSURE, PROPERTIES, Column, Property, Row, Subject, Table, compare, subject
 
 __all__ = [
     "FULL_PRESSURE", "PROPERTIES", "Column", "Property", "Row", "Subject", "Table", "compare", "subject",

@@ -16,12 +16,10 @@ from typing import Any
 import numpy as np
 
 from ...analysis.channels import smoothed
-from ...analysis.force_velocity import fit_hill, force_velocity_point
 from ...analysis.loops import loop
-from ...analysis.power import power_density
 from ...analysis.segments import segments
-from ...analysis.steps import step_responses, unsettled
-from ...analysis.twitch import twitch
+from ...analysis.shortening import fit_hill, force_velocity_point, power_density
+from ...analysis.steps import step_responses, twitch, unsettled
 from ...assembly.muscle_unit import MuscleUnit
 from ...bench.prepare import prepare
 from ...bench.rig import Rig
@@ -30,9 +28,8 @@ from ...errors import ConvergenceError, InputError
 from ...experiments.protocol import Protocol
 from ...experiments.read import build_protocol, parse_protocol, protocol, with_values
 from ...recordings import Channel, Recording
-from .fibre import fibre_run
-from .subject import Subject
-from .table import Column, law_column
+from ._fibre import fibre_run
+from .table import Column, Subject, law_column
 
 RIGS = ("paper", "modern")  # the first that takes all muscles of a comparison
 PULSE = 0.05  # of the twitch: the valve of the paper needs 48 ms to fill the muscle [s]

@@ -1,8 +1,8 @@
-"""Table 1 for any muscles: from their laws, from recordings, and beside both what is published of biological muscle.
+"""One muscle to compare, braided or biological, with the same questions for both.
 
-The properties are those by which C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996,
-doi:10.1109/70.481753, compare; those that need a protocol are added by `protocols`. A property that nothing tells stays
-None: a law without velocity has no largest one.
+drive          0 to 1: gauge pressure over the full pressure, or activation
+F0             tension at the rest length L0, fully driven, at rest, without friction
+relative       length over L0, tension over F0
 """
 
 from __future__ import annotations
@@ -10,15 +10,132 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...analysis import biology
-from ...analysis.characteristics import static_characteristics
+import numpy as np
+
+from ...analysis import characteristics
+from ...analysis.channels import known
+from ...analysis.characteristics import circle_area, static_characteristics
 from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
+from ...analysis.loops import loop, paths, peak_velocity
+from ...analysis.segments import segments, steps_of
+from ...analysis.shortening import ShorteningPower, power_density, shortening_power
+from ...assembly.build import unit_from_specimen
+from ...assembly.muscle_unit import MuscleUnit
 from ...errors import InputError, NoVolumeError
-from ...quantities import from_si
+from ...muscles.biological import BiologicalMuscle
+from ...muscles.build import from_specimen
+from ...quantities import from_si, with_unit
+from ...recordings import Recording, read_recording
+from ...specimens import Specimen, specimen
 from ...specimens.published import PublishedRange, published_ranges
-from .subject import FULL_PRESSURE, Subject, subject
+
+FULL_PRESSURE = 5e5  # at which the paper compares its muscles [Pa]
+LEAST = 0.99  # of the rest length: a muscle that is free there already makes no tension worth comparing
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A muscle in a comparison.
+
+    `unit` is a braided muscle and `fibre` a biological one, the other is None; `full` is the drive that counts as 1: a
+    gauge pressure [Pa], or an activation [1]. `section_area` [m^2] is None where nothing tells it, and `area_from` says what
+    did.
+    """
+
+    spec: Specimen
+    unit: MuscleUnit | None
+    fibre: BiologicalMuscle | None
+    full: float
+    rest_length: float
+    upper_length: float
+    section_area: float | None
+    area_from: str
+
+    @property
+    def id(self) -> str:
+        """Of its specimen."""
+        return self.spec.id
+
+    @property
+    def law(self) -> Any:
+        """What tells its tension, stiffness and free length at a length [m] and a drive [Pa or 1]."""
+        return self.fibre if self.fibre is not None else self.unit.law  # type: ignore[union-attr]
+
+    @property
+    def full_tension(self) -> float:
+        """F0 [N]."""
+        return float(self.law.tension(self.rest_length, self.full))
+
+    def tension(self, relative_length: Any, drive: Any = 1.0) -> np.ndarray:
+        """Static tension over F0 [1] at lengths over L0 [1] and drives [1], any shape."""
+        length, pull = np.asarray(relative_length, float) * self.rest_length, np.asarray(drive, float) * self.full
+        return np.asarray(self.law.tension(length, pull)) / self.full_tension
+
+    def stiffness(self, relative_length: Any, drive: Any = 1.0) -> np.ndarray:
+        """Static stiffness dF/dL times L0 over F0 [1], any shape."""
+        length, pull = np.asarray(relative_length, float) * self.rest_length, np.asarray(drive, float) * self.full
+        return np.asarray(self.law.stiffness(length, pull)) * self.rest_length / self.full_tension
+
+
+def subject(
+    what: str | os.PathLike[str] | Specimen, *, pressure: float = FULL_PRESSURE, law: str | None = None
+) -> Subject:
+    """A muscle from its specimen.
+
+    Args:
+        what: a specimen, its id or file.
+        pressure: the gauge pressure that counts as the full drive of a McKibben muscle [Pa].
+        law: one that the specimen states; its default law where left out.
+
+    Raises:
+        InputError: it is no muscle, the pressure is none, or the muscle does not pull at its rest length.
+    """
+    spec = what if isinstance(what, Specimen) else specimen(what)
+    if spec.kind == "valve":
+        raise InputError("specimen", spec.id, "it is a valve; allowed is a muscle", where=spec.where)
+    if not 0.0 < pressure <= 1e8:
+        raise InputError("pressure", with_unit(pressure, "Pa"), "allowed is above 0 up to 1000 bar gauge")
+    if spec.kind == "biological":
+        fibre: BiologicalMuscle = from_specimen(spec, law)
+        return Subject(
+            spec, None, fibre, 1.0, float(fibre.rest_length), float(fibre.plateau_end * fibre.rest_length),
+            float(fibre.section_area), "stated",
+        )  # fmt: skip
+    unit = unit_from_specimen(spec, law=law)
+    rest = _length(spec, unit, "rest_length")
+    upper = _length(spec, unit, "upper_length")
+    free = float(unit.law.free_length(pressure))
+    if not free < LEAST * min(rest, upper):
+        said = f"{spec.id} pulls nothing at its rest length of {with_unit(rest, 'm')}; allowed is a higher one"
+        raise InputError("pressure", with_unit(pressure, "Pa"), said)
+    area, area_from = _section(spec, unit, pressure, free)
+    return Subject(spec, unit, None, pressure, rest, upper, area, area_from)
+
+
+def _length(spec: Specimen, unit: MuscleUnit, name: str) -> float:
+    if name in spec.properties:
+        return spec.property_si(name, "m")
+    own = getattr(unit.law, name, None)
+    if own is None and name == "upper_length":
+        own = unit.law.length_range()[1]
+    if own is None:
+        raise InputError(f"properties.{name}", "missing", "a comparison needs it", where=spec.where or spec.id)
+    return float(own)
+
+
+def _section(spec: Specimen, unit: MuscleUnit, pressure: float, free: float) -> tuple[float | None, str]:
+    """Cross section at maximal shortening [m^2], and what tells it."""
+    if "section_area" in spec.properties:
+        return spec.property_si("section_area", "m^2"), "stated"
+    if "diameter_shortened" in spec.properties:
+        return circle_area(spec.property_si("diameter_shortened", "m")), "stated diameter"
+    try:
+        return float(unit.law.volume(free, pressure)) / free, "volume over length of the law, at its shortest"
+    except NoVolumeError:
+        return None, "unknown"
 
 
 class Property(NamedTuple):
@@ -146,8 +263,6 @@ def compare(
     Raises:
         InputError: nothing to compare, or what a muscle or a recording lacks.
     """
-    from .recorded import column_of
-
     subjects = [m if isinstance(m, Subject) else subject(m, pressure=pressure) for m in muscles]
     columns = [law_column(s) for s in subjects] + [column_of(file) for file in recordings]
     if not columns:
@@ -207,7 +322,7 @@ def _efficiency(muscle: Subject, friction: float) -> tuple[dict[str, float], str
 def _biological(muscle: Subject) -> tuple[dict[str, float], tuple[str, ...]]:
     fibre, area = muscle.fibre, muscle.section_area
     assert fibre is not None and area is not None
-    c = biology.comparison(fibre)
+    c = characteristics.comparison(fibre)
     values = {
         "rest_length": muscle.rest_length, "shortest": c.dynamic_range.shortest, "longest": c.dynamic_range.longest,
         "dynamic_range": c.dynamic_range.width, "maximum_tension": c.tension_intensity * area,
@@ -218,3 +333,159 @@ def _biological(muscle: Subject) -> tuple[dict[str, float], tuple[str, ...]]:
     }  # fmt: skip
     sized = [p for p in ("rest_length", "section_area") if muscle.spec.laws[muscle.spec.law][p].inferred]
     return values, ("its size is inferred: compare densities and intensities",) if sized else ()
+
+
+LENGTHS = ("span", "muscle.length", "muscle.span", "length")
+TENSIONS = ("tension", "muscle.tension")
+PRESSURES = ("pressure", "muscle.pressure")
+STEADY = 0.1  # of its mean: a drive that moves less is constant
+NEAR_TOP = 0.9  # of the highest constant drive: cycles there are compared
+SLACK = 0.02  # of the largest tension: shorter lengths carry none
+GRID = 401
+
+
+class _Piece(NamedTuple):
+    """Cycles: the part of a recording, mean drive (0 where none is recorded), its movement, and the peak velocity [m/s]."""
+
+    record: Recording
+    drive: float
+    moves: float
+    velocity: float
+
+
+def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = None) -> Column:
+    """What a recording says of its muscle [SI].
+
+    Args:
+        file: a recording, or its file. Its meta must tell the rest length: ``rest_length`` [m], or a ``specimen`` that is
+            known, which also tells the section.
+        name: of the column; that of the file, or of the protocol, where left out.
+
+    Raises:
+        InputError: it cannot be read, has no length or no tension, tells no rest length, or has no full cycle.
+    """
+    if isinstance(file, Recording):
+        record, where = file, str(file.meta.get("title", "recording"))
+    else:
+        record, where = read_recording(Path(file)), str(file)
+    own = name or (where if isinstance(file, Recording) else Path(file).stem)
+    try:
+        return _column(record, own)
+    except InputError as error:
+        raise error if error.where else error.at(where) from None
+
+
+def _column(record: Recording, name: str) -> Column:
+    length, tension = _channel(record, LENGTHS, "length"), _channel(record, TENSIONS, "tension")
+    muscle = _muscle(record)
+    rest, area = _rest_length(record, muscle), None if muscle is None else muscle.section_area
+    pieces = _pieces(record, length)
+    values: dict[str, float] = {"rest_length": rest, "maximum_tension": float(known(record, tension).max())}
+    notes = ["largest velocity is the largest seen"]
+    steady = [p for p in pieces if p.moves <= STEADY]
+    if steady:
+        top = max(p.drive for p in steady)
+        slowest = min((p for p in steady if p.drive >= NEAR_TOP * top), key=lambda p: p.velocity)
+        found, said = _static(slowest.record, length, tension, rest)
+        values, notes = values | found, [*notes, *said]
+        if top > 0.0:
+            notes.append(f"static rows at {with_unit(slowest.drive, 'Pa')}")
+    else:
+        notes.append("no cycle at constant drive: no static rows")
+    powers = [shortening_power(p.record, length=length, tension=tension) for p in pieces]
+    values["maximum_velocity"] = max(p.peak_velocity for p in powers) / rest
+    if area is not None:
+        values |= _per_volume(values, powers, area, rest)
+    else:
+        notes.append("no section is known: nothing per section or volume")
+    title = str(record.meta.get("title") or name)
+    return Column(name, title, "recording", values, tuple(notes))
+
+
+def _static(record: Recording, length: str, tension: str, rest: float) -> tuple[dict[str, float], list[str]]:
+    both = paths(record, length=length, tension=tension)
+    ends = max(p.length[0] for p in both), min(p.length[-1] for p in both)
+    at = np.linspace(*ends, GRID)
+    mean = 0.5 * (both.rising.at(at) + both.falling.at(at))
+    strongest = float(mean.max())
+    pulls = mean > SLACK * strongest
+    first = int(np.argmax(pulls))
+    notes = (
+        [] if first > 0 or mean[0] <= 2.0 * SLACK * strongest else ["zero tension was not reached: range as visited"]
+    )
+    low, high = float(at[first]), float(at[-1])
+    found = {
+        "shortest": low / rest, "longest": high / rest, "dynamic_range": (high - low) / rest,
+        "maximum_tension": strongest, "stiffness": float(mean[-1] - mean[first]) / (high - low) * rest,
+        "work": float(np.trapezoid(mean[first:], at[first:])) / rest,
+        "coulomb_friction": loop(record, length=length, tension=tension).friction,
+    }  # fmt: skip
+    return found, notes
+
+
+def _per_volume(values: dict[str, float], powers: list[ShorteningPower], area: float, rest: float) -> dict[str, float]:
+    size: dict[str, Any] = {"section_area": area, "rest_length": rest}
+    found = {
+        "section_area": area, "tension_intensity": values["maximum_tension"] / area,
+        "mean_power_density": power_density(max(p.mean_power for p in powers), **size),
+        "peak_power_density": power_density(max(p.peak_power for p in powers), **size),
+    }  # fmt: skip
+    if "stiffness" in values:
+        found |= {"stiffness_intensity": values["stiffness"] / area, "work_density": values["work"] / area}
+    return found
+
+
+def _channel(record: Recording, names: tuple[str, ...], what: str) -> str:
+    for name in names:
+        if name in record:
+            return name
+    raise InputError(
+        f"channel of {what}", "missing",
+        f"allowed is one of {', '.join(names)}; the recording has {', '.join(record.names()) or 'none'}",
+    )  # fmt: skip
+
+
+def _muscle(record: Recording) -> Subject | None:
+    """The specimen that the recording names, where it is known."""
+    name = record.meta.get("specimen")
+    if not isinstance(name, str):
+        return None
+    try:
+        return subject(name)
+    except InputError:
+        return None
+
+
+def _rest_length(record: Recording, muscle: Subject | None) -> float:
+    stated = record.meta.get("rest_length", None if muscle is None else muscle.rest_length)
+    if isinstance(stated, bool) or not isinstance(stated, int | float) or not 0.0 < stated < 100.0:
+        raise InputError(
+            "rest_length", "missing" if stated is None else str(stated),
+            "allowed is a length [m] in the meta of the recording, or the id of a known specimen under specimen",
+        )  # fmt: skip
+    return float(stated)
+
+
+def _pieces(record: Recording, length: str) -> list[_Piece]:
+    """The parts with full cycles of the length: the steps of the test machine, or the whole."""
+    try:
+        steps_of(record)
+        parts = segments(record)
+    except InputError:
+        parts = [record]
+    pressure = next((n for n in PRESSURES if n in record), None)
+    found, last = [], None
+    for part in parts:
+        try:
+            velocity = peak_velocity(part, length=length)
+        except InputError as error:
+            last = error
+            continue
+        drive = np.zeros(1) if pressure is None else known(part, pressure)
+        mean = float(np.mean(drive))
+        moves = float(np.ptp(np.quantile(drive, [0.01, 0.99]))) / mean if mean > 0.0 else 0.0
+        found.append(_Piece(part, mean, moves, velocity))
+    if not found:
+        assert last is not None
+        raise last
+    return found

@@ -4,15 +4,13 @@ found = size(Wish(force=50.0, stroke=0.03, pressure=5e5, length=0.2, diameter=0.
 found.muscles[0].margins, found.lines[0].to_force, found.sources[0].cycles
 """
 
-from .braid_design import OBJECTIVES, design
-from .braid_law import BRAID_LAWS, INFERRED, braid_law
+from .braid import OBJECTIVES, design
+from .braid_law import BRAID_LAWS, INFERRED, LawError, braid_law, error_of_braid, error_of_specimen
 from .candidate import VERDICTS, Candidate, Judged, judged, unit_of
 from .catalogue import of_size, of_sizes, of_specimen, of_specimens
 from .lines import WEIGHED, LineFound, lines_for, rank
-from .size import Sizing, size
-from .supply import SourceFound, sources_for
-from .trust import LawError, error_of_braid, error_of_specimen
-from .wish import Miss, Wish
+from .requirements import Miss, Wish
+from .size import Sizing, SourceFound, size, sources_for
 
 __all__ = [
     "BRAID_LAWS",

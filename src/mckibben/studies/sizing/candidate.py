@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from ...analysis.energy.volumes import PotentialMuscle, Probe
+from ...analysis.energy.muscle import PotentialMuscle, Probe
 from ...assembly.build import INFERRED as ASSEMBLED
 from ...assembly.muscle_unit import MuscleUnit
 from ...muscles.elements import Tendon
 from ...muscles.law import TensionLaw
 from ...pneumatics.gas import AIR
-from .trust import LawError
-from .wish import Wish
+from .braid_law import LawError
+from .requirements import Wish
 
 VERDICTS = ("yes", "within the error", "no")
 POINTS, REFINED = 256, 4  # lengths among which an end of a stroke is sought, and how often it is refined

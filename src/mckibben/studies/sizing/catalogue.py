@@ -11,10 +11,9 @@ from ...muscles.build import law_from_specimen
 from ...muscles.law import TensionLaw
 from ...specimens import Specimen, specimen, specimens
 from ...specimens.parts import CataloguePart, parts
-from .braid_law import usual
+from .braid_law import error_of_size, error_of_specimen, usual
 from .candidate import Candidate, Ends, judged
-from .trust import error_of_size, error_of_specimen
-from .wish import Wish
+from .requirements import Wish
 
 CUT = 0.01  # in steps of which a fluidic muscle is cut [m]
 SIZE_LAWS = {"DMSP-10-250": "hyperelastic_braid", "DMSP-20-300": "hyperelastic_braid", "festo-10mm": "seated_braid"}

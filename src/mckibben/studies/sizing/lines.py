@@ -32,10 +32,9 @@ from ...pneumatics.tubes import LumpedTube
 from ...pneumatics.valves import PressureRegulator
 from ...specimens import Specimen, specimen, specimen_ids
 from ...specimens.parts import CataloguePart, parts
+from ._circuit import Course, Lane, courses, settled_courses
 from .candidate import Judged, air_of_cycle, unit_of
-from .circuit import Course, Lane, courses
-from .settled import settled_courses
-from .wish import Wish
+from .requirements import Wish
 
 TUBES = ("PU-4x2", "PA-4x2.5", "paper-1/8", "PU-6x4", "PU-8x5")
 LENGTHS = (0.2, 1.0, 2.0)  # that the best valve is also tried with [m]

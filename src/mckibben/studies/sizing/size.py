@@ -1,18 +1,178 @@
-"""The whole question: which muscle, which valve and tube, which gas source for a wish."""
+"""Gas sources for a muscle: energy of a cycle, and how long a filling or a battery lasts.
+
+    bottle       work of filling it for the gas that a cycle takes; what is left below the supply's pressure is lost
+    compressor   isothermal R T ln r at best; adiabatic, and with its efficiency, as the compressor of the circuits
+    heated       a closed gas between a cold low pressure and the hot high one, with a reservoir beside the muscle:
+                 Th = T0 P (V1 + Vr)/(Px (V2 + Vr)),   Q = m cv (Th - T0) + P (V1 - V2)
+
+V2 and V1 are the muscle's volumes at both ends, P and Px absolute. The work of a cycle is the wished force times the stroke.
+Range: ideal gases; bottles at the temperature of the room, though a fast draught of CO2 cools them. The heated reservoir
+gives all its heat back to the room each cycle. Source of the choice: the discussion of C.-P. Chou and B. Hannaford, 1996,
+doi:10.1109/70.481753; the formulas are those of an ideal gas.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ...errors import InputError
+from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
+from ...components.flow import GasState
+from ...errors import InputError, MckibbenError
+from ...pneumatics.compressor import Compressor
+from ...pneumatics.gas import AIR, REFERENCE_DENSITY
+from ...quantities import with_unit
+from ...specimens.parts import CataloguePart, parts
 from . import catalogue
-from .braid_design import OBJECTIVES, design
+from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS
-from .candidate import VERDICTS, Candidate, Judged, judged, ranked
+from .candidate import VERDICTS, Candidate, Ends, Judged, judged, ranked
 from .lines import LENGTHS, LineFound, lines_for
-from .supply import SourceFound, piston_cycle, sources_for
-from .wish import Miss, Wish
+from .requirements import Miss, Wish
+
+
+@dataclass(frozen=True)
+class SourceFound:
+    """What a gas source gives.
+
+    Attributes:
+        id: of the part.
+        title: what it is.
+        form: ``bottle``, ``compressor`` or ``heated``.
+        energy: that a cycle costs at the source [J].
+        isothermal: what it would cost with an ideal compressor of constant temperature [J].
+        adiabatic: the same without heat exchange [J]; None where there is no compressor.
+        efficiency: force times stroke over `energy` [1].
+        gas: mass that a cycle takes [kg].
+        cycles: of one filling or battery; None where it does not end.
+        run_time: at the wished frequency [s]; None where neither is known.
+        mass: of the source [kg]; None where unknown.
+        able: whether it can do it at the wished frequency.
+        note: why not, or what to know.
+        temperature: highest of the gas [K]; None where it is that of the room.
+        inferred: numbers that no source prints.
+    """
+
+    id: str
+    title: str
+    form: str
+    energy: float
+    isothermal: float | None
+    adiabatic: float | None
+    efficiency: float
+    gas: float
+    cycles: int | None
+    run_time: float | None
+    mass: float | None
+    able: bool
+    note: str
+    temperature: float | None
+    inferred: tuple[str, ...]
+
+
+def sources_for(muscle: Judged, wish: Wish, line: LineFound | None) -> list[SourceFound]:
+    """Every shipped source, for the air that the muscle and its line take; those that can do it first, by their energy."""
+    air, pressure = (muscle.air, wish.pressure) if line is None else (line.air, line.supply)
+    make = {"bottle": _bottle, "compressor": _compressor, "heated": _heated}
+    found = [make[p.form](p, muscle, wish, air, pressure) for p in parts("gas_source")]
+    return sorted(found, key=lambda s: (not s.able, s.energy))
+
+
+def _work(wish: Wish) -> float:
+    return wish.force * wish.stroke
+
+
+def _isothermal(part: CataloguePart, wish: Wish, pressure: float) -> float:
+    """Least work to bring gas from the room to a gauge pressure [J/kg]."""
+    room = float(wish.environment.pressure_abs)
+    return part.values["gas_constant"] * float(wish.environment.temperature) * math.log1p(pressure / room)
+
+
+def _bottle(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
+    v = part.values
+    room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
+    gas = air * float(AIR.gas_constant) / v["gas_constant"]
+    left = (pressure + room) * v["volume"] / (v["gas_constant"] * warm)
+    cycles = max(0, int((v["filling"] - left) / gas))
+    energy = gas * v["filling_work"]
+    enough = v["pressure"] > pressure and cycles > 0
+    return SourceFound(
+        part.id, part.title, part.form, energy, gas * _isothermal(part, wish, pressure), None, _work(wish) / energy, gas,
+        cycles, None if wish.frequency is None else cycles / wish.frequency, v["mass"], enough,
+        "throttled from its pressure: most of the filling's work is lost" if enough else "empty before a cycle is done",
+        None, tuple(part.inferred()),
+    )  # fmt: skip
+
+
+def _compressor(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
+    v = part.values
+    ideal = air * adiabatic_work(wish, pressure)
+    energy = ideal / v["efficiency"]
+    stored = v.get("stored_energy")
+    cycles = None if stored is None else int(stored / energy)
+    drawn = None if wish.frequency is None else air * wish.frequency / REFERENCE_DENSITY
+    able = drawn is None or drawn <= v["free_flow"]
+    share = "" if drawn is None else f"runs {drawn / v['free_flow']:.0%} of the time"
+    run_time = None if cycles is None or wish.frequency is None else cycles / wish.frequency
+    return SourceFound(
+        part.id, part.title, part.form, energy, air * _isothermal(part, wish, pressure), ideal, _work(wish) / energy, air,
+        cycles, run_time, v["mass"], able, share if able else "delivers too little for that frequency",
+        None, tuple(part.inferred()),
+    )  # fmt: skip
+
+
+def adiabatic_work(wish: Wish, pressure: float) -> float:
+    """Work to compress air from the room to a gauge pressure without heat exchange and losses [J/kg]."""
+    machine = Compressor(displacement=1e-5, speed=150.0, clearance=0.0, efficiency=1.0)
+    room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
+    gas = (GasState(room, warm), GasState(pressure + room, warm))
+    (flow,) = machine.flows(gas, (), 1.0, 1.0)
+    return float(machine.shaft_power(gas, (), 1.0, 1.0) / flow)
+
+
+def _heated(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
+    v, p = part.values, wish.pressure
+    room, cold = float(wish.environment.pressure_abs), float(wish.environment.temperature)
+    ends = Ends(muscle.muscle.law, p)
+    long_, short = muscle.muscle.longest, muscle.muscle.longest - wish.stroke
+    low = min(v["low_pressure"], 0.5 * p)
+    v2, v1 = ends.volume(long_, low), ends.volume(short)
+    reservoir = v1  # as large as the muscle; a larger one is cooler and wastes more heat
+    gas = (low + room) * (v2 + reservoir) / (v["gas_constant"] * cold)
+    hot = cold * (p + room) * (v1 + reservoir) / ((low + room) * (v2 + reservoir))
+    heat = gas * v["gas_constant"] / (v["heat_ratio"] - 1.0) * (hot - cold) + (p + room) * (v1 - v2)
+    able = hot <= v["hottest"]
+    reach = v["hottest"] / cold * (low + room) * (v2 + reservoir) / (v1 + reservoir) - room
+    note = "closed: no gas is used up"
+    if not able:
+        least, most = with_unit(low, "Pa", 3), with_unit(reach, "Pa", 2)
+        note = f"{hot:.0f} K is needed, {v['hottest']:.0f} K is borne: that makes {most} of {least}"
+    return SourceFound(
+        part.id, part.title, part.form, heat, None, None, _work(wish) / heat, 0.0, None, None, None, able, note, hot,
+        tuple(part.inferred()),
+    )  # fmt: skip
+
+
+def piston_cycle(muscle: Judged, wish: Wish, *, accumulator: bool) -> tuple[float, float] | None:
+    """Input and output of the paper's cycle of maximal shortening, quasi-stationary and isothermal [J]; None if it has none.
+
+    With an accumulator the air goes back to the threshold of the muscle's law; None where it has no threshold.
+    """
+    try:
+        moving = cycle_muscle(muscle.muscle.law)
+        back = float(moving.threshold()) if accumulator else 0.0
+        if accumulator and not 0.0 < back < wish.pressure:
+            return None
+        between = Conditions(
+            pressure=wish.pressure, stretched_length=muscle.muscle.longest, ambient=wish.environment,
+            exchange_pressure=back, friction=muscle.muscle.friction,
+        )  # fmt: skip
+        cycle = energy_cycle(moving, "maximal", between)
+    except MckibbenError:
+        return None
+    return cycle.input, cycle.output
+
 
 Progress = Callable[[str], None]
 MOST_TRIED = 3  # muscles whose speed is looked for

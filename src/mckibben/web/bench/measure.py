@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...analysis.loops import closed_area
-from ...analysis.power import shortening_power
+from ...analysis.shortening import shortening_power
 from ...errors import MckibbenError
 from ...quantities import from_si
 from ...recordings.recording import Channel, Recording

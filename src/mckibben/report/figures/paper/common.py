@@ -9,17 +9,19 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from matplotlib.artist import Artist
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, MaxNLocator
-
+from .... import reproduction
 from ....reproduction.rows import Outcome, Row, Value, all_rows, reproduce_row
 from .. import style
 from ..style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
 
 LEFT, FOOT, TOP = 0.5, 0.5, 0.72  # around axes [inch]
 BESIDE = 2.85  # right of the axes, for numbers and keys [inch]
@@ -81,6 +83,8 @@ def label(figure: str) -> str:
 
 def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
     """A second upright axis, its title above it at the right."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
+
     other = ax.twinx()
     other.set_ylabel(words, color=style.colour(quantity), fontweight="bold", fontsize=SMALL + 0.5, rotation=0, ha="right",
                      va="bottom")  # fmt: skip
@@ -97,20 +101,6 @@ def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
 @functools.cache
 def outcome(identifier: str) -> Outcome:
     """A row with ours beside it."""
-    from .... import reproduction
-    from ....reproduction import (  # noqa: F401  # noqa: F401
-        discussion,
-        isometric,
-        isotonic,
-        lubricants,
-        part1,
-        part2,
-        part4,
-        quasi_static,
-        sinusoids,
-        static_fit,
-    )
-
     assert reproduction
     return reproduce_row(row(identifier))
 
@@ -225,6 +215,8 @@ def key(ax: Axes, handles: Sequence[Artist], *, dx: float = 20.0, below: float |
 
 def sample(words: str, **look: Any) -> Line2D:
     """A line or mark for a key."""
+    from matplotlib.lines import Line2D
+
     return Line2D([], [], label=words, **look)
 
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
-from ....analysis import biology
+from ....analysis import characteristics
 from ....quantities import from_si
-from ....reproduction import discussion, part1
+from ....reproduction import part1
 from ....specimens import specimen
 from .. import style
 from ..style import CAUTION, HAIR, INK, INK_2, INK_3, NORMAL, RULE, SMALL, WIDE, number
 from .common import as_printed, label, mark, outcome, shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 MUSCLES = {"nylon": "Nylon shell", "fiberglass": "Fiberglass shell", "bridgestone": "Bridgestone"}
 COLUMNS = (0.3, 2.5, 4.5, 6.3, 8.2)  # where the columns begin [inch]
@@ -31,9 +33,9 @@ class Cell(NamedTuple):
 
 def cells() -> list[tuple[str, str, tuple[Cell, ...]]]:
     """The rows in the paper's order: property, unit, and a cell for each muscle and for biological muscle."""
-    bio = discussion.muscle()
-    ends = biology.dynamic_range(bio.active_curve)
-    top, speed = number(discussion.INTENSITY * from_si(1.0, "N/m^2", "N/cm^2")), number(discussion.FASTEST)
+    bio = part1.muscle()
+    ends = characteristics.dynamic_range(bio.active_curve)
+    top, speed = number(part1.INTENSITY * from_si(1.0, "N/m^2", "N/cm^2")), number(part1.FASTEST)
     each = tuple(MUSCLES)
     blank = (Cell(), Cell())
     return [

@@ -14,8 +14,7 @@ import numpy as np
 from ....errors import InputError
 from ....studies.comparison import PROPERTIES, Column, Subject, Table, subject
 from ....studies.comparison.protocols import Trials, trials
-from ....studies.comparison.recorded import LENGTHS, TENSIONS, column_of
-from ....studies.comparison.table import Row, law_column
+from ....studies.comparison.table import LENGTHS, TENSIONS, Row, column_of, law_column
 from ...reader import read_outside
 
 FIRST = ("nylon", "fiberglass", "bridgestone", "fast-fibre")

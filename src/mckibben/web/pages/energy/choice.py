@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from ....analysis.energy import CYCLES, READINGS, Conditions, CycleMuscle
-from ....analysis.energy.settings import (
+from ....analysis.energy.cycles import (
     SETTINGS,
     at_threshold,
     check_threads,

@@ -7,7 +7,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from ....analysis.energy import READINGS
-from ....analysis.energy.settings import SETTINGS, coulomb_friction, stretched_length
+from ....analysis.energy.cycles import SETTINGS, coulomb_friction, stretched_length
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si
 from ...forms import accept, field

@@ -18,13 +18,13 @@ from ....analysis.energy import (
     Conditions,
     CycleLoops,
     CycleMuscle,
+    CyclePath,
     EnergyCycle,
-    Path,
     cycle_loops,
     energy_curve,
     energy_cycle,
 )
-from ....analysis.energy.settings import pressures
+from ....analysis.energy.cycles import pressures
 from ....errors import InputError, NoVolumeError
 from ....muscles.plausible import pressure_caution
 from ....quantities import from_si, with_unit
@@ -91,11 +91,11 @@ def _plain(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _path(path: Path, x: float, y: float) -> dict[str, Any]:
+def _path(path: CyclePath, x: float, y: float) -> dict[str, Any]:
     return {"x": [float(f"{v:.6g}") for v in path.x * x], "y": [float(f"{v:.6g}") for v in path.y * y]}
 
 
-def _corners(path: Path, x: float, y: float) -> dict[str, list[float]]:
+def _corners(path: CyclePath, x: float, y: float) -> dict[str, list[float]]:
     return {
         name.replace("'", "\u2032"): [float(path.x[i]) * x, float(path.y[i]) * y] for name, i in path.corners.items()
     }

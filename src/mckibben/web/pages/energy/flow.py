@@ -16,7 +16,7 @@ from ....analysis.energy_accounts import CycleEnergy, EnergyAccount, Part, energ
 from ....errors import InputError
 from ....quantities import with_unit
 from ....recordings import read_recording
-from ....report.figures.energy_flow_figures import IN_MUSCLE, LEAST, Streams, streams
+from ....report.figures.energy_figures import IN_MUSCLE, LEAST, Streams, streams
 from ...reader import read_outside
 
 _ONE = threading.Lock()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....analysis.energy import cycle_loops, energy_curve, energy_cycle
-from ....analysis.energy.settings import pressures
+from ....analysis.energy.cycles import pressures
 from ....errors import InputError
 from ....report.energy_report import energy_report
 from .choice import Choice, conditions, resolved

@@ -13,7 +13,7 @@ from ....quantities import from_si
 if TYPE_CHECKING:
     from ....identification import Fit
     from ....recordings import ForceMap
-    from ....report.study import Study
+    from ....report.fit_study import Study
 
 STRONG = 7  # curves that are drawn heavy and have their pressure beside them
 SLACK = 400  # lengths without tension that are marked

@@ -11,7 +11,7 @@ from ...widgets import box, note, raw, text
 
 if TYPE_CHECKING:
     from ....identification import Fit
-    from ....report.study import Study
+    from ....report.fit_study import Study
 
 THIN = "\u2009\u2060"
 HALF = 0.5  # of the value, that the scale of the intervals shows to either side

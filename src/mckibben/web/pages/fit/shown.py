@@ -12,7 +12,7 @@ from . import pictures
 
 if TYPE_CHECKING:
     from ....identification import Fit
-    from ....report.study import Study
+    from ....report.fit_study import Study
 
 VIEWS = {"tension": "Tension", "errors": "Residuals", "surface": "Surface"}
 HEIGHTS = {"tension": 470, "errors": 470, "surface": 470, "bubbles": 206, "left": 190}  # [px]

@@ -142,7 +142,7 @@ def read(path: Path, asked: Asked) -> ForceMap:
 def known(asked: Asked) -> dict[str, float]:
     """Parameters that are not fitted [SI]: of the specimen, then those that were said."""
     from ....quantities import parse
-    from ....report.study import known_of
+    from ....report.fit_study import known_of
 
     found, fields = known_of(specimen_of(asked)), dimensions()
     for name, words in asked.known:

@@ -20,7 +20,7 @@ from .work import Work
 
 if TYPE_CHECKING:
     from ....recordings import ForceMap
-    from ....report.study import Study
+    from ....report.fit_study import Study
 
 LOOKS = 0.25  # time between two looks at the work that goes on [s]
 

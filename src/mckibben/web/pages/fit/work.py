@@ -17,7 +17,7 @@ from .source import Asked
 if TYPE_CHECKING:
     from ....identification import Fit
     from ....recordings import ForceMap
-    from ....report.study import Study
+    from ....report.fit_study import Study
 
 KEPT = 200  # fits that are kept of all pages
 _pool = ThreadPoolExecutor(2, thread_name_prefix="fit")
@@ -95,7 +95,7 @@ class Work:
     def study(self, asked: Asked, points: ForceMap, laws: Sequence[str]) -> Study:
         """What was found by now, ranked as the command does."""
         from ....identification.fit import rank
-        from ....report.study import Study, published_of
+        from ....report.fit_study import Study, published_of
 
         spec = source.specimen_of(asked)
         return Study(

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ....recordings import Recording, read_recording
-from ....reproduction.sharing import PAUSE, Folder
+from ....reproduction.recorded import PAUSE, Folder
 
 YOUNG = 5.0  # age of a claim without a name in it that may still be written [s]
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from ....errors import InputError
 from ....report.paper_figures import FIGURES, PaperFigure, figure
-from ....reproduction import Outcome, load
+from ....reproduction import Outcome
 from ....reproduction.rows import all_rows, needs_recording
 from .hand import STOPPED, Hand
 
@@ -35,7 +35,6 @@ class Reproduction:
     def __init__(self) -> None:
         place = tempfile.mkdtemp(prefix="mckibben-paper-")
         weakref.finalize(self, shutil.rmtree, place, ignore_errors=True)
-        load()
         self.rows = {row.id: row for row in all_rows()}
         self.outcomes: dict[str, Outcome] = {}
         self.failed: dict[str, str] = {}

@@ -8,8 +8,7 @@ from ....report.paper_figures import CONFERENCE, FIGURES, PaperFigure
 from ....report.reproduction_report import PARTS, difference, printed
 from ....report.words import minus, significant, unit_text
 from ....reproduction import Outcome, Row
-from ....reproduction.rows import accepted_band, needs_recording, said_of
-from ....reproduction.verdicts import KINDS, headline, kind_of
+from ....reproduction.rows import KINDS, accepted_band, headline, kind_of, needs_recording, said_of
 from .reproduction import Reproduction
 
 # What a row is by its print alone shows before it is computed.

@@ -36,13 +36,10 @@ def work(line: Connection, place: str) -> None:
     with contextlib.suppress(OSError, AttributeError):
         os.nice(LATER)
     from ....errors import MckibbenError
-    from ....reproduction import load
-    from ....reproduction.recorded import told
-    from ....reproduction.sharing import kept_in
+    from ....reproduction.recorded import kept_in, told
     from .kept import Kept
 
     said = _Teller(line)
-    load()
     with told(said), kept_in(Kept(Path(place), said)), contextlib.suppress(EOFError, BrokenPipeError):
         while True:
             kind, *given = line.recv()

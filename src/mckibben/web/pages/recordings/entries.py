@@ -170,7 +170,7 @@ def _when(words: Any, path: Path) -> float:
 
 def _sign(meta: Mapping[str, Any]) -> tuple[str, str]:
     """What is to be known first: why it ended, what was at its limit, whether the energy closes."""
-    from ....report.recording_tables import saturation
+    from ....report.recording_report import saturation
     from ....report.words import is_number, mapping, significant
 
     if str(meta.get("result", "done")) != "done":
@@ -204,7 +204,7 @@ def channel(record: Recording, names: Sequence[str]) -> str:
 
 def places(record: Recording) -> dict[str, str]:
     """The channels of length, pressure and tension that it has, those that were measured first."""
-    from ....report.recording_loops import LENGTHS, PRESSURES, TENSIONS
+    from ....report.recording_report import LENGTHS, PRESSURES, TENSIONS
 
     named = {"length": LENGTHS, "pressure": PRESSURES, "tension": TENSIONS}
     found = {what: channel(record, names) for what, names in named.items()}

@@ -1,4 +1,4 @@
-"""``record energy``: where the exergy of a recording went."""
+"""``record energy`` and ``record report``: what is computed of a recording, beside what it holds."""
 
 from __future__ import annotations
 
@@ -7,8 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..analysis.energy_accounts import energy_account
 from ..errors import InputError
-from .words import Json, print_json, table, writable
+from ..quantities import parse
+from ..recordings import read_recording
+from ..report.document import checked_place
+from ..report.figures.energy_figures import energy_flow_figure
+from ..report.figures.recording_figures import write
+from ..report.recording_report import write_recording_report
+from ._terminal import Json, print_json, table, writable
 
 if TYPE_CHECKING:
     from ..analysis.energy_parts import EnergyAccount
@@ -30,11 +37,7 @@ def energy(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Say where the exergy went: supply, valve, tube, dead volume, exhaust, friction, shaft work; per cycle too."""
-    from ..analysis.energy_accounts import energy_account
-    from ..quantities import parse
-    from ..recordings import read_recording
-
+    """Account for the exergy of a recording: supply, losses and shaft work."""
     writable("--figure", figure, ".svg", ".png", ".pdf")
     first, last = (
         None if t is None else parse(t, "s", field=name, bare=True) for t, name in ((start, "--from"), (end, "--to"))
@@ -47,9 +50,6 @@ def energy(
     account = energy_account(record, start=first, end=last, measured=measured, **options)
     saving = None if at is None else account.saved_by_accumulator(at)
     if figure is not None:
-        from ..report.figures.energy_flow_figures import energy_flow_figure
-        from ..report.figures.recording_figures import write
-
         title = record.meta.get("title")
         write(energy_flow_figure(account, **({"title": str(title)} if title else {})), figure)
     if as_json:
@@ -102,3 +102,17 @@ def _print(account: EnergyAccount) -> None:
         typer.echo(f"\nUnknown, and not zero: {', '.join(account.unknown)}.")
     for note in account.notes:
         typer.echo(f"Note: {note}.")
+
+
+def report(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of mckibben: .nc, .csv, .mcap.")],
+    out: Annotated[Path, typer.Option(metavar="REPORT", help="An .html or .pdf file.")],
+    as_json: Json = False,
+) -> None:
+    """Write a report of a recording: figures, balances, parameters, references."""
+    checked_place(out, field="--out")
+    write_recording_report(file, out)
+    if as_json:
+        print_json({"file": str(out)})
+    else:
+        typer.echo(f"Written: {out}")

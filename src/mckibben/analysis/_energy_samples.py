@@ -18,8 +18,8 @@ from ..errors import InputError
 from ..muscles.stored import stored_along
 from ..pneumatics.exergy import DeadState, Seen
 from ..recordings import Recording
+from ._recorded_machine import RecordedMachine
 from .channels import known
-from .recorded_machine import RecordedMachine
 
 GAP = 1.5  # periods between two samples from which something was not recorded
 

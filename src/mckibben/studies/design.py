@@ -1,14 +1,4 @@
-"""Design study: muscles, tubes and valves on the test machine, run as one batch and judged by three numbers.
-
-    response    time from a step of the pressure until nine tenths of the tension's way, at a fixed length [s]
-    air         drawn from the supply in a working cycle [kg]
-    efficiency  work of a cycle over the exergy of that air:  -(integral of T dX) / (m b(P, T))
-
-with b the exergy of flowing air against the room (`pneumatics.exergy`). The cycle is a sine of the span with the pressure
-high while it shortens. A tension that has not settled after the step is run again with a longer wait. What the machine
-measures is left aside: all is made of true channels. Range: that of the muscle's law and of the rig; a design that the rig
-refuses has no numbers and says why.
-"""
+"""The Pareto front: what nothing else beats in every respect."""
 
 from __future__ import annotations
 
@@ -20,20 +10,36 @@ from typing import Any
 
 import numpy as np
 
-from ...analysis.steps import SETTLED
-from ...batch import Output, VariantOutcome, Variants, grid
-from ...batch.run_template import make_template
-from ...batch.settings import setting
-from ...batch.sweep import Sweep, run_batch
-from ...bench.rig_file import rig as rig_of
-from ...errors import InputError
-from ...experiments.protocol import Protocol
-from ...experiments.read import parse_protocol, with_values
-from ...pneumatics.exergy import DeadState
-from ...pneumatics.gas import AIR
-from ...quantities import parse
-from ...specimens import specimen
-from .front import dominated
+from ..analysis.steps import SETTLED
+from ..batch import Output, VariantOutcome, Variants, grid
+from ..batch.run_template import make_template
+from ..batch.settings import setting
+from ..batch.sweep import Sweep, run_batch
+from ..bench.rig_file import rig as rig_of
+from ..errors import InputError
+from ..experiments.protocol import Protocol
+from ..experiments.read import parse_protocol, with_values
+from ..pneumatics.exergy import DeadState
+from ..pneumatics.gas import AIR
+from ..quantities import parse
+from ..specimens import specimen
+
+
+def dominated(costs: np.ndarray) -> np.ndarray:
+    """Which rows another row beats: it is no worse in any column and better in one (n,).
+
+    Rows with a number that is not finite are dominated; equal rows do not dominate each other.
+
+    Args:
+        costs: less is better (n, m).
+    """
+    finite = np.isfinite(costs).all(axis=1)
+    found = ~finite
+    for i in np.flatnonzero(finite):
+        others = costs[finite]
+        found[i] = bool(np.any((others <= costs[i]).all(axis=1) & (others < costs[i]).any(axis=1)))
+    return found
+
 
 FILE = "cycle-and-step.toml"
 REACHED = 0.9  # of the tension's way after the step

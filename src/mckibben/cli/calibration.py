@@ -1,4 +1,4 @@
-"""``calibrate show`` and ``calibrate apply``, and what a session says at its end."""
+"""``calibrate show`` and ``calibrate apply``, and what is printed at the end of a calibration."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..bench.calibrate.file import read_calibration
+from ..bench.calibrate.session import Outcome
 from ..errors import InputError
-from .words import Json, print_json, table, writable
+from ..quantities import with_unit
+from ..recordings import read_recording
+from ..recordings.calibration import Calibration, Correction, moment
+from ..recordings.recalibration import carried, recalibrate
+from ._terminal import Json, print_json, table, writable
 
 if TYPE_CHECKING:
     import datetime
 
-    from ..bench.calibrate.session import Outcome
-    from ..recordings.calibration import Calibration, Correction
 
 POINTS = 40  # rows of points that a person is shown
 UNITS = {"gain": "1", "skew": "s"}  # that of the channel for the rest
@@ -26,9 +30,10 @@ def show(
     ],
     as_json: Json = False,
 ) -> None:
-    """Show a calibration: values, 95 % intervals, origin and age; what has expired is marked."""
-    from ..recordings.calibration import moment
+    """Show a calibration: values, 95 % intervals, origin and age.
 
+    Values that have expired are marked.
+    """
     whole = _known(file)
     now = _now()
     if as_json:
@@ -64,11 +69,10 @@ def apply(
     skew: Annotated[bool, typer.Option("--skew", help="Also shift the channels by their skews.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Apply a calibration to a recording, instead of the one it carries; nothing is lost by it."""
-    from ..bench.calibrate.file import read_calibration
-    from ..recordings import read_recording
-    from ..recordings.recalibration import recalibrate
+    """Apply a calibration to a recording in place of the one it carries.
 
+    The raw values can always be recovered.
+    """
     writable("--out", out, ".nc", ".csv")
     if off == (calibration is not None):
         raise InputError("--calibration", str(calibration or "missing"), "allowed is a file, or --off")
@@ -121,8 +125,6 @@ def say_outcome(whole: Calibration, found: Outcome, out: Path | None, notes: lis
 
 def print_outcome(whole: Calibration, found: Outcome, out: Path | None, notes: list[str]) -> None:
     """What a session found, for a person."""
-    from ..quantities import with_unit
-
     rows = []
     for name, some in found.points.items():
         unit = found.corrections[name].unit
@@ -145,9 +147,6 @@ def print_outcome(whole: Calibration, found: Outcome, out: Path | None, notes: l
 
 
 def _known(file: Path) -> Calibration:
-    from ..bench.calibrate.file import read_calibration
-    from ..recordings import read_recording
-    from ..recordings.recalibration import carried
 
     if file.suffix.lower() == ".toml":
         return read_calibration(file)
@@ -182,8 +181,6 @@ def _told(one: Correction, now: datetime.datetime) -> dict[str, Any]:
 
 def _shown(one: Correction, key: str) -> list[str]:
     """A term's value and half its interval as a person reads them."""
-    from ..quantities import with_unit
-
     term = one.terms[key]
     low, high = term.interval()
     if key == "skew":

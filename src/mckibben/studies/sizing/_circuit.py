@@ -1,17 +1,10 @@
-"""Many muscles behind many valves and tubes at once: the circuit of each, with its muscle held or drawn at a speed.
-
-Every lane is a supply, a valve, a tube and the muscle's own moving volume V(L, P'), as the assembly builds them. Since the
-length is given, end mass and tendon are left out; the tension is the law's. What a switching or proportional valve does
-before it is open hangs on no pressure: its own state equation is integrated beforehand, and its openings drive its two
-passages. A regulator, whose opening does hang on the pressure, is in the circuit itself. A lane has its own time scale, so
-that a small and a large muscle take the same number of steps. Range: as for the parts; the gas exchanges heat with the wall.
-"""
+"""Muscles held behind a valve until their tension has settled."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -32,6 +25,30 @@ from ...pneumatics.circuit import Circuit
 from ...pneumatics.orifice import Orifice
 from ...pneumatics.tubes import LumpedTube
 from ...pneumatics.valves import PressureRegulator, SpoolValve, ThreeWayValve
+
+LONGER = (4.0, 16.0)  # times a lane's time constants of filling, for a tension that has not settled by then
+
+
+def settled_courses(lanes: Sequence[Lane], done: Sequence[Course]) -> list[Course]:
+    """Courses of held muscles of which the tension settles before the turn.
+
+    Args:
+        lanes: of the courses.
+        done: their courses; those that have settled are taken as they are, the others run again for longer.
+
+    Returns:
+        The courses; one that has not settled even then says so.
+    """
+    found = list(done)
+    for times in LONGER:
+        late = [i for i, course in enumerate(found) if course.sound and not course.settled]
+        if not late:
+            break
+        again = courses([replace(lanes[i], fills=times * lanes[i].fills) for i in late])
+        for i, course in zip(late, again, strict=True):
+            found[i] = course if course.sound else found[i]
+    return found
+
 
 NAME = "muscle"
 SAMPLES, TURN = 640, 400  # of a lane, and the sample at which a held muscle is vented or a drawn one begins to shorten

@@ -1,4 +1,4 @@
-"""``protocols``: the experiments that ship or stand in a file: what they do, with which numbers, for how long."""
+"""``muscles`` and ``protocols``: what ships with the laboratory, and what an experiment does, with all its numbers."""
 
 from __future__ import annotations
 
@@ -7,11 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..bench.software.waveform_import import read_protocol
+from ..citations import known_keys, reference
 from ..errors import InputError
-from .words import Json, pairs, print_json, table
+from ..experiments.amounts import read_amount
+from ..experiments.read import protocol_names, shipped, values_of, with_values
+from ..experiments.sentence import is_inferred
+from ..specimens import specimens
+from ._terminal import Json, pairs, print_json, table
 
 if TYPE_CHECKING:
     from ..experiments.protocol import Choice, Parameter, Protocol
+
 
 REST_LENGTH = 0.14  # of the muscle for which a duration is told [m]
 _EXAMPLE = "pressure='1 bar, 3 bar'"
@@ -25,9 +32,16 @@ Values = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add this command to the table."""
-    app.command("protocols")(protocols)
+def list_muscles(as_json: Json = False) -> None:
+    """List the muscles that ship, with their sources."""
+    known = [s for s in specimens() if s.kind != "valve"]
+    if as_json:
+        print_json(
+            {"specimens": [{"id": s.id, "source": s.source(), "law": s.law, "inferred": s.inferred()} for s in known]}
+        )
+        return
+    rows = [[s.id, s.title, s.law, s.source(), str(len(s.inferred()))] for s in known]
+    table("Muscles", ["id", "what it is", "law", "source", "inferred numbers"], rows, right=[4])
 
 
 def protocols(
@@ -36,7 +50,7 @@ def protocols(
     toml: Annotated[bool, typer.Option("--toml", help="Print the text of its file, and nothing else.")] = False,
     as_json: Json = False,
 ) -> None:
-    """List the protocols, or say what one of them does, with all its numbers."""
+    """List the protocols, or describe one of them with all its numbers."""
     if name is None:
         for option, given in (("--set", change), ("--toml", toml)):
             if given:
@@ -58,9 +72,6 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.
     """
-    from ..bench.software.waveform_import import read_protocol
-    from ..experiments.read import shipped, values_of, with_values
-
     found = read_protocol(name) if name.endswith(".toml") else shipped(name)
     given = {
         key: values_of(key, words, field=f"--set {key}") for key, words in pairs(change, "--set", _EXAMPLE).items()
@@ -76,7 +87,6 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
 
 
 def _list(as_json: bool) -> None:
-    from ..experiments.read import protocol_names, shipped
 
     known = [shipped(name) for name in protocol_names()]
     if as_json:
@@ -97,7 +107,6 @@ def _text(name: str, protocol: Protocol, change: list[str] | None) -> str:
 
 
 def _described(protocol: Protocol, text: str) -> dict[str, Any]:
-    from ..citations import known_keys, reference
 
     key = protocol.source.split(",")[0]
     return {
@@ -133,8 +142,6 @@ def _choice(choice: Choice) -> dict[str, Any]:
 
 
 def _parameter(protocol: Protocol, p: Parameter) -> dict[str, Any]:
-    from ..experiments.amounts import read_amount
-    from ..experiments.sentence import is_inferred
 
     def entry(value: Any) -> dict[str, Any]:
         if p.unit == "word":

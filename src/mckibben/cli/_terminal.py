@@ -17,6 +17,7 @@ from ..errors import InputError
 if TYPE_CHECKING:
     from ..specimens import Specimen
 
+
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units, and nothing else.")]
 Set = Annotated[
     list[str] | None,
@@ -75,20 +76,6 @@ def chosen_law(law: str | None, spec: Specimen) -> str:
     if law is not None and not law.strip():
         raise InputError("--law", law, f"{spec.id} states {', '.join(spec.laws) or 'none'}")
     return spec.law if law is None else law
-
-
-def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
-    """``--set`` words as parameters of a law [SI]; a bare number is taken as SI."""
-    from ..muscles.laws import law_type
-    from ..quantities import declared, parse
-
-    known = declared(law_type(law))
-    found = {}
-    for name, text in assignments(words).items():
-        if name not in known:
-            raise InputError(f"--set {name}", text, f"{law} has {', '.join(known)}")
-        found[name] = parse(text, known[name].unit, field=f"--set {name}", bare=True)
-    return found
 
 
 _OPTIONS = {"column": "--column {}=COLUMN", "unit": "--unit {}=UNIT", "parameter": "--set {}=VALUE"}

@@ -21,10 +21,9 @@ import numpy as np
 from ...errors import InputError
 from ...muscles import braid
 from ...pneumatics.gas import AIR
-from .braid_law import BRAID_LAWS, braid_law, usual
+from .braid_law import BRAID_LAWS, LawError, braid_law, error_of_braid, usual
 from .candidate import Candidate
-from .trust import LawError, error_of_braid
-from .wish import ALLOWED, Miss, Wish
+from .requirements import ALLOWED, Miss, Wish
 
 # At the long end: below 19.5 degrees the law with wall loses its stiffness, and the nylon muscle works from 20.3 on.
 ANGLES = (np.deg2rad(20.5), np.deg2rad(45.0))

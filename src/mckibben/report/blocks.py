@@ -1,0 +1,243 @@
+"""The blocks of a report: headings, paragraphs, tables, figures, notes and references, as immutable values.
+
+A text is a string, a piece of `Span`, `Cite` or `Link`, or a tuple of these. Strings are never read as markup: every sign in
+them stands for itself in both files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Union
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+Look = Literal["strong", "code", "quiet", "symbol", "sub", "struck", "caution", "stop"]
+Tone = Literal["", "caution", "stop"]
+Text = Union[str, "Span", "Cite", "Link", tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
+class Span:
+    """A piece of text that looks different."""
+
+    text: str
+    look: Look
+
+
+@dataclass(frozen=True)
+class Cite:
+    """Numbers of references, in brackets; the document's `References` must hold the keys."""
+
+    keys: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Link:
+    """A piece of text that leads to an anchor of the document."""
+
+    text: str
+    to: str
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """A number on a scale of its own, drawn in a cell: a band that is allowed, a tick that is theirs, a dot that is ours.
+
+    Places lie between -1 and 1; a dot or a whisker beyond is an arrow at the end. `label` is for those who cannot see.
+    """
+
+    label: str
+    dot: float
+    tick: float | None = None
+    band: tuple[float, float] | None = None
+    whisker: tuple[float, float] | None = None
+    ruled: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell that needs more than its text: a look, or a hint at what a dash stands for."""
+
+    text: Text
+    look: Literal["", "best", "caution", "stop"] = ""
+    hint: str = ""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table: its title and unit, whether it holds numbers, whether it takes the room that is left.
+
+    Neighbours of the same `group` share a heading above theirs.
+    """
+
+    title: Text = ""
+    unit: str = ""
+    number: bool = False
+    wide: bool = False
+    group: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table; a note stands below its cells, from the one that names the row on."""
+
+    cells: tuple[Text | Cell | Gauge, ...]
+    note: Text = ""
+    look: Literal["", "first", "quiet"] = ""
+
+
+# ---- blocks
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading inside a section."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """A paragraph; the lead of a section is larger, a quiet one smaller."""
+
+    text: Text
+    look: Literal["", "lead", "quiet"] = ""
+
+
+@dataclass(frozen=True)
+class KeyValues:
+    """Names and what they are."""
+
+    pairs: tuple[tuple[str, Text], ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under columns; `head` is the column that names the row."""
+
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    caption: str = ""
+    head: int = 0
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row.cells) != len(self.columns):
+                raise ValueError(f"a row has {len(row.cells)} cells, the table {len(self.columns)} columns")
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture with its caption: a matplotlib figure, or the bytes of an SVG or PNG file.
+
+    `alt` says to those who cannot see it what it shows. Figures that are not `wide` may stand side by side.
+    """
+
+    picture: Drawing | bytes
+    caption: Text
+    alt: str
+    wide: bool = True
+    anchor: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.alt.strip():
+            raise ValueError("a figure needs words for those who cannot see it")
+
+
+@dataclass(frozen=True)
+class Note:
+    """A box that is not to be overlooked: a heading, then a sentence or several."""
+
+    title: str
+    items: tuple[Text, ...]
+    tone: Tone = "caution"
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Text whose lines and spaces are kept, such as BibTeX."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Blocks that a reader opens, unless they are `opened`; printed, and in a PDF file, they are open."""
+
+    title: Text
+    blocks: tuple[Block, ...]
+    anchor: str = ""
+    opened: bool = False
+
+
+@dataclass(frozen=True)
+class References:
+    """The papers that a report rests on, numbered, by their keys; a key that is not known stands for itself."""
+
+    keys: tuple[str, ...]
+
+
+Block = Heading | Paragraph | KeyValues | Table | Figure | Note | Listing | Fold | References
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a document; its anchor is what links lead to."""
+
+    title: str
+    blocks: tuple[Block, ...]
+    anchor: str = ""
+
+
+def pieces(text: Text) -> Iterator[str | Span | Cite | Link]:
+    """The pieces of a text in their order."""
+    if isinstance(text, tuple):
+        for part in text:
+            yield from pieces(part)
+    elif text != "":
+        yield text
+
+
+def plain(text: Text) -> str:
+    """A text without looks; of citations nothing is left."""
+    return "".join(p if isinstance(p, str) else "" if isinstance(p, Cite) else p.text for p in pieces(text))
+
+
+def printable(text: str) -> str:
+    """The text with a replacement sign for what no file may hold: control signs, and halves of a pair."""
+    return "".join(c if c in "\n\t" or not _unfit(ord(c)) else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def _unfit(code: int) -> bool:
+    return code < 0x20 or 0x7F <= code < 0xA0 or 0xD800 <= code < 0xE000 or code & 0xFFFE == 0xFFFE
+
+
+def walk(blocks: tuple[Block, ...]) -> Iterator[Block]:
+    """Every block in its order, those inside folds after their fold."""
+    for block in blocks:
+        yield block
+        if isinstance(block, Fold):
+            yield from walk(block.blocks)
+
+
+def texts(block: Block) -> Iterator[Text]:
+    """Every text of a block that may hold links and citations."""
+    if isinstance(block, Paragraph):
+        yield block.text
+    elif isinstance(block, KeyValues):
+        yield from (value for _, value in block.pairs)
+    elif isinstance(block, Figure):
+        yield block.caption
+    elif isinstance(block, Note):
+        yield from block.items
+    elif isinstance(block, Fold):
+        yield block.title
+    elif isinstance(block, Table):
+        yield from (c.title for c in block.columns)
+        for row in block.rows:
+            yield row.note
+            for cell in row.cells:
+                if not isinstance(cell, Gauge):
+                    yield cell.text if isinstance(cell, Cell) else cell

@@ -1,0 +1,403 @@
+"""Fig. 3 of the paper: loops of tension over length at constant pressure, from recordings of the three muscles.
+
+Triangles at 5 bar where a row does not say otherwise; a loop is the mean of the recorded cycles, of the measured tension
+over the measured span. Rows are raw as the paper's are; where the lag of the cell's filter matters, the note gives the
+corrected number beside it.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..analysis.lag import CorrectedLoop, corrected_loop
+from ..analysis.loops import (
+    LinearTensionFit,
+    Loop,
+    Path,
+    StaticPoint,
+    Variation,
+    fit_linear_tension,
+    loop,
+    loop_ratio,
+    path_distance,
+    paths,
+    peak_velocity,
+    static_points,
+    variation,
+)
+from ..assembly.build import INFERRED
+from ..bench.rig_file import rig
+from ..errors import ConvergenceError
+from ..recordings import Recording
+from ..specimens import specimen
+from .recorded import FIVE_BAR, SPAN, TENSION, recording, reproduces, saturation_words, step_of
+from .rows import Found
+
+PRESSURES = ("0 bar", "1 bar", "2 bar", "3 bar", "4 bar", FIVE_BAR)
+
+
+def triangle(muscle: str = "nylon", *, stroke: str = "large", frequency: str = "1 Hz", pressure: str = FIVE_BAR,
+             rig: str = "paper", accept_saturation: bool = False, cycles: int | None = None) -> Recording:  # fmt: skip
+    """The recorded cycles of one triangle; as many as the protocol has, where nothing is said."""
+    more = {} if cycles is None else {"cycles": cycles}
+    whole = recording(
+        "quasi-static", muscle, rig=rig, accept_saturation=accept_saturation, range=stroke, frequency=frequency,
+        pressure=pressure, **more,
+    )  # fmt: skip
+    return step_of(whole, "loops")
+
+
+@functools.cache
+def measured_loop(muscle: str = "nylon", *, stroke: str = "large") -> Loop:
+    """The loop at 5 bar as measured."""
+    return loop(triangle(muscle, stroke=stroke), length=SPAN, tension=TENSION)
+
+
+def without_lag(record: Recording, on: str = "paper") -> CorrectedLoop:
+    """The loop raw, and with the lag of a rig's cell taken out: its filter, less its turn after the sample."""
+    cell = rig(on).sensors["tension"]
+    return corrected_loop(
+        record, cutoff=float(cell.cutoff), lag=-float(cell.converter.skew), length=SPAN, tension=TENSION
+    )
+
+
+@reproduces("loop.width", "m")
+def width() -> Found:
+    """Width of the nylon muscle's loop."""
+    lagless = without_lag(triangle()).corrected
+    return Found(measured_loop().width, f"raw; {100 * lagless.width:.3f} cm without the lag of the cell's filter")
+
+
+@reproduces("loop.height", "N")
+def height() -> Found:
+    """Height of the same loop."""
+    lagless = without_lag(triangle()).corrected
+    return Found(measured_loop().height, f"raw; {lagless.height:.2f} N without the lag of the cell's filter")
+
+
+def _friction(record: Recording, on: str = "paper") -> Found:
+    both = without_lag(record, on)
+    return Found(both.raw.friction, f"raw; {both.corrected.friction:.2f} N without the lag of the cell's filter")
+
+
+@reproduces("friction.nylon", "N")
+def friction_nylon() -> Found:
+    """Half the height."""
+    return _friction(triangle())
+
+
+@reproduces("loop.width_fiberglass", "m")
+def width_fiberglass() -> float:
+    """Width of the fiberglass muscle's loop, 0.85 to 1.1 L0."""
+    return measured_loop("fiberglass", stroke="fiberglass").width
+
+
+@reproduces("friction.fiberglass", "N")
+def friction_fiberglass() -> Found:
+    """Half its height."""
+    return _friction(triangle("fiberglass", stroke="fiberglass"))
+
+
+MODERN = "modern"  # the rig whose cell reaches as far as the Bridgestone muscle pulls
+
+
+def bridgestone() -> Recording:
+    """The Bridgestone muscle's cycles, 0.78 to 1.02 L0, on that rig."""
+    return triangle("bridgestone", stroke="bridgestone", rig=MODERN)
+
+
+def _bridgestone_note() -> str:
+    paper = triangle("bridgestone", stroke="bridgestone", accept_saturation=True)
+    return (
+        f"on the rig with a cell of 1 kN, up to {bridgestone()[TENSION].max():.0f} N, for at mid-range "
+        f"the paper's cell of 100 N is {saturation_words(paper)}"
+    )
+
+
+@reproduces("loop.width_bridgestone", "m")
+def width_bridgestone() -> Found:
+    """Width of the Bridgestone muscle's loop."""
+    return Found(loop(bridgestone(), length=SPAN, tension=TENSION).width, _bridgestone_note())
+
+
+@reproduces("friction.bridgestone", "N")
+def friction_bridgestone() -> Found:
+    """Half its height."""
+    found = _friction(bridgestone(), MODERN)
+    return found._replace(note=f"{found.note}; {_bridgestone_note()}")
+
+
+def pressure_variation(record: Recording) -> Variation:
+    """Variation of the measured pressure over the cycles."""
+    return variation(record, channel="pressure", drive="span")
+
+
+@reproduces("loop.pressure_variation", "Pa")
+def largest_pressure_variation() -> Found:
+    """Largest less smallest within a cycle, the worst of the six pressures."""
+    worst = max(pressure_variation(triangle(pressure=p)).largest for p in PRESSURES)
+    counts = worst / float(rig("paper").sensors["pressure"].resolution)
+    bare = recording("preconditioning", plumbing="direct", pressure=FIVE_BAR, frequency="1 Hz", cycles=4)
+    without = pressure_variation(step_of(bare, "cycles"))
+    return Found(
+        worst,
+        f"{counts:.0f} counts of the converter, noise included; without accumulators {1e-5 * without.largest:.2f} bar",
+    )
+
+
+@reproduces("loop.rate_ratio", "1")
+def rate_ratio() -> Found:
+    """Area at 0.25 Hz over that at 1 Hz."""
+    slow, fast = triangle(frequency="0.25 Hz"), triangle()
+    ratio = loop_ratio(loop(slow, length=SPAN, tension=TENSION), loop(fast, length=SPAN, tension=TENSION))
+    lagless = loop_ratio(without_lag(slow).corrected, without_lag(fast).corrected)
+    return Found(ratio.area, f"raw; {lagless.area:.3f} without the lag of the cell's filter")
+
+
+@reproduces("loop.small_range_ratio", "1")
+def small_range_ratio() -> Found:
+    """Width at half the range over that at the full one."""
+    ratio = loop_ratio(measured_loop(stroke="small"), measured_loop())
+    return Found(ratio.width, f"at {ratio.range:.2f} of the range; heights {ratio.height:.2f}")
+
+
+def rising_and_falling(stroke: str) -> tuple[Path, Path]:
+    """The two paths of the nylon muscle over a range."""
+    return paths(triangle(stroke=stroke), length=SPAN, tension=TENSION)
+
+
+@reproduces("loop.rising_path_distance", "N")
+def rising_path_distance() -> Found:
+    """Largest distance of the rising paths over the two ranges."""
+    (up, down), (small_up, small_down) = rising_and_falling("large"), rising_and_falling("small")
+    falling = path_distance(down, small_down)
+    return Found(path_distance(up, small_up).largest, f"the falling paths lie up to {falling.largest:.1f} N apart")
+
+
+FIGURE = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)  # of the twelve only the ends are printed [Hz]
+FASTEST = 40.0  # [Hz]; the text's 8 L0/s at the amplitude of the figure
+AMPLITUDE = 0.0318  # 0.2 L0/s at 1 Hz [L0]
+SINE_CYCLES = 8
+OFF, TRIES = 0.05, 4  # error of the amplitude from which a sine is repeated [1], and how often at most
+
+
+class Sine(NamedTuple):
+    """One frequency.
+
+    Attributes:
+        loop: of the tension.
+        velocity: peak that was reached [L0/s].
+        pressure_gap: pressure on the rising path less that on the falling one, at mid-range [Pa].
+    """
+
+    loop: CorrectedLoop
+    velocity: float
+    pressure_gap: float
+
+
+def _words(frequency: float) -> str:
+    return f"{frequency:g} Hz"
+
+
+def recorded_sines(frequency: float) -> Recording:
+    """The sine of a frequency [Hz] with about the amplitude of the figure.
+
+    Raises:
+        ConvergenceError: no amplitude that was asked for gave it.
+    """
+    words = _words(frequency)
+    every = tuple(_words(f) for f in (*FIGURE, FASTEST))
+    record = step_of(recording("sinusoids", frequency=every, cycles=SINE_CYCLES), "sines", frequency=words)
+    asked = AMPLITUDE
+    for _ in range(TRIES):
+        raw = without_lag(record).raw
+        share = (raw.length_high - raw.length_low) / (2.0 * AMPLITUDE * _rest_length())
+        if abs(share - 1.0) <= OFF:
+            return record
+        asked /= share
+        again = recording(
+            "sinusoids",
+            frequency=words,
+            amplitude=f"{asked:.5f} L0",
+            cycles=SINE_CYCLES,
+            precondition=_precondition(frequency),
+        )
+        record = step_of(again, "sines")
+    raise ConvergenceError(f"no sine of {words} had an amplitude of {AMPLITUDE:g} L0 within {OFF:g} of it")
+
+
+def _precondition(frequency: float) -> int:
+    """Cycles before the recorded ones, a second or more: the gas has to find its mean."""
+    return max(2, math.ceil(frequency))
+
+
+def _rest_length() -> float:
+    return specimen("nylon").property_si("rest_length", "m")
+
+
+@functools.cache
+def sine(frequency: float) -> Sine:
+    """The loop at a frequency [Hz]."""
+    record = recorded_sines(frequency)
+    gas = loop(record, length=SPAN, tension="pressure")
+    return Sine(without_lag(record), peak_velocity(record, length=SPAN) / _rest_length(), gas.height)
+
+
+def spread(values: list[float]) -> float:
+    """Largest less smallest over the mean [1]."""
+    return (max(values) - min(values)) * len(values) / sum(values)
+
+
+DAMPING = INFERRED["viscosity"].value
+CALIBRATED = f"internal damping of {DAMPING:g} N s/m was inferred from the paper's seeing no viscous friction"
+
+
+@reproduces("loop.sine_width_spread", "1", CALIBRATED)
+def sine_width_spread() -> Found:
+    """Spread of the widths of the twelve sines."""
+    sines = [sine(f) for f in FIGURE]
+    raw, fixed = [s.loop.raw.width for s in sines], [s.loop.corrected.width for s in sines]
+    first, last = sines[0].velocity, sines[-1].velocity
+    gaps = [1e-5 * s.pressure_gap for s in sines]
+    return Found(
+        spread(fixed),
+        f"{100 * fixed[0]:.3f} cm at {first:.2f} L0/s, {100 * fixed[-1]:.3f} cm at {last:.2f} L0/s; "
+        f"raw {100 * raw[0]:.3f} and {100 * raw[-1]:.3f} cm, spread {spread(raw):.2f}. What widens the loops is gas: while "
+        f"the muscle lengthens its pressure is {gaps[0]:.3f} bar higher at 1 Hz and up to {max(gaps):.3f} bar at the others",
+    )
+
+
+def widening(frequency: float) -> float:
+    """Width that the height of the raw loop at a frequency [Hz], less that of the slowest sine, makes [m].
+
+    Taken at the stiffness of the slowest sine: the inertia of the fittings turns a fast loop flatter, and so makes it wider
+    across without any loss.
+    """
+    slow = sine(FIGURE[0]).loop.raw
+    return (sine(frequency).loop.raw.height - slow.height) / slow.stiffness
+
+
+def measurable() -> float:
+    """Width that one count of the cell makes at the stiffness of the slowest sine [m]."""
+    return float(rig("paper").sensors["tension"].resolution) / sine(FIGURE[0]).loop.raw.stiffness
+
+
+@reproduces("loop.max_velocity", "1/s", CALIBRATED)
+def max_velocity() -> Found:
+    """Largest peak velocity of the sines whose raw loop is not wider than the slowest by what a count of the cell makes."""
+    narrow = [f for f in (*FIGURE, FASTEST) if widening(f) < measurable()]
+    fast, slow = sine(FASTEST).loop, sine(FIGURE[0]).loop
+    return Found(
+        max(sine(f).velocity for f in narrow),
+        f"raw height {slow.raw.height:.2f} N at 1 Hz, {fast.raw.height:.2f} N at 40 Hz; without the lag of the cell's "
+        f"filter {slow.corrected.height:.2f} and {fast.corrected.height:.2f} N: what gas and damping add, it hides. "
+        f"The raw loop is {100 * fast.raw.width:.3f} cm wide at 40 Hz, {100 * slow.raw.width:.3f} cm at 1 Hz, for the "
+        "inertia of the fittings turns it",
+    )
+
+
+THIRDS = (1.0 / 3.0, 2.0 / 3.0)
+SHARES = {
+    "2 bar": THIRDS, "3 bar": THIRDS, "4 bar": (THIRDS[0], 0.5, THIRDS[1]), "5 bar": (THIRDS[0], 0.5, THIRDS[1]),
+}  # fmt: skip
+FIT_CYCLES = 12  # that are averaged
+TAUT = 0.8  # tension from which the muscle counts as taut, two counts of the cell [N]
+LENGTH = "length"  # channel of the span without the stretch of the machine
+
+
+class Fits(NamedTuple):
+    """Eq. 13 through ten points, with the stretch of the machine taken off and as measured."""
+
+    corrected: LinearTensionFit
+    raw: LinearTensionFit
+
+
+def stiff(record: Recording) -> Recording:
+    """The recording with a channel ``length``: the measured span less the stretch of cord and frame [m]."""
+    known = record.meta["parameters"]
+    cord, toe, frame = (
+        known[name]["value"]
+        for name in ("units.muscle.tendon.stiffness", "units.muscle.tendon.toe_length", "load.frame.stiffness")
+    )
+    tension = np.maximum(record[TENSION], 0.0)
+    in_toe = tension < 0.5 * cord * toe
+    stretch = np.where(in_toe, np.sqrt(2.0 * toe * tension / cord), tension / cord + 0.5 * toe) + tension / frame
+    return record.with_channels({LENGTH: record.channels[SPAN].with_values(record[SPAN] - stretch)})
+
+
+def ten_points(length: str) -> list[StaticPoint]:
+    """Means of the rising and the falling path at the lengths of a channel."""
+    found: list[StaticPoint] = []
+    for pressure, shares in SHARES.items():
+        record = stiff(triangle(pressure=pressure, cycles=FIT_CYCLES))
+        rising, falling = paths(record, length=length, tension=TENSION)
+        low, high = falling.length_at(TAUT), min(rising.length[-1], falling.length[-1])
+        at = [low + share * (high - low) for share in shares]
+        found += static_points(record, at, length=length, tension=TENSION, pressure="pressure")
+    return found
+
+
+@functools.cache
+def fits() -> Fits:
+    """Both fits."""
+    return Fits(*(fit_linear_tension(ten_points(length)) for length in (LENGTH, SPAN)))
+
+
+def _found(which: str, unit: str, scale: float, digits: int) -> Found:
+    one, raw = (getattr(fit, which) for fit in fits())
+    half = 0.5 * (one.high - one.low)
+    return Found(
+        one.value,
+        f"95 % +-{half / scale:.{digits}f} {unit}; {raw.value / scale:.{digits}f} {unit} "
+        "with the stretch of cord and frame left in the length",
+    )
+
+
+@reproduces("static.fit_Kg", "m")
+def fit_kg() -> Found:
+    """Kg of the fit."""
+    return _found("stiffness_per_pressure", "cm", 1e-2, 3)
+
+
+@reproduces("static.fit_Pa", "Pa")
+def fit_pa() -> Found:
+    """Pa of the fit."""
+    return _found("offset_pressure", "bar", 1e5, 3)
+
+
+@reproduces("static.fit_Lmin", "m")
+def fit_lmin() -> Found:
+    """Lmin of the fit."""
+    return _found("shortest_length", "cm", 1e-2, 2)
+
+
+@reproduces("static.fit_Fa", "N")
+def fit_fa() -> Found:
+    """Fa of the fit."""
+    return _found("offset_tension", "N", 1.0, 1)
+
+
+LUBRICANT_CYCLES = {"precondition": 2, "cycles": 3}
+
+
+def treated(lubricant: str) -> Loop:
+    """The loop with a lubricant on the muscle."""
+    return loop(
+        step_of(recording("lubricant-test", lubricant=lubricant, **LUBRICANT_CYCLES), "loops"),
+        length=SPAN,
+        tension=TENSION,
+    )
+
+
+@reproduces(
+    "friction.lubricated",
+    "1",
+    "with WD-40: the rig takes a tenth off the friction, so this tests the measurement, not the lubricant",
+)
+def lubricated() -> float:
+    """Height of the loop with WD-40 over that without."""
+    return loop_ratio(treated("WD-40"), treated("no lubricant")).height
