@@ -95,4 +95,4 @@ def test_bad_input_is_one_clear_line(run, case):
 
 def test_a_recording_alone_has_no_law_to_draw(run, recording, tmp_path):
     code, _, err = run("--recording", str(recording), "--figure", str(tmp_path / "x.svg"))
-    assert code == 2 and "needed is a specimen" in err
+    assert code == 2 and "it needs a specimen" in err

@@ -128,7 +128,7 @@ def test_repair_opens_what_kill_9_left(run, tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("convert", "missing.mat", "a.nc"), "no such file"),
+        (("convert", "missing.mat", "a.nc"), "ile not found"),
         (("convert", "a.nc", "a.doc"), "Known are .nc, .csv"),
         (("convert", "a.nc", "none/a.csv"), "there is no folder"),
         (("convert", "a.nc", "b.csv", "--unit", "valve=bar"), "unit is"),
@@ -136,7 +136,7 @@ def test_repair_opens_what_kill_9_left(run, tmp_path):
         (("convert", "a.nc", "b.csv", "--period", "1 bar"), "--period"),
         (("convert", "text.mcap", "b.csv"), "text.mcap"),
         (("convert", "text.tdms", "b.csv"), "must be a TDMS file"),
-        (("repair", "b.mcap"), "no such file"),
+        (("repair", "b.mcap"), "ile not found"),
         (("repair", "text.mcap"), "no log of mckibben"),
         (("repair", "empty.mcap"), "empty"),
         (("repair", "run.mcap"), "it is there already"),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mckibben.cli import main
+from mckibben.cli import compare, fit, main, record, run, serve, sweep  # noqa: F401  bound before anything is replaced
 from mckibben.errors import InputError, MissingLibraryError
 from mckibben.extras import library
 

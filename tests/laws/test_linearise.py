@@ -9,7 +9,7 @@ import pytest
 from machines import PERIOD, at, compiled, constant, plate, smooth, unit
 from scipy.linalg import expm
 
-from mckibben.assembly.linearise import Linear, Names, linearise, settle
+from mckibben.assembly.linearise import LinearModel, Names, linearise, settle
 from mckibben.assembly.stiffness import joint_stiffness, memory_stiffness, muscle_stiffness
 from mckibben.engine import ramped
 from mckibben.errors import ConvergenceError, InputError, UnreachableError
@@ -119,7 +119,7 @@ def by_hand(a, b=1.0):
     names = Names(tuple(f"x{i}" for i in range(len(a))), ("u",), ("y",))
     into, out = np.zeros((len(a), 1)), np.zeros((1, len(a)))
     into[-1, 0], out[0, 0] = b, 1.0
-    return Linear(np.array(a, float), into, out, np.zeros((1, 1)), names)
+    return LinearModel(np.array(a, float), into, out, np.zeros((1, 1)), names)
 
 
 def test_a_lag_has_the_bandwidth_of_its_time_constant():

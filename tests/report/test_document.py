@@ -227,7 +227,7 @@ def test_plain_leaves_the_words():
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [("report.txt", "ends in .html or .pdf"), ("report", "ends in"), ("no/such/report.pdf", "no such folder"),
+    [("report.txt", "ends in .html or .pdf"), ("report", "ends in"), ("no/such/report.pdf", "older not found"),
      ("folder.html", "it is a folder")],
 )  # fmt: skip
 def test_a_bad_place_is_one_clear_line(tmp_path, name, says):

@@ -239,7 +239,7 @@ def test_the_command_writes_both_kinds(run, tmp_path):
 
 @pytest.mark.parametrize(
     ("file", "out", "says"),
-    [("loops.nc", "r.txt", "ends in .html or .pdf"), ("loops.nc", "no/r.html", "no such folder"),
+    [("loops.nc", "r.txt", "ends in .html or .pdf"), ("loops.nc", "no/r.html", "older not found"),
      ("none.nc", "r.html", "none.nc")],
 )  # fmt: skip
 def test_bad_places_are_one_clear_line(run, tmp_path, file, out, says):

@@ -232,7 +232,7 @@ def test_a_wide_tolerance_is_shown_with_its_reason(run):
 
 def test_without_typst_out_is_refused_before_any_work_and_html_alone_is_offered(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "typst", None)
-    monkeypatch.setattr("mckibben.reproduction.reproduce", lambda *args, **options: pytest.fail("it computed first"))
+    monkeypatch.setattr("mckibben.cli.reproduce.reproduce", lambda *args, **options: pytest.fail("it computed first"))
     folder = tmp_path / "new"
     code, out, err = run("--out", str(folder))
     assert (code, out, err.count("\n")) == (2, "", 1)
@@ -246,8 +246,8 @@ def test_without_typst_out_is_refused_before_any_work_and_html_alone_is_offered(
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--report", "r.doc"], "ends in .html or .pdf"), (["--report", "no/such/r.html"], "no such folder"),
-        (["--out", "no/such/folder"], "no such folder"), (["--out", "file"], "it is a file"),
+        (["--report", "r.doc"], "ends in .html or .pdf"), (["--report", "no/such/r.html"], "older not found"),
+        (["--out", "no/such/folder"], "older not found"), (["--out", "file"], "it is a file"),
         (["--figure", "99"], "Known are 1, 2"),
         (["--figure", "3a", "--no-recordings"], "no-recordings"), (["--row", "nothing"], "no row begins"),
     ],

@@ -220,11 +220,11 @@ def test_a_figure_of_nothing_is_refused() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--only", "nothing"], "data set is 'nothing'"),
+        (["--only", "nothing"], "Unknown data set 'nothing'"),
         (["--law", "nothing"], "nothing"),
-        (["--data", "not-there"], "no such folder"),
+        (["--data", "not-there"], "older not found"),
         (["--out", "page.html"], "must be a name that ends in .md"),
-        (["--out", "not-there/page.md"], "no such folder"),
+        (["--out", "not-there/page.md"], "older not found"),
     ],
 )
 def test_bad_input_is_one_line(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -238,7 +238,7 @@ def test_bad_input_is_one_line(words: list[str], said: str, capsys: pytest.Captu
 
 def test_a_variable_that_names_no_folder_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "gone"))
-    with pytest.raises(InputError, match=f"{VARIABLE} is .*gone'; no such folder"):
+    with pytest.raises(InputError, match=f"{VARIABLE} is .*gone': the folder does not exist"):
         measured_data()
 
 

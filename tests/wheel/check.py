@@ -114,6 +114,15 @@ CALLS: dict[str, list[Call]] = {
     "serve": [needs("web", "--port", "0", "--no-open")],
     "circuit show": [Call((str(CIRCUITS / "filling-a-tank.toml"), "--svg", "circuit.svg"), ["circuit.svg"])],
     "circuit run": [Call(("tank.toml", "--out", "tank.nc", "--figure", "tank.svg"), ["tank.nc", "tank.svg"])],
+    "circuit frequency": [
+        Call(
+            (
+                str(CIRCUITS / "muscle-behind-a-tube.toml"), "--input", "regulator.pressure", "--output",
+                "muscle.pressure_abs", "--figure", "bode.svg",
+            ),
+            ["bode.svg"],
+        )
+    ],
     "circuit fit": [Call(("tank.toml", "tank.nc", "--figure", "fit.svg"), ["fit.svg"])],
     "record show": [Call(("loop.nc",))],
     "record plot": [Call(("loop.nc", "--out", "plot.svg"), ["plot.svg"])],
@@ -124,6 +133,10 @@ CALLS: dict[str, list[Call]] = {
         needs("formats", "loop.nc", "loop.tdms"),
     ],
     "record energy": [Call(("loop.nc", "--figure", "balance.svg"), ["balance.svg"])],
+    "record frequency": [
+        Call(("loop.nc", "--input", "span", "--output", "tension", "--figure", "response.svg"), ["response.svg"])
+    ],
+    "record repeatability": [Call(("loop.nc", "--figure", "cycles.svg"), ["cycles.svg"])],
     "record repair": [Call(("loop.mcap", "--out", "repaired.nc"), ["repaired.nc"])],
     "record report": [
         Call(("loop.nc", "--out", "loop.html"), ["loop.html"]),

@@ -1,4 +1,4 @@
-"""Frequency response between two channels: over a band by Welch's method, and at known frequencies by sines.
+"""Frequency response between two channels: over a band by Welch's method, at known frequencies by sines, and of a model.
 
     H1 = Sxy/Sxx          coherence = |Sxy|^2/(Sxx Syy)
 H1 does not see noise of the output that is independent of the input; noise of the input makes it too small by the
@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..assembly.linearise import LinearModel
 from ..errors import InputError
 from ..recordings import Recording
 from .channels import finite, known, positive, uniform_period
@@ -27,7 +28,7 @@ class FrequencyResponse(NamedTuple):
     magnitude: np.ndarray  # [unit of the output per unit of the input]
     phase: np.ndarray  # [rad], unwrapped
     coherence: np.ndarray  # [1], 0 to 1
-    segments: int  # averaged, overlapping by three quarters
+    segments: int  # averaged, overlapping by three quarters; 0 of a model
 
     @property
     def complex(self) -> np.ndarray:
@@ -48,6 +49,19 @@ class FrequencyResponse(NamedTuple):
         # Straight over logarithms: first-order slopes are straight there.
         m, f = np.log(self.magnitude[i - 1 : i + 1]), np.log(self.frequency[i - 1 : i + 1])
         return float(np.exp(f[0] + (np.log(level) - m[0]) / (m[1] - m[0]) * (f[1] - f[0])))
+
+
+def linear_response(model: LinearModel, source: str, target: str, frequencies: np.ndarray) -> FrequencyResponse:
+    """Of a linear model, from one of its inputs to one of its outputs.
+
+    Args:
+        model: from `assembly.linearise`.
+        source: name of the input.
+        target: name of the output.
+        frequencies: in rising order (k,) [Hz].
+    """
+    gain = model.response(source, target, frequencies)
+    return FrequencyResponse(frequencies, np.abs(gain), np.unwrap(np.angle(gain)), np.ones(gain.size), 0)
 
 
 def frequency_response(

@@ -45,6 +45,13 @@ class Repeatability(NamedTuple):
     largest: float  # largest distance of any repetition from the mean
     relative_rms: float  # rms over the range of the mean course [1]
     repetitions: int
+    at: np.ndarray  # phase of the cycle [1], or time [s], (points,)
+    courses: np.ndarray  # the channel of each repetition, (repetitions, points)
+
+    @property
+    def peaks(self) -> np.ndarray:
+        """Largest value of each repetition (repetitions,)."""
+        return np.asarray(self.courses.max(axis=1))
 
 
 def between_cycles(
@@ -77,7 +84,7 @@ def between_cycles(
         t = record.time[[c.start, c.turn, c.end]]
         at = np.concatenate([t[0] + half * (t[1] - t[0]), t[1] + half * (t[2] - t[1])])
         courses.append(np.interp(at, record.time, y))
-    return _compared(np.array(courses), "full cycles")
+    return _compared(np.concatenate([0.5 * half, 0.5 + 0.5 * half]), np.array(courses), "full cycles")
 
 
 def between_runs(records: Sequence[Recording], *, channel: str = "muscle.tension", points: int = 1000) -> Repeatability:
@@ -94,10 +101,10 @@ def between_runs(records: Sequence[Recording], *, channel: str = "muscle.tension
     if not last > first:
         raise InputError("recordings", "no common time", "allowed are recordings that overlap")
     at = np.linspace(first, last, points)
-    return _compared(np.array([np.interp(at, r.time, known(r, channel)) for r in records]), "recordings")
+    return _compared(at, np.array([np.interp(at, r.time, known(r, channel)) for r in records]), "recordings")
 
 
-def _compared(courses: np.ndarray, what: str) -> Repeatability:
+def _compared(at: np.ndarray, courses: np.ndarray, what: str) -> Repeatability:
     count = len(courses)
     if count < 2:
         raise InputError(what, count, "needed are 2 or more")
@@ -105,7 +112,8 @@ def _compared(courses: np.ndarray, what: str) -> Repeatability:
     off = courses - mean
     rms = float(np.sqrt(np.mean(np.sum(off**2, axis=0) / (count - 1))))
     span = float(np.ptp(mean))
-    return Repeatability(rms, float(np.abs(off).max()), rms / span if span > 0.0 else float("nan"), count)
+    relative = rms / span if span > 0.0 else float("nan")
+    return Repeatability(rms, float(np.abs(off).max()), relative, count, at, courses)
 
 
 class Trend(NamedTuple):

@@ -1,4 +1,4 @@
-"""A machine near an operating point: its linear model, modes and bandwidth, found by automatic differentiation.
+"""A machine or a circuit near an operating point: its linear model, modes and bandwidth, found by automatic differentiation.
 
     dx/dt = A x + B u,   y = C x + D u          (all of them deviations)
 
@@ -22,6 +22,7 @@ from jax.flatten_util import ravel_pytree
 
 from ..engine.signals import Value
 from ..errors import ConvergenceError, InputError, UnreachableError
+from ..pneumatics.circuit import Circuit
 from .machine import Machine
 from .stiffness import memory_stiffness
 
@@ -46,7 +47,7 @@ class Mode(NamedTuple):
     eigenvalue: complex
 
 
-class Linear(NamedTuple):
+class LinearModel(NamedTuple):
     """A linear model; matrices as NumPy arrays in SI units, shapes (n, n), (n, m), (p, n), (p, m)."""
 
     A: np.ndarray
@@ -111,7 +112,7 @@ class Linear(NamedTuple):
 
 
 def linearise(
-    machine: Machine,
+    machine: Machine | Circuit,
     state: Any,
     memory: Any,
     inputs: Mapping[str, Value],
@@ -119,11 +120,11 @@ def linearise(
     inputs_by_name: Sequence[str],
     outputs: Sequence[str],
     friction: str = "held",
-) -> Linear:
+) -> LinearModel:
     """The linear model about a point, which need not be at rest.
 
     Args:
-        machine: what moves.
+        machine: what moves, or a circuit alone.
         state: continuous state at the point.
         memory: memory there.
         inputs: all signals there.
@@ -146,7 +147,7 @@ def linearise(
     names = tuple(inputs_by_name), tuple(outputs)
     (a, b), (c, d) = _jacobians(machine, state, memory, dict(inputs), values, *names, friction == "stuck")
     matrix, states = np.array(a), state_names(state)
-    if friction == "stuck":
+    if friction == "stuck" and isinstance(machine, Machine):
         for name, unit in machine.units.items():
             stiff = memory_stiffness(unit, machine.gauge(state, name))
             row, column = (states.index(f"muscles.{name}.{what}") for what in ("velocity", "length"))
@@ -155,27 +156,30 @@ def linearise(
     into, through = np.array(b), np.array(d)
     kept = [i for i in range(len(columns)) if i % 2 == 0 or np.any(into[:, i]) or np.any(through[:, i])]
     found = Names(states, tuple(columns[i] for i in kept), tuple(outputs))
-    return Linear(matrix, into[:, kept], np.array(c), through[:, kept], found)
+    return LinearModel(matrix, into[:, kept], np.array(c), through[:, kept], found)
 
 
 @functools.partial(jax.jit, static_argnums=(5, 6, 7))
 def _jacobians(
-    machine: Machine, state: Any, memory: Any, inputs: Any, values: Any,
+    machine: Machine | Circuit, state: Any, memory: Any, inputs: Any, values: Any,
     sources: tuple[str, ...], outputs: tuple[str, ...], stuck: bool,
 ) -> Any:  # fmt: skip
     """Derivatives of (rate, outputs) by (state, inputs); a stuck wrap is a spring on the span."""
     flat, back = ravel_pytree(state)
-    before = machine.load.spans(state["load"], inputs)
+    load = machine.load if isinstance(machine, Machine) and stuck else None
+    before = {} if load is None else load.spans(state["load"], inputs)
 
     def both(x: Any, u: Any) -> tuple[Any, Any]:
         given = {**inputs, **{n: Value(u[2 * i], u[2 * i + 1]) for i, n in enumerate(sources)}}
         at = back(x)
-        kept, spans = dict(memory["muscles"]), machine.load.spans(at["load"], given)
-        for name, ledgers in memory["muscles"].items():
-            if stuck and "wrap" in ledgers:
-                moved = ledgers["wrap"]._replace(state=ledgers["wrap"].state + spans[name].span - before[name].span)
-                kept[name] = {**ledgers, "wrap": moved}
-        now = {**memory, "muscles": kept}
+        now = memory
+        if load is not None:
+            kept, spans = dict(memory["muscles"]), load.spans(at["load"], given)
+            for name, ledgers in memory["muscles"].items():
+                if "wrap" in ledgers:
+                    moved = ledgers["wrap"]._replace(state=ledgers["wrap"].state + spans[name].span - before[name].span)
+                    kept[name] = {**ledgers, "wrap": moved}
+            now = {**memory, "muscles": kept}
         shown = machine.outputs(at, now, given)
         picked = jnp.stack([shown[n] + 0.0 for n in outputs]) if outputs else jnp.zeros(0)
         return ravel_pytree(machine.rate(at, now, given))[0], picked
@@ -201,7 +205,7 @@ class Settled(NamedTuple):
 
 
 def settle(
-    machine: Machine,
+    machine: Machine | Circuit,
     state: Any,
     memory: Any,
     inputs: Mapping[str, Value],
@@ -263,7 +267,7 @@ def settle(
 
 
 @jax.jit
-def _rate_and_slope(machine: Machine, state: Any, memory: Any, inputs: Any) -> Any:
+def _rate_and_slope(machine: Machine | Circuit, state: Any, memory: Any, inputs: Any) -> Any:
     flat, back = ravel_pytree(state)
 
     def rate(v: Any) -> Any:

@@ -68,7 +68,7 @@ def writable(option: str, path: Path | None, *endings: str) -> None:
     if path.suffix not in endings:
         raise InputError(option, str(path), f"allowed is a name that ends in {' or '.join(endings)}")
     if not path.absolute().parent.is_dir():
-        raise InputError(option, str(path), "no such folder")
+        raise InputError("folder", str(path.absolute().parent), "no such folder")
 
 
 def chosen_law(law: str | None, spec: Specimen) -> str:

@@ -54,6 +54,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "circuit": ("", "Show, run, linearise and fit pneumatic circuits."),
     "circuit show": ("circuit:show", "Describe a circuit, its fastest mode, and the method with which a run begins."),
     "circuit run": ("circuit:run", "Run a circuit, close its balances of mass and energy, and save the recording."),
+    "circuit frequency": (
+        "circuit:frequency",
+        "Compute the frequency response of a circuit that is linearised at rest.",
+    ),
     "circuit fit": (
         "circuit:fit",
         "Fit a circuit's parameters to records of its pressures, and predict other records.",
@@ -69,7 +73,15 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "record_analysis:energy",
         "Account for the exergy of a recording: supply, losses and shaft work.",
     ),
+    "record frequency": (
+        "record_analysis:frequency",
+        "Estimate the frequency response between two channels.",
+    ),
     "record repair": ("record:repair", "Save what is left of the log of a process that was killed as a recording."),
+    "record repeatability": (
+        "record_analysis:repeatability",
+        "Report how well cycles or runs repeat each other.",
+    ),
     "record report": (
         "record_analysis:report",
         "Write a report of a recording: figures, balances, parameters, references.",

@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
+from ..analysis.frequency import linear_response
 from ..assembly.circuit_file import read_circuit
+from ..assembly.linearise import linearise, settle
 from ..assembly.sentence import run_sentence, sentence
 from ..bench.circuit_run import chunks, run_circuit
 from ..components import paths
@@ -21,6 +24,7 @@ from ..pneumatics.volume import Reservoir
 from ..quantities import from_si, parse, shown_unit, with_unit
 from ..recordings import read_record, read_recording
 from ..report.figures import circuit_diagram, circuit_figures, style
+from ..report.figures.frequency_figures import BodeTitles, bode_figure
 from ._terminal import Json, caution, options_named, pairs, print_json, progress, table, told, writable
 
 if TYPE_CHECKING:
@@ -350,3 +354,101 @@ def show_circuit_fit(found: CircuitFit, title: str) -> None:
         typer.echo(f"The search did not converge: {found.message}.")
     for warning in found.warnings:
         typer.echo(f"note: {warning}")
+
+
+FREQUENCIES = 200  # at which a response is drawn and given as JSON
+
+
+def frequency(
+    file: File,
+    source: Annotated[
+        str, typer.Option("--input", metavar="NAME", help="Signal that is varied, such as valve.command.")
+    ],
+    target: Annotated[str, typer.Option("--output", metavar="NAME", help="Channel, such as muscle.pressure_abs.")],
+    at: Annotated[
+        str,
+        typer.Option("--at", metavar="TIME", help="Time at which all signals have the values of the operating point."),
+    ] = "0 s",
+    lowest: Annotated[str, typer.Option("--from", metavar="FREQUENCY", help="Lowest frequency.")] = "0.1 Hz",
+    highest: Annotated[str, typer.Option("--to", metavar="FREQUENCY", help="Highest frequency.")] = "100 Hz",
+    change: Change = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw magnitude and phase into this SVG or PNG file.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Compute the frequency response of a circuit that is linearised at rest.
+
+    The circuit settles under the values that its signals have at one time; about this operating point it answers to
+    small sines of one signal. Friction with memory is held.
+    """
+    writable("--figure", figure, ".svg", ".png")
+    low, high = parse(lowest, "1/s", field="--from"), parse(highest, "1/s", field="--to")
+    if not 0.0 < low < high:
+        raise InputError("--from", lowest, f"must be above 0 Hz and below --to, {highest}")
+    plan = planned(file, change)
+    time = parse(at, "s", field="--at")
+    if not 0.0 <= time <= plan.duration:
+        raise InputError(
+            "--at", at, f"must be between 0 s and {with_unit(plan.duration, 's')}, the duration of the run"
+        )
+    inputs = {name: s.at(round(time / plan.period), 0.0, plan.period) for name, s in plan.inputs().items()}
+    state, memory = plan.initial()
+    with told("settling"):
+        rest = settle(plan.circuit, state, memory, inputs).state
+    model = linearise(plan.circuit, rest, memory, inputs, inputs_by_name=(source,), outputs=(target,))
+    response = linear_response(model, source, target, np.geomspace(low, high, FREQUENCIES))
+    unit = _unit_of(plan, target, source)
+    cutoff = response.cutoff()
+    if figure is not None:
+        note = f"about rest at {at}" if inputs else ""
+        drawn = bode_figure(response, BodeTitles(f"{plan.title}: {target} over {source}", note, unit), cutoff=cutoff)
+        style.save(drawn, figure)
+    level = float(plan.circuit.outputs(rest, memory, inputs)[target])
+    modes = [m._asdict() | {"eigenvalue": [m.eigenvalue.real, m.eigenvalue.imag]} for m in model.modes()]
+    if as_json:
+        print_json(
+            {
+                "title": plan.title,
+                "input": source,
+                "output": target,
+                "unit": unit,
+                "level": level,
+                "cutoff": cutoff,
+                "modes": modes,
+                "frequency": response.frequency,
+                "magnitude": response.magnitude,
+                "phase": response.phase,
+            }
+        )
+        return
+    shown = range(0, FREQUENCIES, FREQUENCIES // 10)
+    rows = [
+        [f"{response.frequency[i]:.3g}", f"{response.magnitude[i]:.4g}", f"{np.degrees(response.phase[i]):.1f}"]
+        for i in (*shown, FREQUENCIES - 1)
+    ]
+    table(
+        f"{plan.title}: {target} over {source}, about rest at {at}",
+        ["frequency, Hz", f"magnitude{f', {unit}' if unit else ''}", "phase, degrees"],
+        rows,
+        right=[0, 1, 2],
+    )
+    typer.echo("")
+    rows = [[f"{m['frequency']:.4g}", f"{m['damping']:.3g}"] for m in modes]
+    table("Modes", ["natural frequency, Hz", "damping ratio"], rows, right=[0, 1])
+    fallen = f"falls by 3 dB at {cutoff:.4g} Hz" if np.isfinite(cutoff) else f"does not fall by 3 dB up to {highest}"
+    typer.echo(f"\n{target} is {level:.6g} at the operating point; its response {fallen}.")
+    if figure is not None:
+        typer.echo(f"Written: {figure}")
+
+
+def _unit_of(plan: CircuitPlan, target: str, source: str) -> str:
+    """Unit of an output over that of an input, empty where both are the same."""
+    units = {
+        "pressure_abs": "Pa",
+        "pressure": "Pa",
+        "mass_flow": "kg/s",
+        "mass": "kg",
+        "temperature": "K",
+        "length": "m",
+    }
+    above, below = (units.get(name.rpartition(".")[2], "1") for name in (target, source))
+    return "" if above == below else above if below == "1" else f"{above} per {below}"

@@ -52,7 +52,7 @@ def plot(
     """Draw a recording over time, or one channel over another."""
     writable("--out", out, ".svg", ".png", ".pdf")
     known = read_recording(file)
-    parts = _parts(_between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
+    parts = _parts(between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
     names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
     if names == []:
         raise InputError("--channels", channels, "allowed are names of channels, parted by commas")
@@ -76,8 +76,8 @@ def plot(
         typer.echo(f"Written: {out}")
 
 
-def _between(known: Recording, start: str | None, end: str | None) -> Recording:
-
+def between(known: Recording, start: str | None, end: str | None) -> Recording:
+    """The samples between the times of ``--from`` and ``--to``."""
     if start is None and end is None:
         return known
     first = None if start is None else parse(start, "s", field="--from", bare=True)

@@ -1,33 +1,41 @@
-"""``record energy`` and ``record report``: what is computed of a recording, beside what it holds."""
+"""``record energy``, ``frequency``, ``repeatability`` and ``report``: what is computed of recordings."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
 from ..analysis.energy_accounts import energy_account
+from ..analysis.frequency import frequency_response, sine_response
+from ..analysis.repeatability import between_cycles, between_runs, spread, trend
 from ..errors import InputError
-from ..quantities import parse
+from ..quantities import from_si, parse, shown_unit, split_values, with_unit
 from ..recordings import read_recording
 from ..report.document import checked_place
 from ..report.figures.energy_figures import energy_flow_figure
+from ..report.figures.frequency_figures import BodeTitles, bode_figure, repeatability_figure
 from ..report.figures.recording_figures import write
 from ..report.recording_report import write_recording_report
 from ._terminal import Json, print_json, table, writable
+from .record import File, between
 
 if TYPE_CHECKING:
     from ..analysis.energy_parts import EnergyAccount
 
 CYCLES = 20  # rows of cycles that a person is shown
+RESPONSES = 16  # rows of a frequency response that a person is shown
+Start = Annotated[str | None, typer.Option("--from", metavar="TIME", help="Time from which on samples are used.")]
+End = Annotated[str | None, typer.Option("--to", metavar="TIME", help="Time up to which samples are used.")]
 
 
 def energy(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of mckibben: .nc, .csv, .mcap.")],
+    file: File,
     figure: Annotated[Path | None, typer.Option(metavar="PICTURE", help="An .svg, .png or .pdf file.")] = None,
-    start: Annotated[str | None, typer.Option("--from", metavar="TIME", help="From this time on [s].")] = None,
-    end: Annotated[str | None, typer.Option("--to", metavar="TIME", help="Up to this time [s].")] = None,
+    start: Start = None,
+    end: End = None,
     measured: Annotated[bool, typer.Option("--measured", help="Estimate from measured channels alone.")] = False,
     muscle: Annotated[
         str | None, typer.Option(metavar="SPECIMEN", help="Whose law gives the volume, with measured channels.")
@@ -105,7 +113,7 @@ def _print(account: EnergyAccount) -> None:
 
 
 def report(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of mckibben: .nc, .csv, .mcap.")],
+    file: File,
     out: Annotated[Path, typer.Option(metavar="REPORT", help="An .html or .pdf file.")],
     as_json: Json = False,
 ) -> None:
@@ -116,3 +124,142 @@ def report(
         print_json({"file": str(out)})
     else:
         typer.echo(f"Written: {out}")
+
+
+def frequency(
+    file: File,
+    source: Annotated[
+        str, typer.Option("--input", metavar="CHANNEL", help="Channel that drives, such as valve.command.")
+    ],
+    target: Annotated[str, typer.Option("--output", metavar="CHANNEL", help="Channel that answers, such as tension.")],
+    resolution: Annotated[
+        str | None,
+        typer.Option(metavar="FREQUENCY", help="Distance of the frequencies; an eighth of what is possible."),
+    ] = None,
+    sines: Annotated[
+        str | None,
+        typer.Option(metavar="F1,F2", help="Frequencies of sines in the input, such as '1 Hz, 2 Hz'."),
+    ] = None,
+    start: Start = None,
+    end: End = None,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="PICTURE", help="Draw the response, .svg, .png or .pdf.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Estimate the frequency response between two channels.
+
+    Chirps, noise and many sines are averaged over a band by Welch's method. At known frequencies the response is fitted
+    by least squares of sines, without their transient.
+    """
+    writable("--figure", figure, ".svg", ".png", ".pdf")
+    if sines is not None and resolution is not None:
+        raise InputError("--resolution", resolution, "allowed without --sines, which states the frequencies")
+    recording = between(read_recording(file), start, end)
+    if sines is None:
+        distance = None if resolution is None else parse(resolution, "1/s", field="--resolution")
+        response = frequency_response(recording, source=source, response=target, resolution=distance)
+    else:
+        at = [parse(word, "1/s", field="--sines") for word in split_values(sines, field="--sines")]
+        response = sine_response(recording, sorted(at), source=source, response=target)
+    above, below = (recording.channels[name].unit for name in (target, source))
+    unit = "" if above == below else above if below == "1" else f"{above} per {below}"
+    cutoff = response.cutoff()
+    if figure is not None:
+        title = BodeTitles(f"{target} over {source}", str(recording.meta.get("title") or file.name), unit)
+        write(bode_figure(response, title, cutoff=cutoff), figure)
+    if as_json:
+        values = {
+            name: getattr(response, name) for name in ("frequency", "magnitude", "phase", "coherence", "segments")
+        }
+        print_json({"file": str(file), "input": source, "output": target, "unit": unit, "cutoff": cutoff, **values})
+        return
+    count = len(response.frequency)
+    chosen = sorted({round(i) for i in np.geomspace(1, count, min(count, RESPONSES))})
+    rows = [
+        [
+            f"{response.frequency[i]:.4g}",
+            f"{response.magnitude[i]:.4g}",
+            f"{np.degrees(response.phase[i]):.1f}",
+            f"{response.coherence[i]:.3f}",
+        ]
+        for i in (k - 1 for k in chosen)
+    ]
+    columns = ["frequency, Hz", f"magnitude{f', {unit}' if unit else ''}", "phase, degrees", "coherence"]
+    table(f"{target} over {source}", columns, rows, right=range(4))
+    averaged = f", {response.segments} segments averaged" if sines is None else ""
+    fallen = f"It falls by 3 dB at {cutoff:.4g} Hz." if np.isfinite(cutoff) else "It does not fall by 3 dB."
+    typer.echo(f"\n{count} frequencies{averaged}. {fallen}")
+    if figure is not None:
+        typer.echo(f"Written: {figure}")
+
+
+def repeatability(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE..", help="One recording with cycles, or several runs alike.")
+    ],
+    channel: Annotated[str, typer.Option(metavar="CHANNEL", help="Channel that is compared.")] = "tension",
+    drive: Annotated[
+        str, typer.Option(metavar="CHANNEL", help="Channel that has the cycles, of one recording.")
+    ] = "span",
+    skip: Annotated[int, typer.Option(min=0, help="Number of first cycles that are left out.")] = 0,
+    start: Start = None,
+    end: End = None,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="PICTURE", help="Draw all courses, .svg, .png or .pdf.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Report how well cycles or runs repeat each other.
+
+    Cycles are compared at equal phase, runs at equal time. The drift is the slope of a straight line through the peaks.
+    """
+    writable("--figure", figure, ".svg", ".png", ".pdf")
+    records = [between(read_recording(file), start, end) for file in files]
+    if len(records) == 1:
+        found, each = between_cycles(records[0], channel=channel, drive=drive, skip=skip), "cycle"
+    else:
+        found, each = between_runs(records, channel=channel), "run"
+    unit = records[0].channels[channel].unit
+    shown_as = shown_unit(unit)
+    if figure is not None:
+        scale = from_si(1.0, unit, shown_as)
+        scaled = found._replace(courses=scale * found.courses)
+        title = str(records[0].meta.get("title") or files[0].name)
+        over = "Phase of the cycle" if each == "cycle" else "Time, s"
+        name = channel.replace(".", " ").replace("_", " ").capitalize()
+        drawn = repeatability_figure(scaled, title=title, channel=f"{name}, {shown_as}", over=over)
+        write(drawn, figure)
+    peaks = spread(found.peaks)
+    drift = trend(range(found.repetitions), found.peaks.tolist()).slope if found.repetitions > 2 else None
+    if as_json:
+        print_json(
+            {
+                "files": [str(file) for file in files],
+                "channel": channel,
+                "unit": unit,
+                "between": f"{each}s",
+                "repetitions": found.repetitions,
+                "rms": found.rms,
+                "largest": found.largest,
+                "relative_rms": found.relative_rms,
+                "peaks": {"values": found.peaks, **peaks._asdict()},
+                "drift": None if drift is None else drift._asdict(),
+            }
+        )
+        return
+    rows = [
+        [
+            "rms distance from the mean course",
+            with_unit(found.rms, unit),
+            f"{100.0 * found.relative_rms:.3g} % of its range",
+        ],
+        ["largest distance", with_unit(found.largest, unit), ""],
+        ["peak", with_unit(peaks.mean, unit), f"standard deviation {with_unit(peaks.deviation, unit)}"],
+    ]
+    if drift is not None:
+        interval = f"95 %: {with_unit(drift.low, unit)} to {with_unit(drift.high, unit)}"
+        rows.append([f"drift of the peak per {each}", with_unit(drift.value, unit), interval])
+    table(f"{channel} over {found.repetitions} {each}s", ["", "", ""], rows, right=[1])
+    if figure is not None:
+        typer.echo(f"\nWritten: {figure}")

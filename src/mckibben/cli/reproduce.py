@@ -85,7 +85,7 @@ def _places(report: list[Path] | None, out: Path | None, *, pdf: bool, figures_o
         if out.exists() and not out.is_dir():
             raise InputError("--out", str(out), "it is a file; allowed is a folder")
         if not out.absolute().parent.is_dir():
-            raise InputError("--out", str(out), "no such folder above it")
+            raise InputError("folder", str(out.absolute().parent), "no such folder")
         out.mkdir(exist_ok=True)
     return named + [checked_place(out / name, field="--out") for name in names if out is not None]
 

@@ -222,7 +222,7 @@ def walk(blocks: tuple[Block, ...]) -> Iterator[Block]:
             yield from walk(block.blocks)
 
 
-def texts(block: Block) -> Iterator[Text]:
+def texts_of(block: Block) -> Iterator[Text]:
     """Every text of a block that may hold links and citations."""
     if isinstance(block, Paragraph):
         yield block.text

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..documents import write_whole
 from ..errors import InputError
 from . import document_html, document_pdf
-from .blocks import Cite, Figure, Fold, Link, References, Section, Text, pieces, texts, walk
+from .blocks import Cite, Figure, Fold, Link, References, Section, Text, pieces, texts_of, walk
 
 ENDINGS = (".html", ".pdf")
 
@@ -38,7 +38,7 @@ class Document:
         blocks = [b for s in self.sections for b in walk(s.blocks)]
         keys = tuple(k for b in blocks if isinstance(b, References) for k in b.keys)
         anchors = [*self.anchors(), *(b.anchor for b in blocks if isinstance(b, Fold | Figure) and b.anchor)]
-        texts = [self.lead, *(t for b in blocks for t in texts(b))]
+        texts = [self.lead, *(t for b in blocks for t in texts_of(b))]
         wanted = {p.to for t in texts for p in pieces(t) if isinstance(p, Link)}
         cited = {k for t in texts for p in pieces(t) if isinstance(p, Cite) for k in p.keys}
         for what, wrong in (
@@ -86,7 +86,7 @@ def checked_place(path: str | Path, *, field: str = "report") -> Path:
     if place.suffix not in ENDINGS:
         raise InputError(field, str(place), f"allowed is a name that ends in {' or '.join(ENDINGS)}")
     if not place.absolute().parent.is_dir():
-        raise InputError(field, str(place), "no such folder")
+        raise InputError("folder", str(place.absolute().parent), "no such folder")
     if place.is_dir():
         raise InputError(field, str(place), "it is a folder; allowed is the name of a file")
     if place.suffix == ".pdf":

@@ -107,7 +107,11 @@ def measured_data(folder: str | Path | None = None) -> Path | None:
     if named is None:
         return None
     if not Path(named).is_dir():
-        raise InputError("folder" if folder is not None else VARIABLE, str(named), "no such folder")
+        raise InputError(
+            "folder" if folder is not None else VARIABLE,
+            str(named),
+            "no such folder" if folder is not None else "the folder does not exist",
+        )
     return Path(named)
 
 
