@@ -1,4 +1,4 @@
-"""Names, units and meanings of what a recording shows of a circuit and of a test machine."""
+"""Names, units and meanings of the channels of circuits and test machines."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ INPUTS = {"valve": "valve.command", "motor": "motor.command", "open": "shut_off.
 
 
 def described(name: str) -> tuple[str, str]:
-    """Unit and meaning of a true channel by its dotted name."""
+    """Return unit and meaning of a true channel by its dotted name."""
     if name in OWN:
         return OWN[name]
     owner, _, last = name.rpartition(".")
@@ -62,7 +62,7 @@ def described(name: str) -> tuple[str, str]:
 
 
 def kinds(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
-    """Unit, kind and meaning of the channels of a test machine by their names."""
+    """Return unit, kind and meaning of the channels of a test machine, by name."""
     found = {}
     for name in names:
         if name in MEASURED:

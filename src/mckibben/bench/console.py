@@ -33,7 +33,7 @@ LISTS = ("protocols", "muscles", "rigs")
 
 
 class ConsoleCommand(NamedTuple):
-    """One of them.
+    """A command of the console.
 
     Attributes:
         usage: as it is typed.
@@ -73,7 +73,7 @@ COMMANDS = {
 
 
 def complete(text: str, parameters: Iterable[str] = ()) -> list[str]:
-    """What the last word of a line can become; `parameters` are those of the loaded protocol."""
+    """List the completions of the last word of a line; `parameters` are those of the loaded protocol."""
     head, _, last = text.rpartition(" ")
     words = head.split()
     if not words:
@@ -100,7 +100,7 @@ def _followers(follows: str, before: list[str], last: str, parameters: Iterable[
 
 
 def _files(start: str, endings: tuple[str, ...]) -> list[str]:
-    """Files and folders whose path begins so."""
+    """List files and folders whose path begins with a text."""
     at = Path(start)
     folder = at if start.endswith("/") or not start else at.parent
     try:
@@ -112,7 +112,7 @@ def _files(start: str, endings: tuple[str, ...]) -> list[str]:
 
 
 def words_of(line: str) -> list[str]:
-    """The words of a line, with quotes as a shell has them; ``#`` begins a comment."""
+    """Split a line into words, with the quotes of a shell; ``#`` begins a comment."""
     reader = shlex.shlex(line, posix=True, punctuation_chars=False)
     reader.whitespace_split, reader.escape, reader.commenters = True, "", ""
     try:
@@ -124,7 +124,7 @@ def words_of(line: str) -> list[str]:
 
 
 def usage(name: str, words: list[str]) -> InputError:
-    """A complaint about what stands behind a command, to be raised."""
+    """Return the error for wrong arguments of a command."""
     return InputError(name, " ".join(words) or "alone", f"allowed is {COMMANDS[name].usage}")
 
 
@@ -132,7 +132,7 @@ PROTOCOL = ".toml"
 
 
 def loaded(name: str, channel: str | None = None) -> Protocol:
-    """The protocol that somebody means.
+    """Load a protocol by name, or from a file of a protocol or a waveform.
 
     Args:
         name: of a shipped protocol, or the path of a ``.toml`` file or of a table with a time and one other column.
@@ -154,7 +154,7 @@ def loaded(name: str, channel: str | None = None) -> Protocol:
 
 
 def _following(path: Path, *channels: str) -> Protocol:
-    """A protocol in which one of some channels, the first whose unit fits, goes as a table says."""
+    """Build a protocol that plays a table on the first channel with a matching unit."""
     complaint: InputError | None = None
     for channel in channels:
         unit = CHANNELS[channel]
@@ -183,7 +183,7 @@ LONGEST = 86400.0  # that `wait` waits [s]
 
 
 class Console:
-    """A session that is spoken to.
+    """A console that operates a session by lines of text.
 
     Args:
         session: the machine.
@@ -206,7 +206,7 @@ class Console:
         self._heard = 0
 
     def execute(self, line: str) -> str:
-        """Do what a line says, and answer; nothing for an empty line or a comment.
+        """Execute a line and return the answer; an empty line or a comment has none.
 
         Raises:
             InputError: one clear line; the console stays as it is.
@@ -223,13 +223,13 @@ class Console:
         return answer
 
     def news(self) -> list[str]:
-        """The messages of the machine since this was asked last."""
+        """Return the messages of the machine since the last call."""
         found = self.session.messages(self._heard)
         self._heard = found[-1].number if found else self._heard
         return [f"[{m.time:9.3f} s] {m.text}" for m in found]
 
     def complete(self, text: str) -> list[str]:
-        """What the last word of a line can become."""
+        """List the completions of the last word of a line."""
         names = [] if self.protocol is None else [*self.protocol.variables(), *SETTINGS]
         return complete(text, names)
 
@@ -307,9 +307,7 @@ class Console:
     def _show(self, words: list[str]) -> str:
         _none("show", words)
         bench = self.session.prepare(self._chosen())
-        found = [f.sentence for f in bench.findings] or [
-            f"At most {bench.plan.duration:.4g} s; nothing speaks against it."
-        ]
+        found = [f.sentence for f in bench.findings] or [f"At most {bench.plan.duration:.4g} s; the dry run passes."]
         return "\n".join([bench.protocol.sentence(), *found])
 
     def _run(self, words: list[str]) -> str:
@@ -400,7 +398,7 @@ def _columns(rows: list[tuple[str, str]]) -> str:
 
 
 def _told(recording: Recording) -> str:
-    """What was measured, a line for each channel."""
+    """Summarise a recording, one line per measured channel."""
     rows = [("", f"{'lowest':>12}{'mean':>12}{'highest':>12}")]
     for name, one in recording.summary().items():
         if one["kind"] == "measured":

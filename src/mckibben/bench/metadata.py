@@ -24,19 +24,19 @@ from .prepare import PreparedRun
 
 
 def versions() -> dict[str, str]:
-    """Of this package and of what computes."""
+    """Return the versions of this package, of JAX and of Python."""
     # The package's root gathers the verbs of all rooms, so a room cannot import it.
     root = sys.modules[__name__.partition(".")[0]]
     return {"mckibben": root.__version__, "jax": jax.__version__, "python": platform.python_version()}
 
 
 def created() -> str:
-    """Now, in UTC."""
+    """Return the present time in UTC, ISO 8601."""
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 
 def resolved(owner: Any) -> dict[str, dict[str, Any]]:
-    """Every parameter below an object by its dotted path: value [SI] and unit."""
+    """Return value [SI] and unit of every parameter below an object, by dotted path."""
     found = paths.parameters(owner)
     return {path: {"value": np.asarray(paths.get(owner, path)).tolist(), "unit": q.unit} for path, q in found}
 
@@ -45,7 +45,7 @@ CLOSED = ("mass", "gas", "muscle", "mechanics", "energy", "exergy")
 
 
 class StepTable:
-    """When each step of a protocol began and ended, as a recording keeps it."""
+    """Start and end times of the steps of a protocol, as a recording keeps them."""
 
     def __init__(self, period: float) -> None:
         self.period = period
@@ -53,7 +53,7 @@ class StepTable:
         self._longest = 0.0
 
     def add(self, times: np.ndarray, index: np.ndarray, steps: Sequence[PlannedStep]) -> None:
-        """Samples at some times [s], each in the step of an index into `steps`."""
+        """Add samples at times [s], each in the step with an index into `steps`."""
         for j in np.unique(index):
             step, begins = steps[int(j)], float(times[np.argmax(index == j)])
             if self.steps and self.steps[-1]["index"] == step.index:
@@ -69,7 +69,7 @@ class StepTable:
             )  # fmt: skip
 
     def end(self, time: float, by: str = "until") -> None:
-        """The last step ends at a time [s]; where that is before its time, `by` says what ended it."""
+        """End the last step at a time [s]; if that is earlier than planned, `by` names the reason."""
         if not self.steps or self.steps[-1]["end"] > self.steps[-1]["start"]:
             return
         last = self.steps[-1]
@@ -79,7 +79,7 @@ class StepTable:
 
 
 def initial_metadata(bench: PreparedRun) -> dict[str, Any]:
-    """What the meta of a recording says before anything moves."""
+    """Compose the metadata that are known before anything moves."""
     protocol, rig, spec = bench.protocol, bench.rig, bench.specimen
     room = rig.environment
     said = " ".join([rig.source, protocol.source])
@@ -101,7 +101,7 @@ def initial_metadata(bench: PreparedRun) -> dict[str, Any]:
 def run_metadata(
     bench: PreparedRun, machine: Machine, timing: Timing, *, inner: int, closed: Sequence[Accounts], record: Recording
 ) -> dict[str, Any]:
-    """The meta of a recording, without the steps and what became of the run.
+    """Compose the metadata of a recording, without steps, events and result.
 
     Args:
         bench: what was run.
@@ -133,7 +133,7 @@ def _ends(bench: PreparedRun) -> dict[str, dict[str, float]]:
 
 
 def _true_ends(bench: PreparedRun) -> dict[str, dict[str, float]]:
-    """What the channels measure at the ends of their converters."""
+    """Return the values that the channels measure at the ends of their converters."""
     true = bench.rig.true
     return {n: {k: float(true(n, e[k])) for k in ("low", "high")} for n, e in _ends(bench).items()}
 
@@ -144,7 +144,7 @@ def _calibrated(bench: PreparedRun) -> dict[str, Any]:
 
 
 def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
-    """Of every measured channel that reached an end of its converter: share, longest stay [s], and a sentence."""
+    """Describe every measured channel that saturated: share, longest time [s], and a sentence."""
     found = {}
     for name, ends in converters.items():
         if name not in record or not np.isfinite(record[name]).all():

@@ -1,4 +1,4 @@
-"""What a run needs before anything moves: protocol, rig and muscle put together, the dry run, and the parts of the run."""
+"""Preparation of a run before anything moves: protocol, rig and muscle, the dry run, and the segments of the run."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ ON_THE_CELL = "the load cell reads"  # how a finding about the cell's range begi
 
 @dataclass(frozen=True)
 class OpenWire:
-    """A wire that opens: `channel` is pressure, valve_pressure, tension or span, `at` a time of the run [s]."""
+    """A sensor wire that opens at a time `at` of the run [s]; `channel` is pressure, valve_pressure, tension or span."""
 
     channel: str
     at: float
 
 
 class RunSegment(NamedTuple):
-    """Steps of a plan between two things that a person does, on one machine.
+    """Steps of a plan between two operator actions, on one machine.
 
     Attributes:
         steps: in their order.
@@ -69,7 +69,7 @@ class RunSegment(NamedTuple):
 
     @property
     def start_span(self) -> float:
-        """Where the end is when it begins [m]."""
+        """Span at which the segment begins [m]."""
         first = self.steps[0]
         if not self.moves and isinstance(first.motor, np.ndarray):
             return float(first.motor[0])
@@ -77,14 +77,14 @@ class RunSegment(NamedTuple):
 
     @property
     def start_pressure(self) -> float:
-        """Gauge pressure when it begins [Pa]; what nobody knows is vented."""
+        """Gauge pressure at which the segment begins [Pa]; zero if it is not known in advance."""
         before = self.steps[0].pressure_before
         return float(before.low) if before.known else 0.0
 
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """One run of a protocol on a simulated rig, ready to start: what will be done, and what speaks against it.
+    """A protocol on a rig with a muscle, planned and checked, ready to start.
 
     Attributes:
         protocol: what to do.
@@ -97,7 +97,7 @@ class PreparedRun:
         step: largest step of the physics [s].
         seed: of the sensors' noise.
         faults: wires that open during the run.
-        findings: all that speaks against it.
+        findings: violations of limits that the dry run found; none may be left when the run starts.
         accepted: findings about the cell's range that were accepted: the recording then tells of saturation.
         motor_held: the muscle hangs at the motor all the time, as on a machine that somebody operates.
     """
@@ -118,7 +118,7 @@ class PreparedRun:
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What does not forbid the run, but a reader of its recording has to know.
+        """Cautions that do not prevent the run, but that a reader of its recording has to know.
 
         A calibration that is too old, and what a person is asked to do that the simulated rig knows nothing of.
         """
@@ -131,7 +131,7 @@ class PreparedRun:
         return (*old, *unknown)
 
     def segments(self) -> Iterator[RunSegment]:
-        """Divide the plan where a person is asked to do something."""
+        """Divide the plan at the operator actions."""
         return _segments(self.rig, self.plan, self.layout, self.motor_held)
 
 
@@ -163,7 +163,7 @@ def prepare(
     accept_saturation: bool = False,
     faults: Sequence[OpenWire] = (),
 ) -> PreparedRun:
-    """Everything before anything moves, the dry run included.
+    """Prepare a run, including the dry run; nothing moves.
 
     Args:
         protocol: a protocol, the name of a shipped one, or the path of a ``.toml`` file.
@@ -230,7 +230,7 @@ def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float,
 
 
 def _not_built(rig: Rig, unit: MuscleUnit, plan: Plan, layout: str) -> list[Finding]:
-    """Why the machine of a part of the run, or its loop, cannot be put together, where it cannot; each reason once."""
+    """List the reasons why the machine of a segment, or its loop, cannot be built; each reason once."""
     found: dict[str, Finding] = {}
     for part in _segments(rig, plan, layout):
         try:
@@ -243,7 +243,7 @@ def _not_built(rig: Rig, unit: MuscleUnit, plan: Plan, layout: str) -> list[Find
 
 
 def with_friction_scale(unit: MuscleUnit, factor: float) -> MuscleUnit:
-    """The muscle with its friction times a factor."""
+    """Return the muscle with its friction multiplied by a factor."""
     if factor == 1.0:
         return unit
     if unit.friction is None:
@@ -253,20 +253,20 @@ def with_friction_scale(unit: MuscleUnit, factor: float) -> MuscleUnit:
 
 
 def _plan(protocol: Protocol, rest: float) -> Plan:
-    """The plan from the rest length on, or from where a plate holds the muscle that is never moved."""
+    """Expand the protocol from the rest length, or from the span at which a plate holds the muscle."""
     plan = protocol.expand(rest_length=rest)
     whole = RunSegment(plan.steps, "", 1.0, "")
     return plan if whole.moves else protocol.expand(rest_length=rest, start_span=whole.start_span)
 
 
 def _every(rate: float, plan: Plan) -> int:
-    """How much faster than a protocol's clock the loop has to run, which is unstable with a motor below some 600 1/s."""
+    """Loop samples per protocol sample; a loop with a motor is unstable below some 600 samples/s."""
     moves = RunSegment(plan.steps, "", 1.0, "").moves
     return math.ceil(CONTROL_RATE / rate * (1.0 - 1e-9)) if moves and rate < CONTROL_RATE else 1
 
 
 def expected(unit: MuscleUnit) -> Estimate:
-    """Tension by the muscle's law; in pieces of one size, so that it is compiled once."""
+    """Return the tension by the muscle's law as a function; evaluated in pieces of one size, so that it is compiled once."""
 
     def tension(span: Any, pressure: Any) -> np.ndarray:
         spans, pressures = np.broadcast_arrays(np.asarray(span, float), np.asarray(pressure, float))
@@ -286,7 +286,7 @@ def _tension(law: TensionLaw, span: Any, pressure: Any) -> Any:
 
 
 def _rest_length(unit: MuscleUnit, spec: Specimen | None) -> float:
-    """What ``L0`` stands for [m]: as the specimen states it, else that of the law."""
+    """Rest length ``L0`` [m]: as the specimen states it, else that of the law."""
     if spec is not None and "rest_length" in spec.properties:
         return spec.property_si("rest_length", "m")
     own = getattr(unit.law, "rest_length", None)

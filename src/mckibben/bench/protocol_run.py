@@ -1,4 +1,4 @@
-"""A protocol on a rig, simulated or real: segments between what a person does, samples in chunks, and one recording."""
+"""Playing a prepared run: segments between operator actions, samples in chunks, and one recording."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ Display = Callable[[np.ndarray, Mapping[str, np.ndarray]], None]  # times and ch
 
 
 class Stage(Protocol):
-    """Where the segments of a run are played: on machines of their own, or on one that goes on."""
+    """The machine or machines on which the segments of a run are played."""
 
     @property
     def hardware(self) -> Hardware | None:
-        """The machine that outlives the run; None where every segment has a simulated one of its own."""
+        """The machine that outlives the run; None if every segment has a simulated one of its own."""
 
     def bring(self, segment: RunSegment) -> None:
         """Bring the machine to where a segment begins, after a person did what the segment asks for."""
@@ -48,7 +48,7 @@ class Stage(Protocol):
 
 
 class OwnMachines:
-    """Every segment on a simulated machine of its own, set up where the segment begins.
+    """A stage with a new simulated machine for every segment, at rest where the segment begins.
 
     Args:
         clock: of the machine's time; None: whole chunks at once, with steps that the machine's own rates allow.
@@ -60,7 +60,7 @@ class OwnMachines:
         self.clock = clock
 
     def bring(self, segment: RunSegment) -> None:
-        """Nothing has to be brought anywhere."""
+        """Do nothing: every machine is built where its segment begins."""
 
     def play(
         self, run: ProtocolRun, number: int, segment: RunSegment, software: BenchSoftware
@@ -87,7 +87,7 @@ class OwnMachines:
 
 
 class StartedMachine:
-    """Every segment on one machine, which is started anew where the segment begins.
+    """A stage with one machine, which is started anew for every segment.
 
     Args:
         hardware: the machine; it gives the clock, and stays open.
@@ -97,7 +97,7 @@ class StartedMachine:
         self.hardware = hardware
 
     def bring(self, segment: RunSegment) -> None:
-        """Somebody has mounted the muscle there."""
+        """Do nothing: the operator has mounted the muscle where the segment begins."""
 
     def play(
         self, run: ProtocolRun, number: int, segment: RunSegment, software: BenchSoftware
@@ -124,7 +124,7 @@ def loop_chunks(
 
 
 def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True) -> None:
-    """Compile what a run of a simulated machine by a clock needs, so that it begins at once.
+    """Compile what a real-time run of a simulated machine needs, so that it begins at once.
 
     Args:
         prepared: what is going to be run.
@@ -143,10 +143,10 @@ def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True
 
 
 class ProtocolRun:
-    """A run while it goes on.
+    """A prepared run on a stage, from its first sample to its recording.
 
     Args:
-        prepared: what is done; nothing speaks against it.
+        prepared: the run; its dry run has passed.
         stage: where.
         progress: told how far it is, with every chunk.
         display: shown every chunk.
@@ -255,7 +255,7 @@ class ProtocolRun:
         self.table.end(self.time, "until" if self.result == "done" else "stop")
 
     def _samples(self, source: Iterator[Chunk], segment: RunSegment) -> Iterator[Chunk]:
-        """Keep what a source gives, until the segment ends; each chunk is given on."""
+        """Record the chunks of a source until the segment ends, and yield each."""
         left = round(AFTER_STOP / self.timing.period)
         try:
             for chunk in source:
@@ -287,7 +287,7 @@ class ProtocolRun:
         self._event("interrupted")
 
     def _keep(self, seen: sampled.SampleResult, used: int, segment: RunSegment, stopped: bool) -> None:
-        """Take the first samples of a chunk."""
+        """Record the first samples of a chunk."""
         period, total = self.timing.period, self.prepared.plan.duration
         times = period * (self.samples + np.arange(used))
         arrays = channels_of(seen, used)
@@ -304,7 +304,7 @@ class ProtocolRun:
             self.progress(min(self.time, total), total)
 
     def _stopped(self, seen: sampled.SampleResult, at: int, segment: RunSegment) -> None:
-        """Say what stopped the machine at a sample of a chunk."""
+        """Set result and message for the stop at a sample of a chunk."""
         i = min(at, len(seen.shown["code"]) - 1)
         when, code = self.time + i * self.timing.period, int(seen.shown["code"].max())
         name = Trip(code).name.lower() if code else "missed"
@@ -326,7 +326,7 @@ class ProtocolRun:
 
 
 def channels_of(seen: sampled.SampleResult, used: int) -> dict[str, np.ndarray]:
-    """The channels of a recording from what was seen of a chunk."""
+    """Return the channels of a recording, (used,) each, from the results of a chunk."""
     arrays = {n: v[:used] for n, v in seen.measured.items() if not n.endswith(".code")}
     arrays |= {n: v[:used] for n, v in seen.shown.items() if n.startswith("command.")}
     arrays |= {channels.INPUTS[n]: v[:used] for n, v in seen.commands.items()}

@@ -21,7 +21,7 @@ LONGEST_GAP = 1.5  # samples; further apart are samples between which something 
 
 
 class Chunks:
-    """Collects the samples that are to be kept; plain NumPy.
+    """Samples kept in memory, chunk by chunk; a channel may be missing in some chunks.
 
     Args:
         period: of the samples [s].
@@ -39,7 +39,7 @@ class Chunks:
         self._arrays: list[dict[str, np.ndarray]] = []
 
     def __len__(self) -> int:
-        """Samples kept so far."""
+        """Number of samples kept so far."""
         return sum(len(t) for t in self._times)
 
     def add(self, times: Any, arrays: Mapping[str, Any], keep: Any = True) -> None:
@@ -82,7 +82,7 @@ class Chunks:
         self._arrays.append(chosen)
 
     def recording(self, meta: Mapping[str, Any] | None = None) -> Recording:
-        """What was kept so far; a channel is NaN where a chunk did not have it.
+        """Return the samples kept so far; a channel is NaN where a chunk did not have it.
 
         The meta gets ``gaps``, the times [s] before and after each place where samples were left out, if there are any.
 
@@ -111,7 +111,7 @@ class Chunks:
 
 
 class RunRecorder:
-    """Takes chunks of samples.
+    """Recorder of a run: samples in memory and, if a log is given, in a crash-safe file.
 
     Args:
         bench: what is run, for the head of the log.
@@ -126,7 +126,7 @@ class RunRecorder:
         self._names: list[str] = []
 
     def take(self, times: np.ndarray, arrays: Mapping[str, np.ndarray], keep: np.ndarray) -> None:
-        """The next samples (n,), of which some are kept; the first call, which may bring none, begins the log."""
+        """Take the next samples (n,) and keep those selected; the first call, even without samples, opens the log."""
         self.chunks.kinds.update(channels.kinds(arrays))
         if self.path is not None and self.log is None:
             kinds = self.chunks.kinds
@@ -141,26 +141,26 @@ class RunRecorder:
             self.log.append(times[keep], table)
 
     def remark(self, text: str, time: float) -> None:
-        """A sentence at a time [s], into the log."""
+        """Write a remark at a time [s] into the log."""
         if self.log is not None:
             self.log.annotate(text, time)
 
     def recording(self) -> Recording:
-        """What was kept, without a meta."""
+        """Return the samples as a recording without metadata."""
         return self.chunks.recording()
 
     def close(self, result: str, message: str, meta: Mapping[str, Any]) -> None:
-        """End the log."""
+        """Close the log."""
         if self.log is not None:
             self.log.close(result, message, meta)
 
     def __enter__(self) -> Self:
-        """The keeper itself."""
+        """Return the recorder itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """What goes wrong inside becomes the log's last word."""
+        """Close the log with the error that ended the block, if any."""
         if self.log is not None:
             self.log.__exit__(kind, error, trace)

@@ -38,7 +38,7 @@ MUSCLE_VOLUME = 1.5e-5  # of gas in a muscle and half its tube, for the rate tha
 
 @dataclass(frozen=True)
 class OperatorAction:
-    """What a person does when a protocol asks for it: joins other parts, or changes the muscle.
+    """An action that a protocol asks the operator to do: connect other parts, or change the muscle.
 
     Attributes:
         ask: the words by which a protocol asks for it.
@@ -87,7 +87,7 @@ class Rig:
     calibration: Calibration | None = None
 
     def operator_action(self, ask: str) -> OperatorAction | None:
-        """What a person does for an ask; None where the rig does not know it."""
+        """Return the operator action for a request of a protocol; None if the rig does not know it."""
         return next((h for h in self.hands if h.ask == ask), None)
 
     def layout(self, protocol: Protocol, name: str | None = None) -> str:
@@ -118,7 +118,7 @@ class Rig:
         return frozenset(found)
 
     def limits(self, layout: str, *, burst_pressure: float = float("inf")) -> Limits:
-        """What the rig allows, for the check before anything moves."""
+        """Return the limits of the rig, for the dry run."""
         plumbing = self.plumbing[layout]
         motor, cell = self.motor, self.sensors.get("tension")
         top = min(float(self.valve_out.top), float(plumbing.supply_pressure))
@@ -135,7 +135,7 @@ class Rig:
         )  # fmt: skip
 
     def resolution(self) -> dict[str, float]:
-        """Smallest step of every measured channel [SI]."""
+        """Return the smallest step of every measured channel [SI]."""
         found = {name: float(s.resolution) for name, s in self.sensors.items()}
         return found if self.encoder is None else found | {"span": float(self.encoder.resolution)}
 
@@ -148,7 +148,7 @@ class Rig:
         return float(flow / AIR.mass(1.0, volume, room.temperature))
 
     def machine(self, layout: str, unit: MuscleUnit | None, *, start: float, moves: bool) -> Machine:
-        """Circuit, muscle and stand.
+        """Build the machine of circuit, muscle and stand.
 
         Args:
             layout: name of the plumbing.
@@ -164,7 +164,7 @@ class Rig:
         return Machine.of(plumbing.circuit(units, self.environment), units, stand, self.environment)
 
     def calibrated(self, calibration: Calibration | None) -> Rig:
-        """With what its channels truly measure where the nominal scales of their converters indicate something.
+        """Return the rig with a calibration of its measured channels.
 
         Raises:
             InputError: if a channel is none of the rig, or the calibration is of another rig.
@@ -182,12 +182,12 @@ class Rig:
         return dataclasses.replace(self, calibration=calibration)
 
     def true(self, channel: str, indicated: Any) -> Any:
-        """What a channel measures where its nominal scale indicates a value [SI]."""
+        """Return the calibrated value of a channel for its nominal one [SI]."""
         found = {} if self.calibration is None else self.calibration.corrections
         return found[channel].true(indicated) if channel in found else indicated
 
     def converters(self, mounted: float) -> Converters:
-        """What the counts of its inputs and outputs stand for; the encoder is zeroed at a span [m]."""
+        """Return the scales of inputs and outputs; the encoder is zeroed at a span [m]."""
         corrections = {} if self.calibration is None else self.calibration.corrections
         return Converters(
             analog={n: s.converter for n, s in self.sensors.items()}, encoder=self.encoder, valve=self.valve_out,
@@ -197,14 +197,14 @@ class Rig:
         )  # fmt: skip
 
     def plant(self, machine: Machine, layout: str, *, mounted: float) -> InstrumentedPlant:
-        """The machine behind its converters; the encoder was zeroed at a span [m]."""
+        """Return the machine with its sensors and converters; the encoder is zeroed at a span [m]."""
         return InstrumentedPlant(
             machine=machine, tested=self.plumbing[layout].tested, sensors=dict(self.sensors),
             converters=self.converters(mounted),
         )  # fmt: skip
 
     def watch(self, layout: str, *, tension: bool = True) -> Interlocks:
-        """The interlocks with the ends of the sensors' ranges; without the tension where its saturation was accepted."""
+        """Return the interlocks with the ranges of the sensors; without the tension if its saturation was accepted."""
         ends = {}
         for name in ("pressure", "tension"):
             if name in self.sensors:

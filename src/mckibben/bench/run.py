@@ -1,4 +1,4 @@
-"""A protocol on a rig, simulated or real, from what a user says to the recording."""
+"""Running a protocol on a rig, simulated or real, from names to the recording."""
 
 from __future__ import annotations
 

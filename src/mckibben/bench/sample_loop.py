@@ -424,4 +424,4 @@ def _fits(hardware: Hardware, converters: Converters, software: BenchSoftware) -
     if software.has_motor and not hardware.has_motor:
         raise InputError("motor", "none at the machine", "the protocol moves the end of the muscle")
     if software.has_motor and converters.motor is None:
-        raise InputError("outputs.motor", "none", "a machine at the border takes counts: the rig needs this converter")
+        raise InputError("outputs.motor", "none", "a machine takes counts, so the rig needs this converter")

@@ -1,4 +1,4 @@
-"""One part of a run: its software, and the simulated machine at rest where the part begins."""
+"""One segment of a run: its software, and the simulated machine at rest where the segment begins."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ AFTER_STOP = 0.5  # time for which a stopped machine is sampled further, so that
 
 
 class Chunk(NamedTuple):
-    """Some samples in a row.
+    """Consecutive samples of a run.
 
     Attributes:
         seen: of each, as arrays (size,); without true channels where the machine is real.
@@ -47,7 +47,7 @@ class Chunk(NamedTuple):
 def simulated(
     plant: InstrumentedPlant, software: BenchSoftware, carry: sampled.Carry, rows: SampleRows, timing: Timing
 ) -> Iterator[Chunk]:
-    """Chunk after chunk as fast as it goes, with steps that the plant's own rates allow."""
+    """Yield chunks of a simulation as fast as possible, with steps that the rates of the plant allow."""
     while True:
         carry, seen, inner = sampled.advance(
             plant, software, carry, rows.next(), period=timing.period, inner=timing.inner, latency=timing.latency
@@ -56,14 +56,14 @@ def simulated(
 
 
 def timing_of(bench: PreparedRun) -> Timing:
-    """The timing of a run, with commands kept for as long as the slowest part of the rig is late."""
+    """Return the timing of a run; commands are kept for as long as the longest dead time of the rig."""
     commanded = [e for p in bench.rig.plumbing.values() for e in (p.valve, p.shut_off) if e is not None]
     delays = [float(e.delay() or 0.0) for e in commanded]
     return configure(bench.rig.computer, bench.plan.sample_rate, dead_time=max(delays), step=bench.step)
 
 
 def software_of(bench: PreparedRun, part: RunSegment, timing: Timing) -> BenchSoftware:
-    """Sequencer, controllers and interlocks of a part."""
+    """Build sequencer, controllers and interlocks of a segment."""
     rig = bench.rig
     begins = part.start_span if part.steps[0].mode == "span" else 0.0
     return BenchSoftware(
@@ -76,7 +76,7 @@ def software_of(bench: PreparedRun, part: RunSegment, timing: Timing) -> BenchSo
 
 
 class SegmentMachine:
-    """The simulated machine of a part.
+    """The simulated machine of a segment.
 
     Args:
         bench: what is run.
@@ -98,7 +98,7 @@ class SegmentMachine:
         self.rows = SensorNoise(bench, number, begin)
 
     def carry(self, software: BenchSoftware) -> sampled.Carry:
-        """What goes into the first sample of a simulation with some software."""
+        """Return the state before the first sample of a simulation with this software."""
         found: sampled.Carry = call_compiled(
             sampled.with_software, self.plant, software, self.rested, self.rows.first()
         )
@@ -106,14 +106,14 @@ class SegmentMachine:
 
     @functools.cached_property
     def rested(self) -> sampled.Carry:
-        """The machine where the part begins, commanded by nobody."""
+        """The machine at rest where the segment begins, without software."""
         found: sampled.Carry = call_compiled(
             sampled.rest, self.plant, self.start, self.commands, depth=self.timing.depth
         )
         return found
 
     def at_interface(self, ahead: float = 0.0) -> SimulatedMachine:
-        """The machine behind its converters; for `ahead` [s] all draws of the noise are made before it begins."""
+        """Build the machine behind its converters; noise for the first `ahead` seconds is drawn before it begins."""
         timing = self.timing
         return SimulatedMachine(
             self.plant,
@@ -126,7 +126,7 @@ class SegmentMachine:
         )
 
     def closed(self, carry: sampled.Carry, begun: sampled.Carry | None = None) -> Accounts:
-        """The accounts from the start, or from what was then, until now."""
+        """Close the accounts between a state, by default the start, and a later one."""
         timing = self.timing
         begun = self.rested if begun is None else begun
         at = timing.latency, timing.period
@@ -137,7 +137,7 @@ class SegmentMachine:
 
 
 class _Ended(NamedTuple):
-    """What the accounts need of a run."""
+    """The fields of a run that the accounts use."""
 
     state: Any
     memory: Any
@@ -145,7 +145,7 @@ class _Ended(NamedTuple):
 
 
 class SensorNoise:
-    """What every sample brings from outside: draws of the noise, and wires that are open."""
+    """Sensor noise and open wires of the samples of a segment."""
 
     def __init__(self, bench: PreparedRun, part: int, begin: float = 0.0) -> None:
         # a generator for each part, so that the parts do not depend on each other's length
@@ -157,12 +157,12 @@ class SensorNoise:
         self.begin, self.count = begin, 0
 
     def first(self) -> dict[str, Any]:
-        """Of a sample without noise."""
+        """Return the row of a sample without noise."""
         zero = np.zeros(())
         return {"draws": dict.fromkeys(self.names, zero), "lost": dict.fromkeys(self.lost, zero)}
 
     def next(self) -> dict[str, Any]:
-        """Of the next chunk."""
+        """Draw the rows of the next chunk."""
         draws = self.chance.standard_normal((len(self.names), CHUNK))
         times = self.begin + self.period * (self.count + np.arange(CHUNK))
         self.count += CHUNK

@@ -16,7 +16,7 @@ PATIENCE = 2.0  # time for which it waits for a viewer that says nothing [s]
 
 
 class Clock:
-    """The time of one simulated machine; may be changed from any thread while it goes.
+    """The time of one simulated machine; it may be changed from any thread at any time.
 
     A clock may have one viewer, such as a page: while that says how much of the machine it has seen (`viewed`), the machine
     is at most `LEAD` ahead. Who sees something and presses the stop so stops the machine near what was seen, however fast it
@@ -51,7 +51,7 @@ class Clock:
             self._changed.notify_all()
 
     def begin(self) -> None:
-        """Begin at 0 s, going, with no viewer."""
+        """Restart at 0 s, running, without a viewer."""
         with self._changed:
             self._reached, self._viewed, self._halted, self._due = 0.0, None, False, None
             self._changed.notify_all()
@@ -62,24 +62,24 @@ class Clock:
         return self._halted
 
     def halt(self, halted: bool = True) -> None:
-        """Let the machine stand still, or go on."""
+        """Halt the machine, or let it go on."""
         with self._changed:
             self._halted, self._until, self._due = halted, self._count, None
             self._changed.notify_all()
 
     @property
     def count(self) -> int:
-        """Samples that were let through."""
+        """Number of samples so far."""
         return self._count
 
     def step(self, samples: int = 1) -> None:
-        """Let so many samples through while the machine stands still."""
+        """Advance a halted machine by some samples."""
         with self._changed:
             self._until = max(self._until, self._count) + samples
             self._changed.notify_all()
 
     def advance(self, until: int) -> None:
-        """Let the machine that stands still go on until it has taken `until` samples, and wait for that."""
+        """Advance a halted machine to a number of samples, and wait until it is there."""
         with self._changed:
             self._until = max(self._until, until)
             self._changed.notify_all()
@@ -88,13 +88,13 @@ class Clock:
             )
 
     def viewed(self, time: float | None) -> None:
-        """Say how much of the machine's time a viewer in control has seen [s]; None: there is no viewer."""
+        """Set how much of the machine's time the viewer has seen [s]; None if there is no viewer."""
         with self._changed:
             self._viewed, self._heard = time, perf_counter()
             self._changed.notify_all()
 
     def interrupt(self, interrupted: bool = True) -> None:
-        """Let whoever waits leave, and nobody wait any more; or let them wait again."""
+        """Interrupt `wait` now and later, or let it wait again."""
         with self._changed:
             self._interrupted = interrupted
             if not interrupted:
@@ -102,7 +102,7 @@ class Clock:
             self._changed.notify_all()
 
     def wait(self, period: float) -> float:
-        """Wait for the next sample, a period after the one before; how late it is by the machine's time [s].
+        """Wait for the next sample, a period after the last one; return its lateness in the machine's time [s].
 
         Raises:
             WaitInterrupted: if `interrupt` was called.
@@ -138,7 +138,7 @@ class Clock:
         return now - due if now - due > self._grain + 1e-3 else 0.0
 
     def _follow_viewer(self, period: float) -> None:
-        """Wait until the viewer has seen enough; where it is silent, as long as a sample takes in real time."""
+        """Wait until the viewer has seen enough, or if it is silent, for a period of real time."""
         if not self._near():
             until = max(self._heard + PATIENCE, self._before + period)
             self._changed.wait_for(self._near, max(until - perf_counter(), 0.0))

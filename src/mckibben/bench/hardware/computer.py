@@ -21,7 +21,7 @@ ROUNDING = 1e-9  # share by which a whole number of steps or ticks may be missed
 
 
 class Computer(Module):
-    """When the software acts, and when what it says takes effect."""
+    """The clock of the computer, and the latency of its outputs."""
 
     timer_resolution: Scalar = quantity("s", (1e-9, 1e-2), "tick of the timer", default=1e-6)
     highest_rate: Scalar = quantity("1/s", (1.0, 1e5), "most samples per second", default=5000.0)
@@ -69,7 +69,7 @@ class Computer(Module):
 
 
 class Timing(NamedTuple):
-    """What the sampled loop runs by.
+    """The timing of a sample loop.
 
     Attributes:
         period: of the samples, a whole number of timer ticks [s].
@@ -90,7 +90,7 @@ class Timing(NamedTuple):
 
 
 def configure(computer: Computer, sample_rate: float, *, dead_time: float = 0.0, step: float = STEP) -> Timing:
-    """The timing of a run.
+    """Return the timing of a run.
 
     Args:
         computer: that runs the loop.

@@ -26,7 +26,7 @@ USAGE = {"serial": "serial:PORT, such as serial:/dev/ttyACM0", "daq": "daq, with
 
 
 class HardwareRequest(NamedTuple):
-    """What a backend is asked to open.
+    """The request to a backend to open a machine.
 
     Attributes:
         place: what stands behind the colon, such as a port; empty without one.
@@ -94,7 +94,7 @@ def check_connection(words: str | None) -> None:
 
 
 def _split(words: str) -> tuple[str, str]:
-    """Name of the backend, and what it opens."""
+    """Split words into the name of a backend and what it opens."""
     name, colon, place = words.partition(":")
     others = sorted({e.name for e in importlib.metadata.entry_points(group=GROUP)} - USAGE.keys())
     well_formed = bool(place) == (name == "serial") if name in USAGE else name in others

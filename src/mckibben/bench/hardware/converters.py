@@ -1,4 +1,4 @@
-"""What the counts at the hardware border stand for: nominal scales of the converters, and the calibration upon them.
+"""The meaning of the counts of a machine: nominal scales of the converters, and their calibration.
 
     measured = gain (low + n q - zero)        a channel without a calibration has gain 1 and zero 0
     span = mounted + n r                      with gain: mounted + gain n r, since the encoder is zeroed where it is mounted
@@ -44,11 +44,11 @@ class Converters(Module):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The analogue channels in their order at the border."""
+        """The analogue channels in the order of their counts."""
         return tuple(sorted(self.analog))
 
     def read(self, counts: Mapping[str, Any]) -> dict[str, Scalar]:
-        """The measured channels [SI] for counts by channel, of those that are given."""
+        """Convert counts by channel to measured channels [SI]."""
         found = {n: self.true(n, self.analog[n].value(counts[n])) for n in self.names if n in counts}
         if self.encoder is not None and SPAN in counts:
             travel = self.encoder.span(counts[SPAN], 0.0)
@@ -56,13 +56,13 @@ class Converters(Module):
         return found
 
     def true(self, name: str, indicated: Any) -> Scalar:
-        """What a channel measures where its nominal scale indicates a value; as it is without a calibration."""
+        """Apply the calibration of a channel, if any, to a nominal value [SI]."""
         if name not in self.gain:
             return indicated
         return self.gain[name] * (indicated - self.zero[name])
 
     def write(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
-        """Counts of the outputs for commands [SI]; ``open`` is 1 or 0."""
+        """Convert commands [SI] to counts of the outputs; ``open`` is 1 or 0."""
         motor = commands["motor"]
         return {
             "valve": self.valve.count(commands["valve"]),
@@ -71,7 +71,7 @@ class Converters(Module):
         }
 
     def held(self, counts: Mapping[str, Any]) -> dict[str, Scalar]:
-        """What the outputs hold [SI] for counts."""
+        """Convert counts to the held values of the outputs [SI]."""
         motor = counts["motor"]
         return {
             "valve": self.valve.value(counts["valve"]),

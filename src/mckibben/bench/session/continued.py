@@ -1,4 +1,4 @@
-"""The segments of a run on a machine that goes on: brought by hand to where each begins, and by hand again afterwards."""
+"""Segments of a run on the machine of a session, between manual operation before and after each."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LOOK = 0.05  # time between two looks at the way [s]
 
 
 class ContinuedMachine:
-    """The segments of a run on the machine of a session, which goes on before and afterwards.
+    """A stage with the machine of a session, which is sampled before, during and after the run.
 
     Args:
         session: that has the machine.
@@ -123,7 +123,7 @@ class ContinuedMachine:
         raise InputError(name, with_unit(at[name], unit), f"the protocol begins at {wanted}, which was not reached")
 
     def _count_at(self, span: float) -> int:
-        """The count at which an encoder would have been zeroed at a span [m], to the nearest one."""
+        """Return the count of the encoder at a span [m], to the nearest count."""
         converters = self.session.setup.converters
         if converters.encoder is None:
             return 0

@@ -1,4 +1,4 @@
-"""A session on a real machine in a process of its own, which nothing that its user's program does can delay.
+"""A session on a real machine in a separate process, which nothing in the program of its user can delay.
 
 A loop of a thousand samples a second beside pages, fits and drawings in one interpreter comes late by tens of milliseconds
 at times; then a device vents, or a motor that is told too late what it did swings. Here all that is between the two is a
@@ -16,9 +16,10 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -48,11 +49,12 @@ NOBODY = "nobody is there any more"
 ENDED = "the process that had the machine ended; the device vents by itself"
 
 
-class RunSnapshot(NamedTuple):
-    """How a run is, as one process tells another.
+@dataclass
+class RunSnapshot:
+    """The latest known state of a run in another process, with the attributes of `ProtocolRun`.
 
     Attributes:
-        result: as that of a recording, so far.
+        result: as that of the recording, so far.
         message: how it ended, so far that it reached its end.
         events: that the recording keeps.
         steps: that have begun.
@@ -60,40 +62,17 @@ class RunSnapshot(NamedTuple):
 
     result: str = "done"
     message: str = ""
-    events: tuple[dict[str, Any], ...] = ()
-    steps: tuple[dict[str, Any], ...] = ()
+    events: list[dict[str, Any]] = field(default_factory=list)
+    steps: list[dict[str, Any]] = field(default_factory=list)
 
     @classmethod
     def of(cls, run: ProtocolRun) -> RunSnapshot:
-        """Take one now."""
-        return cls(run.result, run.message, tuple(dict(e) for e in run.events), tuple(dict(s) for s in run.steps))
+        """Take a snapshot of a run."""
+        return cls(run.result, run.message, [dict(e) for e in run.events], [dict(s) for s in run.steps])
 
-
-class RemoteRun:
-    """A run in another process, as far as it has been told of; what `ProtocolRun` has of the same name."""
-
-    def __init__(self) -> None:
-        self.snapshot = RunSnapshot()
-
-    @property
-    def result(self) -> str:
-        """As that of a recording, so far."""
-        return self.snapshot.result
-
-    @property
-    def message(self) -> str:
-        """How it ended, so far that it reached its end."""
-        return self.snapshot.message
-
-    @property
-    def events(self) -> list[dict[str, Any]]:
-        """What the recording keeps."""
-        return list(self.snapshot.events)
-
-    @property
-    def steps(self) -> list[dict[str, Any]]:
-        """The steps that have begun."""
-        return list(self.snapshot.steps)
+    def update(self, newer: RunSnapshot) -> None:
+        """Take over a newer snapshot."""
+        self.result, self.message, self.events, self.steps = newer.result, newer.message, newer.events, newer.steps
 
 
 class RemoteButton(EmergencyStop):
@@ -110,7 +89,7 @@ class RemoteButton(EmergencyStop):
 
 
 class SessionProxy:
-    """A session whose machine another process has; its methods are those of `session.Session`.
+    """A session in another process, with the methods of `session.Session`.
 
     Args:
         words: that name the machine, see `hardware.connect.connected`.
@@ -147,7 +126,7 @@ class SessionProxy:
 
     @property
     def process(self) -> int | None:
-        """The system's number of it."""
+        """Process id of the other process."""
         return self._process.pid
 
     # ---- the line
@@ -211,41 +190,41 @@ class SessionProxy:
         return bool(self._or(False, "get", "busy"))
 
     def _or(self, otherwise: Any, what: str, *given: Any) -> Any:
-        """What is asked for, or something else of a machine that is lost."""
+        """Return the answer, or another value if the machine is lost."""
         try:
             return self._ask(what, *given)
         except LineLostError:
             return otherwise
 
     def status(self) -> Status:
-        """How it is, or was when it was lost."""
+        """Return the present status, or the last one of a lost machine."""
         found = self._or(None, "status")
         self._seen = dataclasses.replace(self._seen, state=self.gone, why=self.why) if found is None else found
         return self._seen
 
     def latest(self) -> dict[str, float]:
-        """The newest sample: ``time`` of the session [s] and every channel [SI]; nothing of a machine that is lost."""
+        """Return the newest sample: ``time`` of the session [s] and every channel [SI]; empty if the machine is lost."""
         return dict(self._or({}, "latest"))
 
     def since(self, time: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The samples after a time [s]: times (n,) and channels (n,)."""
+        """Return the samples after a time [s]: times (n,) and channels (n,)."""
         times, arrays = self._or((np.zeros(0), {}), "since", time)
         return times, arrays
 
     def messages(self, after: int = 0) -> list[Message]:
-        """What happened, later than the message of a number."""
+        """Return the messages after the one with a number."""
         return list(self._or([], "messages", after))
 
     def note(self, text: str, kind: str = "note") -> None:
-        """Say something at the time of the newest sample."""
+        """Add a message at the time of the newest sample."""
         self._or(None, "note", text, kind)
 
     def control_lost(self) -> None:
-        """Whoever was in control is not there any more."""
+        """Note that the client in control disconnected."""
         self._or(None, "control_lost")
 
     def control_back(self) -> None:
-        """Somebody is in control."""
+        """Note that a client is in control again."""
         self._or(None, "control_back")
 
     def set(self, **wanted: float | str) -> None:
@@ -253,29 +232,29 @@ class SessionProxy:
         self._ask("set", wanted)
 
     def vent(self) -> None:
-        """Let the pressure down at the manual rate."""
+        """Vent at the manual rate."""
         self._ask("vent")
 
     def emergency_stop(self, reason: str = "the button was pressed") -> None:
-        """At the next sample the valve vents and the motor only brakes, whatever goes on; until `reset`."""
+        """Vent and brake the motor at the next sample; the machine stays stopped until `reset`."""
         self.button.press(reason)
         self._or(None, "emergency_stop", reason)
 
     def reset(self) -> None:
-        """After a stop: manual mode again, vented, with the motor where it is."""
+        """Return to manual mode after a stop, vented, with the motor in place."""
         self._ask("reset")
         self.button = RemoteButton(self._send)
 
     def prepare(self, protocol: Protocol | str) -> PreparedRun:
-        """Make the dry run of a protocol on this machine, from where it begins; here, so that its loop is not disturbed."""
+        """Make the dry run of a protocol for this machine, in this process so that the sample loop is not disturbed."""
         return prepare_on_machine(protocol, 1.0 / self.period, muscle=self.muscle, rig=self.rig, **self._options)
 
     def run(
         self, prepared: PreparedRun, *, log: str | Path, display: Display | None = None,
-        ask: Callable[[str], None] | None = None, begun: Callable[[RemoteRun], None] | None = None,
+        ask: Callable[[str], None] | None = None, begun: Callable[[RunSnapshot], None] | None = None,
     ) -> Recording:  # fmt: skip
         """Run a protocol and come back to manual mode, see `Session.run`; the recording is read from its log."""
-        run = RemoteRun()
+        run = RunSnapshot()
 
         def hear(kind: str, *said: Any) -> None:
             if kind == "ask":
@@ -287,14 +266,14 @@ class SessionProxy:
                 else:
                     self._send(0, "answer", None)
                 return
-            run.snapshot = said[0]
+            run.update(said[0])
             if kind == "begun" and begun is not None:
                 begun(run)
             elif kind == "display" and display is not None:
                 display(said[1], said[2])
 
         try:
-            run.snapshot = self._ask("run", prepared, str(log), ask is not None, hear=hear)
+            run.update(self._ask("run", prepared, str(log), ask is not None, hear=hear))
         except MckibbenError:
             raise
         except BaseException as error:  # of whoever shows it
@@ -313,16 +292,16 @@ class SessionProxy:
         self._line.close()
 
     def __enter__(self) -> Self:
-        """The session itself."""
+        """Return the session itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """It vents, whatever happened."""
+        """Vent and close, whatever happened."""
         self.close()
 
 
 class SessionServer:
-    """What answers in the process that has the machine: a session, and a line to whoever asks."""
+    """The server in the process that has the machine: a session, and a pipe to its client."""
 
     def __init__(self, line: Connection, session: Session) -> None:
         self.line, self.session = line, session
@@ -330,7 +309,7 @@ class SessionServer:
         self._pool = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="asked")
 
     def serve(self) -> None:
-        """Answer until it is told to close, or nobody is there any more."""
+        """Answer requests until told to close, or until the client is gone."""
         try:
             while True:
                 number, what, given = self.line.recv()
@@ -350,7 +329,7 @@ class SessionServer:
             self.session.button.press("the program that operated the machine ended")
 
     def say(self, number: int, *said: Any) -> None:
-        """Something about what was asked for under a number."""
+        """Send something about the request with a number."""
         with self._sending, contextlib.suppress(OSError):
             self.line.send((number, *said))
 
@@ -395,7 +374,7 @@ class SessionServer:
 
 
 def serve_machine(line: Connection, words: str, rig: Rig, muscle: Specimen, lock_step: bool, keep: float) -> None:
-    """What the process does: the machine of `words`, for whoever is at the other end of the line."""
+    """Main function of the process: serve the machine named by `words` over a pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal; whoever operates the machine lets go of it
     signal.signal(signal.SIGTERM, _leave)
     _go_first()
@@ -415,7 +394,7 @@ def _leave(number: int, _: FrameType | None) -> None:
 
 
 def _go_first() -> None:
-    """Wait for no other program, as far as the system lets this one choose."""
+    """Raise the scheduling priority of this process as far as the system allows."""
     with contextlib.suppress(OSError, AttributeError):
         os.setsid()  # Linux shares the processors between sessions, and within them
     with contextlib.suppress(OSError, AttributeError):

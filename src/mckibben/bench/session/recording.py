@@ -1,4 +1,4 @@
-"""What is kept of a session while somebody records it: the samples, the log, and at the end the same meta as of a run."""
+"""Recordings of manual operation, with the log and the metadata of a run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ENDED = 2.0  # time within which a machine that is sampled comes to its next sam
 
 
 class ManualRecording:
-    """The samples of a session from one to another, runs included.
+    """A recording of a session from one sample to another, runs included.
 
     Args:
         prepared: what is operated, for the head of the log.
@@ -45,25 +45,25 @@ class ManualRecording:
 
     @property
     def time(self) -> float:
-        """How much was recorded [s]."""
+        """Recorded time [s]."""
         return self.taken * self.timing.period
 
     def complete(self) -> bool:
-        """Whether the last sample is there."""
+        """Whether the last sample has been recorded."""
         return self.last is not None and self.first is not None and self.taken >= self.last - self.first
 
     def begin(self, number: int) -> None:
-        """Record from a sample on, which is the next one."""
+        """Begin with a sample, which is the next one."""
         self.first = number
         self._begun = self._state()
 
     def end(self, number: int) -> None:
-        """Record no more from a sample on, which is the next one."""
+        """End before a sample, which is the next one."""
         self.last = number
         self._ended = self._state()
 
     def take(self, numbers: np.ndarray, lateness: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:
-        """The samples of a chunk that lie within it; the time of a recording begins at 0."""
+        """Record the samples of a chunk that lie within; the time of a recording begins at 0."""
         if self.first is None:
             return
         keep = (numbers >= self.first) & (numbers < (np.inf if self.last is None else self.last))
@@ -73,14 +73,14 @@ class ManualRecording:
         self.taken += int(keep.sum())
 
     def remark(self, text: str, time: float, **more: Any) -> None:
-        """What happened at a time of the session [s]."""
+        """Add an event at a time of the session [s]."""
         begun = 0 if self.first is None else self.first
         own = max(0.0, time - begun * self.timing.period)
         self.events.append({"time": own, "text": text, **more})
         self.recorder.remark(text, own)
 
     def close(self, machine: Any, closed: Callable[[Any, Any], Accounts | None], message: str) -> Recording:
-        """End the log.
+        """Close the log and return the recording.
 
         Args:
             machine: whose parameters are written down.
@@ -112,7 +112,7 @@ class ManualRecording:
         return self.machine.hardware.state()
 
     def _step(self) -> list[dict[str, Any]]:
-        """The whole of it as one step."""
+        """Describe the whole recording as one step."""
         sentence = self.prepared.protocol.sentence()
         return [
             {

@@ -1,4 +1,4 @@
-"""A session at the test machine: operated by hand, running protocols, recorded, by whoever is there, from any thread.
+"""A session at the test machine: manual operation, runs of protocols, and recordings, from any thread.
 
     with Session("paper", "nylon") as machine:
         machine.set(pressure="3 bar", span="12 cm")
@@ -56,7 +56,7 @@ QUIET = 0.6  # time after which a machine that rests stands still [s]
 
 
 class Session:
-    """A machine and its clock in somebody's hands. All methods may be called from any thread.
+    """The owner of a machine and its clock. All methods may be called from any thread.
 
     Args:
         rig: a rig, its name or file.
@@ -156,7 +156,7 @@ class Session:
             self.clock.speed = speed
 
     def observe(self, chunk: Chunk, *, by_hand: bool = False) -> None:
-        """Take a chunk of samples, whoever had the machine; they come in their order."""
+        """Take a chunk of samples of the manual loop or of a run, in their order."""
         seen, numbers = chunk.seen, chunk.numbers
         arrays, times = channels_of(seen, chunk.size), self.period * numbers
         with self._lock:
@@ -189,7 +189,7 @@ class Session:
         self._say(self.why, "stop", when, code=Trip(code).name.lower())
 
     def _collect(self) -> None:
-        """Take what the manual loop has seen; never before what a run saw earlier."""
+        """Collect the samples of the manual loop, after those of a run before it."""
         with self._lock:
             run_loop = self._run_loop
             if self._open and not (run_loop is not None and run_loop.pending) and self._loop.kept:
@@ -212,7 +212,7 @@ class Session:
     # ---- the machine from loop to loop
 
     def lend(self, run_loop: SampleLoop) -> SampleLoop:
-        """Between two samples the manual loop ends, for that of a run to go on.
+        """End the manual loop between two samples, so that the loop of a run can continue.
 
         Raises:
             LineLostError: if the machine is not there any more.
@@ -228,7 +228,7 @@ class Session:
         return loop
 
     def resume(self, loop: SampleLoop) -> None:
-        """After the last sample of a run: by hand again, at its last set-points, or vented where it stopped."""
+        """Return to manual operation after the last sample of a run, at its set-points, or vented if it was stopped."""
         if self._stepped:
             self.clock.halt()
         error = loop.lost or loop.failed
@@ -251,7 +251,7 @@ class Session:
             self._lose(error)
 
     def _lose(self, error: BaseException) -> None:
-        """The machine is lost; called by the loop that had it."""
+        """Note that the machine is lost; called by the loop that sampled it."""
         with self._lock:
             if self._gone:
                 return
@@ -260,17 +260,17 @@ class Session:
         self.clock.interrupt()
 
     def _rest(self) -> None:
-        """Ask for nothing: vented, and the motor stays where it is."""
+        """Reset the set-points: vented, and the motor stays in place."""
         self._setpoints.change(pressure=0.0, open=1.0, mode=SPAN, motor=np.nan, alone=0.0)
         self._used = False
 
     def _wake(self) -> None:
-        """Let a machine go on that stands still while nothing is asked of it."""
+        """Wake a machine that stands still while nothing is asked of it."""
         if self._rests and self.clock.halted:
             self.clock.halt(False)
 
     def _between(self, act: Callable[[int], None]) -> None:
-        """Do something between two samples; it is told the number of the next one."""
+        """Call a function between two samples with the number of the next one."""
         machine, done = self.machine, threading.Event()
         if self.gone or (self.clock.halted and self._loop.alive):
             act(machine.number)
@@ -289,7 +289,7 @@ class Session:
     # ---- what it is
 
     def wait(self, seconds: float) -> None:
-        """Let a time of the machine go by [s]; ends where it is stopped or lost meanwhile."""
+        """Wait for a time of the machine [s]; return earlier if it is stopped or lost meanwhile."""
         machine, before = self.machine, self.why
         until, step = machine.number + max(1, round(seconds / self.period)), max(1, round(STEP_OF_TIME / self.period))
         while machine.number < until and self.why == before and not self._gone:
@@ -309,24 +309,24 @@ class Session:
             self._collect()
 
     def latest(self) -> dict[str, float]:
-        """The newest sample: ``time`` of the session [s] and every channel [SI]."""
+        """Return the newest sample: ``time`` of the session [s] and every channel [SI]."""
         self._collect()
         with self._lock:
             return self._ring.latest()
 
     def since(self, time: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The samples after a time [s], of those that are kept for displays: times (n,) and channels (n,)."""
+        """Return the samples after a time [s], as far as they are kept: times (n,) and channels (n,)."""
         self._collect()
         with self._lock:
             return self._ring.since(time)
 
     def messages(self, after: int = 0) -> list[Message]:
-        """What happened, later than the message of a number."""
+        """Return the messages after the one with a number."""
         self._collect()
         return self._messages.after(after)
 
     def note(self, text: str, kind: str = "note") -> None:
-        """Say something at the time of the newest sample; a recording keeps it too."""
+        """Add a message at the time of the newest sample; a recording keeps it, too."""
         with self._lock:
             self._say(text, kind)
 
@@ -340,13 +340,13 @@ class Session:
         return self.machine.number * self.period if self._open else 0.0
 
     def _remark(self, text: str, time: float | None = None, **more: Any) -> None:
-        """What a recording keeps beside the samples."""
+        """Add an event to the recording, if there is one."""
         with self._lock:
             if self._recording is not None:
                 self._recording.remark(text, self._now if time is None else time, **more)
 
     def status(self) -> Status:
-        """How the machine is at its newest sample."""
+        """Return the status of the machine at its newest sample."""
         at, run, recording = self.latest(), self._run, self._recording
         asked = {n.removeprefix("command."): v for n, v in at.items() if n.startswith("command.") and np.isfinite(v)}
         kept = () if self.why else ("pressure",) if self.rig.motor is None else tuple(asked)
@@ -370,7 +370,7 @@ class Session:
             raise InputError(what, value, f"the machine is {self._gone}{': ' if self.why else ''}{self.why}")
 
     def _free(self, what: str, value: str = "refused") -> None:
-        """Refuse what would be done to a machine that is not in manual mode."""
+        """Raise an error unless the machine is in manual mode."""
         self._alive(what, value)
         if self._run is not None:
             raise InputError(what, value, f"{self._run.prepared.protocol.name} is running and sets it; stop it first")
@@ -392,7 +392,7 @@ class Session:
             self.ask_for(**wanted)
 
     def ask_for(self, **wanted: float | str) -> None:
-        """Ask for set-points, whoever has the machine."""
+        """Change the set-points without checking the mode of the machine."""
         for name in wanted:
             if name not in ("pressure", *MODES):
                 raise InputError("set-point", name, f"known are pressure, {', '.join(MODES)}")
@@ -413,7 +413,7 @@ class Session:
         self._wake()
 
     def vent(self) -> None:
-        """Let the pressure down at the manual rate; a velocity ends, a span or tension is held."""
+        """Vent at the manual rate; a velocity ends, a span or tension is held."""
         with self._acting:
             self._free("vent")
             ends = {"mode": float(SPAN), "motor": np.nan} if self._setpoints["mode"] == VELOCITY else {}
@@ -422,7 +422,7 @@ class Session:
             self._remark("vent")
 
     def emergency_stop(self, reason: str = "the button was pressed") -> None:
-        """At the next sample the valve vents and the motor only brakes, whatever goes on; until `reset`."""
+        """Vent and brake the motor at the next sample, also during a run; the machine stays stopped until `reset`."""
         self.button.press(reason)
         self._wake()
         if self._stepped and self._run is None and not self.why:
@@ -431,7 +431,7 @@ class Session:
         self._until(lambda: bool(self.why or self._gone), SEEN)
 
     def reset(self) -> None:
-        """After a stop: manual mode again, vented, with the motor where it is.
+        """Return to manual mode after a stop, vented, with the motor in place.
 
         Raises:
             InputError: if it is not stopped.
@@ -448,14 +448,14 @@ class Session:
             self.wait(2.0 * self.period)
 
     def control_lost(self) -> None:
-        """The client in control disconnected: after `hold` the machine vents, until something is asked again."""
+        """Note that the client in control disconnected: hold, then vent."""
         self._alone, self._since_alone = True, time.monotonic()
         if self._rests:
             self.clock.speed = 1.0  # the time after which it vents is that of whoever stands beside it
         self._setpoints.change(alone=1.0)
 
     def control_back(self) -> None:
-        """Somebody is in control; what was asked for holds, unless it has vented by now."""
+        """Note that a client is in control again; the set-points hold, unless the machine has vented."""
         self._alone = False
         if self._rests:
             self.clock.speed = self._speed
@@ -465,7 +465,7 @@ class Session:
     # ---- protocols
 
     def prepare(self, protocol: Protocol | str, accept_saturation: bool = False) -> PreparedRun:
-        """Make the dry run of a protocol on this machine, from where it begins; nothing moves."""
+        """Make the dry run of a protocol for this machine; nothing moves."""
         return prepare_on_machine(protocol, self.setup.rate, accept_saturation=accept_saturation, **self.setup.options)
 
     def run(
@@ -529,7 +529,7 @@ class Session:
 
     @contextlib.contextmanager
     def _set_aside(self) -> Generator[None, None, None]:
-        """Vent what is operated by hand, and let it stand still."""
+        """Vent the machine that is operated by hand, and let it stand still."""
         if not self._open:
             yield
             return
@@ -547,7 +547,7 @@ class Session:
     # ---- recordings by hand
 
     def start_recording(self, log: str | Path | None = None) -> None:
-        """Keep every sample from the next one on, runs included, and with `log` also in a new ``.mcap`` file."""
+        """Record every sample from the next one on, runs included, with `log` also into a new ``.mcap`` file."""
         with self._acting:
             if self._recording is not None:
                 raise InputError("record", "on", "it is recording already; allowed is off")
@@ -597,13 +597,13 @@ class Session:
             gc.unfreeze()
 
     def __enter__(self) -> Self:
-        """The session itself."""
+        """Return the session itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Vent, whatever happened; at once where that was no good."""
+        """Vent and close; at once after an error."""
         if kind is not None:
             self.button.press(f"the session ended with {kind.__name__}")
         self.close()

@@ -1,4 +1,4 @@
-"""Manual operation of a machine before anything moves: what it is, its software, and what may be asked of it by hand."""
+"""Preparation of manual operation: the machine, its software, and the allowed set-points."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ MODES = {"span": SPAN, "velocity": VELOCITY, "tension": TENSION}
 
 
 def session_rate(rig: Rig) -> float:
-    """Samples per second of a session on a rig that is not told another rate [1/s]."""
+    """Return the usual sample rate of a session on a rig [1/s]."""
     return min(max(RATE, float(rig.computer.lowest_rate)), float(rig.computer.highest_rate))
 
 
 def prepare_for_session(protocol: Protocol, rig: Rig, **options: Any) -> PreparedRun:
-    """Make the dry run of a protocol for a session on a rig that is not there yet, as `Session.prepare` will.
+    """Make the dry run of a protocol for a session that is not open yet, as `Session.prepare` will.
 
     Args:
         protocol: what is to be done.
@@ -90,7 +90,7 @@ class ManualSetup:
         return software.replace(sequencer=self.manual, start_motor=jnp.asarray(jnp.nan))
 
     def amount(self, name: str, value: float | str) -> float:
-        """Read what is asked for by hand, in words or SI, within what the rig allows [SI].
+        """Read a set-point, in words or SI, and check it against the limits of the rig [SI].
 
         Raises:
             InputError: names what is allowed.
@@ -110,7 +110,7 @@ class ManualSetup:
         return si
 
     def allowed(self, name: str) -> tuple[float, float]:
-        """Least and most of a set-point [SI]."""
+        """Return the limits of a set-point [SI]."""
         limits, speed = self.limits, float(self.manual.speed)
         if name == "pressure":
             return limits.pressure[0], min(limits.pressure[1], limits.burst_pressure)
@@ -129,7 +129,7 @@ class ManualSetup:
 
 
 def _manual_operation(span: str, rate: float) -> dict[str, Any]:
-    """The protocol that a recording by hand tells of: where it began, vented."""
+    """Return the document of the protocol that stands for manual operation, vented at a span."""
     return {
         "schema": 1, "name": "manual", "title": "Manual operation", "sample_rate": f"{rate!r} Hz",
         "note": "Set-points were given by hand; the events tell which, and when.",

@@ -1,4 +1,4 @@
-"""What a session says of itself: its state, its newest samples and what happened, each with its time."""
+"""Status, newest samples and messages of a session."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SHOWN = ("pressure", "tension", "span")  # of the measured channels, in a line
 
 
 class Message(NamedTuple):
-    """Something that happened.
+    """A message of a session.
 
     Attributes:
         number: counted from 1.
@@ -37,24 +37,24 @@ class Message(NamedTuple):
 
 
 class Messages:
-    """The newest of them; safe for use by several threads."""
+    """The newest messages; safe for use by several threads."""
 
     def __init__(self) -> None:
         self._kept: deque[Message] = deque(maxlen=REMEMBERED)
         self._count = 0
 
     def say(self, text: str, time: float, kind: str = "note") -> None:
-        """One more; called under the lock of its owner."""
+        """Add a message; called under the lock of its owner."""
         self._count += 1
         self._kept.append(Message(self._count, time, kind, text))
 
     def after(self, number: int) -> list[Message]:
-        """All later than the one of a number, in their order."""
+        """Return the messages after the one with a number, in order."""
         return [m for m in list(self._kept) if m.number > number]
 
 
 class SampleRing:
-    """The newest samples of a session, of which displays take what they have not shown yet; used under its owner's lock.
+    """A ring buffer of the newest samples for displays; used under the lock of its owner.
 
     Args:
         size: samples.
@@ -66,7 +66,7 @@ class SampleRing:
         self._arrays: dict[str, np.ndarray] = {}
 
     def add(self, times: np.ndarray, arrays: Mapping[str, Any]) -> None:
-        """The next samples (n,); a channel that is missing is NaN there."""
+        """Add samples (n,); a missing channel is NaN."""
         n = len(times)
         if n > self.size:
             self.add(times[: n - self.size], {k: v[: n - self.size] for k, v in arrays.items()})
@@ -82,14 +82,14 @@ class SampleRing:
         self.count += n
 
     def latest(self) -> dict[str, float]:
-        """The newest sample: ``time`` [s] and every channel [its unit]; empty before the first."""
+        """Return the newest sample: ``time`` [s] and every channel [its unit]; empty before the first."""
         if not self.count:
             return {}
         at = (self.count - 1) % self.size
         return {"time": float(self._times[at]), **{name: float(a[at]) for name, a in self._arrays.items()}}
 
     def since(self, time: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Samples after a time [s], of those that are still there: times (n,) and channels (n,)."""
+        """Return the samples after a time [s] that are still kept: times (n,) and channels (n,)."""
         kept = min(self.count, self.size)
         order = (self.count - kept + np.arange(kept)) % self.size
         order = order[np.searchsorted(self._times[order], time, side="right") :]
@@ -98,7 +98,7 @@ class SampleRing:
 
 @dataclass(frozen=True)
 class Status:
-    """A machine at its newest sample, in SI units; pressures are gauge.
+    """The status of a machine at its newest sample, in SI units; pressures are gauge.
 
     Attributes:
         state: idle, manual, running, stopped, lost or closed.
@@ -122,19 +122,19 @@ class Status:
     units: Mapping[str, str] = field(default_factory=lambda: {n: u for n, (u, _) in channels.MEASURED.items()})
 
     def line(self) -> str:
-        """In a few words: state, and the values that a person looks at."""
+        """Summarise state and main values in one line."""
         values = [f"{n} {with_unit(self.measured[n], self.units[n])}" for n in SHOWN if n in self.measured]
         return "  ".join([self.doing(), *values, f"{self.time:.1f} s"])
 
     def doing(self) -> str:
-        """The state, with what runs."""
+        """Describe the state, with the running protocol."""
         if self.protocol is not None:
             name, done, total = self.protocol
             return f"{self.state} {name} {done:.1f} s of {total:.1f} s"
         return self.state if self.recorded is None else f"{self.state}, recording {self.recorded:.1f} s"
 
     def lines(self) -> list[str]:
-        """All of it for a person."""
+        """Describe the whole status, one line per value."""
         found = [f"{self.doing()}{': ' if self.why else ''}{self.why}"]
         for name, value in self.measured.items():
             own = SENSORS[name].set_point if name in SENSORS else name
@@ -151,7 +151,7 @@ class Status:
         return found
 
     def plain(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Return the status as plain data for JSON."""
         return {
             "state": self.state, "why": self.why, "time": self.time, "measured": dict(self.measured),
             "set_points": dict(self.set_points), "deadlines": self.deadlines._asdict(),

@@ -1,4 +1,4 @@
-"""The test machine of a laboratory's screen: chosen, prepared, run, operated by hand and stopped; `machine.Bench` is it."""
+"""The test machine of the laboratory's screen: selection, runs, manual operation and stops, in `machine.Bench`."""
 
 from .machine import Bench
 from .manual import HardwareSpec

@@ -1,4 +1,4 @@
-"""What is on the bench: muscle, rig and protocol, with the dry run that follows every change, in a thread of its own."""
+"""Muscle, rig and protocol on the bench, and the dry run that follows every change in a thread of its own."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MARGIN = 0.08  # of the rest length, beside the lengths that a muscle reaches
 
 
 class BenchSelection:
-    """The choice of one bench.
+    """The selected muscle, rig and protocol of a bench.
 
     Args:
         own: folder of a user's protocols.
@@ -65,7 +65,7 @@ class BenchSelection:
         self._renew(setup=True)
 
     def muscle(self, name: str) -> str:
-        """Another muscle on the bench."""
+        """Select a muscle."""
         self.spec = self._muscle(name)
         self._renew(setup=True)
         return f"{name}: {self.spec.title}"
@@ -76,7 +76,7 @@ class BenchSelection:
         return self.muscles[name]
 
     def choose_rig(self, name: str) -> str:
-        """Another rig, of those that ship or of the user's own."""
+        """Select a shipped rig or one of the user's."""
         if name not in (known := self._rigs()):
             raise InputError("rig", str(name)[:80], f"known are {', '.join(known)}")
         if name == self._first.name:
@@ -87,13 +87,13 @@ class BenchSelection:
         return f"{name}: {self.rig.title}"
 
     def _rigs(self) -> dict[str, str]:
-        """Their titles by their names."""
+        """Return the titles of the known rigs by name."""
         own = [n.removesuffix(".toml") for n in self.rigs.names()]
         those = {n: rig_of(n).title for n in rig_names()}
         return those | {n: f"Your own: {n}" for n in own} | {self._first.name: self._first.title}
 
     def load(self, name: str) -> str:
-        """A shipped protocol, or one of the user's, by its plain name."""
+        """Select a shipped protocol or one of the user's by name."""
         self.protocol = self._loaded(name)
         self._renew()
         return f"{self.protocol.name}: {self.protocol.title}"
@@ -110,19 +110,19 @@ class BenchSelection:
         return parse_protocol(path.read_text(encoding="utf-8"), where=mine)
 
     def value(self, name: str, words: str) -> str:
-        """Other words of a parameter or choice of the protocol."""
+        """Change a parameter or choice of the protocol."""
         self._take(changed(self.protocol, str(name), str(words)[:2000]))
         return ""
 
     def text(self, text: str) -> str:
-        """The protocol as the text of a file says it."""
+        """Replace the protocol by the text of a file."""
         if len(text) > LONGEST:
             raise InputError("text", f"{len(text)} characters", f"allowed are {LONGEST}")
         self._take(parse_protocol(str(text), where="text"))
         return f"{self.protocol.name}: {self.protocol.title}"
 
     def _take(self, protocol: Protocol) -> None:
-        """Another protocol, where its lengths are some that this machine could have."""
+        """Replace the protocol if this machine can reach its lengths."""
         check_lengths(protocol, self._limits(), drawing.rest_length(self.spec))
         self.protocol = protocol
         self._renew()
@@ -131,7 +131,7 @@ class BenchSelection:
         return self.rig.limits(next(iter(self.rig.plumbing)))
 
     def save(self, name: str) -> str:
-        """Keep the protocol among the user's, under a plain name."""
+        """Save the protocol among the user's under a name."""
         path = self.own.path(f"{name}.toml")
         if name in protocol_names():
             raise InputError("protocol", name, "it ships with mckibben; allowed is another name")
@@ -141,7 +141,7 @@ class BenchSelection:
         return f"Saved as {name}."
 
     def passed(self) -> PreparedRun:
-        """What the dry run has found nothing against.
+        """Return the prepared run if its dry run has passed.
 
         Raises:
             InputError: the first thing that it found, or that it is not done yet.
@@ -154,12 +154,12 @@ class BenchSelection:
         return dry.prepared
 
     def again(self) -> str:
-        """The dry run once more."""
+        """Repeat the dry run."""
         self._renew()
         return ""
 
     def cure(self) -> str:
-        """Take the value with which nothing speaks against the protocol."""
+        """Take the value with which the dry run passes."""
         found = None if self.dry is None else self.dry.plain.get("cure")
         if not found:
             raise InputError("cure", "none", "no smaller value of one number was found that fits")
@@ -201,7 +201,7 @@ class BenchSelection:
             self._warming.submit(self._warm, number, dry.prepared)
 
     def _warm(self, number: int, bench: PreparedRun) -> None:
-        """Compile what a start of this choice needs, beside whatever else is done."""
+        """Compile in the background what a start of this selection needs."""
         with contextlib.suppress(MckibbenError):  # the run will say it
             compile_run(bench, lambda: number == self._number and not self._closed)
 
@@ -237,11 +237,11 @@ class BenchSelection:
         }  # fmt: skip
 
     def words(self) -> str:
-        """What is on the bench, for a message."""
+        """Describe muscle and rig for a message."""
         return f"{self.spec.title} on the rig {self.rig.name}, rest length {with_unit(drawing.rest_length(self.spec), 'm')}"
 
     def close(self) -> None:
-        """No more of it."""
+        """Stop the dry runs and compilations."""
         self._closed = True
         for pool in (self._pool, self._warming):
             pool.shutdown(wait=True, cancel_futures=True)

@@ -1,4 +1,4 @@
-"""What the screen shows of a machine: seven channels from those that a run or a session has."""
+"""The seven channels that the screen shows, computed from those of a run or a session."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SHOWN = {"flow": "L/min", "valve": "%"}
 
 
 class Columns:
-    """The channels of a rig.
+    """Conversion of a rig's channels to those of the screen.
 
     Args:
         rig: whose machine it is.
@@ -30,7 +30,7 @@ class Columns:
         self.density = float(AIR.density(room.pressure_abs, room.temperature))
 
     def of(self, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
-        """Columns (n,) by the names of `stream.CHANNELS` [SI]; the flow is that of the room's air [m^3/s]."""
+        """Return columns (n,) by the names of `stream.CHANNELS` [SI]; the flow is that of the room's air [m^3/s]."""
         names = {
             "pressure": "pressure", "tension": "tension", "length": "span", "set_pressure": "command.pressure",
             "set_length": "command.span",
@@ -44,7 +44,7 @@ class Columns:
         return found
 
     def _flow(self, arrays: Mapping[str, Any]) -> np.ndarray | None:
-        """Mass flow towards the muscle [kg/s]."""
+        """Return the mass flow towards the muscle [kg/s]; None if no channel tells it."""
         if TUBE in arrays:
             return np.asarray(arrays[TUBE], float)
         into = [n for n in arrays if n.endswith("supply_to_outlet.mass_flow")]
@@ -55,7 +55,7 @@ class Columns:
 
 
 def factors() -> dict[str, dict[str, Any]]:
-    """Of every quantity, the unit of the screen and the factor from SI."""
+    """Return unit of the screen and factor from SI of every quantity."""
     found = {}
     for name, si in UNITS.items():
         unit = SHOWN.get(name, shown_unit(si))

@@ -1,4 +1,4 @@
-"""The console beside the bench: the commands of ``mckibben console``, on what the page shows; no path leaves its folders."""
+"""The console on the page Bench: the commands of ``mckibben console`` without access to files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 # What a page has beside them, and what it has not: files are on the page Recordings, time goes by itself.
 MORE = {
-    "check": "check: the dry run once more, and what speaks against the protocol.",
+    "check": "check: repeat the dry run and report its violations.",
     "pause": "pause: let simulated time stand still.", "resume": "resume: go on.", "start": "start: as run.",
     "note": "note TEXT: keep a remark.",
 }  # fmt: skip
@@ -27,7 +27,7 @@ NOT_HERE = {
 
 
 class PageConsole(Console):
-    """Spoken to by a page.
+    """A console that operates the bench of a page.
 
     Args:
         bench: that it operates.
@@ -38,7 +38,7 @@ class PageConsole(Console):
         super().__init__(None)  # type: ignore[arg-type]  # the session comes and goes with the muscle
 
     def answer(self, line: str) -> dict[str, Any]:
-        """What a line brings about, in words; a refusal is an answer too."""
+        """Execute a line and return the answer; a refusal is an answer, too."""
         try:
             return {"text": self._do(str(line)[:2000]), "refused": False}
         except MckibbenError as error:
@@ -58,7 +58,7 @@ class PageConsole(Console):
         return str(found)
 
     def complete(self, text: str) -> list[str]:
-        """What the last word of a line can become; never a file."""
+        """List the completions of the last word of a line; never a file."""
         head, _, last = str(text)[:400].rpartition(" ")
         first = head.split()[:1]
         if not first:
@@ -115,7 +115,7 @@ class PageConsole(Console):
         if dry is None:
             return "the dry run is not done yet"
         found = [f["sentence"] for f in dry.plain["findings"]]
-        return "\n".join(found) or f"At most {dry.plain['duration']:.4g} s; nothing speaks against it."
+        return "\n".join(found) or f"At most {dry.plain['duration']:.4g} s; the dry run passes."
 
     def _check(self, words: list[str]) -> str:
         return self._found()

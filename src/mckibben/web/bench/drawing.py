@@ -1,4 +1,4 @@
-"""What a page needs to draw a muscle to scale: the thread of its braid, the turns that it makes, angle and diameter.
+"""The data to draw a muscle to scale: the thread of its braid, the turns that it makes, angle and diameter.
 
 Where no law of a specimen states a braid, it follows from two printed numbers: the volume at rest and the diameter when
 shortened. A page gets a table over the length and reads between its rows, so that no formula is in its script.
@@ -21,19 +21,19 @@ ANGLES = np.radians(np.geomspace(89.0, 2.0, 160))
 
 
 def muscles() -> list[Specimen]:
-    """The specimens that a bench can take, in the order of their length."""
+    """Return the specimens that fit a bench, sorted by length."""
     found = [s for s in specimens() if s.kind == "mckibben"]
     order = ["nylon", "fiberglass", "bridgestone"]
     return sorted(found, key=lambda s: (order.index(s.id) if s.id in order else 9, rest_length(s), s.id))
 
 
 def rest_length(spec: Specimen) -> float:
-    """As the specimen states it [m]."""
+    """Return the stated rest length [m]."""
     return spec.property_si("rest_length", "m")
 
 
 def shape(spec: Specimen, law: Any = None) -> dict[str, Any] | None:
-    """Thread length [m], turns, and whether they were inferred; None where nothing says them."""
+    """Return thread length [m], turns, and whether they were inferred; None if unknown."""
     for name in ("ideal", "thick_wall"):
         group = spec.laws.get(name, {})
         if {"thread_length", "turns"} <= group.keys():
@@ -64,7 +64,7 @@ def _of_volume(spec: Specimen) -> dict[str, Any] | None:
 
 
 def table(thread_length: float, turns: float) -> dict[str, list[float]]:
-    """Length [m], rising, braid angle [rad] and diameter [m] of a braid."""
+    """Tabulate rising length [m], braid angle [rad] and diameter [m] of a braid."""
     length = np.asarray(braid.length_at(ANGLES, thread_length=thread_length))
     wide = np.asarray(braid.diameter(length, thread_length=thread_length, turns=turns))
     columns = {"length": length, "angle": ANGLES, "diameter": wide}
@@ -72,7 +72,7 @@ def table(thread_length: float, turns: float) -> dict[str, list[float]]:
 
 
 def plain(spec: Specimen) -> dict[str, Any]:
-    """A specimen as a page lists it."""
+    """Describe a specimen for the list of a page."""
     found = shape(spec)
     drawn = None if found is None else {**found, "table": table(found["thread_length"], found["turns"])}
     return {"id": spec.id, "title": spec.title, "rest_length": rest_length(spec), "law": spec.law, "braid": drawn}

@@ -1,4 +1,4 @@
-"""The dry run as a page shows it: what speaks against a protocol, how near it comes to the limits, and what is expected."""
+"""The dry run as a page shows it: violations, the distance to the limits, and the expected channels."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ CAUSES = {
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a dry run found.
+    """The result of a dry run.
 
     Attributes:
-        prepared: ready to start if nothing speaks against it; None where the protocol could not be prepared.
+        prepared: the run, ready to start if the dry run passes; None if the protocol could not be prepared.
         plain: all of it for a page [SI].
     """
 
@@ -46,7 +46,7 @@ class DryRun:
 
     @classmethod
     def refused(cls, sentence: str, field: str = "") -> DryRun:
-        """A dry run that could not be made, and why."""
+        """Return the result of a dry run that could not be made."""
         finding = {"sentence": sentence, "path": "", "field": field}
         return cls(
             None, {"passed": False, "findings": [finding], "limits": [], "cure": None, "duration": 0.0, "curves": {}}
@@ -59,7 +59,7 @@ class DryRun:
 
     @property
     def sentence(self) -> str:
-        """What it found, in one line."""
+        """The result in one line."""
         if not self.passed:
             return f"Dry run fails: {self.plain['findings'][0]['sentence']}"
         near = max(self.plain["limits"], key=lambda one: one["share"], default=None)
@@ -68,7 +68,7 @@ class DryRun:
 
 
 def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig, *, on_machine: bool = False) -> DryRun:
-    """Prepare a protocol and look at it; never raises for what is wrong with it.
+    """Make the dry run of a protocol; errors of the protocol become findings.
 
     Args:
         protocol: what is to be done.
@@ -97,7 +97,7 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig, *, o
 
 
 def lane(bench: PreparedRun) -> list[dict[str, Any]]:
-    """The steps on the clock: path, label, start, end [s], and the period of their cycles [s] where they have any."""
+    """List the steps in time: path, label, start, end [s], and the period of their cycles [s] where they have any."""
     rate, found = bench.plan.sample_rate, []
     for step in bench.plan.steps[:CYCLES]:
         frequency = step.step.frequency()
@@ -111,7 +111,7 @@ def lane(bench: PreparedRun) -> list[dict[str, Any]]:
 
 
 def _curves(bench: PreparedRun) -> dict[str, np.ndarray]:
-    """Time [s] and what is expected, (n,) each, NaN where only the machine decides."""
+    """Return time [s] and expected channels, (n,) each, NaN where only the machine decides."""
     plan = bench.plan
     rate, total = plan.sample_rate, plan.samples
     near = min(total, round(SEEN * rate))
@@ -146,7 +146,7 @@ def _curves(bench: PreparedRun) -> dict[str, np.ndarray]:
 
 
 def _drawable(bench: PreparedRun, curves: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The curves without what is far beyond the machine, which a finding says in words: NaN there."""
+    """Replace values far beyond the limits of the machine by NaN."""
     limits = bench.rig.limits(bench.layout)
     tops = {
         "pressure": limits.pressure[1],
@@ -161,7 +161,7 @@ def _drawable(bench: PreparedRun, curves: dict[str, np.ndarray]) -> dict[str, np
 
 
 def _flow(bench: PreparedRun, time: np.ndarray, span: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """Flow of the room's air into the muscle while its gas stays at the room's temperature [m^3/s]."""
+    """Return the flow of the room's air into the muscle while its gas stays at the room's temperature [m^3/s]."""
     law, room = bench.unit.law, float(bench.rig.environment.pressure_abs)
     if len(time) < 3 or not law.has_volume():
         return np.full(len(time), np.nan)
@@ -172,7 +172,7 @@ def _flow(bench: PreparedRun, time: np.ndarray, span: np.ndarray, pressure: np.n
 
 
 def _limits(bench: PreparedRun, curves: dict[str, np.ndarray]) -> list[dict[str, Any]]:
-    """Peaks against limits: name, peak and limit [SI], and the share of it."""
+    """List name, peak and limit [SI] of each limited quantity, and the peak's share of the limit."""
     limits = bench.rig.limits(bench.layout)
     found = []
     for name, limit in (
@@ -186,7 +186,7 @@ def _limits(bench: PreparedRun, curves: dict[str, np.ndarray]) -> list[dict[str,
 
 
 def _cure(bench: PreparedRun) -> dict[str, Any] | None:
-    """A smaller value of one number with which nothing speaks against the protocol, nearest to what was asked."""
+    """Find the largest value of one number, below the given one, with which the dry run passes."""
     finding, protocol = bench.findings[0], bench.protocol
     units = next((u for key, u in CAUSES.items() if finding.field.startswith(key)), ())
     section, _, place = finding.path.partition(".")
@@ -202,7 +202,7 @@ def _cure(bench: PreparedRun) -> dict[str, Any] | None:
 
 
 def _fitting(bench: PreparedRun, p: Parameter) -> str | None:
-    """The largest value of a parameter below its own at which nothing is found, in words with its unit."""
+    """Find the largest value of a parameter, below the present one, with which the dry run passes."""
     number, _, unit = str(p.values[0]).partition(" ")
     try:
         top = float(number)
@@ -236,7 +236,7 @@ def _holds(bench: PreparedRun, name: str, words: str) -> bool:
 
 
 def laws(unit: MuscleUnit, low: float, high: float, top: float) -> list[dict[str, Any]]:
-    """Thin lines of the live plot: tension over length at whole bars [SI], with the pressure in words."""
+    """Compute the thin lines of the live plot: tension over length at whole bars [SI], with the pressure in words."""
     bar = 1.0 / from_si(1.0, "Pa", shown_unit("Pa"))
     lengths = np.linspace(low, high, 60)
     tension, found = expected(unit), []

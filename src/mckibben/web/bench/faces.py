@@ -1,4 +1,4 @@
-"""One protocol with three faces: a sentence whose numbers are fields, a form, and the text of its file."""
+"""Three views of a protocol: a sentence with editable numbers, a form, and the text of its file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FACTORS = (1.01, 0.99, 1.5)
 
 
 def faces(protocol: Protocol) -> dict[str, Any]:
-    """All three."""
+    """Return all three views."""
     return {
         "name": protocol.name, "title": protocol.title, "source": protocol.source, "sentence": sentence(protocol),
         "full": protocol.sentence(), "form": form(protocol), "text": protocol.toml(),
@@ -27,7 +27,7 @@ def faces(protocol: Protocol) -> dict[str, Any]:
 
 
 def sentence(protocol: Protocol) -> list[dict[str, Any]]:
-    """Its clauses: the path of the step, and pieces of text of which some are the fields of a parameter."""
+    """Split the sentence into clauses: path of the step, and pieces of text, some of them fields of a parameter."""
     said = clauses(protocol)
     cut = [_TOKENS.findall(text) for _, text in said]
     owner: dict[tuple[int, int], Parameter] = {}
@@ -56,7 +56,7 @@ def sentence(protocol: Protocol) -> list[dict[str, Any]]:
 
 
 def _changed(protocol: Protocol, p: Parameter) -> list[list[list[str]]]:
-    """The clauses with another value of a parameter: what differs is its number."""
+    """Return the clauses with another value of a parameter, to locate its number."""
     match = _NUMBER.fullmatch(str(p.values[0])) if len(p.values) == 1 else None
     if match is None or p.unit == "word":
         return []
@@ -73,7 +73,7 @@ def _changed(protocol: Protocol, p: Parameter) -> list[list[list[str]]]:
 
 
 def form(protocol: Protocol) -> list[dict[str, Any]]:
-    """A field of every choice and parameter: name, label, value, unit, meaning and what is allowed."""
+    """List a field of every choice and parameter: name, label, value, unit, meaning and what is allowed."""
     found: list[dict[str, Any]] = []
     for c in protocol.choices:
         options = [o for o, _ in c.options]
@@ -107,7 +107,7 @@ def _label(name: str) -> str:
 
 
 def _value(p: Parameter) -> tuple[str, str]:
-    """The words of its values, and the unit that all of them have."""
+    """Return the values of a parameter as text, and their common unit."""
     if p.unit == "word":
         return ", ".join(map(str, p.values)), ""
     matches = [_NUMBER.fullmatch(str(v)) for v in p.values]
@@ -118,7 +118,7 @@ def _value(p: Parameter) -> tuple[str, str]:
 
 
 def changed(protocol: Protocol, name: str, words: str) -> Protocol:
-    """The protocol with other words of a parameter or choice; bare numbers are in the unit that the field shows.
+    """Return the protocol with another value of a parameter or choice; plain numbers are in the unit of the field.
 
     Raises:
         InputError: names the field, and what is allowed.

@@ -18,12 +18,12 @@ class Log:
         self._kept: deque[dict[str, Any]] = deque(maxlen=KEPT)
 
     def say(self, text: str, kind: str = "note", time: float | None = None) -> None:
-        """One more, at a time of what goes on [s] where it has one."""
+        """Add a message, at a time of the run [s] if it has one."""
         with self._lock:
             self._count += 1
             self._kept.append({"number": self._count, "time": time, "kind": kind, "text": text})
 
     def after(self, number: int) -> list[dict[str, Any]]:
-        """All later than that of a number."""
+        """Return the messages after the one with a number."""
         with self._lock:
             return [m for m in self._kept if m["number"] > number]

@@ -1,4 +1,4 @@
-"""The test machine of the screen: states, runs, stops, and set-points by manual, for whoever is in control."""
+"""The test machine of the screen: states, runs, stops and manual set-points for the page in control."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LAST = 10.0  # time for which the end of a server waits for a run to vent [s]
 
 
 class Bench:
-    """One machine, simulated or real.
+    """The bench of a laboratory, with one machine, simulated or real.
 
     Args:
         lab: its laboratory, for the shelves and for news.
@@ -64,20 +64,20 @@ class Bench:
     # ---- what pages see
 
     def status(self) -> dict[str, Any]:
-        """State, why and times."""
+        """Return state, reason and times for the pages."""
         self._listen()
         return status_of(self)
 
     def describe(self) -> dict[str, Any]:
-        """What changes seldom."""
+        """Return muscle, rig, protocol and dry run for the pages."""
         return self.chosen.parts
 
     def log(self, after: int) -> list[dict[str, Any]]:
-        """Messages later than that of a number."""
+        """Return the messages after the one with a number."""
         return self.messages.after(after)
 
     def actions(self) -> Mapping[str, Callable[..., Any]]:
-        """What can be done with it."""
+        """Return the actions that a page may request, by name."""
         chosen = self.chosen
         return {
             "muscle": lambda name: self._set_up(chosen.muscle, name),
@@ -184,7 +184,7 @@ class Bench:
         return f"running {prepared.protocol.name}"
 
     def _over(self, run: RunController) -> None:
-        """After the last sample of a run, from its thread."""
+        """Save and announce a run that has ended; called from its thread."""
         with self._lock:
             why = run.stop_reason()
             if why and not self.why:
@@ -199,7 +199,7 @@ class Bench:
         self.lab.changed()
 
     def pause(self) -> str:
-        """Let the time of the simulated machine stand still."""
+        """Pause the simulated machine."""
         self._require_simulated("pause")
         run = self._require_run("pause")
         self.clock.halt()
@@ -208,14 +208,14 @@ class Bench:
         return f"paused at {run.time:.3f} s, holding"
 
     def resume(self) -> str:
-        """Go on; or say that what a person was asked to do is done."""
+        """Resume a paused run, or confirm an operator action."""
         run = self._require_run("resume")
         run.answer()
         self.clock.halt(False)
         return "running"
 
     def step(self, samples: int = 1) -> str:
-        """Some samples where it stands still."""
+        """Advance a paused run by some samples."""
         self._require_run("step")
         if not self.clock.halted:
             raise InputError("step", "refused", "allowed is while the run is paused")
@@ -231,7 +231,7 @@ class Bench:
         return "stopped"
 
     def choose_pace(self, name: str) -> str:
-        """How the time of the machine goes."""
+        """Choose the pace of the simulated machine."""
         self._require_simulated("pace", "a real machine has its own time")
         if name not in PACES:
             raise InputError("pace", name, f"known are {', '.join(PACES)}")
@@ -243,7 +243,7 @@ class Bench:
     # ---- by hand
 
     def set(self, **wanted: Any) -> str:
-        """Set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; in words or SI."""
+        """Change set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; in words or SI."""
         manual = self._require_manual("set", wanted)
         if not manual.moving:
             self.ended = {}
@@ -252,18 +252,18 @@ class Bench:
         return ""
 
     def vent(self) -> str:
-        """Let the pressure down."""
+        """Vent at the manual rate."""
         self._require_manual("vent", {"pressure": 0.0}).operated().vent()
         return "venting"
 
     def note(self, text: str) -> str:
-        """A note of a person among the messages."""
+        """Add a note to the messages."""
         run = self.running
         self.messages.say(f"Note: {str(text)[:400]}", "note", None if run is None else run.time)
         return "noted"
 
     def _listen(self) -> None:
-        """Take over what the session said."""
+        """Copy the messages of the session."""
         manual = self.manual
         session = None if manual is None else manual.session
         if manual is not None and manual.failed and self.spec is not None and not self.why:
@@ -285,7 +285,7 @@ class Bench:
     # ---- stops
 
     def emergency_stop(self, reason: str) -> None:
-        """Vent at once, whatever goes on; until it is reset."""
+        """Vent at once; the machine stays stopped until `reset`."""
         with self._lock:
             run, manual = self.running, self.manual
             self.vented = True
@@ -304,7 +304,7 @@ class Bench:
         self.messages.say(why[:1].upper() + why[1:], "stop", time)
 
     def reset(self) -> str:
-        """After a stop: idle again, vented."""
+        """Return to manual operation after a stop, vented."""
         with self._lock:
             if self.running is not None:
                 raise InputError("reset", "refused", "the run is being stopped; wait until it has vented")
@@ -320,24 +320,24 @@ class Bench:
         return "reset"
 
     def shown(self, epoch: int, samples: int) -> None:
-        """The page in control has drawn so many samples of an epoch."""
+        """Note how many samples of an epoch the page in control has drawn."""
         if self.running is not None and epoch == self.stream.epoch:
             self.clock.viewed(samples * self.stream.period)
 
     def control_lost(self) -> None:
-        """Nobody is in control: a run goes on, what is held by hand is held for 5 s."""
+        """Note that the client in control disconnected: a run continues, manual set-points hold for 5 s, then vent."""
         self.clock.viewed(None)
         if self.manual is not None:
             self.manual.set_control(there=False)
 
     def control_back(self) -> None:
-        """Somebody is again."""
+        """Note that a client is in control again."""
         self.clock.viewed(None)
         if self.manual is not None:
             self.manual.set_control(there=True)
 
     def close(self) -> None:
-        """Vent, and let go of all threads."""
+        """Vent and end all threads."""
         if self.running is not None:
             self.running.stop("the server was closed", trip=False)
             self.running.join(LAST)

@@ -1,4 +1,4 @@
-"""The machine of a page by hand: a session that is opened in a thread of its own, and whose samples go to the pages."""
+"""Manual operation on the screen: a session that is opened in a thread, and whose samples go to the pages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ QUIET = 0.6  # time for which pages still see it when all is at rest [s]
 
 
 class HardwareSpec(NamedTuple):
-    """A real machine as somebody names it.
+    """The name of a real machine.
 
     Attributes:
         words: that name it, see `hardware.connect.connected`.
@@ -35,14 +35,14 @@ class HardwareSpec(NamedTuple):
 
     @property
     def caution(self) -> str:
-        """What somebody has to know before it moves."""
+        """A caution for the operator before the machine moves."""
         return (
             f"Connecting to {self.words}; lengths count from the muscle's rest length, at which it is taken to stand."
         )
 
 
 class ManualControl:
-    """A session for pages; a simulated one stands still while nothing is asked of it.
+    """The session behind the pages; a simulated machine stands still while nothing is asked of it.
 
     Args:
         rig: whose machine it is.
@@ -92,7 +92,7 @@ class ManualControl:
         return self.session
 
     def hold(self, held: bool) -> None:
-        """Show nothing of it while a run goes on; what holds a pressure after that is shown again."""
+        """Hide the manual samples during a run; afterwards a machine under pressure is shown again."""
         with self._lock:
             (self._held.set if held else self._held.clear)()
             self.moving, session = False, self.session

@@ -1,4 +1,4 @@
-"""Numbers of the last whole cycle of a run, from the samples that the screen shows."""
+"""Work, power and air of the last whole cycle of a run, from the samples on the screen."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEAST = 16  # samples of a cycle
 
 
 def of_cycle(columns: dict[str, np.ndarray], period: float, frequency: float) -> list[dict[str, Any]]:
-    """Work, power and air of the last cycle.
+    """Compute work, power and air of the last cycle.
 
     Args:
         columns: of the last two cycles and some samples, (n,) each [SI].

@@ -1,4 +1,4 @@
-"""A run of a page while it goes on, in a thread of its own, and what became of it.
+"""Runs on the screen, each in a thread of its own, from the start to the saved recording.
 
 On the simulated machine the recording is that of ``mckibben run --real-time``, bit for bit: same preparation, same seed,
 same loop; only the pace differs, and paced or not a run is the same. On a real machine it is a run of the session that has
@@ -18,7 +18,7 @@ from ...bench.hardware.clock import Clock
 from ...bench.prepare import PreparedRun
 from ...bench.protocol_run import ProtocolRun
 from ...bench.session import Session
-from ...bench.session.proxy import RemoteRun, SessionProxy
+from ...bench.session.proxy import RunSnapshot, SessionProxy
 from ...bench.software.emergency_stop import EmergencyStop
 from ...errors import InputError, MckibbenError
 from ...recordings.recording import Recording
@@ -35,10 +35,10 @@ CAUSES = {
 
 
 class RunController:
-    """A run from its start to its recording on the shelf.
+    """A run from its start to its saved recording.
 
     Args:
-        prepared: what is done; nothing speaks against it.
+        prepared: the run; its dry run has passed.
         session: that has the real machine, or operates the simulated one by hand; None: nobody does.
         clock: of simulated time.
         stream: that the samples go to.
@@ -83,19 +83,19 @@ class RunController:
         self._answered = threading.Event()
         self._columns = Columns(prepared.rig)
         self._count, self._every = 0, max(1, round(prepared.plan.sample_rate / SHOWN))
-        self._run: ProtocolRun | RemoteRun | None = None
+        self._run: ProtocolRun | RunSnapshot | None = None
         self._thread = threading.Thread(target=self._play, name="run", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread of the run."""
         self._thread.start()
 
     def join(self, longest: float | None = None) -> None:
-        """Wait for its end [s]."""
+        """Wait for the end of the run, for at most a time [s]."""
         self._thread.join(longest)
 
     def stop(self, reason: str, *, trip: bool) -> None:
-        """At the next sample the valve vents and the motor only brakes."""
+        """Stop the run: at the next sample the valve vents and the motor only brakes."""
         self.stopping = "" if trip else reason
         self.button.press(reason, ordinary=not trip)
         self.clock.viewed(None)  # a stop waits for no page
@@ -103,7 +103,7 @@ class RunController:
         self._answered.set()
 
     def answer(self) -> None:
-        """What a person was asked to do is done."""
+        """Confirm an operator action."""
         self.asked = ""
         self._answered.set()
 
@@ -205,8 +205,8 @@ class RunController:
             begun=self._begun,
         )
 
-    def _begun(self, run: ProtocolRun | RemoteRun) -> None:
-        """Its samples are the next ones."""
+    def _begun(self, run: ProtocolRun | RunSnapshot) -> None:
+        """Begin an epoch of the stream for the samples of the run."""
         self._run = run
         self._taken()
         self.stream.begin("run", self.prepared.protocol.name, self._every / self.prepared.plan.sample_rate)
@@ -233,7 +233,7 @@ class RunController:
         self._follow()
 
     def _follow(self) -> None:
-        """Say which cycle it is in, and measure the one that has ended; after a stop no cycle begins."""
+        """Announce the present cycle and measure the last one; after a stop no cycle begins."""
         step = self.steps[-1] if self.steps else None
         if step is None or self.button() or (self._run is not None and self._run.result == "stopped"):
             return

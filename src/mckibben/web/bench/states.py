@@ -1,4 +1,4 @@
-"""What pages see of the test machine: its state as a shape and a word, times, and how far a run is."""
+"""The state of the test machine for the pages: shape and name, times, and progress of a run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ UNITS = {"pressure": "Pa", "span": "m", "tension": "N", "velocity": "m/s"}
 
 
 def status_of(bench: Bench) -> dict[str, Any]:
-    """State, why and times."""
+    """Return state, reason and times."""
     run, manual = bench.running, bench.manual
     found: dict[str, Any] = {
         "shape": "idle", "name": "Idle", "small": "", "pace": bench.pace, "vented": bench.vented, "why": bench.why,
@@ -64,13 +64,13 @@ def _manual(manual: ManualControl) -> dict[str, Any]:
 
 
 def short(why: str) -> str:
-    """What stopped it, in a few words; of a line, what happened to it."""
+    """Shorten the reason of a stop to a few words."""
     said = why.split(": ", 1)[-1] if why.startswith("/") else why
     return said.split(" at ")[0].split(":")[0].split(",")[0][:60]
 
 
 def ended(run: RunController, said: dict[str, Any], why: str) -> dict[str, Any]:
-    """What is told of the last run until the next one."""
+    """Summarise the last run until the next one begins."""
     return {
         **said, "time": run.time, "title": run.prepared.protocol.title, "stopped": bool(why), "why": why, "by": run.cause,
         "trip": run.when if why else None, "steps": steps_of(run), "duration": run.prepared.plan.duration,
@@ -79,7 +79,7 @@ def ended(run: RunController, said: dict[str, Any], why: str) -> dict[str, Any]:
 
 
 def steps_of(run: RunController) -> list[dict[str, Any]]:
-    """The steps that have begun, as a page draws them."""
+    """List the steps that have begun, as a page draws them."""
     found = []
     for one in run.steps:
         frequency = run.prepared.plan.steps[one["index"] - 1].step.frequency()

@@ -1,4 +1,4 @@
-"""A machine behind a data acquisition card, at the hardware border: counts there, levels at its terminals.
+"""A machine behind a data acquisition card as `interface.Hardware`: counts there, levels at its terminals.
 
     wait(k)   the card's own clock samples all inputs and the encoder; the read waits for sample k
     send()    the outputs take their levels at once, not with the clock: what was written acts during the period
