@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from mckibben.components import Scalar
-from mckibben.components.derivative import slope
+from mckibben.components.derivative import derivative
 from mckibben.components.flow import GasState
 from mckibben.components.system import Moment, System
 from mckibben.muscles import braid
@@ -53,7 +53,7 @@ class Yardstick(System):
         u = inputs["valve"].value
         volume = lambda length: braid.volume(length, thread_length=self.thread, turns=self.turns)  # noqa: E731
         length = self.rest - x
-        per_length = slope(volume, length)
+        per_length = derivative(volume, length)
         fills = u >= 0.0
         # one temperature throughout: that of the reference atmosphere leaves the conductance as it is
         a = GasState(jnp.where(fills, self.supply, p), REFERENCE_TEMPERATURE)

@@ -5,6 +5,7 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
 PERIOD = 0.01
 STAGES = ((0.0, 0.0, 1.0 / 6.0), (0.5, 0.5, 1.0 / 3.0), (0.5, 0.5, 1.0 / 3.0), (1.0, 1.0, 1.0 / 6.0))
@@ -56,10 +57,10 @@ def runge_kutta(system, state, memory, drive, h):
 
 def rosenbrock(system, state, memory, drive, h):
     """ROS2: two stages with a linear system each."""
-    flat, back = jax.flatten_util.ravel_pytree(state)
+    flat, back = ravel_pytree(state)
 
     def rate(v, share):
-        return jax.flatten_util.ravel_pytree(system.rate(back(v), memory, drive(share)))[0]
+        return ravel_pytree(system.rate(back(v), memory, drive(share)))[0]
 
     first, rates = jax.linearize(lambda v: rate(v, 0.0), flat)
     matrix = jnp.eye(flat.size) - GAMMA * h * jax.vmap(rates, out_axes=1)(jnp.eye(flat.size))

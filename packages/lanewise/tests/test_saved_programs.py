@@ -140,7 +140,7 @@ INJECTED = {
 @pytest.mark.parametrize("change", INJECTED.values(), ids=INJECTED)
 def test_what_a_graph_cannot_have_is_refused_before_it_becomes_assembly(run, change):
     with pytest.raises(ArgumentError, match="must be a file that Program.save wrote"):
-        Program.unpacked(changed(run, change), "forged.kernel")
+        Program.from_bytes(changed(run, change), "forged.kernel")
 
 
 def test_a_program_nested_without_end_is_refused():

@@ -28,6 +28,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._analysis import Schedule
 from ._c_text import C_HELPERS, C_MEMORY, C_REALS, Real, Statements, c_literal, whole
@@ -183,7 +184,7 @@ def dotted(name: str) -> str:
 
 def to_c(
     program: Program, name: str, *, mode: str = "default", real: str = "float64", arguments: Sequence[str] | None = None,
-    results: Sequence[str] | None = None, values: Mapping[str, Sequence[Any]] | None = None,
+    results: Sequence[str] | None = None, values: Mapping[str, Sequence[ArrayLike]] | None = None,
 ) -> dict[str, str]:  # fmt: skip
     """The two files of a program in C99.
 
@@ -265,7 +266,7 @@ class _FunctionText:
         return f"    {self.memory(kind)} {name}{f'[{int(np.prod(shape))}]' if shape else ''};"
 
 
-def _header(f: _FunctionText, about: str, values: Mapping[str, Sequence[Any]]) -> str:
+def _header(f: _FunctionText, about: str, values: Mapping[str, Sequence[ArrayLike]]) -> str:
     guard = f"{f.name.upper()}_H"
     lines = [f"/* {about}. No two of the structs may overlap. */", f"#ifndef {guard}", f"#define {guard}", ""]
     lines += ["#include <stdint.h>", "", "#ifdef __cplusplus", 'extern "C" {', "#endif", ""]
@@ -294,7 +295,7 @@ def _about(f: _FunctionText, member: Member) -> str:
     return f"{path}{shape}{unread}"
 
 
-def _source(f: _FunctionText, about: str, values: Mapping[str, Sequence[Any]]) -> str:
+def _source(f: _FunctionText, about: str, values: Mapping[str, Sequence[ArrayLike]]) -> str:
     real = f.real
     form = {
         "p": f.name, "P": f.name.upper(), "t": real.type, "s": real.suffix, "m": real.macro,
@@ -324,7 +325,7 @@ def _numbers(kind: str, data: Any, real: Real) -> str:
     return "{" + ", ".join(map(show, np.asarray(data).ravel().tolist())) + "}"
 
 
-def _defaults(f: _FunctionText, values: Mapping[str, Sequence[Any]]) -> list[str]:
+def _defaults(f: _FunctionText, values: Mapping[str, Sequence[ArrayLike]]) -> list[str]:
     """Structs with the numbers that the caller wants in the file."""
     lines: list[str] = []
     known = {g.name: g for g in f.groups if g.given}

@@ -20,6 +20,7 @@ from . import _lower
 from ._gpu import to_gpu
 from ._graph import gc_paused
 from ._kernel import llvm
+from ._lower import Tree
 from ._program import Program
 from .errors import ArgumentError, LoweringError, UnavailableError
 
@@ -29,7 +30,9 @@ ENGINES = ("auto", "native", "gpu", "xla")
 class Lowering(Protocol):
     """A function that lowers, such as `lower` or one that keeps its programs on disk."""
 
-    def __call__(self, function: Callable[..., Any], *examples: Any, title: str) -> tuple[Program, Any]:
+    def __call__(
+        self, function: Callable[..., Tree], *examples: Tree, title: str
+    ) -> tuple[Program, jax.tree_util.PyTreeDef]:
         """Return a program and the tree structure of its results."""
         ...
 
@@ -43,7 +46,7 @@ class CompiledFunction:
     """
 
     def __init__(
-        self, function: Callable[..., Any], examples: Sequence[Any], engine: str, title: str, lower: Lowering
+        self, function: Callable[..., Tree], examples: Sequence[Tree], engine: str, title: str, lower: Lowering
     ) -> None:
         self.function, self.engine, self.reason = function, "xla", ""
         self._shapes = [np.shape(leaf) for leaf in jax.tree.leaves(tuple(examples))]
@@ -74,13 +77,13 @@ class CompiledFunction:
         return self._program
 
     @property
-    def tree(self) -> Any:
+    def tree(self) -> jax.tree_util.PyTreeDef:
         """Structure of the results of the program, for JAX."""
         return self._tree
 
     def __call__(
         self,
-        *trees: Any,
+        *trees: Tree,
         lanes: int | None = None,
         mode: str = "default",
         real: str = "float64",
@@ -140,7 +143,7 @@ class CompiledFunction:
 
 @gc_paused()
 def compile(
-    function: Callable[..., Any], *examples: Any, engine: str = "auto", title: str = "", lower: Lowering | None = None
+    function: Callable[..., Tree], *examples: Tree, engine: str = "auto", title: str = "", lower: Lowering | None = None
 ) -> CompiledFunction:
     """Compile a JAX function for one lane or many.
 

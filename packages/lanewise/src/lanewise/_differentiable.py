@@ -24,6 +24,7 @@ from jax.interpreters import ad, batching, mlir
 from ._adjoint import adjoint
 from ._compiled import Lowering, compile
 from ._derivatives import tangents
+from ._lower import Tree
 from ._program import Leaf, Program
 from .errors import ArgumentError, LoweringError
 
@@ -32,14 +33,14 @@ DTYPES = {"real": np.float64, "int": np.int64, "bool": np.bool_}
 
 
 def differentiable(
-    function: Callable[..., Any],
-    *examples: Any,
+    function: Callable[..., Tree],
+    *examples: Tree,
     engine: str = "auto",
     title: str = "",
     mode: str = "default",
     threads: int | None = None,
     lower: Lowering | None = None,
-) -> Callable[..., Any]:
+) -> Callable[..., Tree]:
     """A JAX function that is computed, and differentiated, by native kernels.
 
     Args:
@@ -182,8 +183,8 @@ def _call_program(
         else:
             whole = np.broadcast_to(x, (*batch, *leaf.shape)).reshape((lanes, *leaf.shape))
             given.append(np.moveaxis(whole, 0, -1))
-    found = program.call(given, lanes=None if lanes == 1 else lanes, **options)[begin:]
-    found = [x for x in found if x is not None]
+    every = program.call(given, lanes=None if lanes == 1 else lanes, **options)[begin:]
+    found = [x for x in every if x is not None]
     if lanes > 1:
         found = [np.moveaxis(x, -1, 0) for x in found]
     return [

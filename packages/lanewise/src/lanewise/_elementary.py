@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from typing import Any
 
+from ._analysis import RewriteRule
 from ._graph import Graph, Node
 
 LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
@@ -53,7 +53,7 @@ class Builder:
     def __init__(self, graph: Graph, form: Format) -> None:
         self.g, self.form = graph, form
 
-    def n(self, value: Any) -> Node:
+    def n(self, value: Node | float) -> Node:
         """A number, or the node that it is already."""
         return value if isinstance(value, Node) else self.g.const(value)
 
@@ -61,31 +61,31 @@ class Builder:
         """A whole number."""
         return self.g.const(value, "int")
 
-    def add(self, a: Any, b: Any) -> Node:
+    def add(self, a: Node | float, b: Node | float) -> Node:
         """Sum."""
         return self.g.make("add", (self.n(a), self.n(b)))
 
-    def sub(self, a: Any, b: Any) -> Node:
+    def sub(self, a: Node | float, b: Node | float) -> Node:
         """Difference."""
         return self.g.make("sub", (self.n(a), self.n(b)))
 
-    def mul(self, a: Any, b: Any) -> Node:
+    def mul(self, a: Node | float, b: Node | float) -> Node:
         """Product."""
         return self.g.make("mul", (self.n(a), self.n(b)))
 
-    def div(self, a: Any, b: Any) -> Node:
+    def div(self, a: Node | float, b: Node | float) -> Node:
         """Quotient."""
         return self.g.make("div", (self.n(a), self.n(b)))
 
-    def fma(self, a: Any, b: Any, c: Any) -> Node:
+    def fma(self, a: Node | float, b: Node | float, c: Node | float) -> Node:
         """Product and sum, a b + c, rounded once."""
         return self.g.make("fma", (self.n(a), self.n(b), self.n(c)))
 
-    def less(self, a: Any, b: Any) -> Node:
+    def less(self, a: Node | float, b: Node | float) -> Node:
         """Whether a < b."""
         return self.g.make("lt", (self.n(a), self.n(b)))
 
-    def where(self, c: Node, a: Any, b: Any) -> Node:
+    def where(self, c: Node, a: Node | float, b: Node | float) -> Node:
         """Choice: a where c, else b."""
         return self.g.make("select", (c, self.n(a), self.n(b)))
 
@@ -229,7 +229,7 @@ def _sine(b: Builder, x: Node, quarter: int) -> Node:
     return b.where(minus, b.g.make("neg", (value,)), value)
 
 
-def expand_elementary(real: str) -> Any:
+def expand_elementary(real: str) -> RewriteRule:
     """The rule of `rewrite` that puts arithmetic in the place of functions, for ``double`` or ``float``."""
     form = Format(real)
 

@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from ctypes import POINTER, byref, c_char_p, c_float, c_int, c_size_t, c_uint, c_uint64, c_void_p
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .errors import DriverError, UnavailableError
 
 VARIABLE = "LANEWISE_GPU_DRIVER"  # a library to load in the place of the driver's
@@ -82,7 +84,7 @@ def _error_text(library: Any, code: int) -> str:
     return text.value.decode() if text.value else f"error {code}"
 
 
-def call(name: str, *values: Any) -> None:
+def call(name: str, *values: object) -> None:
     """A call of the driver.
 
     Raises:
@@ -161,13 +163,13 @@ def allocate(size: int) -> Iterator[int]:
         call("cuMemFree_v2", address)
 
 
-def copy_to_device(address: int, array: Any) -> None:
+def copy_to_device(address: int, array: np.ndarray) -> None:
     """Copy a contiguous NumPy array to the device."""
     if array.nbytes:
         call("cuMemcpyHtoD_v2", address, array.ctypes.data, array.nbytes)
 
 
-def copy_from_device(array: Any, address: int) -> None:
+def copy_from_device(array: np.ndarray, address: int) -> None:
     """Copy from the device into a contiguous NumPy array, after all that was launched before."""
     if array.nbytes:
         call("cuMemcpyDtoH_v2", array.ctypes.data, address, array.nbytes)

@@ -32,7 +32,7 @@ import contextlib
 import dataclasses
 import gc
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -143,7 +143,7 @@ class Graph:
         self._known: dict[Any, Node] = {}
         self._open: list[Loop] = []
 
-    def const(self, value: Any, kind: str = "real") -> Node:
+    def const(self, value: float | int | bool, kind: str = "real") -> Node:
         """A number as a node."""
         if kind == "real":
             value = float(value)
@@ -168,11 +168,11 @@ class Graph:
                 return folded
         return self.intern((op, attr, kind, tuple(a.serial for a in args)), op, args, attr, kind)
 
-    def lookup(self, key: Any) -> Node | None:
+    def lookup(self, key: Hashable) -> Node | None:
         """The node that `intern` made under a key."""
         return self._known.get(key)
 
-    def intern(self, key: Any, op: str, args: tuple[Node, ...], attr: Any, kind: str) -> Node:
+    def intern(self, key: Hashable, op: str, args: tuple[Node, ...], attr: Any, kind: str) -> Node:
         """The node under a key, made if it is not there; nothing is folded."""
         node = self._known.get(key)
         if node is None:

@@ -118,7 +118,7 @@ def load_object(data: bytes) -> Loaded:
     return Loaded(engine.get_function_address("kernel"), engine)
 
 
-def cache_key(*parts: Any) -> str:
+def cache_key(*parts: object) -> str:
     """The name of machine code that depends on these parts, on this processor and on the versions here."""
     import llvmlite
 

@@ -14,6 +14,8 @@ from ._graph import Buffer, Graph, gc_paused
 from ._program import Leaf, Program
 from ._trace import Rows, Tracer, checked_kind
 
+Tree = Any  # numbers and arrays in tuples, lists, tables and classes that JAX knows as trees
+
 
 class TracedFunction(NamedTuple):
     """A function as a graph; a leaf without a buffer carries nothing (the tangent of a whole number).
@@ -29,11 +31,11 @@ class TracedFunction(NamedTuple):
     graph: Graph
     arguments: list[Buffer]
     results: list[Buffer | None]
-    tree: Any
+    tree: jax.tree_util.PyTreeDef
     shapes: list[tuple[int, ...]]
 
 
-def trace(function: Callable[..., Any], *examples: Any) -> TracedFunction:
+def trace(function: Callable[..., Tree], *examples: Tree) -> TracedFunction:
     """Trace a function of trees to a graph.
 
     Args:
@@ -68,7 +70,7 @@ def _path_name(path: Any, whole: str = "argument") -> str:
 
 
 @gc_paused()
-def lower(function: Callable[..., Any], *examples: Any, title: str = "") -> tuple[Program, Any]:
+def lower(function: Callable[..., Tree], *examples: Tree, title: str = "") -> tuple[Program, jax.tree_util.PyTreeDef]:
     """Lower a JAX function to a program; return it with the tree structure of the results.
 
     Args:

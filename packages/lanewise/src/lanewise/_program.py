@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._analysis import Schedule, find_divergence, make_schedule, rewrite
 from ._elementary import expand_elementary
@@ -380,7 +381,7 @@ class Program:
         return text, {"slots": slots, "width": width, "scratch": layout.scratch}
 
     def run(
-        self, arguments: Mapping[str, Any] | Sequence[Any], *, lanes: int | None = None, mode: str = "default",
+        self, arguments: Mapping[str, ArrayLike] | Sequence[ArrayLike], *, lanes: int | None = None, mode: str = "default",
         real: str = "float64", threads: int | None = None, width: int | None = None,
     ) -> dict[str, np.ndarray]:  # fmt: skip
         """Run it on arrays.
@@ -404,12 +405,18 @@ class Program:
         else:
             values = list(arguments)
         found = self.call(values, lanes=lanes, mode=mode, real=real, threads=threads, width=width)
-        return {leaf.name: value for leaf, value in zip(self.results, found, strict=True) if leaf.kind is not None}
+        return {leaf.name: value for leaf, value in zip(self.results, found, strict=True) if value is not None}
 
     def call(
-        self, values: Sequence[Any], *, lanes: int | None = None, mode: str = "default", real: str = "float64",
-        threads: int | None = None, width: int | None = None,
-    ) -> list[Any]:  # fmt: skip
+        self,
+        values: Sequence[ArrayLike],
+        *,
+        lanes: int | None = None,
+        mode: str = "default",
+        real: str = "float64",
+        threads: int | None = None,
+        width: int | None = None,
+    ) -> list[np.ndarray | None]:
         """The same with arguments and results in order; a result that carries nothing is None."""
         if len(values) != len(self.arguments):
             raise ArgumentError(
@@ -433,7 +440,7 @@ class Program:
         kernel = self.kernel(frozenset(differs), lanes=lanes is not None, mode=mode, real=real, width=width)
         return kernel(arrays, len(self.results), lanes, threads)
 
-    def _ordered(self, arguments: Mapping[str, Any]) -> list[Any]:
+    def _ordered(self, arguments: Mapping[str, ArrayLike]) -> list[ArrayLike]:
         names = [leaf.name for leaf in self.arguments]
         for name in arguments:
             if name not in names:

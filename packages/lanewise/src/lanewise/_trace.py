@@ -27,7 +27,9 @@ from .errors import LoweringError
 SMALL = 64  # elements up to which an array is written out
 FEW = 4  # elements up to which one is picked by choices instead of from memory
 
-Index = tuple[Any, ...]  # of ints and int nodes
+Place = Any  # an int, or an int node
+Index = tuple[Place, ...]
+Value = Any  # a node, an array of nodes, a view, or a refusal
 
 
 class View:
@@ -127,19 +129,19 @@ class Growing(View):
         raise NotImplementedError("an array that a loop changes in place is read while it changes")
 
 
-def shape_of(value: Any) -> tuple[int, ...]:
+def shape_of(value: Value) -> tuple[int, ...]:
     """Shape of a value."""
     return () if isinstance(value, Node) else value.shape
 
 
-def kind_of(value: Any) -> str:
+def kind_of(value: Value) -> str:
     """Kind of a value's elements; an array without elements is real."""
     if isinstance(value, np.ndarray):
         return str(value.flat[0].kind) if value.size else "real"
     return str(value.kind)
 
 
-def flat(graph: Graph, index: Index, shape: Sequence[int]) -> Any:
+def flat(graph: Graph, index: Index, shape: Sequence[int]) -> Place:
     """The place in C order of an index, an int or an int node."""
     place: Any = 0
     for i, n in zip(index, shape, strict=True):
@@ -147,29 +149,29 @@ def flat(graph: Graph, index: Index, shape: Sequence[int]) -> Any:
     return place
 
 
-def as_node(graph: Graph, value: Any) -> Node:
+def as_node(graph: Graph, value: Value) -> Node:
     """An index as an int node."""
     return value if isinstance(value, Node) else graph.const(value, "int")
 
 
-def plus(graph: Graph, a: Any, b: Any) -> Any:
+def plus(graph: Graph, a: Place, b: Place) -> Place:
     """Sum of indices."""
     if isinstance(a, int) and isinstance(b, int):
         return a + b
     return graph.make("add", (as_node(graph, a), as_node(graph, b)))
 
 
-def minus(graph: Graph, a: Any, b: Any) -> Node:
+def minus(graph: Graph, a: Place, b: Place) -> Node:
     """Difference of indices, as a node."""
     return graph.make("sub", (as_node(graph, a), as_node(graph, b)))
 
 
-def times(graph: Graph, a: Any, b: int) -> Any:
+def times(graph: Graph, a: Place, b: int) -> Place:
     """Product of an index with a number."""
     return a * b if isinstance(a, int) else graph.make("mul", (a, graph.const(b, "int")))
 
 
-def clamped(graph: Graph, index: Any, rows: int) -> Any:
+def clamped(graph: Graph, index: Place, rows: int) -> Place:
     """An index within 0 .. rows - 1."""
     low = graph.make("max", (as_node(graph, index), graph.const(0, "int")))
     node = graph.make("min", (low, graph.const(rows - 1, "int")))
@@ -182,7 +184,7 @@ def within(graph: Graph, index: Node, rows: int) -> Node:
     return graph.make("and", (low, graph.make("lt", (index, graph.const(rows, "int")))))
 
 
-def at(graph: Graph, value: Any, index: Index) -> Node:
+def at(graph: Graph, value: Value, index: Index) -> Node:
     """An element of a value; the index is within its shape."""
     if isinstance(value, Node):
         return value
@@ -195,7 +197,7 @@ def at(graph: Graph, value: Any, index: Index) -> Node:
     return _picked(graph, value, index)
 
 
-def element_of_join(graph: Graph, parts: Sequence[Any], axis: int, index: Index) -> Node:
+def element_of_join(graph: Graph, parts: Sequence[Value], axis: int, index: Index) -> Node:
     """An element of parts that stand one behind the other along an axis; the index is within their joint shape."""
     begin, chosen = 0, None
     for part in parts:
@@ -247,7 +249,7 @@ def stored(graph: Graph, value: np.ndarray) -> Rows:
     return Rows(graph, token.attr, value.shape, (token,))
 
 
-def solid(graph: Graph, value: Any) -> Any:
+def solid(graph: Graph, value: Value) -> Value:
     """A value with its elements written out."""
     if not isinstance(value, View):
         return value
@@ -257,23 +259,23 @@ def solid(graph: Graph, value: Any) -> Any:
     return out
 
 
-def unwrapped(value: Any) -> Any:
+def unwrapped(value: Value) -> Value:
     """An array without axes as the node that it holds."""
     return value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
 
 
-def is_zero(value: Any) -> bool:
+def is_zero(value: Value) -> bool:
     """Whether a value is known to be zero everywhere."""
     node = value.fill if isinstance(value, View) else value if isinstance(value, Node) else None
     return node is not None and node.op == "const" and node.attr == 0
 
 
-def is_long(value: Any) -> bool:
+def is_long(value: Value) -> bool:
     """Whether a value is too large to be written out."""
     return isinstance(value, View) and math.prod(value.shape) > SMALL
 
 
-def each(graph: Graph, make: Callable[..., Node], *values: Any) -> Any:
+def each(graph: Graph, make: Callable[..., Node], *values: Value) -> Value:
     """An operation on every element of values; single numbers, and axes of one element, go with all others."""
     if all(isinstance(v, Node) for v in values):
         return make(*values)
@@ -339,7 +341,7 @@ class Tracer:
         self.calls: list[Any] = []  # operations in work, from the outermost in
         self.slopes: dict[Any, Any] = {}  # derivatives that functions say themselves, by call and input
 
-    def closed(self, closed: ClosedJaxpr, values: Sequence[Any]) -> list[Any]:
+    def closed(self, closed: ClosedJaxpr, values: Sequence[Value]) -> list[Value]:
         """Results of a jaxpr with its constants."""
         return self.run(closed.jaxpr, [self.constant(c) for c in closed.consts], values)
 
@@ -356,10 +358,10 @@ class Tracer:
             return Rows(self.graph, buffer, array.shape)
         out = np.empty(array.shape, object)
         for index in np.ndindex(array.shape):
-            out[index] = self.graph.const(array[index], kind)
+            out[index] = self.graph.const(array[index].item(), kind)
         return unwrapped(out)
 
-    def run(self, jaxpr: Any, consts: Sequence[Any], values: Sequence[Any]) -> list[Any]:
+    def run(self, jaxpr: Any, consts: Sequence[Value], values: Sequence[Value]) -> list[Value]:
         """Results of a jaxpr."""
         known: dict[Any, Any] = {}
 
@@ -435,7 +437,7 @@ class Tracer:
             copy(self.graph, value, lambda place, node: self.graph.store(buffer, place, node, offset=offset))
 
 
-def copy(graph: Graph, value: Any, put: Callable[[Any, Node], None]) -> None:
+def copy(graph: Graph, value: Value, put: Callable[[Place, Node], None]) -> None:
     """Give every element of a value with its place in C order to `put`, by loops where there are many."""
 
     def walk(begin: tuple[Any, ...], place: Any, rest: tuple[int, ...]) -> None:

@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 
 from .errors import CacheWarning
 
+Description = Mapping[str, Any]  # of plain words and numbers
 LIMIT = 256 * 1024 * 1024  # bytes of the folder; beyond it, the files that were not used for longest are deleted
 LOWERED = 0.9  # share of the limit that is left then
 LEFT_BEHIND = 3600.0  # age at which an unfinished file is that of a process that died [s]
@@ -85,7 +86,7 @@ def _configured_folder() -> Path | None:
     return base / _settings.application / "kernels"
 
 
-def load(file: str) -> tuple[bytes, Mapping[str, Any]] | None:
+def load(file: str) -> tuple[bytes, Description] | None:
     """The content of a kept file and the words that were kept with it; None where there is none, or it is damaged."""
     folder = cache_folder()
     if folder is None:
@@ -104,7 +105,7 @@ def load(file: str) -> tuple[bytes, Mapping[str, Any]] | None:
     return None
 
 
-def store(file: str, data: bytes, description: Mapping[str, Any]) -> None:
+def store(file: str, data: bytes, description: Description) -> None:
     """Keep data and a description of plain words and numbers; a folder that cannot be written to is no error."""
     folder = cache_folder()
     if folder is None:
@@ -123,7 +124,7 @@ def store(file: str, data: bytes, description: Mapping[str, Any]) -> None:
         _delete_oldest(folder)
 
 
-def load_or_make(file: str, make: Callable[[], tuple[bytes, Mapping[str, Any]]]) -> tuple[bytes, Mapping[str, Any]]:
+def load_or_make(file: str, make: Callable[[], tuple[bytes, Description]]) -> tuple[bytes, Description]:
     """The content of a kept file and its description; both are made and kept where there is none."""
     known = load(file)
     if known is not None:
