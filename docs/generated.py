@@ -422,7 +422,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "figures": ("Figures", "Figures.", ["report.figures.**"]),
 }
 # Modules of these pages that are shown on another page.
-ELSEWHERE = {"components": {"element"}}
+ELSEWHERE = {"bench": {"console"}, "components": {"element"}}
 
 
 def room(name: str) -> str:
