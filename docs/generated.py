@@ -385,7 +385,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "design": (
         "Design",
         "Pareto fronts of response time, air consumption and efficiency over muscle, tube and valve.",
-        ["studies.design.**"],
+        ["studies.design"],
     ),
     "laws": (
         "Tension laws",
@@ -422,7 +422,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "figures": ("Figures", "Figures.", ["report.figures.**"]),
 }
 # Modules of these pages that are shown on another page.
-ELSEWHERE = {"bench": {"console"}, "components": {"element"}}
+ELSEWHERE = {"bench": {"console"}, "components": {"element"}, "studies": {"design"}}
 
 
 def room(name: str) -> str:

@@ -30,13 +30,18 @@ NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
 NO_ROOM = ("mckibben.cli", "mckibben.__main__", "mckibben.batch", "mckibben.web")
 
 
-def generated() -> ModuleType:
-    """The build's own list of what it generates; none of it is run."""
-    spec = importlib.util.spec_from_file_location("generated", DOCS / "generated.py")
+def script(name: str) -> ModuleType:
+    """A script of the documentation's build as a module; nothing of it is run."""
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def generated() -> ModuleType:
+    """The build's own list of the pages that it generates."""
+    return script("generated")
 
 
 def made_pages() -> set[Path]:
@@ -120,6 +125,15 @@ def test_a_notebook_is_kept_without_outputs_and_its_figures_have_words(book: Pat
     assert all(c["metadata"].get("alt") for c in code if "SVG(" in "".join(c["source"]))
     for target in re.findall(r"\]\(([^)\s]+\.md)\)", "".join(line for c in cells for line in c["source"])):
         assert (book.parent / target).resolve() in made_pages() | set(PAGES), target
+
+
+def test_the_architecture_page_agrees_with_the_source() -> None:
+    architecture = script("architecture")
+    page = TEXT[DOCS / "explanation/architecture.md"]
+    for diagram in (architecture.draw_layers(), architecture.draw_run()):  # these fail where a module is missing
+        assert diagram.startswith("<svg")
+    for package in (name for layer in architecture.layers() for name in layer):
+        assert re.search(rf"^\|.*`{package}`.*\|", page, re.M), package
 
 
 def test_decisions_state_context_decision_and_consequences() -> None:
