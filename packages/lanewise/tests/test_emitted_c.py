@@ -9,7 +9,7 @@ import pytest
 
 from c_programs import COMPILER, InC, built, same_bits
 from lanewise import ArgumentError, lower, to_c
-from lanewise._c import dotted
+from lanewise._c import dotted_path
 from lanewise._c_text import C_OPS
 from lowered_examples import (
     CASES,
@@ -96,7 +96,9 @@ def test_c_follows_xla(tmp_path: Path) -> None:
     theirs = jax.jit(run_of_orbit)(*bodies(), commands())
     ours = InC(tmp_path, orbit_program(), mode="strict")(orbit_values())
     for leaf, value in zip(orbit_program().results, ours, strict=True):
-        np.testing.assert_allclose(value, theirs[dotted(leaf.name)], rtol=1e-12)  # 120 steps, each exact to some 1e-16
+        np.testing.assert_allclose(
+            value, theirs[dotted_path(leaf.name)], rtol=1e-12
+        )  # 120 steps, each exact to some 1e-16
 
 
 @compiled
@@ -168,7 +170,7 @@ def test_the_header_names_every_argument_by_its_path() -> None:
     sources = to_c(orbit_program(), "orbit", arguments=("parameters", "state", "thrust"))
     for leaf in (*orbit_program().arguments, *orbit_program().results):
         if leaf.name != "[2]":
-            assert f" {dotted(leaf.name)}" in sources["orbit.h"], leaf.name
+            assert f" {dotted_path(leaf.name)}" in sources["orbit.h"], leaf.name
     assert "bodies.ship.mass */" in sources["orbit.h"]
     assert "float " not in sources["orbit.h"]
     assert "double " not in to_c(orbit_program(), "orbit", real="float32")["orbit.c"]

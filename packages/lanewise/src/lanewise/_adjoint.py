@@ -16,7 +16,18 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ._analysis import Entry, Schedule, enclosing_buffers, rewrite
-from ._derivatives import Active, Derived, Edges, Replay, Scope, check, is_zero, partials, product, total
+from ._derivatives import (
+    ActiveNodes,
+    DerivedGraph,
+    LinearGraph,
+    Replay,
+    Scope,
+    check,
+    is_zero,
+    partials,
+    product,
+    total,
+)
 from ._graph import Buffer, Graph, Loop, Node, Store
 from ._program import Leaf, Program
 from .errors import LoweringError
@@ -31,7 +42,7 @@ SMALL = 64  # elements of an argument up to which its derivative is no sum in me
 class ReverseAnalysis:
     """What is known of loops and memory before the way back is written."""
 
-    def __init__(self, plan: Schedule, active: Active) -> None:
+    def __init__(self, plan: Schedule, active: ActiveNodes) -> None:
         self.plan, self.active = plan, active
         live, home = plan.live, plan.home
         self.home = home
@@ -323,7 +334,7 @@ def adjoint(program: Program, places: Sequence[int], *, most: int = MOST) -> Pro
     return _Reverse(program, places, most).program()
 
 
-class _Reverse(Derived, Sums):
+class _Reverse(DerivedGraph, Sums):
     def __init__(self, program: Program, places: Sequence[int], most: int) -> None:
         super().__init__(program, places)
         self.shape = ReverseAnalysis(self.plan, self.active)
@@ -478,9 +489,9 @@ class _Reverse(Derived, Sums):
             known = bars.get(node)
             bars[node] = more if known is None or is_zero(known) else total(self.new, known, more)
 
-    def _edges(self, entries: list[Entry], scope: Scope) -> Edges:
+    def _edges(self, entries: list[Entry], scope: Scope) -> LinearGraph:
         """What the numbers of a block change by with each other."""
-        edges = Edges(self.new)
+        edges = LinearGraph(self.new)
         for node in entries:
             if isinstance(node, Node) and node in self.active.nodes and node.op not in ("load", "table"):
                 slopes = zip(node.args, self._slopes(node, scope), strict=True)

@@ -76,18 +76,18 @@ class Group(NamedTuple):
     members: list[Member]
 
     @property
-    def given(self) -> bool:
+    def is_read(self) -> bool:
         """Whether the function reads it."""
         return any(m.argument is not None for m in self.members)
 
     @property
-    def replaced(self) -> bool:
+    def is_replaced(self) -> bool:
         """Whether the function reads it and writes it anew."""
-        return self.given and any(m.result is not None for m in self.members)
+        return self.is_read and any(m.result is not None for m in self.members)
 
-    def said(self) -> str:
+    def describe(self) -> str:
         """What becomes of it, in words."""
-        return f"{self.name}: " + ("read, then replaced" if self.replaced else "read" if self.given else "written")
+        return f"{self.name}: " + ("read, then replaced" if self.is_replaced else "read" if self.is_read else "written")
 
 
 def make_groups(
@@ -158,7 +158,7 @@ def _members(leaves: Sequence[Leaf], places: Sequence[int], *, argument: bool) -
     taken: set[str] = set()
     for place in places:
         leaf = leaves[place]
-        path = dotted(leaf.name)
+        path = dotted_path(leaf.name)
         plain = re.sub(r"_+", "_", re.sub(r"\W", "_", path, flags=re.ASCII)).strip("_") or "value"
         if plain[0].isdigit() or plain in KEYWORDS:
             plain = f"at_{plain}"
@@ -172,7 +172,7 @@ def _members(leaves: Sequence[Leaf], places: Sequence[int], *, argument: bool) -
     return found
 
 
-def dotted(name: str) -> str:
+def dotted_path(name: str) -> str:
     """The dotted path of a leaf within its argument."""
     inner = FIRST.sub("", name, count=1) if FIRST.match(name) else name
     words = re.sub(r"\['?([^'\]]*)'?\]", r".\1", inner).replace(".__self__", "")
@@ -230,7 +230,7 @@ class _FunctionText:
         for group in groups:
             for member in group.members:
                 if member.argument is not None:
-                    of = f"{group.name}_before." if group.replaced else f"{group.name}->"
+                    of = f"{group.name}_before." if group.is_replaced else f"{group.name}->"
                     self.bases[given[member.argument]] = f"{'' if member.shape else '&'}{of}{member.name}"
                 if member.result is not None:
                     self.bases[places[member.result]] = f"{'' if member.shape else '&'}{group.name}->{member.name}"
@@ -255,7 +255,8 @@ class _FunctionText:
         """Of the function."""
         mark = "restrict " if restrict else ""
         found = [
-            f"{'const ' if g.given and not g.replaced else ''}{self.name}_{g.name} *{mark}{g.name}" for g in self.groups
+            f"{'const ' if g.is_read and not g.is_replaced else ''}{self.name}_{g.name} *{mark}{g.name}"
+            for g in self.groups
         ]
         if self.scratch:
             found.append(f"{self.name}_scratch *{mark}scratch")
@@ -271,7 +272,7 @@ def _header(f: _FunctionText, about: str, values: Mapping[str, Sequence[ArrayLik
     lines = [f"/* {about}. No two of the structs may overlap. */", f"#ifndef {guard}", f"#define {guard}", ""]
     lines += ["#include <stdint.h>", "", "#ifdef __cplusplus", 'extern "C" {', "#endif", ""]
     for group in f.groups:
-        lines += [f"/* {group.said()} */", f"typedef struct {f.name}_{group.name} {{"]
+        lines += [f"/* {group.describe()} */", f"typedef struct {f.name}_{group.name} {{"]
         lines += [f.declared(m.kind, m.name, m.shape) + f" /* {_about(f, m)} */" for m in group.members]
         lines += [f"}} {f.name}_{group.name};", ""]
     if f.scratch:
@@ -311,10 +312,10 @@ def _source(f: _FunctionText, about: str, values: Mapping[str, Sequence[ArrayLik
     lines += _defaults(f, values)
     lines += [f"void {f.name}({f.parameters(restrict=True)})", "{"]
     for group in f.groups:
-        if group.replaced:
+        if group.is_replaced:
             lines.append(f"    const {f.name}_{group.name} {group.name}_before = *{group.name};")
         used = any(m.result is not None or m.argument in f.read for m in group.members)
-        if not used or (group.replaced and not any(m.argument in f.read for m in group.members)):
+        if not used or (group.is_replaced and not any(m.argument in f.read for m in group.members)):
             lines.append(f"    (void){group.name}{'_before' if used else ''};")
     return "\n".join([*lines, *f.body.lines, "}"]) + "\n"
 
@@ -328,7 +329,7 @@ def _numbers(kind: str, data: Any, real: Real) -> str:
 def _defaults(f: _FunctionText, values: Mapping[str, Sequence[ArrayLike]]) -> list[str]:
     """Structs with the numbers that the caller wants in the file."""
     lines: list[str] = []
-    known = {g.name: g for g in f.groups if g.given}
+    known = {g.name: g for g in f.groups if g.is_read}
     for name, leaves in values.items():
         if name not in known:
             raise ArgumentError(

@@ -125,7 +125,7 @@ def is_zero(node: Node) -> bool:
     return node.op == "const" and node.attr == 0.0
 
 
-class Active:
+class ActiveNodes:
     """What depends on some arguments, by numbers that have derivatives.
 
     Attributes:
@@ -166,7 +166,7 @@ class Active:
 # ---- elimination
 
 
-class Edges:
+class LinearGraph:
     """By node, what its change is the sum of: partial derivatives by other nodes.
 
     Args:
@@ -403,7 +403,7 @@ class Replay:
         self.new.store(buffer, index, value, scale=store.scale, offset=store.offset + offset, adds=adds)
 
 
-class Derived:
+class DerivedGraph:
     """A program's graph, looked over, and the new graph in which its derivatives are put.
 
     Args:
@@ -417,7 +417,7 @@ class Derived:
         self.plan = make_schedule(self.old)
         self.new = Graph(exact=False)
         self.arguments = [b for b in self.old.buffers if b.role == "argument"]
-        self.active = Active(self.old, self.plan, {self.arguments[p] for p in places})
+        self.active = ActiveNodes(self.old, self.plan, {self.arguments[p] for p in places})
         self.outer = Scope()
         self.replay = Replay(self.old, self.plan, self.new, self.outer)
 
@@ -459,7 +459,7 @@ def check(program: Program, places: Sequence[int]) -> None:
             )
 
 
-class _Forward(Derived):
+class _Forward(DerivedGraph):
     def __init__(self, program: Program, places: Sequence[int], count: int) -> None:
         super().__init__(program, places)
         self.count = count
@@ -518,7 +518,7 @@ class _Forward(Derived):
     def block(self, entries: list[Entry], scope: Scope, leaf: bool) -> None:
         """Write a block with its changes; in a leaf, a block without loops, they are shortened first."""
         later: list[Store] = []
-        edges, last = Edges(self.new), self._last_needed(entries) if leaf else {}
+        edges, last = LinearGraph(self.new), self._last_needed(entries) if leaf else {}
         for place, entry in enumerate(entries):
             if isinstance(entry, Loop):
                 self.loop(entry, scope)
@@ -533,7 +533,7 @@ class _Forward(Derived):
                     continue
                 if entry.op == "table" and leaf:  # puts the changes of its numbers into memory, so they must be there
                     self._write_changes(edges, {n for n in edges.into if last[n] >= place})
-                    edges = Edges(self.new)
+                    edges = LinearGraph(self.new)
                 if entry.op in ("load", "table"):
                     self._memory(entry, scope)
                     continue
@@ -563,7 +563,7 @@ class _Forward(Derived):
                     last.setdefault(argument, place)
         return last
 
-    def _write_changes(self, edges: Edges, kept: set[Node]) -> None:
+    def _write_changes(self, edges: LinearGraph, kept: set[Node]) -> None:
         """Shorten the sums of a part of a leaf, and write the changes of the nodes that are needed after it."""
         edges.shorten(kept, lambda n: {k for k in range(self.count) if not is_zero(self.change(n, k))})
         for node, terms in edges.rest(kept):

@@ -37,7 +37,7 @@ class Host(NamedTuple):
     divides: bool
 
 
-class Loaded(NamedTuple):
+class LoadedCode(NamedTuple):
     """Machine code in memory; the engine owns it."""
 
     address: int
@@ -108,14 +108,14 @@ def target_machine(effort: int = 2) -> Any:
     )
 
 
-def load_object(data: bytes) -> Loaded:
+def load_object(data: bytes) -> LoadedCode:
     """An object file's kernel, ready to be called."""
     binding = llvm()
     module = binding.parse_assembly("")
     engine = binding.create_mcjit_compiler(module, target_machine())
     engine.add_object_file(binding.ObjectFileRef.from_data(data))
     engine.finalize_object()
-    return Loaded(engine.get_function_address("kernel"), engine)
+    return LoadedCode(engine.get_function_address("kernel"), engine)
 
 
 def cache_key(*parts: object) -> str:
@@ -152,7 +152,7 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="kernel")
 
 
-def cores() -> int:
+def available_cores() -> int:
     """Cores that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
@@ -171,7 +171,7 @@ class Kernel:
         real: type of its numbers.
     """
 
-    def __init__(self, code: Loaded, slots: Sequence[Slot], width: int, scratch: int, real: Any) -> None:
+    def __init__(self, code: LoadedCode, slots: Sequence[Slot], width: int, scratch: int, real: Any) -> None:
         self.code, self.slots, self.width, self.scratch, self.real = code, list(slots), width, scratch, np.dtype(real)
         self._call = _CALL(code.address)
 
@@ -205,7 +205,7 @@ class Kernel:
             return found
         whole, rest = divmod(n, self.width)
         if whole:
-            self._spread(arrays, n, whole, threads or cores())
+            self._spread(arrays, n, whole, threads or available_cores())
         if rest:
             self._last(arrays, n, rest)
         return found

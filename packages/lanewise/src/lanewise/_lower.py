@@ -12,7 +12,7 @@ from . import _rules_arrays, _rules_control, _rules_elementwise  # noqa: F401 - 
 from ._analysis import rewrite
 from ._graph import Buffer, Graph, gc_paused
 from ._program import Leaf, Program
-from ._trace import Rows, Tracer, checked_kind
+from ._trace import BufferArray, Tracer, checked_kind
 
 Tree = Any  # numbers and arrays in tuples, lists, tables and classes that JAX knows as trees
 
@@ -54,7 +54,7 @@ def trace(function: Callable[..., Tree], *examples: Tree) -> TracedFunction:
         kind = checked_kind(var.aval.dtype, f"argument {name}")
         buffer = tracer.graph.buffer("argument", kind or "real", leaf.shape, name)
         arguments.append(buffer)
-        rows: Any = Rows(tracer.graph, buffer, leaf.shape)
+        rows: Any = BufferArray(tracer.graph, buffer, leaf.shape)
         values.append(rows if leaf.shape else rows.at(()))
     found = tracer.closed(closed, values)
     leaves = jax.tree.leaves_with_path(out)

@@ -168,7 +168,7 @@ LATENCY = {"div": 4, "rcp": 4, "sqrt": 6, "select": 0.5, "neg": 0, "abs": 0.3, "
 Factor = tuple[Any, int]  # (a node, or a pair of factors; its exponent)
 
 
-class Bag(NamedTuple):
+class FactorBag(NamedTuple):
     """A product: its constant, the factors that stay the same in its loop, and those that change."""
 
     constant: float
@@ -275,7 +275,7 @@ def regroup_products(graph: Graph, *, together: bool) -> Graph:
     return rewrite(graph, rule, exact=False, known=made)
 
 
-def _bags(at: Survey) -> dict[Node, Bag]:
+def _bags(at: Survey) -> dict[Node, FactorBag]:
     """The products that are no part of another."""
     users: dict[Node, list[Node]] = defaultdict(list)
     for node in at.live.nodes:
@@ -304,7 +304,7 @@ def _in_product(neg: Node, at: Survey, users: dict[Node, list[Node]]) -> bool:
     return False
 
 
-def _factorise(root: Node, at: Survey) -> Bag | None:
+def _factorise(root: Node, at: Survey) -> FactorBag | None:
     """The factors of a product; None where there are too many."""
     here, constant = at.home[root], 1.0
     factors: list[tuple[Node, int]] = []
@@ -332,10 +332,10 @@ def _factorise(root: Node, at: Survey) -> Bag | None:
             factors.remove((node, -exponent))
     factors.sort(key=lambda f: f[0].serial)
     fixed: list[Factor] = [f for f in factors if at.home[f[0]] is not here]
-    return Bag(constant, fixed, [f for f in factors if at.home[f[0]] is here])
+    return FactorBag(constant, fixed, [f for f in factors if at.home[f[0]] is here])
 
 
-def _pair(at: Survey, bags: dict[Node, Bag]) -> None:
+def _pair(at: Survey, bags: dict[Node, FactorBag]) -> None:
     """Factors that several products of a loop have in common."""
     while True:
         having: dict[Any, list[Node]] = defaultdict(list)
@@ -378,7 +378,7 @@ class _Builder:
     def __init__(self, g: Graph, at: Survey, made: dict[Node, Node]) -> None:
         self.g, self.at, self.made = g, at, made
 
-    def product(self, bag: Bag) -> Node:
+    def product(self, bag: FactorBag) -> Node:
         """The new node of a product."""
         fixed = self.fixed(bag.fixed)
         if bag.constant not in (1.0, -1.0) or (bag.constant < 0.0 and fixed is not None):

@@ -12,29 +12,29 @@ import numpy as np
 from ._graph import Graph, Node
 from ._trace import (
     SMALL,
-    Filled,
-    Joined,
-    Rows,
+    BufferArray,
+    ConcatenatedArray,
+    ConstantArray,
+    LazyArray,
+    ScatteredBlocks,
     Tracer,
-    Update,
-    View,
+    add_index,
     as_node,
-    at,
-    clamped,
+    clamp_index,
+    element_at,
     element_of_join,
-    flat,
+    flat_index,
     is_long,
+    is_within,
     is_zero,
     kind_of,
     kind_of_dtype,
-    minus,
-    plus,
+    materialise,
     rule,
+    scale_index,
     shape_of,
-    solid,
-    times,
-    unwrapped,
-    within,
+    subtract_index,
+    unwrap_scalar,
 )
 
 # ---- shapes, slices and joins
@@ -43,27 +43,27 @@ from ._trace import (
 FEW = 32  # elements up to which parts of memory are joined outside of it
 
 
-def shaped(graph: Graph, shape: tuple[int, ...], kind: str, element: Callable[[tuple[Any, ...]], Node]) -> Any:
+def make_array(graph: Graph, shape: tuple[int, ...], kind: str, element: Callable[[tuple[Any, ...]], Node]) -> Any:
     """A value from what stands at each index: written out where it is small."""
-    view = View(shape, kind, element)
-    return view if is_long(view) else unwrapped(solid(graph, view))
+    view = LazyArray(shape, kind, element)
+    return view if is_long(view) else unwrap_scalar(materialise(graph, view))
 
 
 @rule("broadcast_in_dim")
 def _broadcast(t: Tracer, eqn: Any, a: Any, *_: Any) -> Any:
     shape, axes = tuple(eqn.params["shape"]), eqn.params["broadcast_dimensions"]
-    fill = a if isinstance(a, Node) else a.fill if isinstance(a, View) else None
+    fill = a if isinstance(a, Node) else a.fill if isinstance(a, LazyArray) else None
     if fill is not None:
-        filled = Filled(shape, fill)
-        return filled if is_long(filled) else unwrapped(solid(t.graph, filled))
+        filled = ConstantArray(shape, fill)
+        return filled if is_long(filled) else unwrap_scalar(materialise(t.graph, filled))
     sizes = shape_of(a)
-    if isinstance(a, Rows) and math.prod(sizes) == math.prod(shape):
-        return Rows(t.graph, a.buffer, shape, a.tokens, a.written)
-    return shaped(
+    if isinstance(a, BufferArray) and math.prod(sizes) == math.prod(shape):
+        return BufferArray(t.graph, a.buffer, shape, a.tokens, a.written)
+    return make_array(
         t.graph,
         shape,
         kind_of(a),
-        lambda i: at(t.graph, a, tuple(0 if n == 1 else i[d] for d, n in zip(axes, sizes, strict=True))),
+        lambda i: element_at(t.graph, a, tuple(0 if n == 1 else i[d] for d, n in zip(axes, sizes, strict=True))),
     )
 
 
@@ -73,29 +73,29 @@ def _reshape(t: Tracer, eqn: Any, a: Any, *_: Any) -> Any:
     if isinstance(a, Node):
         return np.full(shape, a, object) if shape else a
     if isinstance(a, np.ndarray):
-        return unwrapped(a.reshape(shape))
-    if isinstance(a, Rows):
-        rows = Rows(g, a.buffer, shape, a.tokens, a.written)
+        return unwrap_scalar(a.reshape(shape))
+    if isinstance(a, BufferArray):
+        rows = BufferArray(g, a.buffer, shape, a.tokens, a.written)
         return rows if shape else rows.at(())
-    if isinstance(a, Filled):
-        return Filled(shape, a.node) if shape else a.node
+    if isinstance(a, ConstantArray):
+        return ConstantArray(shape, a.node) if shape else a.node
     if [n for n in shape if n != 1] == [n for n in old if n != 1]:
 
         def same(index: tuple[Any, ...]) -> Node:
             used = iter([i for i, n in zip(index, shape, strict=True) if n != 1])
-            return at(g, a, tuple(0 if n == 1 else next(used) for n in old))
+            return element_at(g, a, tuple(0 if n == 1 else next(used) for n in old))
 
-        return shaped(g, shape, a.kind, same)
+        return make_array(g, shape, a.kind, same)
 
     def moved(index: tuple[Any, ...]) -> Node:
-        place, found = flat(g, index, shape), []
+        place, found = flat_index(g, index, shape), []
         for n in reversed(old):
             number = as_node(g, place)
             found.append(g.make("rem", (number, g.const(n, "int"))))
             place = g.make("quot", (number, g.const(n, "int")))
-        return at(g, a, tuple(reversed(found)))
+        return element_at(g, a, tuple(reversed(found)))
 
-    return shaped(g, shape, a.kind, moved)
+    return make_array(g, shape, a.kind, moved)
 
 
 @rule("transpose")
@@ -104,7 +104,9 @@ def _transpose(t: Tracer, eqn: Any, a: Any) -> Any:
     if isinstance(a, np.ndarray):
         return a.transpose(order)
     back = np.argsort(order)
-    return shaped(t.graph, eqn.outvars[0].aval.shape, kind_of(a), lambda i: at(t.graph, a, tuple(i[k] for k in back)))
+    return make_array(
+        t.graph, eqn.outvars[0].aval.shape, kind_of(a), lambda i: element_at(t.graph, a, tuple(i[k] for k in back))
+    )
 
 
 @rule("rev")
@@ -112,38 +114,43 @@ def _rev(t: Tracer, eqn: Any, a: Any) -> Any:
     g, axes, shape = t.graph, eqn.params["dimensions"], shape_of(a)
 
     def back(index: tuple[Any, ...]) -> Node:
-        return at(
+        return element_at(
             g,
             a,
-            tuple(minus(g, n - 1, i) if d in axes else i for d, (i, n) in enumerate(zip(index, shape, strict=True))),
+            tuple(
+                subtract_index(g, n - 1, i) if d in axes else i
+                for d, (i, n) in enumerate(zip(index, shape, strict=True))
+            ),
         )
 
-    return shaped(g, shape, kind_of(a), back)
+    return make_array(g, shape, kind_of(a), back)
 
 
 @rule("slice")
 def _slice(t: Tracer, eqn: Any, a: Any) -> Any:
     p = eqn.params
     strides = p["strides"] or (1,) * len(p["start_indices"])
-    return sliced(t.graph, a, p["start_indices"], eqn.outvars[0].aval.shape, strides)
+    return take_slice(t.graph, a, p["start_indices"], eqn.outvars[0].aval.shape, strides)
 
 
-def sliced(g: Graph, a: Any, start: Any, shape: tuple[int, ...], strides: Any = None) -> Any:
+def take_slice(g: Graph, a: Any, start: Any, shape: tuple[int, ...], strides: Any = None) -> Any:
     """Part of a value; the start may be nodes."""
     strides = strides or (1,) * len(shape)
 
     def element(index: tuple[Any, ...]) -> Node:
-        return at(g, a, tuple(plus(g, s, times(g, i, k)) for s, i, k in zip(start, index, strides, strict=True)))
+        return element_at(
+            g, a, tuple(add_index(g, s, scale_index(g, i, k)) for s, i, k in zip(start, index, strides, strict=True))
+        )
 
-    if isinstance(a, Filled):
-        return Filled(shape, a.node)
-    if isinstance(a, Joined) and len(shape) == 1 and strides == (1,) and isinstance(start[0], int):
+    if isinstance(a, ConstantArray):
+        return ConstantArray(shape, a.node)
+    if isinstance(a, ConcatenatedArray) and len(shape) == 1 and strides == (1,) and isinstance(start[0], int):
         begin = 0
         for part in a.parts:  # a part of its own, as the derivative of a join asks for it
             if begin == start[0] and shape_of(part)[0] == shape[0]:
                 return part
             begin += shape_of(part)[0]
-    return shaped(g, shape, kind_of(a), element)
+    return make_array(g, shape, kind_of(a), element)
 
 
 @rule("split")
@@ -152,7 +159,7 @@ def _split(t: Tracer, eqn: Any, a: Any) -> Any:
     for n, var in zip(eqn.params["sizes"], eqn.outvars, strict=True):
         start = [0] * len(shape_of(a))
         start[axis] = begin
-        found.append(sliced(t.graph, a, start, var.aval.shape))
+        found.append(take_slice(t.graph, a, start, var.aval.shape))
         begin += n
     return found
 
@@ -160,12 +167,12 @@ def _split(t: Tracer, eqn: Any, a: Any) -> Any:
 @rule("concatenate")
 def _concatenate(t: Tracer, eqn: Any, *parts: Any) -> Any:
     shape, axis = eqn.outvars[0].aval.shape, eqn.params["dimension"]
-    if math.prod(shape) <= FEW or not any(isinstance(p, View) for p in parts):
-        return np.concatenate([solid(t.graph, p) for p in parts], axis)
+    if math.prod(shape) <= FEW or not any(isinstance(p, LazyArray) for p in parts):
+        return np.concatenate([materialise(t.graph, p) for p in parts], axis)
     if axis:
-        return shaped(t.graph, shape, kind_of(parts[0]), lambda index: element_of_join(t.graph, parts, axis, index))
-    flattened = [q for p in parts for q in (p.parts if isinstance(p, Joined) else [p])]
-    return Joined(t.graph, flattened, shape, kind_of(parts[0]))
+        return make_array(t.graph, shape, kind_of(parts[0]), lambda index: element_of_join(t.graph, parts, axis, index))
+    flattened = [q for p in parts for q in (p.parts if isinstance(p, ConcatenatedArray) else [p])]
+    return ConcatenatedArray(t.graph, flattened, shape, kind_of(parts[0]))
 
 
 @rule("stack")
@@ -175,8 +182,8 @@ def _stack(t: Tracer, eqn: Any, *parts: Any) -> Any:
         if axis:
             raise NotImplementedError("long arrays can be stacked along a new first axis only")
         shape, kind = tuple(eqn.outvars[0].aval.shape), kind_of(parts[0])
-        return Joined(t.graph, [_as_row(t, p) for p in parts], shape, kind)
-    written = [solid(t.graph, p) for p in parts]
+        return ConcatenatedArray(t.graph, [_as_row(t, p) for p in parts], shape, kind)
+    written = [materialise(t.graph, p) for p in parts]
     out = np.empty((len(written), *shape_of(written[0])), object)
     for k, part in enumerate(written):
         out[k] = part
@@ -185,9 +192,9 @@ def _stack(t: Tracer, eqn: Any, *parts: Any) -> Any:
 
 def _as_row(t: Tracer, part: Any) -> Any:
     shape = (1, *shape_of(part))
-    if isinstance(part, Rows):
-        return Rows(t.graph, part.buffer, shape, part.tokens, part.written)
-    return shaped(t.graph, shape, kind_of(part), lambda i: at(t.graph, part, i[1:]))
+    if isinstance(part, BufferArray):
+        return BufferArray(t.graph, part.buffer, shape, part.tokens, part.written)
+    return make_array(t.graph, shape, kind_of(part), lambda i: element_at(t.graph, part, i[1:]))
 
 
 @rule("pad")
@@ -196,17 +203,17 @@ def _pad(t: Tracer, eqn: Any, a: Any, fill: Any) -> Any:
     if any(low < 0 or high < 0 or inner for low, high, inner in config):
         raise NotImplementedError("padding between elements, and padding that takes elements away, has no kernel")
     if is_zero(fill) and math.prod(shape) > SMALL and kind_of(a) == "real":
-        return Update(g, shape, [(tuple(low for low, _, _ in config), a)])
+        return ScatteredBlocks(g, shape, [(tuple(low for low, _, _ in config), a)])
 
     def element(index: tuple[Any, ...]) -> Node:
         inside, here = g.const(True, "bool"), []
         for i, (low, _, _), n in zip(index, config, shape_of(a), strict=True):
-            place = minus(g, i, low)
-            inside = g.make("and", (inside, within(g, place, n)))
-            here.append(clamped(g, place, n))
-        return g.make("select", (inside, at(g, a, tuple(here)), fill))
+            place = subtract_index(g, i, low)
+            inside = g.make("and", (inside, is_within(g, place, n)))
+            here.append(clamp_index(g, place, n))
+        return g.make("select", (inside, element_at(g, a, tuple(here)), fill))
 
-    return shaped(g, shape, kind_of(a), element)
+    return make_array(g, shape, kind_of(a), element)
 
 
 @rule("iota")
@@ -217,42 +224,42 @@ def _iota(t: Tracer, eqn: Any, *_: Any) -> Any:
         node = as_node(g, index[axis])
         return node if kind == "int" else g.make("real", (node,), kind="real")
 
-    return shaped(g, eqn.params["shape"], str(kind), element)
+    return make_array(g, eqn.params["shape"], str(kind), element)
 
 
 @rule("dynamic_slice")
 def _dynamic_slice(t: Tracer, eqn: Any, a: Any, *start: Any) -> Any:
     g, sizes = t.graph, eqn.params["slice_sizes"]
-    begin = [clamped(g, s, n - k + 1) for s, n, k in zip(start, shape_of(a), sizes, strict=True)]
-    return sliced(g, a, begin, sizes)
+    begin = [clamp_index(g, s, n - k + 1) for s, n, k in zip(start, shape_of(a), sizes, strict=True)]
+    return take_slice(g, a, begin, sizes)
 
 
 @rule("dynamic_update_slice")
 def _dynamic_update_slice(t: Tracer, eqn: Any, a: Any, block: Any, *start: Any) -> Any:
     g, sizes, shape = t.graph, shape_of(block), shape_of(a)
-    begin = tuple(clamped(g, s, n - k + 1) for s, n, k in zip(start, shape, sizes, strict=True))
+    begin = tuple(clamp_index(g, s, n - k + 1) for s, n, k in zip(start, shape, sizes, strict=True))
     if math.prod(shape) > SMALL and is_zero(a) and kind_of(a) == "real":
-        return Update(g, shape, [(begin, block)])
+        return ScatteredBlocks(g, shape, [(begin, block)])
 
     def element(index: tuple[Any, ...]) -> Node:
         inside, here = g.const(True, "bool"), []
         for i, s, n in zip(index, begin, sizes, strict=True):
-            place = minus(g, i, s)
-            inside = g.make("and", (inside, within(g, place, n)))
-            here.append(clamped(g, place, n))
+            place = subtract_index(g, i, s)
+            inside = g.make("and", (inside, is_within(g, place, n)))
+            here.append(clamp_index(g, place, n))
         if inside.op == "const" and not inside.attr:
-            return at(g, a, index)
-        return g.make("select", (inside, at(g, block, tuple(here)), at(g, a, index)))
+            return element_at(g, a, index)
+        return g.make("select", (inside, element_at(g, block, tuple(here)), element_at(g, a, index)))
 
-    return shaped(g, shape, kind_of(a), element)
+    return make_array(g, shape, kind_of(a), element)
 
 
 @rule("empty", "empty2")
 def _empty_array(t: Tracer, eqn: Any, *_: Any) -> Any:
     aval = eqn.outvars[0].aval
     kind = kind_of_dtype(aval.dtype)
-    filled = Filled(aval.shape, t.graph.const(0, str(kind)))
-    return filled if is_long(filled) else unwrapped(solid(t.graph, filled))
+    filled = ConstantArray(aval.shape, t.graph.const(0, str(kind)))
+    return filled if is_long(filled) else unwrap_scalar(materialise(t.graph, filled))
 
 
 # ---- gathers and scatters
@@ -277,21 +284,21 @@ def _gather(t: Tracer, eqn: Any, a: Any, indices: Any) -> Any:
         asked = tuple(index[d] for d in batch)
         start: list[Any] = [0] * len(shape)
         for k, d in enumerate(numbers.start_index_map):
-            start[d] = at(g, indices, (*asked, k))
+            start[d] = element_at(g, indices, (*asked, k))
         for d, e in zip(paired, numbers.start_indices_batching_dims, strict=True):
             start[d] = asked[e]
         sound = g.const(True, "bool")
         for d in numbers.start_index_map:
             room = shape[d] - sizes[d] + 1
             if fills:
-                sound = g.make("and", (sound, within(g, as_node(g, start[d]), room)))
-            start[d] = clamped(g, start[d], room)
+                sound = g.make("and", (sound, is_within(g, as_node(g, start[d]), room)))
+            start[d] = clamp_index(g, start[d], room)
         for d, e in zip(offsets, numbers.offset_dims, strict=True):
-            start[d] = plus(g, start[d], index[e])
-        found = at(g, a, tuple(start))
+            start[d] = add_index(g, start[d], index[e])
+        found = element_at(g, a, tuple(start))
         return g.make("select", (sound, found, fill)) if fills else found
 
-    return shaped(g, tuple(out), kind_of(a), element)
+    return make_array(g, tuple(out), kind_of(a), element)
 
 
 @rule("scatter-add", "scatter")
@@ -311,15 +318,15 @@ def _scatter(t: Tracer, eqn: Any, a: Any, indices: Any, updates: Any) -> Any:
     for asked in itertools.product(*(range(many[d]) for d in batch)):
         start: list[Any] = [0] * len(shape)
         for k, d in enumerate(numbers.scatter_dims_to_operand_dims):
-            start[d] = at(g, indices, (*asked, k))
+            start[d] = element_at(g, indices, (*asked, k))
         for d, e in zip(paired, numbers.scatter_indices_batching_dims, strict=True):
             start[d] = asked[e]
         sound = g.const(True, "bool")
         for d in numbers.scatter_dims_to_operand_dims:
             room = shape[d] - sizes[d] + 1
             if "clip" not in _mode(eqn):
-                sound = g.make("and", (sound, within(g, as_node(g, start[d]), room)))
-            start[d] = clamped(g, start[d], room)
+                sound = g.make("and", (sound, is_within(g, as_node(g, start[d]), room)))
+            start[d] = clamp_index(g, start[d], room)
         block = np.empty(sizes, object)
         for place in itertools.product(*map(range, sizes)):
             at_update: list[Any] = [0] * len(many)
@@ -327,7 +334,7 @@ def _scatter(t: Tracer, eqn: Any, a: Any, indices: Any, updates: Any) -> Any:
                 at_update[d] = i
             for d, e in zip(inner, windows, strict=True):
                 at_update[e] = place[d]
-            block[place] = at(g, updates, tuple(at_update))
+            block[place] = element_at(g, updates, tuple(at_update))
         blocks.append((tuple(start), block, sound))
     return _changed(t, a, shape, blocks, adds)
 
@@ -340,32 +347,32 @@ def _changed(t: Tracer, a: Any, shape: tuple[int, ...], blocks: list[Any], adds:
         for start, block, sound in blocks:
             guarded = np.frompyfunc(lambda n, s=sound: g.make("select", (s, n, zero)), 1, 1)(block)
             kept.append((start, np.asarray(guarded, object)))
-        return Update(g, shape, kept)
+        return ScatteredBlocks(g, shape, kept)
 
     def element(index: tuple[Any, ...]) -> Node:
-        found = at(g, a, index)
+        found = element_at(g, a, index)
         for start, block, sound in blocks:
             inside, here = sound, []
             for i, s, n in zip(index, start, block.shape, strict=True):
-                place = minus(g, i, s)
-                inside = g.make("and", (inside, within(g, place, n)))
-                here.append(clamped(g, place, n))
+                place = subtract_index(g, i, s)
+                inside = g.make("and", (inside, is_within(g, place, n)))
+                here.append(clamp_index(g, place, n))
             if inside.op == "const" and not inside.attr:
                 continue
-            value = at(g, block, tuple(here))
+            value = element_at(g, block, tuple(here))
             if adds:
                 value = g.make("add", (found, value))
             found = g.make("select", (inside, value, found))
         return found
 
-    return shaped(g, shape, kind_of(a), element)
+    return make_array(g, shape, kind_of(a), element)
 
 
 @rule("sort")
 def _sort(t: Tracer, eqn: Any, *values: Any) -> Any:
     """Stable, by exchanging neighbours: for few elements."""
     g, axis, keys = t.graph, eqn.params["dimension"], eqn.params["num_keys"]
-    arrays = [np.moveaxis(solid(g, v), axis, 0).copy() for v in values]
+    arrays = [np.moveaxis(materialise(g, v), axis, 0).copy() for v in values]
     if len(arrays[0]) > 16 or keys != 1:
         raise NotImplementedError("only up to 16 elements are sorted, and by one key")
     for at_index in np.ndindex(arrays[0].shape[1:]):
@@ -376,4 +383,4 @@ def _sort(t: Tracer, eqn: Any, *values: Any) -> Any:
                 for a in arrays:
                     x, y = a[low], a[high]
                     a[low], a[high] = g.make("select", (swap, y, x)), g.make("select", (swap, x, y))
-    return [unwrapped(np.moveaxis(a, 0, axis)) for a in arrays]
+    return [unwrap_scalar(np.moveaxis(a, 0, axis)) for a in arrays]

@@ -17,30 +17,30 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
 
 from ._graph import Graph, Loop, Node
-from ._rules_arrays import shaped
+from ._rules_arrays import make_array
 from ._trace import (
     RULES,
     SMALL,
-    Filled,
-    Growing,
-    Joined,
+    AccumulatedArray,
+    BufferArray,
+    ConcatenatedArray,
+    ConstantArray,
+    LazyArray,
     Refusal,
-    Rows,
     Tracer,
-    View,
+    add_index,
     as_node,
-    at,
-    copy,
-    flat,
+    copy_elements,
+    element_at,
+    flat_index,
     is_long,
     is_zero,
-    minus,
-    plus,
+    materialise,
     rule,
+    scale_index,
     shape_of,
-    solid,
-    stored,
-    times,
+    store_table,
+    subtract_index,
 )
 
 # ---- calls and choices
@@ -100,7 +100,7 @@ def _slope(eqn: Any, names: list[Any], by: Any) -> Any:
     call = jaxpr_as_fun(ClosedJaxpr(own.replace(constvars=[], invars=names, outvars=eqn.outvars, eqns=[eqn]), ()))
     change = tuple(jnp.zeros(v.aval.shape, _tangent(v)) if v is not by else jnp.ones(()) for v in names)
     shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in names]
-    return _needed(jax.make_jaxpr(lambda *at: jax.jvp(call, at, change)[1])(*shapes))
+    return _needed(jax.make_jaxpr(lambda *element_at: jax.jvp(call, element_at, change)[1])(*shapes))
 
 
 def _needed(closed: Any) -> Any:
@@ -133,7 +133,7 @@ def _cond(t: Tracer, eqn: Any, which: Any, *values: Any) -> list[Any]:
 # ---- what a loop carries
 
 
-def steady(jaxpr: Any, consts: int, count: int, inits: Sequence[Any]) -> tuple[set[int], dict[int, int]]:
+def find_invariants(jaxpr: Any, consts: int, count: int, inits: Sequence[Any]) -> tuple[set[int], dict[int, int]]:
     """Places of a carry that a trip leaves as they are, and whole numbers to which it adds one number."""
     vars_in = jaxpr.invars[consts : consts + count]
     made = {v: e for e in jaxpr.eqns for v in e.outvars}
@@ -150,29 +150,29 @@ def steady(jaxpr: Any, consts: int, count: int, inits: Sequence[Any]) -> tuple[s
     return stays, counts
 
 
-def grown_memory(t: Tracer, inits: Sequence[Any], stays: set[int]) -> dict[int, Growing]:
+def accumulator_memory(t: Tracer, inits: Sequence[Any], stays: set[int]) -> dict[int, AccumulatedArray]:
     """Memory for long arrays that a loop changes."""
     g, found = t.graph, {}
     for k, value in enumerate(inits):
-        if k in stays or not (is_long(value) or isinstance(value, Growing)):
+        if k in stays or not (is_long(value) or isinstance(value, AccumulatedArray)):
             continue
-        if isinstance(value, Growing):
-            found[k] = Growing(value.buffer, value.shape)
+        if isinstance(value, AccumulatedArray):
+            found[k] = AccumulatedArray(value.buffer, value.shape)
         elif value.kind != "real":
             raise NotImplementedError("long arrays of whole numbers cannot be carried through a loop")
         else:
             buffer = g.buffer("scratch", "real", value.shape)
             loop = g.open_loop(math.prod(value.shape))
-            whole = View((math.prod(value.shape),), "real", value.at) if len(value.shape) == 1 else None
+            whole = LazyArray((math.prod(value.shape),), "real", value.at) if len(value.shape) == 1 else None
             if whole is None and value.fill is None:
                 raise NotImplementedError(
                     "a long array with several axes can be carried only if it begins as one number"
                 )
-            node = value.fill if value.fill is not None else at(g, whole, (loop.index,))
+            node = value.fill if value.fill is not None else element_at(g, whole, (loop.index,))
             g.store(buffer, loop.index, node)
             g.pin()
             g.close_loop(loop, ())
-            found[k] = Growing(buffer, value.shape)
+            found[k] = AccumulatedArray(buffer, value.shape)
             found[k].filled = g.done(loop)
     return found
 
@@ -181,7 +181,13 @@ class LoopCarry:
     """What a loop carries: the places in JAX's order, and the nodes that stand for them."""
 
     def __init__(
-        self, g: Graph, loop: Loop, inits: list[Any], stays: set[int], counts: dict[int, int], grown: dict[int, Growing]
+        self,
+        g: Graph,
+        loop: Loop,
+        inits: list[Any],
+        stays: set[int],
+        counts: dict[int, int],
+        grown: dict[int, AccumulatedArray],
     ) -> None:
         self.g, self.loop, self.inits, self.stays, self.counts, self.grown = g, loop, inits, stays, counts, grown
         self.during: list[Any] = []
@@ -196,7 +202,7 @@ class LoopCarry:
             elif k in counts:
                 self.during.append(self._counted(k, loop.index))
             else:
-                written = solid(g, value)
+                written = materialise(g, value)
                 phi = g.carry(loop, written) if isinstance(written, Node) else self._each(written)
                 self.during.append(phi)
 
@@ -208,7 +214,7 @@ class LoopCarry:
         return out
 
     def _counted(self, k: int, trips: Any) -> Node:
-        return as_node(self.g, plus(self.g, self.inits[k], times(self.g, trips, self.counts[k])))
+        return as_node(self.g, add_index(self.g, self.inits[k], scale_index(self.g, trips, self.counts[k])))
 
     def close(self, nexts: Sequence[Any]) -> list[Any]:
         """End the loop; what is in the places afterwards."""
@@ -220,7 +226,7 @@ class LoopCarry:
             if k in self.grown:
                 self._add(self.grown[k], value)
             else:
-                written = solid(g, value)
+                written = materialise(g, value)
                 flattened += [written] if isinstance(written, Node) else list(written.ravel())
         ends = iter(g.close_loop(loop, loop.phis if refused else flattened))
         if refused:
@@ -233,8 +239,8 @@ class LoopCarry:
                 after.append(self._counted(k, loop.trips))
             elif k in self.grown:
                 own = self.grown[k]
-                whole = isinstance(value, Growing)
-                rows = Rows(g, own.buffer, own.shape, (g.done(loop),))
+                whole = isinstance(value, AccumulatedArray)
+                rows = BufferArray(g, own.buffer, own.shape, (g.done(loop),))
                 rows.sum_of = own if is_zero(value) else None
                 after.append(value if whole else rows)
             elif isinstance(self.during[k], Node):
@@ -247,27 +253,27 @@ class LoopCarry:
                 after.append(out)
         return after
 
-    def _add(self, own: Growing, value: Any) -> None:
-        if not isinstance(value, Growing) or value.buffer is not own.buffer:
+    def _add(self, own: AccumulatedArray, value: Any) -> None:
+        if not isinstance(value, AccumulatedArray) or value.buffer is not own.buffer:
             raise NotImplementedError("a long array that a loop carries can only be added to")
         for start, block in value.blocks:
             sizes = shape_of(block)
             copy_to = self._adder(own, start, sizes)
-            copy(self.g, block, copy_to)
+            copy_elements(self.g, block, copy_to)
 
-    def _adder(self, own: Growing, start: Any, sizes: tuple[int, ...]) -> Any:
+    def _adder(self, own: AccumulatedArray, start: Any, sizes: tuple[int, ...]) -> Any:
         g, shape = self.g, own.shape
         inner = math.prod(shape[1:])
         if sizes[1:] != tuple(shape[1:]):
             if math.prod(sizes) > SMALL:
                 raise NotImplementedError("such a part of a long array can not be added to")
             places = [
-                flat(g, tuple(plus(g, s, i) for s, i in zip(start, index, strict=True)), shape)
+                flat_index(g, tuple(add_index(g, s, i) for s, i in zip(start, index, strict=True)), shape)
                 for index in np.ndindex(sizes)
             ]
             return lambda place, node: g.store(own.buffer, places[place], node, adds=True)
-        begin = times(g, start[0], inner)
-        return lambda place, node: g.store(own.buffer, plus(g, begin, place), node, adds=True)
+        begin = scale_index(g, start[0], inner)
+        return lambda place, node: g.store(own.buffer, add_index(g, begin, place), node, adds=True)
 
 
 # ---- loops
@@ -277,12 +283,12 @@ FEW, MUCH = 4, 16000  # trips up to which a loop is written out, and trips times
 LITTLE = 96  # trips times operations up to which more trips are
 
 
-def operations(jaxpr: Any) -> int:
+def count_operations(jaxpr: Any) -> int:
     """How many operations a jaxpr has, loops multiplied."""
     total = 0
     for eqn in jaxpr.eqns:
         inner = [v for p in eqn.params.values() for v in (p if isinstance(p, tuple | list) else [p])]
-        inside = sum(operations(getattr(v, "jaxpr", v)) for v in inner if hasattr(getattr(v, "jaxpr", v), "eqns"))
+        inside = sum(count_operations(getattr(v, "jaxpr", v)) for v in inner if hasattr(getattr(v, "jaxpr", v), "eqns"))
         total += (inside or 1) * (eqn.params["length"] if eqn.primitive.name == "scan" else 1)
     return total
 
@@ -293,17 +299,17 @@ def _scan(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
     consts, carry = p["num_consts"], p["num_consts"] + p["num_carry"]
     known, inits, xs = values[:consts], list(values[consts:carry]), values[carry:]
     length, closed = p["length"], p["jaxpr"]
-    if length * operations(closed.jaxpr) <= (MUCH if length <= FEW else LITTLE):
+    if length * count_operations(closed.jaxpr) <= (MUCH if length <= FEW else LITTLE):
         return _unrolled(t, eqn, known, inits, xs)
     refused = [v for v in (*known, *inits, *xs) if isinstance(v, Refusal)]
     if refused:
         return [refused[0]] * len(eqn.outvars)
     g = t.graph
-    xs = tuple(stored(g, x) if isinstance(x, np.ndarray) else x for x in xs)
-    stays, counts = steady(closed.jaxpr, consts, len(inits), inits)
-    starts = grown_memory(t, inits, stays)
+    xs = tuple(store_table(g, x) if isinstance(x, np.ndarray) else x for x in xs)
+    stays, counts = find_invariants(closed.jaxpr, consts, len(inits), inits)
+    starts = accumulator_memory(t, inits, stays)
     loop = g.open_loop(length)
-    row = minus(g, length - 1, loop.index) if p["reverse"] else loop.index
+    row = subtract_index(g, length - 1, loop.index) if p["reverse"] else loop.index
     places = LoopCarry(g, loop, inits, stays, counts, starts)
     rows = [_row(g, x, row) for x in xs]
     found = t.closed(closed, [*known, *places.during, *rows])
@@ -333,24 +339,26 @@ def _stack_of(g: Graph, parts: list[Any], shape: tuple[int, ...]) -> Any:
     if math.prod(shape) <= SMALL:
         out = np.empty(shape, object)
         for i, part in enumerate(parts):
-            out[i] = solid(g, part)
+            out[i] = materialise(g, part)
         return out
     grown = [_with_axis(g, part) for part in parts]
-    return Joined(g, grown, shape, parts[0].kind)
+    return ConcatenatedArray(g, grown, shape, parts[0].kind)
 
 
 def _with_axis(g: Graph, part: Any) -> Any:
-    return shaped(g, (1, *shape_of(part)), part.kind, lambda i: at(g, part, i[1:]))
+    return make_array(g, (1, *shape_of(part)), part.kind, lambda i: element_at(g, part, i[1:]))
 
 
 def _row(g: Graph, x: Any, row: Any) -> Any:
     """One row of what a loop goes through."""
     shape = shape_of(x)[1:]
-    if isinstance(x, Filled):
-        return Filled(shape, x.node) if shape else x.node
-    if isinstance(x, View) and shape:
-        return View(shape, x.kind, lambda i: x.at((row, *i)))
-    return shaped(g, shape, x.kind if isinstance(x, View) else x.flat[0].kind, lambda i: at(g, x, (row, *i)))
+    if isinstance(x, ConstantArray):
+        return ConstantArray(shape, x.node) if shape else x.node
+    if isinstance(x, LazyArray) and shape:
+        return LazyArray(shape, x.kind, lambda i: x.at((row, *i)))
+    return make_array(
+        g, shape, x.kind if isinstance(x, LazyArray) else x.flat[0].kind, lambda i: element_at(g, x, (row, *i))
+    )
 
 
 def _stacked(t: Tracer, value: Any, loop: Loop, row: Node, length: int) -> Any:
@@ -359,14 +367,19 @@ def _stacked(t: Tracer, value: Any, loop: Loop, row: Node, length: int) -> Any:
     if isinstance(value, Refusal):
         return value
     if isinstance(value, Node) and value.op == "const":
-        return Filled((length,), value)
-    if isinstance(value, Growing):
+        return ConstantArray((length,), value)
+    if isinstance(value, AccumulatedArray):
         raise NotImplementedError("a long array that a loop changes can not be stacked")
     shape = shape_of(value)
     size = math.prod(shape)
     kind = value.kind if not isinstance(value, np.ndarray) else value.flat[0].kind if value.size else "real"
     buffer = g.buffer("scratch", kind, (length, *shape))
-    own = isinstance(value, Rows) and value.buffer.role == "scratch" and value.written and value.buffer.within is None
+    own = (
+        isinstance(value, BufferArray)
+        and value.buffer.role == "scratch"
+        and value.written
+        and value.buffer.within is None
+    )
     if own and size > FEW:
         value.buffer.within = (
             buffer,
@@ -375,14 +388,16 @@ def _stacked(t: Tracer, value: Any, loop: Loop, row: Node, length: int) -> Any:
             -size if row is not loop.index else size,
         )
     else:
-        copy(g, value, lambda place, node: g.store(buffer, plus(g, times(g, row, size), place), node))
+        copy_elements(
+            g, value, lambda place, node: g.store(buffer, add_index(g, scale_index(g, row, size), place), node)
+        )
     return buffer
 
 
 def _after(g: Graph, value: Any, loop: Loop) -> Any:
-    if isinstance(value, View | Refusal):
+    if isinstance(value, LazyArray | Refusal):
         return value
-    return Rows(g, value, value.shape, (g.done(loop),), written=True)
+    return BufferArray(g, value, value.shape, (g.done(loop),), written=True)
 
 
 @rule("while")
@@ -395,9 +410,9 @@ def _while(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
     if refused:
         return [refused[0]] * len(eqn.outvars)
     body, cond = p["body_jaxpr"], p["cond_jaxpr"].jaxpr
-    stays, counts = steady(body.jaxpr, n_body, len(inits), inits)
+    stays, counts = find_invariants(body.jaxpr, n_body, len(inits), inits)
     trips = _trips(g, cond, cond_consts, inits, stays, counts, p["cond_jaxpr"])
-    starts = grown_memory(t, inits, stays)
+    starts = accumulator_memory(t, inits, stays)
     loop = g.open_loop(trips)
     places = LoopCarry(g, loop, inits, stays, counts, starts)
     return places.close(t.closed(body, [*known, *places.during]))
@@ -422,5 +437,5 @@ def _trips(
         top = inits[places[limit] - len(consts)]
     else:
         raise refusal
-    trips = g.make("max", (minus(g, top, inits[k]), g.const(0, "int")))
+    trips = g.make("max", (subtract_index(g, top, inits[k]), g.const(0, "int")))
     return trips.attr if trips.op == "const" and trips.attr > 0 else trips

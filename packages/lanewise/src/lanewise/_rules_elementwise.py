@@ -10,31 +10,31 @@ from typing import Any
 import numpy as np
 
 from ._graph import Graph, Node
-from ._rules_arrays import shaped
+from ._rules_arrays import make_array
 from ._trace import (
     RULES,
     SMALL,
-    Growing,
-    Rows,
+    AccumulatedArray,
+    BufferArray,
+    ScatteredBlocks,
     Tracer,
-    Update,
-    at,
-    each,
+    element_at,
+    elementwise,
     is_long,
     is_zero,
     kind_of,
     kind_of_dtype,
+    materialise,
     rule,
     shape_of,
-    solid,
-    unwrapped,
+    unwrap_scalar,
 )
 
 # ---- elementwise
 
 
 def _plain(op: str) -> Any:
-    return lambda t, eqn, *values: each(t.graph, lambda *n: t.graph.make(op, n), *values)
+    return lambda t, eqn, *values: elementwise(t.graph, lambda *n: t.graph.make(op, n), *values)
 
 
 for _name in ("sub", "mul", "max", "min", "neg", "abs", "sqrt", "floor", "ceil", "exp", "expm1", "log", "log1p", "pow",
@@ -46,21 +46,21 @@ RULES["lt_to"], RULES["le_to"] = RULES["lt"], RULES["le"]
 @rule("add", "add_any")
 def _add(t: Tracer, eqn: Any, a: Any, b: Any) -> Any:
     for x, y in ((a, b), (b, a)):
-        if isinstance(x, Growing):
+        if isinstance(x, AccumulatedArray):
             if is_zero(y):
                 return x
             if _merged(t.graph, x, y):
                 return x
-            blocks = y.blocks if isinstance(y, Update) else [((0,) * len(x.shape), y)]
-            return Growing(x.buffer, x.shape, (*x.blocks, *blocks))
-    if isinstance(a, Update) and isinstance(b, Update):
-        return Update(t.graph, a.shape, [*a.blocks, *b.blocks])
-    return each(t.graph, lambda *n: t.graph.make("add", n), a, b)
+            blocks = y.blocks if isinstance(y, ScatteredBlocks) else [((0,) * len(x.shape), y)]
+            return AccumulatedArray(x.buffer, x.shape, (*x.blocks, *blocks))
+    if isinstance(a, ScatteredBlocks) and isinstance(b, ScatteredBlocks):
+        return ScatteredBlocks(t.graph, a.shape, [*a.blocks, *b.blocks])
+    return elementwise(t.graph, lambda *n: t.graph.make("add", n), a, b)
 
 
-def _merged(g: Graph, whole: Growing, part: Any) -> bool:
+def _merged(g: Graph, whole: AccumulatedArray, part: Any) -> bool:
     """Let a sum that is made only to be added to another be made there at once."""
-    own = part.sum_of if isinstance(part, Rows) else None
+    own = part.sum_of if isinstance(part, BufferArray) else None
     if own is None or part.touched or own.filled is None or part.buffer.within is not None:
         return False
     fill = own.filled.attr
@@ -72,30 +72,30 @@ def _merged(g: Graph, whole: Growing, part: Any) -> bool:
 @rule("gt", "ge")
 def _greater(t: Tracer, eqn: Any, a: Any, b: Any) -> Any:
     op = "lt" if eqn.primitive.name == "gt" else "le"
-    return each(t.graph, lambda x, y: t.graph.make(op, (y, x)), a, b)
+    return elementwise(t.graph, lambda x, y: t.graph.make(op, (y, x)), a, b)
 
 
 @rule("div")
 def _div(t: Tracer, eqn: Any, a: Any, b: Any) -> Any:
     op = "quot" if kind_of(a) == "int" else "div"
-    return each(t.graph, lambda *n: t.graph.make(op, n), a, b)
+    return elementwise(t.graph, lambda *n: t.graph.make(op, n), a, b)
 
 
 @rule("rem")
 def _rem(t: Tracer, eqn: Any, a: Any, b: Any) -> Any:
     if kind_of(a) != "int":
         raise NotImplementedError("a remainder of numbers that are not whole has no kernel")
-    return each(t.graph, lambda *n: t.graph.make("rem", n), a, b)
+    return elementwise(t.graph, lambda *n: t.graph.make("rem", n), a, b)
 
 
 @rule("square")
 def _square(t: Tracer, eqn: Any, a: Any) -> Any:
-    return each(t.graph, lambda x: t.graph.make("mul", (x, x)), a)
+    return elementwise(t.graph, lambda x: t.graph.make("mul", (x, x)), a)
 
 
 @rule("integer_pow")
 def _integer_pow(t: Tracer, eqn: Any, a: Any) -> Any:
-    return each(t.graph, lambda x: whole_power(t.graph, x, eqn.params["y"]), a)
+    return elementwise(t.graph, lambda x: whole_power(t.graph, x, eqn.params["y"]), a)
 
 
 def whole_power(g: Graph, x: Node, y: int) -> Node:
@@ -116,20 +116,22 @@ def whole_power(g: Graph, x: Node, y: int) -> Node:
 @rule("rsqrt")
 def _rsqrt(t: Tracer, eqn: Any, a: Any) -> Any:
     g = t.graph
-    return each(g, lambda x: g.make("div", (g.const(1.0), g.make("sqrt", (x,)))), a)
+    return elementwise(g, lambda x: g.make("div", (g.const(1.0), g.make("sqrt", (x,)))), a)
 
 
 @rule("exp2")
 def _exp2(t: Tracer, eqn: Any, a: Any) -> Any:
     g = t.graph
-    return each(g, lambda x: g.make("exp", (g.make("mul", (x, g.const(math.log(2.0)))),)), a)
+    return elementwise(g, lambda x: g.make("exp", (g.make("mul", (x, g.const(math.log(2.0)))),)), a)
 
 
 @rule("logistic")
 def _logistic(t: Tracer, eqn: Any, a: Any) -> Any:
     g = t.graph
     one = g.const(1.0)
-    return each(g, lambda x: g.make("div", (one, g.make("add", (one, g.make("exp", (g.make("neg", (x,)),)))))), a)
+    return elementwise(
+        g, lambda x: g.make("div", (one, g.make("add", (one, g.make("exp", (g.make("neg", (x,)),)))))), a
+    )
 
 
 @rule("tanh")
@@ -144,13 +146,13 @@ def _tanh(t: Tracer, eqn: Any, a: Any) -> Any:
         slope = g.make("sub", (g.const(1.0), g.make("mul", (found, found))))
         return g.make("given", (found, x, slope), kind="real")  # shorter than that of its parts
 
-    return each(g, one, a)
+    return elementwise(g, one, a)
 
 
 @rule("tan")
 def _tan(t: Tracer, eqn: Any, a: Any) -> Any:
     g = t.graph
-    return each(g, lambda x: g.make("div", (g.make("sin", (x,)), g.make("cos", (x,)))), a)
+    return elementwise(g, lambda x: g.make("div", (g.make("sin", (x,)), g.make("cos", (x,)))), a)
 
 
 @rule("sign")
@@ -163,26 +165,26 @@ def _sign(t: Tracer, eqn: Any, a: Any) -> Any:
         found = g.make("select", (g.make("lt", (zero, x)), g.const(1, x.kind), below))
         return g.make("given", (found,), kind="real") if x.kind == "real" else found
 
-    return each(g, one, a)
+    return elementwise(g, one, a)
 
 
 @rule("round")
 def _round(t: Tracer, eqn: Any, a: Any) -> Any:
     if int(eqn.params["rounding_method"]) != 1:
         raise NotImplementedError("halves can be rounded to even only")
-    return each(t.graph, lambda x: t.graph.make("round", (x,)), a)
+    return elementwise(t.graph, lambda x: t.graph.make("round", (x,)), a)
 
 
 @rule("is_finite")
 def _is_finite(t: Tracer, eqn: Any, a: Any) -> Any:
     g = t.graph
-    return each(g, lambda x: g.make("lt", (g.make("abs", (x,)), g.const(math.inf))), a)
+    return elementwise(g, lambda x: g.make("lt", (g.make("abs", (x,)), g.const(math.inf))), a)
 
 
 @rule("clamp")
 def _clamp(t: Tracer, eqn: Any, low: Any, a: Any, high: Any) -> Any:
     g = t.graph
-    return each(g, lambda least, x, most: g.make("min", (g.make("max", (x, least)), most)), low, a, high)
+    return elementwise(g, lambda least, x, most: g.make("min", (g.make("max", (x, least)), most)), low, a, high)
 
 
 @rule("and", "or", "xor")
@@ -192,14 +194,14 @@ def _logic(t: Tracer, eqn: Any, a: Any, b: Any) -> Any:
         if name != "and":
             raise NotImplementedError("bits of whole numbers can be masked only")
         name = "iand"
-    return each(t.graph, lambda *n: t.graph.make(name, n), a, b)
+    return elementwise(t.graph, lambda *n: t.graph.make(name, n), a, b)
 
 
 @rule("not")
 def _not(t: Tracer, eqn: Any, a: Any) -> Any:
     if kind_of(a) != "bool":
         raise NotImplementedError("bits of whole numbers can be masked only")
-    return each(t.graph, lambda x: t.graph.make("not", (x,)), a)
+    return elementwise(t.graph, lambda x: t.graph.make("not", (x,)), a)
 
 
 @rule("select_n")
@@ -214,7 +216,7 @@ def _select_n(t: Tracer, eqn: Any, which: Any, *cases: Any) -> Any:
             found = g.make("select", (g.make("le", (chosen, g.const(k, "int"))), nodes[k], found))
         return found
 
-    return each(g, one, which, *cases)
+    return elementwise(g, one, which, *cases)
 
 
 @rule("convert_element_type")
@@ -228,12 +230,12 @@ def _convert(t: Tracer, eqn: Any, a: Any) -> Any:
             return g.make("ne", (x, g.const(0, x.kind)))
         return g.make(str(kind), (x,), kind=kind)
 
-    return a if isinstance(a, Growing | Update) and kind == "real" else each(g, one, a)
+    return a if isinstance(a, AccumulatedArray | ScatteredBlocks) and kind == "real" else elementwise(g, one, a)
 
 
 @rule("stop_gradient")
 def _still(t: Tracer, eqn: Any, a: Any) -> Any:
-    return each(t.graph, lambda x: t.graph.make("given", (x,), kind="real"), a) if kind_of(a) == "real" else a
+    return elementwise(t.graph, lambda x: t.graph.make("given", (x,), kind="real"), a) if kind_of(a) == "real" else a
 
 
 @rule("copy", "copy_p", "reduce_precision", "optimization_barrier")
@@ -263,14 +265,14 @@ def _reduce(t: Tracer, eqn: Any, a: Any) -> Any:
             return tuple(known[d] for d in range(len(sizes)))
 
         if many <= SMALL:
-            nodes = [at(g, a, place(part)) for part in itertools.product(*(range(sizes[d]) for d in axes))]
+            nodes = [element_at(g, a, place(part)) for part in itertools.product(*(range(sizes[d]) for d in axes))]
             found = nodes[0] if nodes else _empty(g, op)
             for node in nodes[1:]:
                 found = g.make(op, (found, node))
             return found
-        return _looped(g, op, lambda part: at(g, a, place(part)), [sizes[d] for d in axes])
+        return _looped(g, op, lambda part: element_at(g, a, place(part)), [sizes[d] for d in axes])
 
-    return shaped(g, tuple(sizes[d] for d in kept), kind_of(a), element)
+    return make_array(g, tuple(sizes[d] for d in kept), kind_of(a), element)
 
 
 def _empty(g: Graph, op: str) -> Node:
@@ -295,7 +297,7 @@ def _cumulative(t: Tracer, eqn: Any, a: Any) -> Any:
     op, axis = REDUCE[eqn.primitive.name], eqn.params["axis"]
     if is_long(a):
         raise NotImplementedError("running sums of long arrays have no kernel; carry them through a scan")
-    a = np.moveaxis(solid(t.graph, a), axis, 0).copy()
+    a = np.moveaxis(materialise(t.graph, a), axis, 0).copy()
     order = range(len(a) - 2, -1, -1) if eqn.params["reverse"] else range(1, len(a))
     for k in order:
         before = a[k + 1] if eqn.params["reverse"] else a[k - 1]
@@ -310,7 +312,7 @@ def _argument(t: Tracer, eqn: Any, a: Any) -> Any:
     if is_long(a):
         raise NotImplementedError("the place of an extreme of a long array has no kernel")
     less = eqn.primitive.name == "argmin"
-    moved = np.moveaxis(solid(g, a), axis, 0)
+    moved = np.moveaxis(materialise(g, a), axis, 0)
 
     def one(*nodes: Node) -> Node:
         best, place = nodes[0], g.const(0, "int")
@@ -327,7 +329,7 @@ def _argument(t: Tracer, eqn: Any, a: Any) -> Any:
             place = g.make("select", (better, g.const(k, "int"), place))
         return place
 
-    return unwrapped(np.asarray(np.frompyfunc(one, len(moved), 1)(*moved), object))
+    return unwrap_scalar(np.asarray(np.frompyfunc(one, len(moved), 1)(*moved), object))
 
 
 # ---- linear algebra
@@ -353,19 +355,19 @@ def _dot_general(t: Tracer, eqn: Any, a: Any, b: Any) -> Any:
         for part in itertools.product(*map(range, sums)):
             x = at_a | dict(zip(by_a, part, strict=True))
             y = at_b | dict(zip(by_b, part, strict=True))
-            left = at(g, a, tuple(x[d] for d in range(len(x))))
-            right = at(g, b, tuple(y[d] for d in range(len(y))))
+            left = element_at(g, a, tuple(x[d] for d in range(len(x))))
+            right = element_at(g, b, tuple(y[d] for d in range(len(y))))
             total = g.make("add", (total, g.make("mul", (left, right))))
         return total
 
-    return shaped(g, tuple(eqn.outvars[0].aval.shape), "real", element)
+    return make_array(g, tuple(eqn.outvars[0].aval.shape), "real", element)
 
 
 @rule("lu")
 def _lu(t: Tracer, eqn: Any, a: Any) -> Any:
     """Gaussian elimination with the largest pivot of each column, rows exchanged by choices."""
     g = t.graph
-    a = solid(g, a).copy()
+    a = materialise(g, a).copy()
     n = a.shape[-1]
     if a.ndim != 2 or a.shape[0] != n or n > LARGEST:
         raise NotImplementedError(f"only one square matrix of up to {LARGEST} rows is factorised")
@@ -394,7 +396,7 @@ def _lu(t: Tracer, eqn: Any, a: Any) -> Any:
 @rule("triangular_solve")
 def _triangular_solve(t: Tracer, eqn: Any, a: Any, b: Any) -> Any:
     p, g = eqn.params, t.graph
-    a, b = solid(g, a), solid(g, b)
+    a, b = materialise(g, a), materialise(g, b)
     if a.ndim != 2 or len(a) > LARGEST:
         raise NotImplementedError(f"only one matrix of up to {LARGEST} rows is solved")
     if p["transpose_a"]:
@@ -424,16 +426,18 @@ def _custom_linear_solve(t: Tracer, eqn: Any, *values: Any) -> Any:
         count = getattr(lengths, name)
         parts[name] = values[begin : begin + count]
         begin += count
-    wanted = [solid(t.graph, v) for v in values[begin:]]
+    wanted = [materialise(t.graph, v) for v in values[begin:]]
     if any(kind_of(x) != "real" for x in wanted):
-        return [unwrapped(v) for v in t.closed(jaxprs.solve, [*parts["solve"], *wanted])]
+        return [unwrap_scalar(v) for v in t.closed(jaxprs.solve, [*parts["solve"], *wanted])]
     # JAX's factors have no derivatives; those of the solution are those of what a correction by the residual would add
     g = t.graph
     alone = lambda x: g.make("given", (x,), kind="real")  # noqa: E731
-    found = [unwrapped(v) for v in t.closed(jaxprs.solve, [*parts["solve"], *(each(g, alone, b) for b in wanted)])]
-    still = [each(g, alone, x) for x in found]
+    found = [
+        unwrap_scalar(v) for v in t.closed(jaxprs.solve, [*parts["solve"], *(elementwise(g, alone, b) for b in wanted)])
+    ]
+    still = [elementwise(g, alone, x) for x in found]
     left = t.closed(jaxprs.matvec, [*parts["matvec"], *still])
-    rest = [each(g, lambda b, ax: g.make("sub", (b, ax)), *pair) for pair in zip(wanted, left, strict=True)]
+    rest = [elementwise(g, lambda b, ax: g.make("sub", (b, ax)), *pair) for pair in zip(wanted, left, strict=True)]
     more = t.closed(jaxprs.solve, [*parts["solve"], *rest])
     told = lambda x, y: g.make("given", (x, y, g.const(1.0)), kind="real")  # noqa: E731
-    return [unwrapped(each(g, told, x, y)) for x, y in zip(found, more, strict=True)]
+    return [unwrap_scalar(elementwise(g, told, x, y)) for x, y in zip(found, more, strict=True)]

@@ -1,6 +1,6 @@
 """Interpretation of a jaxpr with nodes in the place of numbers.
 
-While a function is traced, a number is a `Node`, a small array an object array of nodes, anything larger a `View`. A
+While a function is traced, a number is a `Node`, a small array an object array of nodes, anything larger a `LazyArray`. A
 view has no elements of its own: it says which node stands at an index, so that a row of a long signal is a load, and an
 operation on long arrays is done where its elements are used. `Tracer` runs the equations of a jaxpr by the rules that
 `_rules_elementwise`, `_rules_arrays` and `_rules_control` register in `RULES`.
@@ -32,16 +32,16 @@ Index = tuple[Place, ...]
 Value = Any  # a node, an array of nodes, a view, or a refusal
 
 
-class View:
-    """An array of nodes that are made when asked for; `at` takes one int or int node per axis.
+class LazyArray:
+    """An array of nodes that are made when asked for; `element_at` takes one int or int node per axis.
 
     `fill` is the node that stands everywhere, where one does.
     """
 
     fill: Node | None = None
 
-    def __init__(self, shape: Sequence[int], kind: str, at: Callable[[Index], Node]) -> None:
-        self.shape, self.kind, self._make = tuple(shape), kind, at
+    def __init__(self, shape: Sequence[int], kind: str, element_at: Callable[[Index], Node]) -> None:
+        self.shape, self.kind, self._make = tuple(shape), kind, element_at
         self._made: dict[Index, Node] = {}
 
     @property
@@ -57,7 +57,7 @@ class View:
         return node
 
 
-class Filled(View):
+class ConstantArray(LazyArray):
     """One node everywhere."""
 
     def __init__(self, shape: Sequence[int], fill: Node) -> None:
@@ -65,14 +65,14 @@ class Filled(View):
         self.fill = self.node = fill
 
 
-class Rows(View):
+class BufferArray(LazyArray):
     """The whole of a buffer, in C order; readable once the tokens are there.
 
     `written` says that a loop writes every element of it, so that it may stand inside a larger buffer; `sum_of` that it
     began as zeros and was only added to.
     """
 
-    sum_of: Growing | None = None
+    sum_of: AccumulatedArray | None = None
 
     def __init__(
         self, graph: Graph, buffer: Buffer, shape: Sequence[int], tokens: tuple[Node, ...] = (), written: bool = False
@@ -83,10 +83,10 @@ class Rows(View):
     def _at(self, index: Index) -> Node:
         if self.sum_of is not None and self.buffer.within is not None:
             raise NotImplementedError("a long sum is needed by itself, and in a longer one")
-        return self.graph.load(self.buffer, flat(self.graph, index, self.shape), tokens=self.tokens)
+        return self.graph.load(self.buffer, flat_index(self.graph, index, self.shape), tokens=self.tokens)
 
 
-class Joined(View):
+class ConcatenatedArray(LazyArray):
     """Parts one behind the other along the first axis."""
 
     def __init__(self, graph: Graph, parts: Sequence[Any], shape: Sequence[int], kind: str) -> None:
@@ -97,7 +97,7 @@ class Joined(View):
         return element_of_join(self.graph, self.parts, 0, index)
 
 
-class Update(View):
+class ScatteredBlocks(LazyArray):
     """Zeros but for some blocks that are added: (start indices, block) each; what a slice's derivative is made of."""
 
     def __init__(self, graph: Graph, shape: Sequence[int], blocks: list[tuple[Index, Any]]) -> None:
@@ -109,15 +109,15 @@ class Update(View):
         for start, block in self.blocks:
             here, inside = [], g.const(True, "bool")
             for i, begin, n in zip(index, start, shape_of(block), strict=True):
-                place = minus(g, i, begin)
-                inside = g.make("and", (inside, within(g, place, n)))
-                here.append(clamped(g, place, n))
-            value = at(g, block, tuple(here))
+                place = subtract_index(g, i, begin)
+                inside = g.make("and", (inside, is_within(g, place, n)))
+                here.append(clamp_index(g, place, n))
+            value = element_at(g, block, tuple(here))
             total = g.make("add", (total, g.make("select", (inside, value, g.const(0.0)))))
         return total
 
 
-class Growing(View):
+class AccumulatedArray(LazyArray):
     """A long array that a loop carries and only adds to: its present additions on top of a buffer."""
 
     def __init__(self, buffer: Buffer, shape: Sequence[int], blocks: tuple[tuple[Index, Any], ...] = ()) -> None:
@@ -141,11 +141,11 @@ def kind_of(value: Value) -> str:
     return str(value.kind)
 
 
-def flat(graph: Graph, index: Index, shape: Sequence[int]) -> Place:
+def flat_index(graph: Graph, index: Index, shape: Sequence[int]) -> Place:
     """The place in C order of an index, an int or an int node."""
     place: Any = 0
     for i, n in zip(index, shape, strict=True):
-        place = plus(graph, times(graph, place, n), i)
+        place = add_index(graph, scale_index(graph, place, n), i)
     return place
 
 
@@ -154,42 +154,42 @@ def as_node(graph: Graph, value: Value) -> Node:
     return value if isinstance(value, Node) else graph.const(value, "int")
 
 
-def plus(graph: Graph, a: Place, b: Place) -> Place:
+def add_index(graph: Graph, a: Place, b: Place) -> Place:
     """Sum of indices."""
     if isinstance(a, int) and isinstance(b, int):
         return a + b
     return graph.make("add", (as_node(graph, a), as_node(graph, b)))
 
 
-def minus(graph: Graph, a: Place, b: Place) -> Node:
+def subtract_index(graph: Graph, a: Place, b: Place) -> Node:
     """Difference of indices, as a node."""
     return graph.make("sub", (as_node(graph, a), as_node(graph, b)))
 
 
-def times(graph: Graph, a: Place, b: int) -> Place:
+def scale_index(graph: Graph, a: Place, b: int) -> Place:
     """Product of an index with a number."""
     return a * b if isinstance(a, int) else graph.make("mul", (a, graph.const(b, "int")))
 
 
-def clamped(graph: Graph, index: Place, rows: int) -> Place:
+def clamp_index(graph: Graph, index: Place, rows: int) -> Place:
     """An index within 0 .. rows - 1."""
     low = graph.make("max", (as_node(graph, index), graph.const(0, "int")))
     node = graph.make("min", (low, graph.const(rows - 1, "int")))
     return node.attr if node.op == "const" else node
 
 
-def within(graph: Graph, index: Node, rows: int) -> Node:
+def is_within(graph: Graph, index: Node, rows: int) -> Node:
     """Whether an index is in 0 .. rows - 1."""
     low = graph.make("le", (graph.const(0, "int"), index))
     return graph.make("and", (low, graph.make("lt", (index, graph.const(rows, "int")))))
 
 
-def at(graph: Graph, value: Value, index: Index) -> Node:
+def element_at(graph: Graph, value: Value, index: Index) -> Node:
     """An element of a value; the index is within its shape."""
     if isinstance(value, Node):
         return value
     index = tuple(i.attr if isinstance(i, Node) and i.op == "const" else i for i in index)
-    if isinstance(value, View):
+    if isinstance(value, LazyArray):
         return value.at(index)
     if all(isinstance(i, int) for i in index):
         found: Node = value[index]
@@ -204,12 +204,12 @@ def element_of_join(graph: Graph, parts: Sequence[Value], axis: int, index: Inde
         rows = shape_of(part)[axis]
         if isinstance(index[axis], int):
             if begin <= index[axis] < begin + rows:
-                return at(graph, part, (*index[:axis], index[axis] - begin, *index[axis + 1 :]))
+                return element_at(graph, part, (*index[:axis], index[axis] - begin, *index[axis + 1 :]))
         elif rows:
-            place = minus(graph, index[axis], begin)
+            place = subtract_index(graph, index[axis], begin)
             low, high = place.value_range
             if high >= 0 and low < rows:
-                value = at(graph, part, (*index[:axis], clamped(graph, place, rows), *index[axis + 1 :]))
+                value = element_at(graph, part, (*index[:axis], clamp_index(graph, place, rows), *index[axis + 1 :]))
                 inside = graph.make("le", (graph.const(0, "int"), place))
                 chosen = value if chosen is None else graph.make("select", (inside, value, chosen))
         begin += rows
@@ -222,17 +222,17 @@ def _picked(graph: Graph, value: np.ndarray, index: Index) -> Node:
     """An element of an array of nodes at an index that is not known beforehand."""
     fixed = tuple(i if isinstance(i, int) else slice(None) for i in index)
     part, moving = value[fixed], tuple(i for i in index if not isinstance(i, int))
-    flattened, place = part.ravel(), flat(graph, moving, part.shape)
+    flattened, place = part.ravel(), flat_index(graph, moving, part.shape)
     if len(flattened) <= FEW:
         found: Node = flattened[-1]
         for k in range(len(flattened) - 2, -1, -1):
             here = graph.make("le", (place, graph.const(k, "int")))
             found = graph.make("select", (here, flattened[k], found))
         return found
-    return stored(graph, flattened).at((place,))
+    return store_table(graph, flattened).at((place,))
 
 
-def stored(graph: Graph, value: np.ndarray) -> Rows:
+def store_table(graph: Graph, value: np.ndarray) -> BufferArray:
     """An array of nodes in memory, so that it can be read at any index."""
     flattened = tuple(value.ravel())
     kind = flattened[0].kind
@@ -240,18 +240,18 @@ def stored(graph: Graph, value: np.ndarray) -> Rows:
         data = np.array([n.attr for n in flattened])
         for known in graph.buffers:
             if known.role == "constant" and known.kind == kind and np.array_equal(known.data, data):
-                return Rows(graph, known, value.shape)
-        return Rows(graph, graph.buffer("constant", kind, (len(data),), data=data), value.shape)
+                return BufferArray(graph, known, value.shape)
+        return BufferArray(graph, graph.buffer("constant", kind, (len(data),), data=data), value.shape)
     key = ("table", kind, tuple(n.serial for n in flattened))
     token = graph.lookup(key)
     if token is None:
         token = graph.intern(key, "table", flattened, graph.buffer("scratch", kind, (len(flattened),)), "token")
-    return Rows(graph, token.attr, value.shape, (token,))
+    return BufferArray(graph, token.attr, value.shape, (token,))
 
 
-def solid(graph: Graph, value: Value) -> Value:
+def materialise(graph: Graph, value: Value) -> Value:
     """A value with its elements written out."""
-    if not isinstance(value, View):
+    if not isinstance(value, LazyArray):
         return value
     out = np.empty(value.shape, object)
     for index in itertools.product(*map(range, value.shape)):
@@ -259,38 +259,38 @@ def solid(graph: Graph, value: Value) -> Value:
     return out
 
 
-def unwrapped(value: Value) -> Value:
+def unwrap_scalar(value: Value) -> Value:
     """An array without axes as the node that it holds."""
     return value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
 
 
 def is_zero(value: Value) -> bool:
     """Whether a value is known to be zero everywhere."""
-    node = value.fill if isinstance(value, View) else value if isinstance(value, Node) else None
+    node = value.fill if isinstance(value, LazyArray) else value if isinstance(value, Node) else None
     return node is not None and node.op == "const" and node.attr == 0
 
 
 def is_long(value: Value) -> bool:
     """Whether a value is too large to be written out."""
-    return isinstance(value, View) and math.prod(value.shape) > SMALL
+    return isinstance(value, LazyArray) and math.prod(value.shape) > SMALL
 
 
-def each(graph: Graph, make: Callable[..., Node], *values: Value) -> Value:
+def elementwise(graph: Graph, make: Callable[..., Node], *values: Value) -> Value:
     """An operation on every element of values; single numbers, and axes of one element, go with all others."""
     if all(isinstance(v, Node) for v in values):
         return make(*values)
     if any(is_long(v) for v in values) and not any(isinstance(v, np.ndarray) for v in values):
         shape = np.broadcast_shapes(*map(shape_of, values))
         first = make(*(_one(graph, v, (0,) * len(shape)) for v in values))
-        return View(shape, first.kind, lambda index: make(*(_one(graph, v, index) for v in values)))
-    whole = np.broadcast_arrays(*(np.asarray(solid(graph, v), object) for v in values))
+        return LazyArray(shape, first.kind, lambda index: make(*(_one(graph, v, index) for v in values)))
+    whole = np.broadcast_arrays(*(np.asarray(materialise(graph, v), object) for v in values))
     return np.asarray(np.frompyfunc(make, len(whole), 1)(*whole), object)
 
 
 def _one(graph: Graph, value: Any, index: Index) -> Node:
     if isinstance(value, Node):
         return value
-    return at(graph, value, tuple(0 if n == 1 else i for i, n in zip(index, value.shape, strict=True)))
+    return element_at(graph, value, tuple(0 if n == 1 else i for i, n in zip(index, value.shape, strict=True)))
 
 
 # ---- the tracer
@@ -355,11 +355,11 @@ class Tracer:
         kind = checked_kind(array.dtype, "constant") or "bool"
         if array.size > SMALL:
             buffer = self.graph.buffer("constant", kind, (array.size,), data=array.ravel())
-            return Rows(self.graph, buffer, array.shape)
+            return BufferArray(self.graph, buffer, array.shape)
         out = np.empty(array.shape, object)
         for index in np.ndindex(array.shape):
             out[index] = self.graph.const(array[index].item(), kind)
-        return unwrapped(out)
+        return unwrap_scalar(out)
 
     def run(self, jaxpr: Any, consts: Sequence[Value], values: Sequence[Value]) -> list[Value]:
         """Results of a jaxpr."""
@@ -409,7 +409,7 @@ class Tracer:
         """Why an operation cannot be lowered, with the place where it is written."""
         # a function of JAX's own is traced once, and remembers where it was called first: what counts is its call
         inside = next((k for k, e in enumerate(self.calls) if _of_jax(e)), len(self.calls))
-        places = (written_at(e) for e in (*reversed(self.calls[: inside + 1]), eqn))
+        places = (source_location(e) for e in (*reversed(self.calls[: inside + 1]), eqn))
         return LoweringError(eqn.primitive.name, why, source=next((p for p in places if p), None))
 
     def result(self, value: Any, leaf: Any, name: str) -> Buffer | None:
@@ -425,38 +425,41 @@ class Tracer:
 
     def write(self, value: Any, buffer: Buffer, offset: int) -> None:
         """Put a value into a buffer from an element on, outside of all loops; what a loop stacks is made there at once."""
-        if isinstance(value, Joined):
+        if isinstance(value, ConcatenatedArray):
             for part in value.parts:
                 self.write(part, buffer, offset)
                 offset += math.prod(shape_of(part))
         elif (
-            isinstance(value, Rows) and value.buffer.role == "scratch" and value.buffer.within is None and value.written
+            isinstance(value, BufferArray)
+            and value.buffer.role == "scratch"
+            and value.buffer.within is None
+            and value.written
         ):
             value.buffer.within = (buffer, offset, None, 0)
         else:
-            copy(self.graph, value, lambda place, node: self.graph.store(buffer, place, node, offset=offset))
+            copy_elements(self.graph, value, lambda place, node: self.graph.store(buffer, place, node, offset=offset))
 
 
-def copy(graph: Graph, value: Value, put: Callable[[Place, Node], None]) -> None:
+def copy_elements(graph: Graph, value: Value, put: Callable[[Place, Node], None]) -> None:
     """Give every element of a value with its place in C order to `put`, by loops where there are many."""
 
     def walk(begin: tuple[Any, ...], place: Any, rest: tuple[int, ...]) -> None:
         if not rest:
-            put(place, at(graph, value, begin))
+            put(place, element_at(graph, value, begin))
             return
         size, inner = rest[0], math.prod(rest[1:])
         if size * inner <= 32:
             for i in range(size):
-                walk((*begin, i), plus(graph, place, i * inner), rest[1:])
+                walk((*begin, i), add_index(graph, place, i * inner), rest[1:])
         elif size:
             loop = graph.open_loop(size)
-            walk((*begin, loop.index), plus(graph, place, times(graph, loop.index, inner)), rest[1:])
+            walk((*begin, loop.index), add_index(graph, place, scale_index(graph, loop.index, inner)), rest[1:])
             graph.close_loop(loop, ())
 
     if is_long(value):
         walk((), 0, value.shape)
         return
-    value = solid(graph, value)
+    value = materialise(graph, value)
     for place, node in enumerate([value] if isinstance(value, Node) else value.ravel()):
         put(place, node)
 
@@ -471,7 +474,7 @@ def _of_jax(eqn: Any) -> bool:
         return True
 
 
-def written_at(eqn: Any) -> str | None:
+def source_location(eqn: Any) -> str | None:
     """File, line and function in which an operation is written; None where JAX does not know."""
     try:
         from jax._src import source_info_util
