@@ -23,7 +23,7 @@ from mckibben.assembly.build import unit_from_specimen
 from mckibben.cli.app import _keep_compilations as keep_compilations
 from mckibben.components import Module, Scalar, field
 from mckibben.components.system import System
-from mckibben.engine import held, program_key, programs, step
+from mckibben.engine import held, programs, step
 from mckibben.engine.integration import _outputs, compile_march
 from mckibben.engine.native import compile_function
 from mckibben.engine.signals import Value
@@ -60,7 +60,7 @@ def tension(**changes):
 
 def march_key(system=None, **changes):
     known = {"period": 1e-3, "inner": 10, "samples": 4, "stiff": False, "outputs": None} | changes
-    return program_key.key(functools.partial(_outputs, **known), (TENDON if system is None else system, 1.0))
+    return programs.program_key(functools.partial(_outputs, **known), (TENDON if system is None else system, 1.0))
 
 
 def test_what_is_kept_is_found_and_gives_the_same_bits(lowered, monkeypatch):
@@ -101,7 +101,7 @@ def test_a_key_changes_with_every_thing_that_tracing_depends_on():
         march_key(held(np.zeros(4)).replace(straight=True)),  # a static field
         march_key((TENDON, TENDON)), march_key([TENDON, TENDON]), march_key({"a": TENDON}), march_key({"b": TENDON}),
         march_key(np.int64(1)), march_key(np.float64(1.0)), march_key(np.float32(1.0)), march_key(np.zeros(1)),
-        program_key.key(Tendon.force, (TENDON, 1.0)), program_key.key(Tendon.stored_energy, (TENDON, 1.0)),
+        programs.program_key(Tendon.force, (TENDON, 1.0)), programs.program_key(Tendon.stored_energy, (TENDON, 1.0)),
     ]  # fmt: skip
     assert None not in keys
     assert len(set(keys)) == len(keys)
@@ -116,7 +116,7 @@ def test_a_constant_that_was_set_gives_another_key(monkeypatch):
 
 def test_a_function_that_was_replaced_is_found_out(monkeypatch):
     before = march_key()
-    monkeypatch.setattr(step, "axpy", step.nothing)
+    monkeypatch.setattr(step, "axpy", step.zero_integrals)
     assert march_key() != before
     monkeypatch.setattr(step, "axpy", lambda a, x, y: y)
     assert march_key() is None
@@ -143,9 +143,9 @@ def test_what_has_no_sure_name_has_no_key(lowered):
         Named(1.0).replace,
         functools.partial(len, object()),
     ):
-        assert program_key.key(function, (TENDON, STRETCH)) is None
+        assert programs.program_key(function, (TENDON, STRETCH)) is None
     for tree in (Inner(1.0), Named(1.0, name="a"), object(), {"a": "text"}, jnp.sum):  # types of a test, and no trees
-        assert program_key.key(Tendon.force, (tree, STRETCH)) is None
+        assert programs.program_key(Tendon.force, (tree, STRETCH)) is None
     # it is lowered each time, and right
     doubled = [compile_function(lambda t, x, k=k: k * t.force(x), TENDON, STRETCH, engine="native") for k in (2.0, 3.0)]
     assert doubled[1](TENDON, STRETCH) == pytest.approx(1.5 * doubled[0](TENDON, STRETCH), rel=1e-15)
@@ -155,8 +155,8 @@ def test_what_has_no_sure_name_has_no_key(lowered):
 def test_a_changed_source_gives_another_key(tmp_path):
     shutil.copytree(ROOT / "mckibben", tmp_path / "src" / "mckibben", ignore=shutil.ignore_patterns("__pycache__"))
     program = (
-        "from mckibben.engine.program_key import key\nfrom mckibben.muscles.elements import Tendon\n"
-        "print(key(Tendon.force, (Tendon(stiffness=1e5), 1.0)))"
+        "from mckibben.engine.programs import program_key\nfrom mckibben.muscles.elements import Tendon\n"
+        "print(program_key(Tendon.force, (Tendon(stiffness=1e5), 1.0)))"
     )
 
     def asked():

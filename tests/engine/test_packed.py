@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from mckibben.engine import packed, program_key
+from mckibben.engine import packed, programs
 from mckibben.engine.packed import compile_once, pack
 
 
@@ -25,9 +25,7 @@ def made(monkeypatch):
             super().__init__(*given)
 
     monkeypatch.setattr(packed, "Packed", Counted)
-    monkeypatch.setattr(
-        program_key, "LIBRARIES", program_key.LIBRARIES | {__name__}
-    )  # functions of this file have names
+    monkeypatch.setattr(programs, "LIBRARIES", programs.LIBRARIES | {__name__})  # functions of this file have names
     monkeypatch.setattr(packed, "_compiled", type(packed._compiled)())
     return count
 

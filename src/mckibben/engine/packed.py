@@ -19,8 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from . import program_key
 from .native import compile_function
+from .programs import program_key
 
 
 class Packed:
@@ -77,7 +77,7 @@ MOST_COMPILED = 24  # that are remembered
 def compile_once(function: Callable[..., tuple[Any, ...]], constants: Sequence[Any], *examples: Any) -> Packed:
     """A function with its first arguments fixed, compiled when it is first asked for with such values.
 
-    Concurrent requests for the same share one compilation. What `program_key` cannot name is compiled every time.
+    Concurrent requests for the same share one compilation. What `programs.program_key` cannot name is compiled every time.
 
     Args:
         function: a module's own, of `constants` and then arguments like the examples; returns a tuple of trees.
@@ -85,7 +85,7 @@ def compile_once(function: Callable[..., tuple[Any, ...]], constants: Sequence[A
         *examples: trees like the other arguments.
     """
     fixed = functools.partial(function, *constants)
-    key = program_key.key(fixed, examples)
+    key = program_key(fixed, examples)
     if key is None:
         return Packed(fixed, *examples)
     with _lock:

@@ -1,35 +1,244 @@
 """Programs that were lowered before, from disk: neither traced nor lowered again.
 
+A program is found by its key, a hash of all that tracing a function for examples of its arguments depends on:
+
+* the sources of this package and of the compiler, and the versions of Python, JAX and NumPy;
+* the function: where it stands, and what is bound to it (`functools.partial`);
+* the examples: structure, with types and static fields, and shapes and types of the leaves, not their values;
+* the modules that all these come from and those they use: their plain constants, as they are now, and the names of their
+  functions and types, for either may have been replaced;
+* how JAX counts: with 64 bits, and by which promotion.
+
+What has no sure name has no key: lambdas and what is defined inside a function, methods of objects that are no trees, and
+all types and functions that are neither this package's nor a library's named above.
+
 The structure of a program's results is kept with it, as words and lists: tables, tuples and modules by the places where
 their types stand. Only types of this package that are loaded are found again, and they are put together without calling
-anything that a file names. What cannot be said so, or has no `program_key`, is lowered anew in every process.
+anything that a file names. What cannot be said so, or has no key, is lowered anew in every process.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import enum
+import functools
+import hashlib
 import json
+import os
 import sys
-from collections.abc import Callable
+import types
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import jax
+import numpy as np
 
+import lanewise
 from lanewise import Leaf, Program, cache, lower
 
 from ..components import Module
-from . import program_key
+from . import step
+
+OWN = __name__.partition(".")[0]
+LIBRARIES = frozenset({"builtins", "functools", "operator", "math", "jax", "jaxlib", "numpy", "lanewise"})
+PLAIN = (bool, int, float, str, bytes, type(None))
+MODULES = (step.__name__,)  # on which every program depends
+
+
+class UnnamedError(Exception):
+    """Something has no sure name, so that there is no key."""
+
+
+def program_key(function: Callable[..., Any], examples: Sequence[Any]) -> str | None:
+    """The key of a function's program; None if it has none.
+
+    Args:
+        function: what is traced.
+        examples: trees like its arguments.
+    """
+    name = _Name()
+    try:
+        name.static(function)
+        name.tree(tuple(examples))
+        name.constants()
+    except UnnamedError:
+        return None
+    return name.digest.hexdigest()[:40]
+
+
+@functools.cache
+def base() -> bytes:
+    """What every key depends on: sources and versions."""
+    digest = hashlib.sha256()
+    versions = (sys.version, jax.__version__, np.__version__)
+    for text in versions:
+        digest.update(text.encode() + b"\n")
+    for folder in (str(Path(__file__).parents[1]), str(Path(lanewise.__file__).parent)):
+        for path in sources(folder):
+            with open(path, "rb") as file:
+                data = file.read()
+            digest.update(f"{path.removeprefix(folder)} {len(data)}\n".encode() + data)
+    return digest.digest()
+
+
+def sources(folder: str) -> list[str]:
+    """All Python files below a folder, in one order."""
+    found: list[str] = []
+    for entry in os.scandir(folder):
+        if entry.is_dir(follow_symlinks=False):
+            found += sources(entry.path)
+        elif entry.name.endswith(".py"):
+            found.append(entry.path)
+    return sorted(found)
+
+
+class _Name:
+    """A hash in the making, and the modules that what was named comes from."""
+
+    def __init__(self) -> None:
+        counting = [jax.config.values[f"jax_{name}"] for name in ("enable_x64", "numpy_dtype_promotion")]
+        self.digest = hashlib.sha256(base() + repr(counting).encode())
+        self.modules = set(MODULES)
+
+    def word(self, *words: Any) -> None:
+        """Plain values, of which none runs into the next."""
+        self.digest.update(repr(words).encode() + b"\0")
+
+    def tree(self, value: Any) -> None:
+        """An example: its structure, and of its leaves shapes and types."""
+        if isinstance(value, Module):
+            self.module(value, self.tree)
+        elif _collection(value):
+            self.collection(value, self.tree)
+        elif value is None:
+            self.word("none")
+        elif isinstance(value, bool | int | float):
+            self.word("leaf", (), np.result_type(type(value)).str)
+        elif hasattr(value, "shape") and hasattr(value, "dtype"):
+            self.word("leaf", tuple(value.shape), str(value.dtype))
+        else:
+            raise UnnamedError
+
+    def static(self, value: Any) -> None:
+        """What is part of a function or of a structure: its value."""
+        if isinstance(value, PLAIN):
+            self.word(type(value).__name__, value)
+        elif isinstance(value, Module):
+            self.module(value, self.static)
+        elif _collection(value):
+            self.collection(value, self.static)
+        elif isinstance(value, functools.partial):
+            self.word("partial")
+            self.static((value.func, value.args, value.keywords))
+        elif isinstance(value, enum.Enum):
+            self.place(type(value))
+            self.word(value.name)
+        elif isinstance(value, np.ndarray | np.generic | jax.Array) and not isinstance(value, jax.core.Tracer):
+            array = np.asarray(value)
+            if array.dtype.kind not in "biufc":
+                raise UnnamedError
+            self.word("array", array.shape, array.dtype.str)
+            self.digest.update(np.ascontiguousarray(array).data)  # shape and type say where it ends
+        elif isinstance(value, jax.tree_util.PyTreeDef):
+            self.word("structure")
+            self.tree(jax.tree.unflatten(value, [0] * value.num_leaves))
+        elif isinstance(value, np.dtype):
+            self.word("dtype", str(value))
+        elif isinstance(value, type) or (callable(value) and hasattr(value, "__qualname__")):
+            self.place(value)
+        else:
+            raise UnnamedError
+
+    def module(self, value: Any, inner: Callable[[Any], None]) -> None:
+        """A tree of this package's kind, with its static fields."""
+        self.place(type(value))
+        known = vars(value)
+        for field in dataclasses.fields(value):
+            self.word(field.name)
+            if field.name not in known:
+                raise UnnamedError
+            (self.static if field.metadata.get("static", False) else inner)(known[field.name])
+
+    def collection(self, value: Any, inner: Callable[[Any], None]) -> None:
+        """A table, list, tuple or named tuple."""
+        if isinstance(value, dict):
+            items = sorted(value.items())  # as JAX takes them
+            self.static(tuple(k for k, _ in items))
+            parts: Iterable[Any] = [v for _, v in items]
+        else:
+            parts = value
+            if type(value) not in (tuple, list):
+                self.place(type(value))
+        self.word(type(value).__name__, len(value))
+        for part in parts:
+            inner(part)
+
+    def place(self, value: Any) -> None:
+        """A type or function by where it stands, which must lead back to it."""
+        home, name = getattr(value, "__module__", None) or "builtins", value.__qualname__
+        found: Any = sys.modules.get(home)
+        for part in name.split("."):
+            found = getattr(found, part, None)
+        if found is not value and getattr(found, "__wrapped__", None) is not value:
+            raise UnnamedError
+        self.word(home, name)
+        for one in value.__mro__ if isinstance(value, type) else ():
+            self.home(one.__module__)
+        self.home(home)
+
+    def home(self, name: str) -> None:
+        """A module that something comes from."""
+        if self.known(name):
+            self.modules.add(name)
+
+    @staticmethod
+    def known(name: str) -> bool:
+        """Whether a module is this package's own; those whose sources nobody watches are refused."""
+        root = name.partition(".")[0]
+        if root != OWN and root not in LIBRARIES and root not in sys.stdlib_module_names:
+            raise UnnamedError
+        return root == OWN
+
+    def constants(self) -> None:
+        """Plain values that now stand in the modules, and in those whose functions and types they use."""
+        todo, seen = sorted(self.modules), set(self.modules)
+        while todo:
+            module = sys.modules[todo.pop()]
+            for name, value in sorted(vars(module).items()):
+                if name.startswith("__"):
+                    continue
+                if isinstance(value, float | int | str) or (type(value) is tuple and _plain(value)):
+                    self.word(module.__name__, name, value)
+                    continue
+                home = value.__name__ if isinstance(value, types.ModuleType) else getattr(value, "__module__", None)
+                if callable(value) and isinstance(home, str) and hasattr(value, "__qualname__"):
+                    self.known(home)
+                    self.word(name, home, value.__qualname__)  # another function may have been put into its place
+                if not isinstance(home, str) or home in seen or home.partition(".")[0] != OWN:
+                    continue
+                if home in sys.modules and not hasattr(sys.modules[home], "__path__"):
+                    seen.add(home)
+                    todo.append(home)
+
+
+def _plain(value: tuple[Any, ...]) -> bool:
+    return all(isinstance(v, PLAIN) or (type(v) is tuple and _plain(v)) for v in value)
+
+
+def _collection(value: Any) -> bool:
+    return type(value) in (dict, list, tuple) or (isinstance(value, tuple) and hasattr(value, "_fields"))
 
 
 def lower_or_load(function: Callable[..., Any], *examples: Any, title: str = "") -> tuple[Program, Any]:
     """Find a function's program and the structure of its results on disk, or lower it; see `lanewise.lower`."""
-    key = None if cache.cache_folder() is None else program_key.key(function, examples)
-    known = None if key is None else _known(f"{key}.program")
+    name = None if cache.cache_folder() is None else program_key(function, examples)
+    known = None if name is None else _known(f"{name}.program")
     if known is not None:
         return known
     program, tree = lower(function, *examples, title=title)
-    if key is not None:
-        _keep(f"{key}.program", program, tree)
+    if name is not None:
+        _keep(f"{name}.program", program, tree)
     return program, tree
 
 
@@ -110,7 +319,7 @@ def _own_type(place: str, base: type) -> Any:
         TypeError: no type stands there, or none of that kind.
     """
     home, _, name = place.partition(":")
-    if home.partition(".")[0] != program_key.OWN:
+    if home.partition(".")[0] != OWN:
         raise KeyError(place)
     found: Any = sys.modules[home]
     for part in name.split("."):
