@@ -16,7 +16,7 @@ from mckibben.experiments.dry_run import check_lengths
 from mckibben.experiments.read import protocol_names, shipped, with_values
 from mckibben.web import reader
 from mckibben.web.bench.measure import of_cycle
-from mckibben.web.pages.compare import faces
+from mckibben.web.pages.compare import drawings
 from mckibben.web.reader import ReaderProcess, ReadingStopped, check_rows
 from mckibben.web.shelf import Shelf, plain_name
 
@@ -111,8 +111,8 @@ def test_the_work_of_a_cycle_is_positive_where_the_muscle_does_it():
 def test_no_bar_of_the_comparison_has_a_negative_width():
     row = SimpleNamespace(shown=lambda: [-1.2, 3.0], shown_range=lambda: (-0.5, 1.0), published=None)
     column = SimpleNamespace(values={"shortest": 0.9, "longest": 0.7})
-    drawn = [faces.bar(row, 0, 3.0, -0.4, living=False), faces.range_bar(column, 0.7, 0.9, None)]
-    drawn.append(faces.bar(row, 1, 0.0, None, living=False))
+    drawn = [drawings.bar(row, 0, 3.0, -0.4, living=False), drawings.range_bar(column, 0.7, 0.9, None)]
+    drawn.append(drawings.bar(row, 1, 0.0, None, living=False))
     for markup in drawn:
         assert '="-' not in markup and "<rect" in markup, markup
 

@@ -8,7 +8,7 @@ from screen_server import says
 from mckibben.recordings import Channel, Recording
 from mckibben.studies.comparison import compare, subject
 from mckibben.studies.comparison.table import PROPERTIES, Column, Table, column_of
-from mckibben.web.pages.compare.work import exported
+from mckibben.web.pages.compare.jobs import exported
 
 LONG = 180_000  # a law is compiled once [ms]
 

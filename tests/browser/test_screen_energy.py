@@ -142,8 +142,8 @@ def test_a_narrow_dark_page_does_not_scroll_sideways(visit):
 
 
 def test_a_pressure_that_no_muscle_takes_is_said_beside_the_numbers():
-    from mckibben.web.pages.energy.choice import Choice
     from mckibben.web.pages.energy.cycles import cycle_document
+    from mckibben.web.pages.energy.state import EnergyChoice
 
-    said = {p: " ".join(cycle_document(Choice(pressure=p))["more"]) for p in (5e5, 500e5)}
+    said = {p: " ".join(cycle_document(EnergyChoice(pressure=p))["more"]) for p in (5e5, 500e5)}
     assert "McKibben muscles take at most 10 bar" in said[500e5] and "at most" not in said[5e5]

@@ -121,7 +121,7 @@ def test_a_recording_whose_maker_was_stopped_is_made_again(tmp_path):
     import numpy as np
 
     from mckibben.recordings import Channel, Recording
-    from mckibben.web.pages.paper.kept import Kept
+    from mckibben.web.pages.paper.jobs import RecordingCache
 
     made = []
 
@@ -131,7 +131,7 @@ def test_a_recording_whose_maker_was_stopped_is_made_again(tmp_path):
 
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    kept = Kept(tmp_path, lambda words: None)
+    kept = RecordingCache(tmp_path, lambda words: None)
     kept.one("a", make)
     (file,) = tmp_path.glob("*.nc")
     assert not list(tmp_path.glob("*.claim"))

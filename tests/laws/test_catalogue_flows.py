@@ -13,7 +13,7 @@ from mckibben.pneumatics.sizes import SIZES, size_as
 from mckibben.specimens import specimen
 from mckibben.web.pages.circuit import inspector
 from mckibben.web.pages.circuit.document import planned, starts
-from mckibben.web.pages.circuit.kernel import respond
+from mckibben.web.pages.circuit.response import respond
 
 WARM, DENSITY = 293.15, 1.185  # reference atmosphere of ISO 8778 [K, kg/m^3]
 RATIOS = (0.2, 0.35, 0.5)

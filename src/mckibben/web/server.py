@@ -72,7 +72,8 @@ def _page_routes(lab: Laboratory, documents: Documents) -> list[Any]:
 
     def of(module: str) -> Callable[[Request], Awaitable[Response]]:
         async def show(request: Request) -> Response:
-            build_page = importlib.import_module(f".pages.{module}", __package__).build
+            # in a thread, for the first visitor of a page waits seconds for it, and a stop must not
+            build_page = (await asyncio.to_thread(importlib.import_module, f".pages.{module}", __package__)).build
             opened = documents.open()
             with opened.root:
                 build_page(lab, request)

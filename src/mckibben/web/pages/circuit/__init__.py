@@ -13,7 +13,7 @@ def build(lab: Laboratory, request: Any) -> None:
     from ....errors import InputError
     from ...shelf import Shelf
     from .document import read_text, starts, unpacked
-    from .page import Face
+    from .page import CircuitPage
 
     shelf = Shelf(lab.recordings.folder / "circuits", (".toml",))
     view = asked(request, "part", "sensors", "flows", "models", "file")
@@ -25,4 +25,4 @@ def build(lab: Laboratory, request: Any) -> None:
             document = read_text(shelf.found(f"{view['file']}.toml").read_text(encoding="utf-8"))
     except InputError as error:
         said = str(error)
-    Face(lab, shelf, document, view).build(said)
+    CircuitPage(lab, shelf, document, view).build(said)

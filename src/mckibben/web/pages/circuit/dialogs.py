@@ -10,16 +10,16 @@ from ...elements import call_script
 from ...shelf import Shelf
 from ...transfers import IncomingFile, UploadPlace, download
 from ...widgets import Dialog, box, button, link, refused, tell, text
+from .bench_rig import muscle_of, rig_text
 from .document import LARGEST, read_text, starts, text_of
-from .onto_bench import muscle_of, rig_text
 
 if TYPE_CHECKING:
-    from .page import Face
+    from .page import CircuitPage
 
 NAME = "circuit"  # of a rig, where the circuit has no name of its own
 
 
-def load(face: Face) -> None:
+def load(face: CircuitPage) -> None:
     """Saved circuits, those to begin with, and a place for a file."""
     dialog = Dialog("Load a circuit", "circuit-dialog", "bd circuits", once=True)
 
@@ -56,7 +56,7 @@ def load(face: Face) -> None:
     dialog.open()
 
 
-def _read(face: Face, file: str, take: Any, said: Any) -> None:
+def _read(face: CircuitPage, file: str, take: Any, said: Any) -> None:
     said.clear()
     try:
         take(read_text(face.shelf.found(file).read_text(encoding="utf-8")), file.removesuffix(".toml"))
@@ -65,7 +65,7 @@ def _read(face: Face, file: str, take: Any, said: Any) -> None:
             refused(str(error))
 
 
-def save(face: Face) -> None:
+def save(face: CircuitPage) -> None:
     """Keep the circuit under a name, or download it."""
     dialog = Dialog("Save the circuit", "circuit-dialog", "bd", once=True)
     with dialog:
@@ -109,7 +109,7 @@ def _store(shelf: Shelf, name: str, words: str) -> None:
     write_text(path, words)
 
 
-def waveform(face: Face) -> None:
+def waveform(face: CircuitPage) -> None:
     """The signals as text."""
     signals = face.desk.document.get("signals")
     if not signals:
@@ -142,7 +142,7 @@ def waveform(face: Face) -> None:
     area.on_value("change", lambda value: came(str(value)))
 
 
-def to_bench(face: Face) -> None:
+def to_bench(face: CircuitPage) -> None:
     """The circuit as a rig of the bench, with its muscle; then the bench's page.
 
     Raises:

@@ -18,7 +18,7 @@ GIVEN = ("reservoir", *AIR)  # nodes whose pressure is given
 TOP = "5 bar"  # of a step, where no supply says less
 
 
-class Part(NamedTuple):
+class PalettePart(NamedTuple):
     """One of the palette: its name, the key that adds it after Insert, and what it is in a file."""
 
     name: str
@@ -29,20 +29,21 @@ class Part(NamedTuple):
 
 
 PARTS = {
-    "supply": Part("Supply", "S", "reservoir", {"pressure": "6.9 bar"}, "supply"),
-    "regulator": Part("Regulator", "R", "pressure_regulator", {
+    "supply": PalettePart("Supply", "S", "reservoir", {"pressure": "6.9 bar"}, "supply"),
+    "regulator": PalettePart("Regulator", "R", "pressure_regulator", {
         "conductance": "4e-9 m^3/(s*Pa)", "critical_ratio": 0.35, "band": "0.1 bar", "set_pressure": "4 bar"}, "regulator"),
-    "valve": Part("Proportional valve", "A", "pressure_regulator", {
+    "valve": PalettePart("Proportional valve", "A", "pressure_regulator", {
         "specimen": "MPP-3-1-8", "flow_into_the_room": "95 l/min", "flow_pressure": "6.9 bar",
         "dead_time": "2 ms"}, "valve"),
-    "tube": Part("Tube", "T", "lumped_tube", {"length": "50 cm", "diameter": "3.175 mm"}, "tube"),
-    "orifice": Part("Orifice", "O", "orifice", {"hole_diameter": "1 mm"}, "orifice"),
-    "volume": Part("Volume", "V", "volume", {"volume": "49.161 cm^3"}, "volume"),
-    "muscle": Part("Muscle", "M", "muscle", {"specimen": "nylon", "length": "14 cm", "dead_volume": "0.5 cm^3"}, "muscle"),
-    "pressure": Part("Pressure sensor", "P", "", {}, ""),
-    "flow": Part("Flow sensor", "F", "", {}, ""),
-    "leak": Part("Leak", "L", "leak", {"flow_into_the_room": "1 l/min", "flow_pressure": "5 bar"}, "leak"),
-    "exhaust": Part("Exhaust", "E", "orifice", {"hole_diameter": "1 mm"}, "exhaust"),
+    "tube": PalettePart("Tube", "T", "lumped_tube", {"length": "50 cm", "diameter": "3.175 mm"}, "tube"),
+    "orifice": PalettePart("Orifice", "O", "orifice", {"hole_diameter": "1 mm"}, "orifice"),
+    "volume": PalettePart("Volume", "V", "volume", {"volume": "49.161 cm^3"}, "volume"),
+    "muscle": PalettePart("Muscle", "M", "muscle", {
+        "specimen": "nylon", "length": "14 cm", "dead_volume": "0.5 cm^3"}, "muscle"),
+    "pressure": PalettePart("Pressure sensor", "P", "", {}, ""),
+    "flow": PalettePart("Flow sensor", "F", "", {}, ""),
+    "leak": PalettePart("Leak", "L", "leak", {"flow_into_the_room": "1 l/min", "flow_pressure": "5 bar"}, "leak"),
+    "exhaust": PalettePart("Exhaust", "E", "orifice", {"hole_diameter": "1 mm"}, "exhaust"),
 }  # fmt: skip
 
 

@@ -12,9 +12,9 @@ from ...laboratory import Laboratory
 from ...shelf import Shelf
 from ...widgets import box, button, link, loading, page, panel, raw, refused, text
 from . import diagram, dialogs, edit, inspector, response
-from .desk import Answer, Desk, follow
 from .document import Document, text_of
-from .faces import flow_chart, numbers, palette, pressure_chart, sweep_chart
+from .drawings import flow_chart, numbers, palette, pressure_chart, sweep_chart
+from .state import CircuitAnswer, CircuitState, follow
 
 TICK = (
     '<svg width="11" height="10" aria-hidden="true"><path d="M1 5l3 3 6-7" fill="none" stroke="currentColor" '
@@ -22,7 +22,7 @@ TICK = (
 )
 
 
-class Face:
+class CircuitPage:
     """The page of one visitor.
 
     Args:
@@ -34,7 +34,7 @@ class Face:
 
     def __init__(self, lab: Laboratory, shelf: Shelf, document: Document, view: dict[str, str]) -> None:
         self.lab, self.shelf = lab, shelf
-        self.desk = Desk(document, view.get("part", ""))
+        self.desk = CircuitState(document, view.get("part", ""))
         named = {k: [w for w in view[k].split(",") if w] for k in ("sensors", "flows", "models") if k in view}
         self.desk.sensors = response.shown_nodes(self.desk.plan, named.get("sensors", ()))
         self.desk.flows = [n for n in named.get("flows", ()) if n in self.desk.plan.circuit.elements] or self.desk.flows
@@ -265,21 +265,21 @@ class Face:
         self.chip.put(sign + words)
         self.chip.style(display=None if words else "none")
 
-    def _show(self, answer: Answer) -> None:
+    def _show(self, answer: CircuitAnswer) -> None:
         self.said.clear()
         charts.update(self.pressure, pressure_chart(self.desk, answer))
         charts.update(self.flow, flow_chart(self.desk, answer.record))
 
-    def _after(self, answer: Answer) -> None:
+    def _after(self, answer: CircuitAnswer) -> None:
         self._numbers(answer.numbers)
         self._around()
 
-    def _numbers(self, found: response.Measured) -> None:
+    def _numbers(self, found: response.ResponseNumbers) -> None:
         self.numbers.clear()
         with self.numbers:
             numbers(self.desk, found)
 
-    def _checked(self, closed: Any, swept: response.Sweep | None) -> None:
+    def _checked(self, closed: Any, swept: response.ValueSweep | None) -> None:
         if closed is None:
             self.swept.clear()
             if swept is not None:

@@ -1,25 +1,182 @@
-"""What a circuit did: the recording of a quick response or of the command line's run, and the numbers read from it."""
+"""What a circuit does: its response by a native kernel, one compilation per topology, and the numbers read from it.
+
+A kernel takes the circuit's values, signals and start pressures, and makes state and memory itself. It is the engine's own
+march, so that it gives what the command line gives, and keeps the integrals that its accounts are balanced with.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from ....analysis.steps import LAST, settling, step_responses
 from ....assembly.circuit_file import CircuitPlan
 from ....components import paths
 from ....components.flow import GasState
-from ....errors import InputError, MckibbenError
+from ....components.system import Moment, System
+from ....engine.integration import ATTEMPTS, MOST_PARTS, ROS2_LIMIT, march
+from ....engine.native import EngineFunction, compile_function
+from ....engine.rates import RK4_LIMIT
+from ....errors import ConvergenceError, InputError, MckibbenError
 from ....pneumatics import AIR
+from ....pneumatics.balance import Balance, balance
+from ....pneumatics.circuit import Circuit
 from ....pneumatics.gas import REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ....pneumatics.tubes import LinearTube
 from ....quantities import declared, from_si, with_unit
 from ....recordings import Channel, Recording
 from .document import Document, planned, worded
 from .edit import AIR as OUTSIDE
-from .kernel import Method, ready, respond
+
+MOST = 24  # kernels that are kept
+_kept: OrderedDict[Any, EngineFunction] = OrderedDict()
+_locks: dict[Any, threading.Lock] = {}
+_guard = threading.Lock()
+
+
+RATE = "steepest rate"  # beside the outputs of a circuit [1/s]
+
+
+class IntegrationMethod(NamedTuple):
+    """How a circuit is integrated: by the stiff method, and into how many parts its step is split."""
+
+    stiff: bool = False
+    split: int = 1
+
+
+def method_of(rate: float, step: float, stiff: bool = False) -> IntegrationMethod:
+    """The method that the engine chooses at a rate [1/s] and a step [s]."""
+    if not stiff and rate * step <= RK4_LIMIT:
+        return IntegrationMethod()
+    return IntegrationMethod(
+        True, min(MOST_PARTS, max(1, int(np.ceil(rate * step / ROS2_LIMIT)))) if np.isfinite(rate) else 1
+    )
+
+
+class WatchedCircuit(System):
+    """A circuit that also tells its steepest rate at every sample, by which the method is chosen."""
+
+    circuit: Circuit
+
+    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """Of the circuit."""
+        return self.circuit.rate(state, memory, inputs)
+
+    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """Of the circuit."""
+        return self.circuit.integrands(state, memory, inputs)
+
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+        """Of the circuit."""
+        return self.circuit.advance_memory(memory, start, end, duration)
+
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+        """Of the circuit."""
+        return self.circuit.commands(signals)
+
+    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+        """Of the circuit, and `RATE`."""
+        steepest = self.circuit.max_rate_bound(state, memory, inputs)
+        return {**self.circuit.outputs(state, memory, inputs), RATE: steepest}
+
+
+class CircuitResponse(NamedTuple):
+    """The outputs of a circuit by name, each (samples + 1,), pressures absolute; the method, and what the accounts need."""
+
+    outputs: dict[str, np.ndarray]
+    method: IntegrationMethod
+    start: Any
+    end: Any
+    integrals: Any
+
+
+def respond(plan: CircuitPlan, method: IntegrationMethod | None = None) -> CircuitResponse:
+    """What a circuit does.
+
+    Args:
+        plan: of the circuit.
+        method: to begin with; another is taken where the rates that were met ask for it.
+
+    Raises:
+        ConvergenceError: the state is not finite.
+    """
+    given, method = _given(plan), method or IntegrationMethod()
+    for _ in range(ATTEMPTS):
+        seen, start, end, integrals = _kernel(plan, given, method)(*given)
+        found: dict[str, np.ndarray] = dict(seen)
+        rate = float(np.max(found.pop(RATE)))
+        sound = all(np.isfinite(values).all() for values in found.values())
+        needed = method_of(rate if np.isfinite(rate) and sound else float("inf"), plan.inner_step, method.stiff)
+        if sound and needed.stiff <= method.stiff and needed.split <= method.split:
+            return CircuitResponse(found, method, start, end, integrals)
+        if needed == method:
+            break
+        method = needed
+    if sound:
+        return CircuitResponse(found, method, start, end, integrals)
+    raise ConvergenceError("the state is not finite any more: a value is far out of range, or the step is too long")
+
+
+def ready(plan: CircuitPlan, method: IntegrationMethod | None = None) -> bool:
+    """Whether the kernel of a topology is compiled."""
+    return _key(plan, _given(plan), method or IntegrationMethod()) in _kept
+
+
+def _given(plan: CircuitPlan) -> tuple[Any, ...]:
+    room = plan.environment
+    pressures = {n: np.asarray(p + float(room.pressure_abs)) for n, p in plan.starts.items()}
+    return plan.circuit, plan.inputs(), pressures, np.asarray(float(room.temperature))
+
+
+def _key(plan: CircuitPlan, given: Any, method: IntegrationMethod) -> Any:
+    shapes = tuple(np.shape(leaf) for leaf in jax.tree.leaves(given))
+    return jax.tree.structure(given), shapes, plan.period, plan.inner_step, plan.samples, method
+
+
+def _kernel(plan: CircuitPlan, given: Any, method: IntegrationMethod) -> EngineFunction:
+    key = _key(plan, given, method)
+    with _guard:
+        lock = _locks.setdefault(key, threading.Lock())
+    with lock:
+        if key not in _kept:
+            function = functools.partial(
+                _outputs, period=plan.period, inner=max(1, round(plan.period / plan.inner_step)) * method.split,
+                samples=plan.samples, stiff=method.stiff,
+            )  # fmt: skip
+            made = compile_function(function, *given, title="circuit")
+            made(*given)  # machine code is made at the first call
+            with _guard:
+                _kept[key] = made
+                while len(_kept) > MOST:
+                    _locks.pop(_kept.popitem(last=False)[0], None)
+        with _guard:
+            _kept.move_to_end(key)
+            return _kept[key]
+
+
+def _outputs(circuit: Any, signals: Any, pressures: Any, temperature: Any, *, period: float, inner: int, samples: int,
+             stiff: bool) -> Any:  # fmt: skip
+    first = {n: s.at(0, 0.0, period) for n, s in signals.items()}
+    state = circuit.at_rest(pressures, first, temperature)
+    memory = circuit.initial_memory(state, first)
+    carry, kept = march(WatchedCircuit(circuit=circuit), state, memory, signals, period, inner, samples, stiff)
+    return kept[2], state, carry[0], carry[2]
+
+
+def accounts(plan: CircuitPlan, done: CircuitResponse) -> Balance:
+    """How well mass and energy of a response balance, over what went through."""
+    signals, count = plan.inputs(), plan.samples
+    first = {n: s.at(0, 0.0, plan.period) for n, s in signals.items()}
+    last = {n: s.at(count - 1, 1.0, plan.period) for n, s in signals.items()}
+    sums = jax.tree.map(float, done.integrals)
+    return balance(plan.circuit, done.start, done.end, first, last, sums)
+
 
 TUBES = ("linear_tube", "quadratic_tube", "inertial_tube", "lumped_tube")
 MODELS = {"linear_tube": "linear", "quadratic_tube": "quadratic", "inertial_tube": "inertial"}
@@ -32,7 +189,7 @@ MOST_SAMPLES, QUICK_SAMPLES = 20_000, 4_000  # of such a run, and of one that is
 SHARES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 
 
-class Measured(NamedTuple):
+class ResponseNumbers(NamedTuple):
     """Numbers of a response; None where the command does not step or nothing follows it [SI].
 
     Where `settled` is False, the level after the step and the times are of a step still under way: over the last fifth of
@@ -82,7 +239,7 @@ def litres(mass_flow: Any) -> Any:
     return from_si(1.0, "m^3/s", "l/min") * np.asarray(mass_flow) / density
 
 
-def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> Measured:
+def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> ResponseNumbers:
     """Delay and rise of a node's pressure by `analysis.steps`, and the largest flow of an element."""
     channel = f"{node}.pressure"
     stepping = [n for n, s in plan.signals.items() if s.unit != "m" and s.waveform.kind == "steps"]
@@ -101,18 +258,18 @@ def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> M
             (stepping or not plan.signals) and after != before and np.count_nonzero(late) > 2
         ):  # it only fills or empties
             drift, settled = settling(record.time[late], record[channel][late], after - before)
-        return Measured(
+        return ResponseNumbers(
             channel, None, None, True, 0.0, before, after, largest, element, drift, settled, False, duration
         )
-    return Measured(
+    return ResponseNumbers(
         channel, one.delay, one.transition, one.rising, one.command_time, one.before, one.after, largest, element,
         one.drift, one.settled, one.until < duration, duration,
     )  # fmt: skip
 
 
 def settled(
-    plan: CircuitPlan, found: Measured, node: str, method: Method | None, wait: bool = True
-) -> tuple[Measured, bool]:
+    plan: CircuitPlan, found: ResponseNumbers, node: str, method: IntegrationMethod | None, wait: bool = True
+) -> tuple[ResponseNumbers, bool]:
     """Numbers of a response that has settled: from a longer run, where the plan's own is too short.
 
     Args:
@@ -194,7 +351,7 @@ def _resistance(plan: CircuitPlan, name: str) -> float:
     return (full - room) / float(np.interp(0.0, -rates, flows))
 
 
-class Sweep(NamedTuple):
+class ValueSweep(NamedTuple):
     """The rise over a value of a part: its path, the values [SI], the rises [s], NaN where nothing rises or settles."""
 
     key: str
@@ -213,7 +370,9 @@ def grows(plan: CircuitPlan, name: str) -> str:
     return next((k for k in GROWS if k in words), "")
 
 
-def sweep(document: Document, plan: CircuitPlan, name: str, node: str, method: Method | None) -> Sweep | None:
+def sweep(
+    document: Document, plan: CircuitPlan, name: str, node: str, method: IntegrationMethod | None
+) -> ValueSweep | None:
     """The rise of a node's pressure if a part were smaller or larger."""
     key = grows(plan, name)
     if not key:
@@ -236,7 +395,7 @@ def sweep(document: Document, plan: CircuitPlan, name: str, node: str, method: M
         values.append(share * now)
         steps = found.transition is not None and found.delay is not None and found.settled
         rises.append(found.delay + found.transition if steps else float("nan"))  # type: ignore[operator]
-    return Sweep(key, unit, np.array(values), np.array(rises), now)
+    return ValueSweep(key, unit, np.array(values), np.array(rises), now)
 
 
 def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:

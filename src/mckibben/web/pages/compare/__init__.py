@@ -10,6 +10,6 @@ from ...shell import asked
 
 def build(lab: Laboratory, request: Any) -> None:
     """The page."""
-    from .page import Face
+    from .page import ComparePage
 
-    Face(lab, asked(request, "muscles", "values", "recordings", "pressure")).build()
+    ComparePage(lab, asked(request, "muscles", "values", "recordings", "pressure")).build()

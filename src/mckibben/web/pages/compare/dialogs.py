@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 from ....errors import MckibbenError
 from ....specimens import specimens
 from ...widgets import Dialog, box, button, empty, raw, refused, text
-from . import faces, work
+from . import drawings, jobs
 
 if TYPE_CHECKING:
-    from .page import Face
+    from .page import ComparePage
 
 
-def add(face: Face) -> None:
+def add(face: ComparePage) -> None:
     """A list of what is not shown yet; a click on one adds it."""
     dialog = Dialog("Add a column", "compare-dialog", "bd list", once=True)
 
@@ -48,7 +48,7 @@ def add(face: Face) -> None:
     dialog.open()
 
 
-def runs(face: Face) -> None:
+def runs(face: ComparePage) -> None:
     """The isometric step of the muscles that ran it, or the button that runs it."""
     face.step.clear()
     face.running.clear()
@@ -56,8 +56,8 @@ def runs(face: Face) -> None:
         with face.step:
             text("p", "Protocols run on muscles, not on recordings: choose From the laws.", "small dim")
         return
-    missing = [(s, n) for _, s in face.shown for n in work.PROTOCOLS if work.run_known(s, n) is None]
-    chart = faces.step_chart(face.shown)
+    missing = [(s, n) for _, s in face.shown for n in jobs.PROTOCOLS if jobs.run_known(s, n) is None]
+    chart = drawings.step_chart(face.shown)
     with face.step:
         if chart is not None:
             chart.show()
@@ -73,21 +73,21 @@ def runs(face: Face) -> None:
             button("Run the rest", lambda: begin(face), small=True)
 
 
-def begin(face: Face) -> None:
+def begin(face: ComparePage) -> None:
     """Run what is missing, one protocol after the other; it ends after the one that runs when it is cancelled."""
     face.cancelled = False
     face.document.spawn(_run(face))
 
 
-async def _run(face: Face) -> None:
-    todo = [(s, n) for n in work.PROTOCOLS for _, s in face.shown if work.run_known(s, n) is None]
+async def _run(face: ComparePage) -> None:
+    todo = [(s, n) for n in jobs.PROTOCOLS for _, s in face.shown if jobs.run_known(s, n) is None]
     number = face.number
     for i, (one, name) in enumerate(todo):
         if face.cancelled or face.number != number:
             break
         _progress(face, f"{one.id}: {name}", i, len(todo))
         try:
-            await asyncio.to_thread(work.run_of, one, name)
+            await asyncio.to_thread(jobs.run_of, one, name)
         except MckibbenError as error:
             face.step.clear()
             with face.step:
@@ -102,13 +102,13 @@ async def _run(face: Face) -> None:
         face.renew()
 
 
-def _progress(face: Face, words: str, done: int, total: int) -> None:
+def _progress(face: ComparePage, words: str, done: int, total: int) -> None:
     def cancel() -> None:
         face.cancelled = True
         _progress(face, f"{words}; ends after it", done, total)
 
     face.running.clear()
-    chart: Any = faces.step_chart(face.shown)
+    chart: Any = drawings.step_chart(face.shown)
     face.step.clear()
     with face.step:
         if chart is not None:

@@ -11,13 +11,13 @@ from ....quantities import from_si
 from ....studies.comparison import Column, Subject
 from ...bench import drawing
 from ...widgets import box, button, raw, refused, text
-from . import faces, work
+from . import drawings, jobs
 
 if TYPE_CHECKING:
-    from .page import Face
+    from .page import ComparePage
 
 
-class Grid:
+class ComparisonGrid:
     """The table of one page.
 
     Args:
@@ -25,7 +25,7 @@ class Grid:
         columns: word of the link, column, muscle where it is one by its law, and why there is no column.
     """
 
-    def __init__(self, face: Face, columns: list[tuple[str, Column | None, Subject | None, str]]) -> None:
+    def __init__(self, face: ComparePage, columns: list[tuple[str, Column | None, Subject | None, str]]) -> None:
         self.face, self.columns = face, columns
 
     def show(self, surfaces: dict[str, Any]) -> None:
@@ -34,7 +34,7 @@ class Grid:
         with box("div", "cmp").style(**{"--columns": str(count)}):
             box("div", "k head")
             for i, (name, column, one, _) in enumerate(columns):
-                self._head(faces.LETTERS[i], name, column, one)
+                self._head(drawings.LETTERS[i], name, column, one)
             bad = {i: said for i, (_, column, _, said) in enumerate(columns) if column is None}
             if bad:
                 box("div", "k")
@@ -69,7 +69,7 @@ class Grid:
             if one is None:
                 box("div", "cell")
                 continue
-            shortest = float(work.column(one).values["shortest"])
+            shortest = float(jobs.column(one).values["shortest"])
             spec = (
                 drawing.plain(one.spec) if one.unit is not None else {"rest_length": one.rest_length, "fibre": True}
             ) | {
@@ -78,7 +78,7 @@ class Grid:
                 "area": one.section_area,
             }
             with box("div", "cell"):
-                words, packed = html.escape(faces.sizes(one)), html.escape(json.dumps(spec))
+                words, packed = html.escape(drawings.sizes(one)), html.escape(json.dumps(spec))
                 raw(f'<canvas class="drawn" role="img" aria-label="{words}" data-muscle="{packed}"></canvas>')
 
     def _surfaces(self, columns: Any, surfaces: dict[str, Any]) -> None:
@@ -97,31 +97,31 @@ class Grid:
         for i, (name, _, one, _) in enumerate(columns):
             with box("div", "cell"):
                 if one is not None:
-                    raw(faces.surface_markup(one, faces.LETTERS[i], surfaces[name], scale))
+                    raw(drawings.surface_markup(one, drawings.LETTERS[i], surfaces[name], scale))
 
     def _rows(self, columns: Any) -> None:
         place = {id(c): i for i, c in enumerate(c for _, c, _, _ in columns if c is not None)}
-        papers = [work.paper_values(c.name) if c is not None else {} for _, c, _, _ in columns]
+        papers = [jobs.paper_values(c.name) if c is not None else {} for _, c, _, _ in columns]
         ends = [
-            v for _, c, _, _ in columns if c is not None for n in ("shortest", "longest") if (v := work.value_of(c, n))
+            v for _, c, _, _ in columns if c is not None for n in ("shortest", "longest") if (v := jobs.value_of(c, n))
         ]
         low, high = min(ends, default=0.6) - 0.03, max(ends, default=1.2) + 0.03
-        for row in work.shown_rows(self.face.table):
+        for row in jobs.shown_rows(self.face.table):
             known = [p.get(row.property.name) for p in papers]
             unit = row.property.unit.replace("L0", "L\u2080").replace("^2", "\u00b2").replace("^3", "\u00b3")
             unit = html.escape("" if unit == "1" else unit)
             shown = html.escape("" if unit == "1" else unit)
             raw(f"<span>{html.escape(row.property.title)}</span><span class='u'>{shown}</span>", "div", "k r")
-            largest = faces.largest_of(row, known)
+            largest = drawings.largest_of(row, known)
             for i, (_, column, _, _) in enumerate(columns):
                 if column is None:
                     box("div", "r")
                 elif row.property.name == "dynamic_range":
-                    raw(faces.range_bar(column, low, high, known[i]), "div", "r")
+                    raw(drawings.range_bar(column, low, high, known[i]), "div", "r")
                 else:
                     one = columns[i][2]
                     living = one is not None and one.fibre is not None
-                    raw(faces.bar(row, place[id(column)], largest, known[i], living), "div", "r")
+                    raw(drawings.bar(row, place[id(column)], largest, known[i], living), "div", "r")
 
 
 def _short(title: str) -> str:

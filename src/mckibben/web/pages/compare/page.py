@@ -16,16 +16,16 @@ from ...elements import page_document
 from ...laboratory import Laboratory
 from ...transfers import download
 from ...widgets import box, button, empty, link, loading, page, panel, raw, refused, segments, tell, text
-from . import faces, work
+from . import drawings, jobs
 from .dialogs import add, runs
-from .grid import Grid
+from .grid import ComparisonGrid
 
 PRESSURE = Quantity(
     "Pa", (0.0, 1e8), "gauge pressure that counts as the full drive of McKibben muscles", "P", (1e5, 8e5)
 )
 
 
-class Face:
+class ComparePage:
     """The page of one visitor.
 
     Args:
@@ -35,9 +35,9 @@ class Face:
 
     def __init__(self, lab: Laboratory, view: dict[str, str]) -> None:
         self.lab = lab
-        self.muscles = _words(view.get("muscles", ",".join(work.FIRST)))[: work.MOST]
+        self.muscles = _words(view.get("muscles", ",".join(jobs.FIRST)))[: jobs.MOST]
         self.values = view.get("values", "laws") if view.get("values") in ("laws", "recordings") else "laws"
-        self.recordings = _words(view["recordings"])[: work.MOST] if "recordings" in view else self._newest()
+        self.recordings = _words(view["recordings"])[: jobs.MOST] if "recordings" in view else self._newest()
         self.pressure, self.said = FULL_PRESSURE, ""
         self.cancelled, self.number, self.gone = False, 0, False
         self.subjects: dict[str, Subject] = {}
@@ -124,8 +124,8 @@ class Face:
         """One more column, or another of a list."""
         chosen = self.recordings if self.values == "recordings" and name.endswith(".nc") else self.muscles
         if name not in chosen:
-            if len(chosen) >= work.MOST:
-                self._say(f"{len(chosen) + 1} columns; allowed are up to {work.MOST}")
+            if len(chosen) >= jobs.MOST:
+                self._say(f"{len(chosen) + 1} columns; allowed are up to {jobs.MOST}")
                 return
             chosen.append(name)
         self.renew()
@@ -149,7 +149,7 @@ class Face:
         if self.table is None:
             tell("The table is not there yet.")
             return
-        download("comparison.csv", work.exported(self.table))
+        download("comparison.csv", jobs.exported(self.table))
 
     def _say(self, words: str) -> None:
         self.refusal.clear()
@@ -163,7 +163,7 @@ class Face:
         return self.lab.specimens.found(name) if name.endswith(".toml") else name.replace("/", "").replace("\\", "")
 
     def _subjects(self, pressure: float) -> dict[str, Subject]:
-        return {n: work.subject_of(self.path(n), pressure) for n in self.muscles}
+        return {n: jobs.subject_of(self.path(n), pressure) for n in self.muscles}
 
     def renew(self) -> None:
         """Compute what is shown, and show it."""
@@ -205,9 +205,9 @@ class Face:
 
     def _warm(self, name: str) -> None:
         try:
-            one = work.subject_of(self.path(name), self.pressure)
-            work.column(one)
-            work.over_velocity(one)
+            one = jobs.subject_of(self.path(name), self.pressure)
+            jobs.column(one)
+            jobs.over_velocity(one)
         except MckibbenError:
             pass  # said in its column
 
@@ -217,7 +217,7 @@ class Face:
         biological = self.values == "recordings"
         for name in self.recordings if biological else []:
             try:
-                columns.append((name, work.recorded(self.lab.recordings.found(name)), None, ""))
+                columns.append((name, jobs.recorded(self.lab.recordings.found(name)), None, ""))
             except MckibbenError as error:
                 said = str(error).replace(f"{self.lab.recordings.folder}/", "")
                 columns.append((name, None, None, said))
@@ -225,18 +225,18 @@ class Face:
             try:
                 if biological and (name.endswith(".toml") or specimen(name).kind != "biological"):
                     continue
-                one = work.subject_of(self.path(name), self.pressure)
-                columns.append((name, work.with_runs(one, work.column(one)), one, ""))
+                one = jobs.subject_of(self.path(name), self.pressure)
+                columns.append((name, jobs.with_runs(one, jobs.column(one)), one, ""))
             except MckibbenError as error:
                 columns.append((name, None, None, str(error)))
-        more: dict[str, Any] = {"surfaces": {n: work.surface(s) for n, _, s, _ in columns if s is not None}}
+        more: dict[str, Any] = {"surfaces": {n: jobs.surface(s) for n, _, s, _ in columns if s is not None}}
         for _, _, muscle, _ in columns:
             if muscle is not None:
-                work.over_velocity(muscle)
+                jobs.over_velocity(muscle)
         more["loops"] = []
         for name, column, muscle, _ in columns:
             if column is not None and muscle is None:
-                more["loops"].append((name, work.loop_of(self.lab.recordings.found(name))))
+                more["loops"].append((name, jobs.loop_of(self.lab.recordings.found(name))))
         return columns, more
 
     # ---- what is shown
@@ -244,7 +244,7 @@ class Face:
     def _show(self, columns: list[tuple[str, Column | None, Subject | None, str]], more: dict[str, Any]) -> None:
         self.main.clear()
         known = [c for _, c, _, _ in columns if c is not None]
-        self.table = work.table(known)
+        self.table = jobs.table(known)
         with self.main:
             if not columns:
                 if self.values == "recordings":
@@ -256,8 +256,8 @@ class Face:
                 else:
                     empty("No muscles to compare.", "Add muscle", lambda: add(self))
             else:
-                Grid(self, columns).show(more["surfaces"])
-        self.shown = [(faces.LETTERS[i], one) for i, (_, _, one, _) in enumerate(columns) if one is not None]
+                ComparisonGrid(self, columns).show(more["surfaces"])
+        self.shown = [(drawings.LETTERS[i], one) for i, (_, _, one, _) in enumerate(columns) if one is not None]
         self.side(more["loops"], columns)
 
     def side(self, loops: Any = (), columns: Any = None) -> None:
@@ -265,18 +265,18 @@ class Face:
         self.velocity.clear()
         with self.velocity:
             if loops:
-                letters = {n: faces.LETTERS[i] for i, (n, _, _, _) in enumerate(columns)}
-                faces.loops_chart([(f"{letters[n]} {Path(n).stem}", xy) for n, xy in loops]).show()
+                letters = {n: drawings.LETTERS[i] for i, (n, _, _, _) in enumerate(columns)}
+                drawings.loops_chart([(f"{letters[n]} {Path(n).stem}", xy) for n, xy in loops]).show()
             if self.shown:
-                faces.velocity_chart(self.shown).show()
+                drawings.velocity_chart(self.shown).show()
         runs(self)
         if columns is not None:
-            self.letters = [faces.LETTERS[i] for i, c in enumerate(columns) if c[1] is not None]
+            self.letters = [drawings.LETTERS[i] for i, c in enumerate(columns) if c[1] is not None]
         names = [c.name for c in self.table.columns]
         full = self.pressure == FULL_PRESSURE and "nylon" in names and self.values == "laws"
         self.energy.clear()
         with self.energy:
-            raw(faces.efficiencies(self.table, self.letters, full))
+            raw(drawings.efficiencies(self.table, self.letters, full))
 
 
 def _words(text_: str) -> list[str]:

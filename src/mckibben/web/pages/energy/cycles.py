@@ -28,8 +28,9 @@ from ....analysis.energy.cycles import pressures
 from ....errors import InputError, NoVolumeError
 from ....muscles.plausible import pressure_caution
 from ....quantities import from_si, with_unit
+from ....report.energy_report import energy_report
 from ....reproduction import part4
-from .choice import Choice, conditions, resolved
+from .state import EnergyChoice, conditions, resolved
 
 ML, BAR, CM = (from_si(1.0, a, b) for a, b in (("m^3", "cm^3"), ("Pa", "bar"), ("m", "cm")))
 LOSSES = {
@@ -44,7 +45,7 @@ TITLES = {"maximal": "Maximal shortening", "isotonic": "Isotonic", "valve": "Iso
 # ---- what is shown
 
 
-def cycle_document(choice: Choice) -> dict[str, Any]:
+def cycle_document(choice: EnergyChoice) -> dict[str, Any]:
     """All that changes with the supply's pressure.
 
     Raises:
@@ -78,7 +79,7 @@ def cycle_document(choice: Choice) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _other(choice: Choice, muscle: CycleMuscle) -> CycleLoops | None:
+def _other(choice: EnergyChoice, muscle: CycleMuscle) -> CycleLoops | None:
     """The same cycle with the other exchange, where there is one."""
     flipped = "atmosphere" if choice.exchange == "accumulator" else "accumulator"
     try:
@@ -112,7 +113,7 @@ def _corner_x(loops: CycleLoops) -> float:
 
 
 def _rows(
-    choice: Choice, main: EnergyCycle, other: EnergyCycle | None, between: Conditions, volume: str
+    choice: EnergyChoice, main: EnergyCycle, other: EnergyCycle | None, between: Conditions, volume: str
 ) -> list[dict[str, Any]]:
     """Numbers of one cycle: words, value, unit, quantity, and what is printed at 5 bar."""
     accumulated = choice.exchange == "accumulator"
@@ -143,7 +144,7 @@ def _rows(
     ]
 
 
-def _printed(choice: Choice, between: Conditions, volume: str) -> dict[tuple[str, bool], Any]:
+def _printed(choice: EnergyChoice, between: Conditions, volume: str) -> dict[tuple[str, bool], Any]:
     """What the paper prints for this very cycle; nothing where it prints another."""
     ours = part4.conditions()._replace(exchange_pressure=between.exchange_pressure, reading=between.reading)
     same = choice.muscle == part4.MUSCLE and not choice.law and volume == "paper" and between == ours
@@ -160,7 +161,7 @@ def _printed(choice: Choice, between: Conditions, volume: str) -> dict[tuple[str
     return found
 
 
-def _say(choice: Choice, main: CycleLoops, other: CycleLoops | None, between: Conditions) -> list[str]:
+def _say(choice: EnergyChoice, main: CycleLoops, other: CycleLoops | None, between: Conditions) -> list[str]:
     """Sentences below the numbers."""
     said, cycle = [], main.cycle
     at = between.exchange_pressure if choice.exchange == "accumulator" else _accumulator(choice)
@@ -175,7 +176,7 @@ def _say(choice: Choice, main: CycleLoops, other: CycleLoops | None, between: Co
     return said
 
 
-def _more(choice: Choice, main: CycleLoops, between: Conditions, overstretched: bool) -> list[str]:
+def _more(choice: EnergyChoice, main: CycleLoops, between: Conditions, overstretched: bool) -> list[str]:
     """Sentences on what the numbers rest on."""
     caution = pressure_caution(between.pressure, resolved(choice).spec)
     said = [] if caution is None else [f"{caution[0].upper()}{caution[1:]}."]
@@ -189,7 +190,7 @@ def _more(choice: Choice, main: CycleLoops, between: Conditions, overstretched: 
     return said
 
 
-def _accumulator(choice: Choice) -> float | None:
+def _accumulator(choice: EnergyChoice) -> float | None:
     try:
         return conditions(choice, "accumulator").exchange_pressure
     except InputError:
@@ -210,7 +211,7 @@ def _volumes(all_: Mapping[str, CycleMuscle], cycle: str, between: Conditions) -
 
 
 @functools.lru_cache(maxsize=16)
-def curves(choice: Choice) -> dict[str, Any]:
+def curves(choice: EnergyChoice) -> dict[str, Any]:
     """Efficiency over the supply's pressure, with each exchange, with and without friction."""
     muscle = next(iter(resolved(choice).muscles.values()))
     highest = max(CURVE_TOP, choice.pressure)
@@ -236,6 +237,27 @@ def curves(choice: Choice) -> dict[str, Any]:
     return {"lines": lines, "highest": highest * BAR, "threshold": float(muscle.threshold()) * BAR}
 
 
-def curves_key(choice: Choice) -> Choice:
+def curves_key(choice: EnergyChoice) -> EnergyChoice:
     """The choice without what its curves do not depend on."""
     return replace(choice, pressure=max(CURVE_TOP, choice.pressure), exchange="atmosphere")
+
+
+def cycle_report(choice: EnergyChoice) -> bytes:
+    """As an HTML file, with each exchange that there is."""
+    spec, law, muscles = resolved(choice)
+    muscle = next(iter(muscles.values()))
+    other = "atmosphere" if choice.exchange == "accumulator" else "accumulator"
+    loops, curves, numbers = [], [], {}
+    for exchange in (choice.exchange, other):
+        try:
+            between = conditions(choice, exchange)
+            highest = max(CURVE_TOP, choice.pressure)
+            wide = conditions(replace(choice, pressure=highest), exchange)
+        except InputError:
+            continue
+        loops.append(cycle_loops(muscle, choice.cycle, between))
+        at = pressures(muscle, wide, highest, CURVE_POINTS)
+        curves.append((exchange, energy_curve(muscle, choice.cycle, at, wide)))
+        for volume, one in muscles.items():
+            numbers[exchange, volume] = energy_cycle(one, choice.cycle, between)
+    return energy_report(spec.title, law, muscles, loops, curves, numbers).html().encode("utf-8")

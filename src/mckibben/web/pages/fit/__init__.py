@@ -11,11 +11,11 @@ from ...widgets import page
 
 def build(lab: Laboratory, request: Any) -> None:
     """Fill it."""
-    from .source import LINK
-    from .view import View
+    from .page import FitPage
+    from .state import LINK
 
     words = asked(request, *LINK)
     sub = "Tension laws to a table of length, pressure and tension"
     with page("fit", sub=sub, sheets=("fit.css",), scripts=("js/fit.js",)) as bar:
-        view = View(lab, words)
+        view = FitPage(lab, words)
         view.build(bar)

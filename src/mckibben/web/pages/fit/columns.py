@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError
 from ...widgets import box, button, check, raw, refused, select, text
-from .source import Asked, dimensions, specimen_of
+from .state import FitRequest, dimensions, specimen_of
 
 if TYPE_CHECKING:
     from ....recordings.force_map import TablePreview
@@ -26,10 +26,10 @@ UNITS = {
 }  # fmt: skip
 SHOWN = 4  # rows of the preview
 MOST = 4  # columns that are shown side by side; of more, those that are used
-Change = Callable[[Asked], Any]
+Change = Callable[[FitRequest], Any]
 
 
-def mapping(asked: Asked, look: TablePreview, change: Change, wrong: InputError | None) -> None:
+def mapping(asked: FitRequest, look: TablePreview, change: Change, wrong: InputError | None) -> None:
     """The table of columns with a preview; a column that is to blame is marked.
 
     Args:
@@ -91,7 +91,7 @@ def _slack(cell: str) -> bool:
         return False
 
 
-def _what(asked: Asked, column: str, what: str, meant: dict[str, str], change: Change) -> Any:
+def _what(asked: FitRequest, column: str, what: str, meant: dict[str, str], change: Change) -> Any:
     """What one column holds."""
 
     def chosen(now: str) -> None:
@@ -106,7 +106,7 @@ def _what(asked: Asked, column: str, what: str, meant: dict[str, str], change: C
     return select(words, what, chosen, f"What {column} holds", COLOURS.get(what, ""))
 
 
-def _which(asked: Asked, what: str, column: str, look: TablePreview, change: Change) -> Any:
+def _which(asked: FitRequest, what: str, column: str, look: TablePreview, change: Change) -> Any:
     """Which column holds something."""
 
     def chosen(now: str) -> None:
@@ -115,7 +115,7 @@ def _which(asked: Asked, what: str, column: str, look: TablePreview, change: Cha
     return select({"": "no column", **{c: c for c in look.header}}, column, chosen, f"Column of {NAMES[what]}")
 
 
-def _unit(asked: Asked, column: str, what: str, change: Change) -> None:
+def _unit(asked: FitRequest, column: str, what: str, change: Change) -> None:
     from ....recordings.force_map import stated_unit
 
     told = stated_unit(column, what) if column else ""
@@ -188,7 +188,7 @@ def words_field(
     typed.on_value("change", came)
 
 
-def given(asked: Callable[[], Asked], change: Change, branches: list[str]) -> None:
+def given(asked: Callable[[], FitRequest], change: Change, branches: list[str]) -> None:
     """What is known beside the columns; `asked` gives what stands now."""
     from ....muscles.laws import law_type
     from ....quantities import declared, parse, with_unit
@@ -222,7 +222,7 @@ def given(asked: Callable[[], Asked], change: Change, branches: list[str]) -> No
         _more(asked, change, branches, si, told)
 
 
-def _more(asked: Callable[[], Asked], change: Change, branches: list[str], si: Any, told: Any) -> None:
+def _more(asked: Callable[[], FitRequest], change: Change, branches: list[str], si: Any, told: Any) -> None:
     now = asked()
     with box("div", "given"):
         _like(asked, change)
@@ -252,10 +252,10 @@ def maps(take: Change) -> None:
     with box("div", "row wrap"):
         for spec in specimens():
             if spec.map:
-                button(spec.id, lambda s=spec: take(Asked("map", s.id)), small=True)
+                button(spec.id, lambda s=spec: take(FitRequest("map", s.id)), small=True)
 
 
-def _like(asked: Callable[[], Asked], change: Change) -> None:
+def _like(asked: Callable[[], FitRequest], change: Change) -> None:
     """Whose dimensions are known."""
     if asked().kind == "map":
         return

@@ -22,7 +22,7 @@ def build(lab: Laboratory, request: Any) -> None:
         place = box("div", "paper")
 
         async def begin() -> None:
-            from .view import begin as go
+            from .page import begin as go
 
             await go(lab, words, bar, place)
 

@@ -9,7 +9,7 @@ from ....report.reproduction_report import PARTS, difference, printed
 from ....report.words import minus, significant, unit_text
 from ....reproduction import Outcome, Row
 from ....reproduction.rows import KINDS, accepted_band, headline, kind_of, needs_recording, said_of
-from .reproduction import Reproduction
+from .state import Reproduction
 
 # What a row is by its print alone shows before it is computed.
 EXPECTED = {"erratum": "misprint", "open": "open", "synthetic": "synthetic"}

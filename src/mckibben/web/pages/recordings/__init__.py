@@ -11,9 +11,9 @@ from ...widgets import page
 
 def build(lab: Laboratory, request: Any) -> None:
     """Fill it."""
-    from .view import LINK, View
+    from .page import LINK, RecordingsPage
 
     words = asked(request, *LINK)
     with page("recordings", sheets=("recordings.css",), scripts=("js/recordings.js",)) as bar:
-        view = View(lab, words)
+        view = RecordingsPage(lab, words)
         view.build(bar)

@@ -10,12 +10,12 @@ from ...elements import Element
 from ...reader import is_small
 from ...transfers import IncomingFile, UploadPlace
 from ...widgets import Dialog, TypedField, box, button, text
-from . import files
+from . import jobs
 
 HELP = "Of a file of others, where its header does not say it."
 
 
-class Importing:
+class ImportDialog:
     """Import a file: dropped or chosen; where a header does not say enough, its columns and units are asked for.
 
     Args:
@@ -32,9 +32,9 @@ class Importing:
         self._file: IncomingFile | None = None
         self.dialog = Dialog("Import a file")
         with self.dialog:
-            endings = ", ".join(e.removeprefix(".").upper() for e in files.IMPORTED)
+            endings = ", ".join(e.removeprefix(".").upper() for e in jobs.IMPORTED)
             self._upload = UploadPlace(
-                f"Drop a recording or a file of others here: {endings}", self._came, files.IMPORTED
+                f"Drop a recording or a file of others here: {endings}", self._came, jobs.IMPORTED
             )
             self.dialog.place_for_answers()
             self._progress = box("div")
@@ -64,8 +64,8 @@ class Importing:
             return
         self.dialog.answer("")
         try:
-            columns = files.pairs(self._columns.value, "columns", "tank.pressure=2")
-            units = files.pairs(self._units.value, "units", "tank.pressure=bar")
+            columns = jobs.pairs(self._columns.value, "columns", "tank.pressure=2")
+            units = jobs.pairs(self._units.value, "units", "tank.pressure=bar")
             found = await self._take(one, self._progress, columns, units, self._period.value.strip())
         except MckibbenError as error:
             self.dialog.open()  # it is closed where the file was dropped on the list

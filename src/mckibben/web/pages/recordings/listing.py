@@ -11,7 +11,7 @@ from typing import Any
 
 from ...elements import Element
 from ...widgets import SIGNS, box, raw, select
-from .entries import Entry
+from .state import RecordingEntry
 
 LETTERS = "AB"
 ORIGINS = {"": "Simulated and measured", "simulated": "Simulated", "measured": "Measured", "file": "Imported"}
@@ -39,7 +39,7 @@ def tools(words: dict[str, str], change: Callable[[str, str], Any]) -> Element:
         return box("div", "row wrap")
 
 
-def filters(words: dict[str, str], entries: Sequence[Entry], change: Callable[[str, str], Any]) -> None:
+def filters(words: dict[str, str], entries: Sequence[RecordingEntry], change: Callable[[str, str], Any]) -> None:
     """One list for the muscle, one for the protocol, one for where a recording comes from."""
     for key, label, values in (
         ("muscle", "Muscle", sorted({e.muscle for e in entries if e.muscle})),
@@ -52,7 +52,7 @@ def filters(words: dict[str, str], entries: Sequence[Entry], change: Callable[[s
     select(ORIGINS, now if now in ORIGINS else "", lambda v: change("origin", v), "Origin")
 
 
-def wanted(entries: Sequence[Entry], words: dict[str, str]) -> list[Entry]:
+def wanted(entries: Sequence[RecordingEntry], words: dict[str, str]) -> list[RecordingEntry]:
     """Those that search and filters leave."""
     kept = []
     for one in entries:
@@ -62,7 +62,7 @@ def wanted(entries: Sequence[Entry], words: dict[str, str]) -> list[Entry]:
     return kept
 
 
-class Lines:
+class RecordingLines:
     """The lines; a click, Enter or Space chooses one or lets it go. Those that stay as they are are not made anew.
 
     Args:
@@ -72,7 +72,7 @@ class Lines:
 
     def __init__(self, place: Element, pick: Callable[[str], Any]) -> None:
         self._place, self._pick = place, pick
-        self._shown: dict[str, tuple[Entry, str]] = {}
+        self._shown: dict[str, tuple[RecordingEntry, str]] = {}
         self._made: dict[str, Any] = {}
 
     def clear(self) -> None:
@@ -80,7 +80,7 @@ class Lines:
         self._place.clear()
         self._shown, self._made = {}, {}
 
-    def show(self, entries: Sequence[Entry], chosen: Sequence[str]) -> None:
+    def show(self, entries: Sequence[RecordingEntry], chosen: Sequence[str]) -> None:
         """These, with letters for the chosen ones."""
         now = {e.name: (e, LETTERS[chosen.index(e.name)] if e.name in chosen else "") for e in entries}
         if [*now] != [*self._made]:
@@ -103,7 +103,7 @@ class Lines:
         return line.on("space", lambda: self._pick(name))
 
 
-def _line(one: Entry, letter: str) -> str:
+def _line(one: RecordingEntry, letter: str) -> str:
     name, about = html.escape(one.name.rpartition(".")[0]), html.escape(one.about)
     sign = CHECK if one.sign == "check" else SIGNS.get(one.sign, "")
     said = html.escape(one.said)

@@ -1,19 +1,20 @@
-"""Two recordings over each other: the tension over the length, less the law, and channels over the time."""
+"""Two recordings over each other, as charts and as what is measured on both."""
 
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si
 from ...charts import Axis, Chart, Line, Mark
-from .entries import channel, places
 from .listing import LETTERS
+from .state import channel, places
 
 if TYPE_CHECKING:
     from ....recordings import Recording
@@ -29,7 +30,7 @@ OWN = {
 
 
 @dataclass(frozen=True)
-class Part:
+class OverlaidPart:
     """What is shown of one recording.
 
     Attributes:
@@ -98,7 +99,7 @@ def last_cycle(record: Recording) -> slice | None:
     return slice(last.start, last.end + 1)
 
 
-def charts(parts: Sequence[Part], view: str) -> list[Chart | str]:
+def charts(parts: Sequence[OverlaidPart], view: str) -> list[Chart | str]:
     """The charts of a view; a sentence where there is nothing to draw."""
     if view == "channels":
         found: list[Chart | str] = [c for what in NAMES if (c := over_time(parts, what, LOW)) is not None]
@@ -109,7 +110,7 @@ def charts(parts: Sequence[Part], view: str) -> list[Chart | str]:
     return both or [_others(parts)]
 
 
-def over_length(parts: Sequence[Part]) -> Chart | None:
+def over_length(parts: Sequence[OverlaidPart]) -> Chart | None:
     """Tension over length, of the last full cycle where there are cycles."""
     lines = []
     for part in parts:
@@ -123,7 +124,7 @@ def over_length(parts: Sequence[Part]) -> Chart | None:
     return Chart(_title("Tension", parts), sentence, _axis("length"), _axis("tension"), lines, height=HIGH)
 
 
-def less_the_law(parts: Sequence[Part]) -> Chart | str:
+def less_the_law(parts: Sequence[OverlaidPart]) -> Chart | str:
     """Tension less what the muscle's law says at the recorded length and pressure: friction, or the law's fault."""
     lines, why = [], ""
     for part in parts:
@@ -142,7 +143,7 @@ def less_the_law(parts: Sequence[Part]) -> Chart | str:
     return Chart(_title("Less the law", parts), sentence, _axis("length"), axis, lines, marks, height=HIGH)
 
 
-def _residual(part: Part) -> tuple[np.ndarray, np.ndarray]:
+def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
     """Length [cm], and tension less the law at the recorded length and pressure [N]."""
     from ....muscles.build import law_from_specimen
     from ....report.origins import known_specimen
@@ -173,7 +174,7 @@ def _tension() -> Any:
     return jit_arrays(force)
 
 
-def over_time(parts: Sequence[Part], what: str, height: int) -> Chart | None:
+def over_time(parts: Sequence[OverlaidPart], what: str, height: int) -> Chart | None:
     """A quantity over the time, both from their first reversal, with the notes."""
     lines, marks = [], []
     for part in parts:
@@ -197,7 +198,7 @@ def over_time(parts: Sequence[Part], what: str, height: int) -> Chart | None:
     return Chart(_title(NAMES[what][0], parts), sentence, axis, Axis(*NAMES[what][:2], what), lines, marks, height)
 
 
-def _others(parts: Sequence[Part]) -> Chart | str:
+def _others(parts: Sequence[OverlaidPart]) -> Chart | str:
     """Of recordings without a muscle: the first channel that was measured, over the time."""
     part = parts[0]
     name = next((n for n in part.record.names() if part.record.channels[n].kind != "command"), "")
@@ -208,13 +209,13 @@ def _others(parts: Sequence[Part]) -> Chart | str:
     return Chart(name, f"{name} of {part.name} against time.", Axis("time", "s"), axis, [line], height=HIGH)
 
 
-def _line(part: Part, x: Any, y: Any, what: str, lettered: bool, **more: Any) -> Line:
+def _line(part: OverlaidPart, x: Any, y: Any, what: str, lettered: bool, **more: Any) -> Line:
     return Line(
         x, y, label=part.letter if lettered else "", quantity=what, dash=part.letter if lettered else "", **more
     )
 
 
-def _loop(part: Part, x: np.ndarray, y: np.ndarray, lettered: bool) -> Line:
+def _loop(part: OverlaidPart, x: np.ndarray, y: np.ndarray, lettered: bool) -> Line:
     return _line(part, x, y, "tension", lettered, width=2.25 if part.letter == LETTERS[0] else 2.0)
 
 
@@ -229,13 +230,52 @@ def _axis(what: str) -> Axis:
     return Axis(NAMES[what][0] if what != "length" else "length", NAMES[what][1], what)
 
 
-def _named(parts: Sequence[Part]) -> str:
+def _named(parts: Sequence[OverlaidPart]) -> str:
     return " and ".join(f"{p.letter}, {p.name}" for p in parts)
 
 
-def _title(what: str, parts: Sequence[Part]) -> str:
+def _title(what: str, parts: Sequence[OverlaidPart]) -> str:
     return f"{what}: solid A, dashed B" if len(parts) > 1 else what
 
 
-def _cycles(parts: Sequence[Part]) -> str:
+def _cycles(parts: Sequence[OverlaidPart]) -> str:
     return "the last full cycle" if any(last_cycle(p.record) for p in parts) else "all samples"
+
+
+class Measure(NamedTuple):
+    """One property: its name, unit, places after the point, and the value of each part; NaN where it has none."""
+
+    name: str
+    unit: str
+    places: int
+    values: list[float]
+
+
+def measures(parts: Sequence[OverlaidPart]) -> list[Measure]:
+    """Of one or two parts; a property that none of them has is left out."""
+    shapes = [_last_loop(part) for part in parts]
+    found = [
+        Measure(name, unit, digits, [scale * getattr(s, key) if s is not None else math.nan for s in shapes])
+        for name, unit, digits, key, scale in (
+            ("Loop width at mid-range", "cm", 3, "width", 1e2), ("Loop height at mid-range", "N", 2, "height", 1.0),
+            ("Work per cycle", "J", 3, "work", 1.0), ("Stiffness", "N/cm", 2, "stiffness", 1e-2),
+        )
+    ]  # fmt: skip
+    for name, unit, digits, what, best in (
+        ("Largest tension", "N", 1, "tension", np.nanmax), ("Largest pressure", "bar", 2, "pressure", np.nanmax),
+        ("Shortest length", "cm", 2, "length", np.nanmin),
+    ):  # fmt: skip
+        values = [part.values(what) for part in parts]
+        found.append(Measure(name, unit, digits, [math.nan if v is None else float(best(v)) for v in values]))
+    found.append(Measure("Duration", "s", 2, [part.record.duration for part in parts]))
+    return [one for one in found if any(math.isfinite(v) for v in one.values)]
+
+
+def _last_loop(part: OverlaidPart) -> Any:
+    from ....analysis.loops import loops
+
+    there = places(part.record)
+    try:
+        return loops(part.record, length=there["length"], tension=there["tension"])[-1]
+    except (KeyError, MckibbenError):
+        return None

@@ -12,18 +12,18 @@ from ....errors import InputError, MckibbenError
 from ...charts import Chart
 from ...elements import page_document
 from ...widgets import Dialog, TypedField, box, button, empty, link, loading, panel, segments, select, text
-from . import entries, files, measures, overlay
+from . import jobs, overlay, state
 from .listing import LETTERS
-from .overlay import VIEWS, Part
+from .overlay import VIEWS, OverlaidPart
 
 if TYPE_CHECKING:
     from ....recordings import Note
-    from .view import View
+    from .page import RecordingsPage
 
 THIN = "\u2009\u2060"
 
 
-class Pane:
+class OverlayPane:
     """Of one view.
 
     Args:
@@ -31,13 +31,13 @@ class Pane:
         words: of the link.
     """
 
-    def __init__(self, view: View, words: Mapping[str, str]) -> None:
+    def __init__(self, view: RecordingsPage, words: Mapping[str, str]) -> None:
         self._view = view
         self._kind = words.get("view", "") if words.get("view") in VIEWS else "tension"
         self._steps = {
             name: words.get(key, "") for name, key in ((words.get("a"), "pa"), (words.get("b"), "pb")) if name
         }
-        self._parts: list[Part] = []
+        self._parts: list[OverlaidPart] = []
         self._asking = 0
 
     def build(self) -> None:
@@ -54,7 +54,7 @@ class Pane:
             with panel("Measured") as head:
                 with head:
                     text("span", "Export as", "small faint")
-                    segments(files.FORMATS, ".nc", self._format, "Format")
+                    segments(jobs.FORMATS, ".nc", self._format, "Format")
                     button("Export", lambda: self._view.actions.export(), small=True, primary=True)
                     button("Report", lambda: self._view.actions.report(), small=True)
                 self._table = box("div")
@@ -115,13 +115,13 @@ class Pane:
                     select(words_of, str(now), lambda v, n=name: self._step(n, v), f"Step of {letter}")  # type: ignore[misc]
         await self._draw()
 
-    def _part(self, letter: str, name: str) -> tuple[Part, list[str], int]:
-        record = entries.whole(self._view.path(name))
+    def _part(self, letter: str, name: str) -> tuple[OverlaidPart, list[str], int]:
+        record = state.whole(self._view.path(name))
         steps = overlay.steps(record)
         asked = self._steps.get(name, "")
         at = int(asked) if asked.isdecimal() and int(asked) < len(steps) else len(steps) - 1
         words, part = steps[at]
-        return Part(letter, Path(name).stem, part, overlay.begins(part), words), [w for w, _ in steps], at
+        return OverlaidPart(letter, Path(name).stem, part, overlay.begins(part), words), [w for w, _ in steps], at
 
     async def _step(self, name: str, at: str) -> None:
         self._steps[name] = at
@@ -147,7 +147,7 @@ class Pane:
         if not parts:
             return
         charts = await asyncio.to_thread(overlay.charts, parts, kind)
-        found = await asyncio.to_thread(measures.measures, parts)
+        found = await asyncio.to_thread(overlay.measures, parts)
         if parts is not self._parts or kind != self._kind:
             return
         self._charts.clear()
@@ -172,7 +172,7 @@ class Pane:
         self._notes.clear()
         with self._notes:
             for part in self._parts:
-                for note in entries.whole(self._view.path(self._name(part))).notes:
+                for note in state.whole(self._view.path(self._name(part))).notes:
                     with box("div", "note-line"):
                         _disc(part.letter, "")
                         text("span", f"{note.time - part.begins:.3f}{THIN}s", "num")
@@ -180,7 +180,7 @@ class Pane:
                         remove = button("Remove", lambda p=part, n=note: self._remove(p, n), small=True, quiet=True)
                         remove.set(aria_label=f"Remove the note at {note.time:.3f} s")
 
-    def _name(self, part: Part) -> str:
+    def _name(self, part: OverlaidPart) -> str:
         return self._view.chosen[LETTERS.index(part.letter)]
 
     def _open_note(self, at: Any) -> None:
@@ -208,7 +208,7 @@ class Pane:
         try:
             at = parse(self._time.value.replace("\u2212", "-"), "s", field="time of a note", bare=True)
             path = self._view.path(self._name(part))
-            record = await asyncio.to_thread(entries.whole, path)
+            record = await asyncio.to_thread(state.whole, path)
             try:
                 new = record.with_note(at + part.begins, self._text.value)
             except InputError as error:
@@ -216,7 +216,7 @@ class Pane:
                     raise
                 low, high = (float(record.time[i]) - part.begins for i in (0, -1))
                 raise InputError(error.field, f"{at:.6g} s", f"allowed are {low:.6g} s to {high:.6g} s") from None
-            await asyncio.to_thread(files.rewritten, path, new)
+            await asyncio.to_thread(jobs.rewritten, path, new)
         except MckibbenError as error:
             self._dialog.answer(str(error))
             return
@@ -224,11 +224,11 @@ class Pane:
         self._done(f"Added a note to {part.name}.", path, record)
         await self._again()
 
-    async def _remove(self, part: Part, note: Note) -> None:
+    async def _remove(self, part: OverlaidPart, note: Note) -> None:
         try:
             path = self._view.path(self._name(part))
-            record = await asyncio.to_thread(entries.whole, path)
-            await asyncio.to_thread(files.rewritten, path, record.without_note(note))
+            record = await asyncio.to_thread(state.whole, path)
+            await asyncio.to_thread(jobs.rewritten, path, record.without_note(note))
         except MckibbenError as error:
             self._view.refuse(error)
             return
@@ -236,7 +236,7 @@ class Pane:
         await self._again()
 
     def _done(self, words: str, path: Path, before: Any) -> None:
-        self._view.lab.toasts.tell(words, undo=lambda: files.rewritten(path, before))
+        self._view.lab.toasts.tell(words, undo=lambda: jobs.rewritten(path, before))
         self._view.lab.changed()
 
     async def _again(self) -> None:
@@ -251,7 +251,7 @@ def _disc(letter: str, words: str) -> None:
             text("span", words, "small")
 
 
-def _measured(found: Sequence[measures.Measure], letters: Sequence[str]) -> None:
+def _measured(found: Sequence[overlay.Measure], letters: Sequence[str]) -> None:
     """The table of properties, with their ratio where there are two."""
     two = len(letters) > 1
     with box("table").set(aria_label="Measured properties"):

@@ -23,7 +23,7 @@ from ....specimens import Specimen, specimen, specimen_ids
 
 
 @dataclass(frozen=True)
-class Choice:
+class EnergyChoice:
     """What a visitor chose; what is None is as the muscle has it.
 
     Attributes:
@@ -55,9 +55,9 @@ WORDS = {"cycle": CYCLES, "exchange": ("atmosphere", "accumulator"), "reading": 
 LINKED = ("muscle", "law", "cycle", "exchange", "volume", "reading", *SETTINGS)
 
 
-def from_link(words: Mapping[str, str]) -> tuple[Choice, list[str]]:
+def from_link(words: Mapping[str, str]) -> tuple[EnergyChoice, list[str]]:
     """The choice of a link's words, and a sentence for each that is refused; what is refused is as without it."""
-    found, said = Choice(), []
+    found, said = EnergyChoice(), []
     for name, text in words.items():
         try:
             value: Any = text
@@ -76,9 +76,9 @@ def from_link(words: Mapping[str, str]) -> tuple[Choice, list[str]]:
     return found, said
 
 
-def to_link(choice: Choice) -> dict[str, str | None]:
+def to_link(choice: EnergyChoice) -> dict[str, str | None]:
     """The words of a link; None where the choice is what it is without one."""
-    usual = Choice()
+    usual = EnergyChoice()
     found: dict[str, str | None] = {}
     for name in LINKED:
         value = getattr(choice, name)
@@ -98,14 +98,14 @@ def muscles() -> dict[str, str]:
     found = {}
     for one in specimen_ids("mckibben"):
         try:
-            resolved(Choice(one))
+            resolved(EnergyChoice(one))
         except MckibbenError:
             continue  # of another kind, or without a volume
         found[one] = specimen(one).title
     return found
 
 
-class Resolved(NamedTuple):
+class ResolvedMuscle(NamedTuple):
     """A choice with its specimen, its law's name, and the muscle under each volume."""
 
     spec: Specimen
@@ -118,7 +118,7 @@ class Resolved(NamedTuple):
         return next(iter(self.muscles))
 
 
-def resolved(choice: Choice) -> Resolved:
+def resolved(choice: EnergyChoice) -> ResolvedMuscle:
     """The muscle of a choice.
 
     Raises:
@@ -129,12 +129,12 @@ def resolved(choice: Choice) -> Resolved:
 
 
 @functools.lru_cache(maxsize=32)
-def _resolved(name: str, law: str, volume: str) -> Resolved:
+def _resolved(name: str, law: str, volume: str) -> ResolvedMuscle:
     spec = specimen(name)
-    return Resolved(spec, *cycle_muscles(spec, law, volume))
+    return ResolvedMuscle(spec, *cycle_muscles(spec, law, volume))
 
 
-def conditions(choice: Choice, exchange: str | None = None) -> Conditions:
+def conditions(choice: EnergyChoice, exchange: str | None = None) -> Conditions:
     """Between what the cycle runs; with the other exchange, where it is named."""
     spec, law, all_ = resolved(choice)
     muscle = next(iter(all_.values()))

@@ -12,7 +12,7 @@ from ....quantities import from_si, with_unit
 from ....studies.comparison import Column, Subject, Table
 from ....studies.comparison.table import Row
 from ...charts import Axis, Chart, Line
-from . import work
+from . import jobs
 
 LETTERS = "ABCDEFGH"
 DASHES = {"A": "", "B": "B", "C": "C", "D": "D"}
@@ -75,7 +75,7 @@ def published(row: Row) -> str:
 
 def range_bar(one: Column, low: float, high: float, paper: float | None) -> str:
     """The dynamic range as a bar from the shortest to the longest length."""
-    ends = [work.value_of(one, n) for n in ("shortest", "longest")]
+    ends = [jobs.value_of(one, n) for n in ("shortest", "longest")]
     if ends[0] is None or ends[1] is None:
         return f'<b class="none">{DASH}</b>'
 
@@ -100,13 +100,13 @@ def largest_of(row: Row, papers: Sequence[float | None]) -> float:
     return 1.1 * (max(found, ends[1]) if ends is not None and found and ends[1] < 1.5 * found else found)
 
 
-def surface_markup(one: Subject, letter: str, found: work.Surface | None, scale: dict[str, float]) -> str:
+def surface_markup(one: Subject, letter: str, found: jobs.Surface | None, scale: dict[str, float]) -> str:
     """The place of a surface, which the browser draws."""
     if found is None:
         return '<p class="small dim">Nothing tells its section: no tension per section.</p>'
     unit = "%" if one.fibre is not None else "bar"
     top = 100.0 if one.fibre is not None else from_si(one.full, "Pa", "bar")
-    spec = work.plain(
+    spec = jobs.plain(
         {
             "lengths": found.lengths,
             "drives": found.drives * top,
@@ -128,13 +128,13 @@ def velocity_chart(muscles: Sequence[tuple[str, Subject]]) -> Chart:
     """Tension over its largest against shortening velocity; circles are runs of the machine."""
     lines = []
     for letter, one in muscles:
-        x, y = work.over_velocity(one)
+        x, y = jobs.over_velocity(one)
         braided = one.fibre is None
         name = f"{letter} {one.id}"
         lines.append(
             Line(x, y, name, "tension" if braided else "", dash=DASHES.get(letter, ""), width=2.25 if braided else 1.5)
         )
-        ran = work.run_known(one, "isokinetic")
+        ran = jobs.run_known(one, "isokinetic")
         if ran is not None and "force_velocity" in ran.curves:
             lines.append(
                 Line(*ran.curves["force_velocity"], quantity="tension" if braided else "", line=False, points=True)
@@ -143,7 +143,7 @@ def velocity_chart(muscles: Sequence[tuple[str, Subject]]) -> Chart:
         ", and as circles or triangles where the machine ran"
     )
     return Chart(
-        "by the laws", summary, Axis("Shortening", "L\u2080/s", low=0.0, high=work.FASTEST),
+        "by the laws", summary, Axis("Shortening", "L\u2080/s", low=0.0, high=jobs.FASTEST),
         Axis("Tension over its largest", "", "tension", low=0.0, high=1.1), lines, height=240,
     )  # fmt: skip
 
@@ -152,7 +152,7 @@ def step_chart(muscles: Sequence[tuple[str, Subject]]) -> Chart | None:
     """The isometric step of every muscle that ran it: up, and down again after the rise; None where none did."""
     lines = []
     for letter, one in muscles:
-        ran = work.run_known(one, "isometric-step")
+        ran = jobs.run_known(one, "isometric-step")
         if ran is None or not {"rise", "fall"} <= ran.curves.keys():
             continue
         braided = one.fibre is None
@@ -173,7 +173,7 @@ def step_chart(muscles: Sequence[tuple[str, Subject]]) -> Chart | None:
 SWITCH = 0.15  # after the command at which the drawing goes on with the fall [s]
 
 
-def _joined(rise: work.Any, fall: work.Any) -> tuple[np.ndarray, np.ndarray]:
+def _joined(rise: jobs.Any, fall: jobs.Any) -> tuple[np.ndarray, np.ndarray]:
     """Rise and fall behind each other; the machine holds the full drive for longer in between."""
     up, down = rise[0] <= SWITCH, fall[0] <= SWITCH
     up &= rise[0] >= 0.0
@@ -197,7 +197,7 @@ def efficiencies(found: Table, letters: Sequence[str], ours: bool) -> str:
     rows: list[tuple[str, float, float]] = []
     for letter, one in zip(letters, found.columns, strict=True):
         for key, words in (("efficiency", "surroundings"), ("efficiency_accumulator", "accumulator")):
-            value = work.value_of(one, key)
+            value = jobs.value_of(one, key)
             if value is not None:
                 rows.append((f"{letter} {words}", 0.0, value))
     known = found.published.get("efficiency")
@@ -212,7 +212,7 @@ def efficiencies(found: Table, letters: Sequence[str], ours: bool) -> str:
     def at(x: float) -> float:
         return left + min(max(x, 0.0), top) / top * (wide - left - 34.0)
 
-    row = work.misprint() if ours else None
+    row = jobs.misprint() if ours else None
     nylon = letters[[c.name for c in found.columns].index("nylon")] if ours else ""
     marked = next((k for k, r in enumerate(rows) if r[0] == f"{nylon} accumulator"), 0)
     out = [
@@ -248,5 +248,5 @@ def efficiencies(found: Table, letters: Sequence[str], ours: bool) -> str:
 
 def sizes(one: Subject) -> str:
     """How long a muscle is at rest and fully shortened, in words."""
-    shortest = float(work.column(one).values["shortest"]) * one.rest_length
+    shortest = float(jobs.column(one).values["shortest"]) * one.rest_length
     return f"{with_unit(one.rest_length, 'm', 3)} at rest, {with_unit(shortest, 'm', 3)} fully shortened"

@@ -13,24 +13,24 @@ from ....errors import MckibbenError
 from ....recordings import Recording
 from . import response
 from .document import Document, packed, planned
-from .kernel import Method, Response, accounts, ready, respond
+from .response import CircuitResponse, IntegrationMethod, accounts, ready, respond
 
 QUIET = 0.6  # after the last change, before the accounts and the small chart follow [s]
 LONGEST = 60  # edits that can be undone
 SAMPLES = 20_000  # of a response, more than which this page does not draw
 
 
-class Answer(NamedTuple):
+class CircuitAnswer(NamedTuple):
     """A response: its recording, numbers, and the same node's pressure with other tube models [Pa]."""
 
     record: Recording
-    numbers: response.Measured
+    numbers: response.ResponseNumbers
     models: dict[str, np.ndarray]
     waits: bool  # whether further models, or a longer run, have to be compiled
-    done: Response
+    done: CircuitResponse
 
 
-class Desk:
+class CircuitState:
     """The state of one page.
 
     Args:
@@ -51,8 +51,8 @@ class Desk:
         self.flows = [response.first_tube(self.plan)]
         self.models: list[str] = ["linear_tube"]
         self.number = 0
-        self.method: Method | None = None
-        self.methods: dict[str, Method] = {}  # of the other tube models
+        self.method: IntegrationMethod | None = None
+        self.methods: dict[str, IntegrationMethod] = {}  # of the other tube models
         self._undo: list[tuple[Document, str]] = []
 
     def parts(self) -> list[str]:
@@ -127,7 +127,7 @@ class Desk:
 
     # ---- in another thread
 
-    def quick(self, wait: bool = False) -> Answer:
+    def quick(self, wait: bool = False) -> CircuitAnswer:
         """The response by kernels; tube models and longer runs whose kernels are compiled, or all of them with `wait`."""
         document, plan, node = self.document, self.plan, self.read
         done = respond(plan, self.method)
@@ -136,7 +136,7 @@ class Desk:
         found = response.measured(plan, record, node, self.flows[0])
         found, later = response.settled(plan, found, node, self.method, wait)
         others, waits = self._others(document, plan, node, wait)
-        return Answer(record, found, others, waits or later, done)
+        return CircuitAnswer(record, found, others, waits or later, done)
 
     def compiled(self) -> bool:
         """Whether the response takes no compilation."""
@@ -163,7 +163,7 @@ class Desk:
             found[kind] = done.outputs[f"{node}.pressure_abs"] - float(plan.environment.pressure_abs)
         return found, waits
 
-    def sweep(self) -> response.Sweep | None:
+    def sweep(self) -> response.ValueSweep | None:
         """The rise over a value of the selected part."""
         name = self.chosen or response.first_tube(self.plan)
         return response.sweep(self.document, self.plan, name, self.read, self.method)
@@ -186,7 +186,7 @@ def _shape(plan: CircuitPlan) -> Any:
     return kinds, plan.circuit.ends, plan.samples
 
 
-async def follow(desk: Desk, show: Callable[[Answer], None], after: Callable[[Answer], None],
+async def follow(desk: CircuitState, show: Callable[[CircuitAnswer], None], after: Callable[[CircuitAnswer], None],
                  check: Callable[[Any, Any], None], failed: Callable[[str], None]) -> None:  # fmt: skip
     """Answer a change at once, then, once the page is quiet, balance its accounts and vary the selected part."""
     number = desk.number

@@ -11,8 +11,8 @@ from ....recordings import Recording
 from ...charts import Axis, Chart, Line, Mark
 from ...widgets import box, raw, text
 from . import diagram, edit, response
-from .desk import Answer, Desk
 from .diagram import pressure_signs
+from .state import CircuitAnswer, CircuitState
 
 DASHES = {"linear_tube": "B", "quadratic_tube": "C", "inertial_tube": "D"}
 
@@ -26,7 +26,7 @@ def _ms(record: Recording) -> np.ndarray:
     return np.asarray(from_si(1.0, "s", "ms") * record.time)
 
 
-def pressure_chart(desk: Desk, answer: Answer) -> Chart:
+def pressure_chart(desk: CircuitState, answer: CircuitAnswer) -> Chart:
     """Pressures at the sensors, the same with other tube models, and where 90 % is reached."""
     record, found = answer.record, answer.numbers
     time, signs = _ms(record), pressure_signs(desk.sensors)
@@ -55,7 +55,7 @@ def pressure_chart(desk: Desk, answer: Answer) -> Chart:
     return Chart("Pressure", summary, Axis("Time", "ms"), Axis("Pressure", "bar", "pressure"), lines, marks, height=256)
 
 
-def flow_chart(desk: Desk, record: Recording) -> Chart:
+def flow_chart(desk: CircuitState, record: Recording) -> Chart:
     """Flows of the elements that have a flow sensor."""
     lines = []
     for i, name in enumerate(desk.flows):
@@ -66,7 +66,7 @@ def flow_chart(desk: Desk, record: Recording) -> Chart:
     return Chart("Flow", summary, Axis("Time", "ms"), Axis("Flow", "L/min", "flow"), lines, height=150)
 
 
-def ending(desk: Desk, found: response.Measured) -> str:
+def ending(desk: CircuitState, found: response.ResponseNumbers) -> str:
     """Where a pressure ends, as what follows its name."""
     if found.settled:
         longer = found.duration > 1.5 * desk.plan.duration
@@ -74,7 +74,7 @@ def ending(desk: Desk, found: response.Measured) -> str:
     return "has not settled"
 
 
-def numbers(desk: Desk, found: response.Measured) -> None:
+def numbers(desk: CircuitState, found: response.ResponseNumbers) -> None:
     """The numbers of the response and of the selected part."""
     rows: list[tuple[str, str]] = []
     node = found.channel.removesuffix(".pressure").capitalize()
@@ -98,7 +98,7 @@ def numbers(desk: Desk, found: response.Measured) -> None:
     raw(markup, "dl", "meas")
 
 
-def sweep_chart(found: response.Sweep) -> None:
+def sweep_chart(found: response.ValueSweep) -> None:
     """The rise if a value of the part were another."""
     unit = shown_unit(found.unit)
     x = from_si(1.0, found.unit, unit) * found.values

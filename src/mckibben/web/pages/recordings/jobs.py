@@ -22,7 +22,7 @@ def said_of(error: MckibbenError, path: Path, name: str) -> str:
     return str(error).replace(str(path), name)
 
 
-class Read(NamedTuple):
+class ImportedFile(NamedTuple):
     """What came of a file of others.
 
     Attributes:
@@ -35,7 +35,7 @@ class Read(NamedTuple):
 
 
 def imported(path: Path, name: str, target: Path, columns: Mapping[str, str], units: Mapping[str, str],
-             period: str) -> Read:  # fmt: skip
+             period: str) -> ImportedFile:  # fmt: skip
     """Make a recording of a file, in a process of its own where the file is large.
 
     Args:
@@ -61,13 +61,13 @@ def imported(path: Path, name: str, target: Path, columns: Mapping[str, str], un
     except MckibbenError as error:
         raise MckibbenError(f"{said_of(error, path, name).rstrip('.')}.{_hint(error)}") from None
     if path.suffix.lower() in (".nc", ".mcap") and not read.recording.meta.get("source"):
-        return Read(True, read.remarks)
+        return ImportedFile(True, read.remarks)
     meta = {"title": name if read.recording.meta.get("title") == path.name else read.recording.meta.get("title")}
     source = read.recording.meta.get("source")
     if isinstance(source, Mapping):
         meta["source"] = {**source, "file": name}
     read.recording.with_meta(meta).save(target)
-    return Read(False, read.remarks)
+    return ImportedFile(False, read.remarks)
 
 
 def check_kind(name: str) -> None:

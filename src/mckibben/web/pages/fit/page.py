@@ -1,31 +1,32 @@
-"""The view of one visitor of the page Fit: what is asked, what came of it, and where it stands on the page."""
+"""The page Fit of one visitor: what is asked, what came of it, where it stands, and what is taken home."""
 
 from __future__ import annotations
 
 import asyncio
 import functools
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
-from ...elements import Element, Timer, page_document
+from ...elements import Element, Timer, call_script, page_document
 from ...laboratory import UPLOADS, Laboratory
-from ...transfers import IncomingFile, UploadPlace, read_with_progress
-from ...widgets import box, button, check, empty, link, panel, refused, segments, text
-from . import columns, files, reading, results, source
-from .going import Going
-from .shown import VIEWS, Shown
-from .source import Asked
-from .work import Work
+from ...transfers import IncomingFile, UploadPlace, download, read_with_progress
+from ...widgets import box, button, check, empty, link, note, panel, raw, refused, segments, select, tell, text
+from . import columns, jobs, results, state
+from .jobs import FitJob
+from .state import FitRequest
 
 if TYPE_CHECKING:
+    from ....identification import Fit
     from ....recordings import ForceMap
     from ....report.fit_study import Study
 
 LOOKS = 0.25  # time between two looks at the work that goes on [s]
 
 
-class View:
+class FitPage:
     """One visitor's.
 
     Args:
@@ -36,20 +37,20 @@ class View:
     def __init__(self, lab: Laboratory, words: Mapping[str, str]) -> None:
         from ....muscles.laws import LAWS
 
-        self.lab, self.asked, self.work = lab, source.from_link(words), Work(lab)
+        self.lab, self.asked, self.work = lab, state.from_link(words), FitJob(lab)
         self.laws = [law for law in words.get("laws", "").split(",") if law in LAWS] or [*LAWS]
         self.law = words.get("law", "")
         self.points: ForceMap | None = None
         self._places: dict[str, Element] = {}
         self._seen, self._drawn, self._loading = -1, "", 0
-        self.shown = Shown(self._places, words.get("view", ""))
+        self.shown = LawPictures(self._places, words.get("view", ""))
 
     # ---- the page
 
     def build(self, bar: Element) -> None:
         """Make the places, empty as yet."""
         with bar:
-            files.buttons(self)
+            _buttons(self)
         with box("div", "fit"):
             with box("div", "colx"):
                 self._first()
@@ -78,7 +79,7 @@ class View:
         document = page_document()
         self._timer = Timer(document, LOOKS, self.look, active=False)
         document.when_connected(self.begin)  # nobody waits for a file that is read slowly
-        self._going = Going(self._places["going"], self.work, self.stop)
+        self._going = FitProgress(self._places["going"], self.work, self.stop)
         document.on_close(self.work.end)
 
     def _first(self) -> None:
@@ -101,18 +102,18 @@ class View:
     # ---- what a person does
 
     async def _came(self, one: IncomingFile) -> None:
-        path = await asyncio.to_thread(source.stored, self.lab, one.name, one.path)
+        path = await asyncio.to_thread(state.stored, self.lab, one.name, one.path)
         one.close()
         self.law = ""
-        await self.ask(Asked("table", path.name), fresh=True)
+        await self.ask(FitRequest("table", path.name), fresh=True)
 
-    async def ask(self, asked: Asked, *, fresh: bool = False) -> None:
+    async def ask(self, asked: FitRequest, *, fresh: bool = False) -> None:
         """Read a table, or read it otherwise, and fit the laws to it."""
         self.asked = asked
         self._link()
         await self.load(fresh=fresh)
 
-    def _change(self, asked: Asked) -> None:
+    def _change(self, asked: FitRequest) -> None:
         self.asked = asked
         self._link()
         page_document().spawn(self.load())
@@ -161,8 +162,8 @@ class View:
             return
         place = self._places["mapping"]
         try:
-            path = source.file_of(self.lab, asked)
-            found = await read_with_progress(place, f"Reading {asked.name}", reading.read, path, asked, passes=2)
+            path = state.file_of(self.lab, asked)
+            found = await read_with_progress(place, f"Reading {asked.name}", jobs.read, path, asked, passes=2)
         except MckibbenError as error:
             if mine == self._loading:
                 with place:
@@ -189,7 +190,7 @@ class View:
                 )
                 refused(f"{str(wrong).rstrip('.')}.{where}")
             elif points is not None:
-                text("p", reading.used(points, self.asked), "small dim")
+                text("p", jobs.used(points, self.asked), "small dim")
         if fresh:
             self._given(points)
         if points is None:
@@ -299,3 +300,196 @@ class View:
             with self._places[name]:
                 fill()
         await self.shown.show(chosen, study)
+
+
+class FitProgress:
+    """The line below the ranking. It is made once for all of a work, so that a click on its button meets it.
+
+    Args:
+        place: where it stands while there is something to say.
+        work: that goes on.
+        stop: what the button does.
+    """
+
+    def __init__(self, place: Element, work: FitJob, stop: Callable[[], Any]) -> None:
+        self._place, self._work, self._stop = place, work, stop
+        self._said: Any = None
+        self._bar: Any = None
+
+    def show(self) -> None:
+        """What is done now, or why it came to an end."""
+        work = self._work
+        if not work.running:
+            self._place.clear()
+            self._said = None
+            if work.failed:
+                with self._place:
+                    note(f"A fit came to an end before its time: {work.failed}", "stop")
+            return
+        if self._said is None:
+            self._place.clear()
+            with self._place, box("div", "going").set(role="status"):
+                self._said = text("span", "")
+                self._bar = raw("", "div", "line")
+                button("Stop fitting", self._stop, small=True)
+        left = f", {work.left:.0f}\u2009\u2060s left" if work.left is not None else ""
+        self._said.say(f"Fitting {work.words}{left}" if work.words else "Waiting for other fits")
+        self._bar.put(f'<i style="width:{100.0 * work.share:.0f}%"></i>')
+
+
+VIEWS = {"tension": "Tension", "errors": "Residuals", "surface": "Surface"}
+HEIGHTS = {"tension": 470, "errors": 470, "surface": 470, "bubbles": 206, "left": 190}  # [px]
+
+
+class LawPictures:
+    """What stands in some places of a page.
+
+    Args:
+        places: by the names ``muscle``, ``picture``, ``bubbles``, ``left``.
+        view: one of `VIEWS`, in the place ``picture``.
+    """
+
+    def __init__(self, places: Mapping[str, Element], view: str) -> None:
+        self._places = places
+        self.view = view if view in VIEWS else "tension"
+        self._rest: float | None = None
+        self._asking = 0
+        self._last: tuple[Fit, Study] | None = None
+
+    async def show(self, fit: Fit, study: Study) -> None:
+        """Another law, or the same anew."""
+        self._last = fit, study
+        place, rests = self._places["muscle"], results.rests(study.points)
+        place.clear()
+        self._rest = self._rest if self._rest in rests else (rests[0] if len(rests) > 1 else None)
+        if len(rests) > 1:
+            words = {repr(r): f"{100.0 * r:.4g} cm at rest" for r in rests}
+            with place:
+                select(words, repr(self._rest), self._another, "Muscle")
+        await self._draw()
+
+    async def look_at(self, view: str) -> None:
+        """Another view of the same."""
+        self.view = view
+        await self._draw()
+
+    def clear(self) -> None:
+        """Nothing is there any more."""
+        self._asking += 1
+        self._last = None
+        for name in ("muscle", "picture", "bubbles", "left"):
+            self._places[name].clear()
+
+    async def _another(self, rest: str) -> None:
+        self._rest = float(rest)
+        await self._draw()
+
+    async def _draw(self) -> None:
+        if self._last is None:
+            return
+        self._asking += 1
+        mine, (fit, study) = self._asking, self._last
+        data = await asyncio.to_thread(results.drawn, fit, study, self._rest)
+        if mine != self._asking:
+            return  # another one was asked for meanwhile
+        title = fit.law.replace("_", " ")
+        named = {
+            "picture": (self.view, f"{VIEWS[self.view]} of {title} with the measured points"),
+            "bubbles": ("bubbles", f"Residuals of {title} by length and pressure"),
+            "left": ("left", f"Largest error of {title} at each pressure when that pressure is left out of the fit"),
+        }
+        for name, (kind, words) in named.items():
+            self._places[name].clear()
+            with self._places[name]:
+                if name == "left" and not data["left"]:
+                    text("p", "The table has one pressure only.", "small dim")
+                else:
+                    raw(results.figure(kind, data, words, HEIGHTS[kind]))
+                if name == "picture":
+                    results.values(data)
+
+
+def _buttons(view: FitPage) -> None:
+    """In the bar of the page."""
+    button("Report as PDF", lambda: _pdf(view))
+    button("Open report", lambda: _open(view)).set(data_opens="report")  # by the click itself: see fit.js
+    button("Save as specimen file", lambda: _specimen(view), primary=True)
+
+
+def _study(view: FitPage) -> Any:
+    """What there is to write about; nothing, and a word about it, where there is none."""
+    if view.work.running:
+        tell("The fits go on; wait for their end, or stop them first.")
+        return None
+    if view.asked is None or view.points is None:
+        tell("There is no table yet: drop one first.")
+        return None
+    study = view.work.study(view.asked, view.points, view.laws)
+    if not study.fits:
+        tell("No law was fitted; there is nothing to write.")
+        return None
+    return study
+
+
+async def _pdf(view: FitPage) -> None:
+    study = _study(view)
+    if study is None:
+        return
+    tell("Making the report ..")
+    try:
+        data = await asyncio.to_thread(_document, study, "pdf")
+    except MckibbenError as error:
+        tell(str(error))
+        return
+    download(f"{Path(study.points.name).stem}-fit.pdf", data)
+
+
+async def _open(view: FitPage) -> None:
+    study = _study(view)
+    if study is None:
+        call_script("dropReport")
+        return
+    try:
+        page = (await asyncio.to_thread(_document, study, "html")).decode()
+    except MckibbenError as error:
+        tell(str(error))
+        call_script("dropReport")
+        return
+    name = f"{Path(study.points.name).stem}-fit.html"
+    call_script("showReport", page, name)
+
+
+def _document(study: Any, kind: str) -> bytes:
+    from ....report.fit_report import fit_document
+
+    found = fit_document([study])
+    return found.pdf() if kind == "pdf" else found.html().encode()
+
+
+async def _specimen(view: FitPage) -> None:
+    """Download it, and keep it on the laboratory's shelf of specimens, which can be undone."""
+    study = _study(view)
+    if study is None:
+        return
+    try:
+        name, data = await asyncio.to_thread(_written, study)
+        path = await asyncio.to_thread(view.lab.specimens.store, name, data)
+    except MckibbenError as error:
+        tell(str(error))
+        return
+    view.lab.toasts.tell(f"Saved specimens/{path.name}.", undo=lambda: path.unlink(missing_ok=True))
+    view.lab.changed()
+    download(name, data)
+
+
+def _written(study: Any) -> tuple[str, bytes]:
+    from ....report.specimen_file import write_specimen
+
+    stem = (
+        "".join(c if c.isalnum() or c in "._-" else "-" for c in Path(study.points.name).stem)[:60].strip("-.")
+        or "table"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / f"{stem}-fit.toml"
+        write_specimen(study.fits, study.specimen, place)
+        return place.name, place.read_bytes()

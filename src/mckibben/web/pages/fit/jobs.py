@@ -1,22 +1,26 @@
-"""Fits in a thread of their own, law by law: each is there once it is done, can be stopped, and is kept for other pages."""
+"""What the page Fit does in the background: tables are read, and laws fitted one by one in a thread of their own."""
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ....errors import MckibbenError
+from ....errors import InputError, MckibbenError
 from ...laboratory import Laboratory
-from . import source
-from .source import Asked
+from ...reader import check_rows
+from . import state
+from .state import FitRequest
 
 if TYPE_CHECKING:
     from ....identification import Fit
     from ....recordings import ForceMap
+    from ....recordings.force_map import TablePreview
     from ....report.fit_study import Study
 
 KEPT = 200  # fits that are kept of all pages
@@ -29,7 +33,7 @@ class _StoppedError(Exception):
     """A person did not want to wait for it."""
 
 
-class Work:
+class FitJob:
     """The fits of one page.
 
     Args:
@@ -62,10 +66,10 @@ class Work:
         gone = time.monotonic() - self._began
         return gone * (1.0 - self.share) / self.share if self.share > 0.05 and gone > 1.0 else None
 
-    def start(self, asked: Asked, points: ForceMap, laws: Sequence[str]) -> None:
+    def start(self, asked: FitRequest, points: ForceMap, laws: Sequence[str]) -> None:
         """Fit what is not yet there; what is no longer wanted is stopped."""
         self.stop()
-        path = source.file_of(self._lab, asked)
+        path = state.file_of(self._lab, asked)
         key = (str(path), path.stat().st_mtime_ns, asked)
         if key != self._key:
             self._key, self.fits, self.skipped = key, {}, {}
@@ -92,12 +96,12 @@ class Work:
         self.ended = True
         self.stop()
 
-    def study(self, asked: Asked, points: ForceMap, laws: Sequence[str]) -> Study:
+    def study(self, asked: FitRequest, points: ForceMap, laws: Sequence[str]) -> Study:
         """What was found by now, ranked as the command does."""
         from ....identification.fit import rank
         from ....report.fit_study import Study, published_of
 
-        spec = source.specimen_of(asked)
+        spec = state.specimen_of(asked)
         return Study(
             title=spec.title if spec else points.name, specimen=spec, points=points,
             fits=rank(self.fits[law] for law in laws if law in self.fits), published=published_of(spec, points),
@@ -110,7 +114,7 @@ class Work:
         elif found is not None:
             self.fits[law] = found
 
-    def _go(self, stop: threading.Event, key: Any, asked: Asked, points: ForceMap, laws: list[str]) -> None:
+    def _go(self, stop: threading.Event, key: Any, asked: FitRequest, points: ForceMap, laws: list[str]) -> None:
         def tell(words: str) -> None:
             if stop.is_set():
                 raise _StoppedError
@@ -120,7 +124,7 @@ class Work:
         try:
             from ....identification.fit import fit
 
-            known, below = source.known(asked), source.below(asked)
+            known, below = state.known(asked), state.below(asked)
             for law in laws:
                 if stop.is_set():
                     return
@@ -157,3 +161,70 @@ def _keep(key: Any, law: str, found: Any) -> None:
         _kept[key, law] = found
         while len(_kept) > KEPT:
             _kept.popitem(last=False)
+
+
+class TableReading(NamedTuple):
+    """What came of reading a table.
+
+    Attributes:
+        look: into the file.
+        size: of the file [B].
+        points: the table; nothing where it was refused.
+        wrong: why it was refused.
+        asked: how it was read in the end.
+    """
+
+    look: TablePreview
+    size: int
+    points: ForceMap | None
+    wrong: InputError | None
+    asked: FitRequest
+
+
+def read(path: Path, asked: FitRequest) -> TableReading:
+    """Look into a file, of `state.file_of`, and read it.
+
+    Raises:
+        InputError: it is no table at all, or has more rows than a fit takes.
+    """
+    from ....recordings.force_map import preview_table
+
+    check_rows(path, state.MOST_ROWS, "a fit")
+    try:
+        look = preview_table(path)
+    except InputError as error:
+        raise error.changed(where=path.name) from None
+    if asked.kind == "recording":
+        asked = _of_recording(path, asked, look)
+    try:
+        return TableReading(look, path.stat().st_size, state.read(path, asked), None, asked)
+    except InputError as error:
+        return TableReading(look, path.stat().st_size, None, error, asked)
+
+
+def _of_recording(path: Path, asked: FitRequest, look: Any) -> FitRequest:
+    """A recording says its rest length, and a real machine's span stands for the length, where nothing else is said."""
+    from ....recordings import read_any
+
+    spans = [c for c in look.header if c.split(" [")[0] in ("span", "muscle.span")]
+    if not {"length", "contraction"} & {*look.meant, *dict(asked.columns)} and spans:
+        asked = asked.with_pair("columns", "length", spans[0])
+    rest = read_any(path).recording.meta.get("rest_length")
+    if not asked.rest and isinstance(rest, float):
+        asked = dataclasses.replace(asked, rest=f"{100.0 * rest:.10g} cm")
+    return asked
+
+
+def used(points: ForceMap, asked: FitRequest) -> str:
+    """Which rows count, in words."""
+    taut = int(points.taut.sum())
+    slack, told = len(points) - taut, int(points.informative_slack.sum())
+    left = "".join(f" {remark[0].upper()}{remark[1:]}." for remark in points.remarks)
+    if not slack:
+        return f"{taut} rows used.{left}"
+    what = "row reads" if slack == 1 else "rows read"
+    use = f"; {told} of them ask the laws for zero tension" if asked.slack and told else ""
+    return (
+        f"{taut} rows used. {slack} {what} zero tension: the muscle is slack there, so errors do not count them{use}."
+        + left
+    )

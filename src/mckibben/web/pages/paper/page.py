@@ -12,7 +12,7 @@ from ...widgets import box, button, link, loading, note, raw, refused, segments,
 
 if TYPE_CHECKING:
     from ...laboratory import Laboratory
-    from .reproduction import Reproduction
+    from .state import Reproduction
 
 LOOK = 0.4  # time between two looks at the run [s]
 FIRST = "12c"  # figure that is shown where the link names none
@@ -24,17 +24,17 @@ async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Ele
     """Load what computes, then fill the page."""
     found = await run_in_thread(place, "Loading the rows", _loaded, lab)
     if found is not None:
-        View(lab, words, bar, place, found).show()
+        PaperPage(lab, words, bar, place, found).show()
 
 
 def _loaded(lab: Laboratory) -> Reproduction:
     from . import rows  # noqa: F401  (loads the figures' register in this thread)
-    from .reproduction import reproduction
+    from .state import reproduction
 
     return reproduction(lab)
 
 
-class View:
+class PaperPage:
     """One visitor's page."""
 
     def __init__(

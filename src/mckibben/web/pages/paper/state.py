@@ -15,14 +15,14 @@ from ....errors import InputError
 from ....report.paper_figures import FIGURES, PaperFigure, figure
 from ....reproduction import Outcome
 from ....reproduction.rows import all_rows, needs_recording
-from .hand import STOPPED, Hand
+from .jobs import STOPPED, WorkerProcess
 
 HEAVY = 25.0  # a row of recordings takes about so many times as long as another
 TOLD_FROM = 0.08  # share of the work from which on the time left is told
 LEFT_OUT = "What is computed of recordings of the simulated test machine was left out."
 
 
-class Picture(NamedTuple):
+class PaperPicture(NamedTuple):
     """A figure as the page shows it: SVG in the page's colours, and a small PNG as a data address."""
 
     svg: str
@@ -38,7 +38,7 @@ class Reproduction:
         self.rows = {row.id: row for row in all_rows()}
         self.outcomes: dict[str, Outcome] = {}
         self.failed: dict[str, str] = {}
-        self.pictures: dict[str, Picture] = {}
+        self.pictures: dict[str, PaperPicture] = {}
         self.refused: dict[str, str] = {}  # figure: why it was not drawn
         self.asked: dict[str, str] = {}  # figure that is drawn: how far
         self.wanted: list[str] = []  # rows that the run has still to do, the one at work first
@@ -47,7 +47,7 @@ class Reproduction:
         self._began, self._weight, self._done = 0.0, 0.0, 0.0
         self._lock = threading.RLock()
         self._job: tuple[Any, ...] = ()
-        self._rows, self._draws = Hand(place), Hand(place)
+        self._rows, self._draws = WorkerProcess(place), WorkerProcess(place)
 
     @property
     def running(self) -> bool:
@@ -155,7 +155,7 @@ class Reproduction:
         with self._lock:
             if kind == "figure":
                 small = "data:image/png;base64," + base64.b64encode(more[2]).decode("ascii")
-                self.pictures[of.id] = Picture(more[1], small)
+                self.pictures[of.id] = PaperPicture(more[1], small)
             elif kind == "tell":
                 self.asked[of.id] = more[0]
             elif kind in ("done", "refused"):

@@ -26,7 +26,7 @@ LINK = (*KINDS, "columns", "units", "known", *WORDS, "slack", "laws", "law", "vi
 
 
 @dataclass(frozen=True)
-class Asked:
+class FitRequest:
     """A table and how to read it, in words; equal ones give equal fits.
 
     Attributes:
@@ -63,21 +63,21 @@ class Asked:
             found[key] = json.dumps(pairs, separators=(",", ":"), ensure_ascii=False) if pairs else None
         return {**found, **{w: getattr(self, w) or None for w in WORDS}, "slack": None if self.slack else "no"}
 
-    def with_pair(self, key: str, name: str, words: str | None) -> Asked:
+    def with_pair(self, key: str, name: str, words: str | None) -> FitRequest:
         """The same with one column, unit or known parameter said, or no longer."""
         pairs = {k: v for k, v in getattr(self, key) if k != name}
         new: dict[str, Any] = {key: tuple(sorted({**pairs, **({name: words} if words else {})}.items()))}
         return dataclasses.replace(self, **new)
 
 
-def from_link(words: Mapping[str, str]) -> Asked | None:
+def from_link(words: Mapping[str, str]) -> FitRequest | None:
     """What an address asks for; nothing where it names no table."""
     kind = next((k for k in KINDS if words.get(k)), None)
     if kind is None:
         return None
     pairs: dict[str, Any] = {key: _pairs(words.get(key, "")) for key in ("columns", "units", "known")}
     more: dict[str, Any] = {w: words.get(w, "") for w in WORDS}
-    return Asked(kind, words[kind], **pairs, **more, slack=words.get("slack") != "no")
+    return FitRequest(kind, words[kind], **pairs, **more, slack=words.get("slack") != "no")
 
 
 def _pairs(text: str) -> tuple[tuple[str, str], ...]:
@@ -99,7 +99,7 @@ def stored(lab: Laboratory, name: str, data: Path) -> Path:
     return path if path.is_file() and filecmp.cmp(path, data, shallow=False) else lab.uploads.store(name, data)
 
 
-def specimen_of(asked: Asked) -> Specimen | None:
+def specimen_of(asked: FitRequest) -> Specimen | None:
     """The specimen whose map it is, or whose dimensions are known."""
     from ....specimens import specimen
 
@@ -107,7 +107,7 @@ def specimen_of(asked: Asked) -> Specimen | None:
     return specimen(name) if name else None
 
 
-def file_of(lab: Laboratory, asked: Asked) -> Path:
+def file_of(lab: Laboratory, asked: FitRequest) -> Path:
     """Where the table is."""
     from ....specimens import map_file, specimen
 
@@ -116,7 +116,7 @@ def file_of(lab: Laboratory, asked: Asked) -> Path:
     return (lab.uploads if asked.kind == "table" else lab.recordings).found(asked.name)
 
 
-def read(path: Path, asked: Asked) -> ForceMap:
+def read(path: Path, asked: FitRequest) -> ForceMap:
     """The table of a file as a force map, as the command ``fit`` reads it.
 
     Raises:
@@ -139,7 +139,7 @@ def read(path: Path, asked: Asked) -> ForceMap:
         raise error.changed(where=path.name) from None
 
 
-def known(asked: Asked) -> dict[str, float]:
+def known(asked: FitRequest) -> dict[str, float]:
     """Parameters that are not fitted [SI]: of the specimen, then those that were said."""
     from ....quantities import parse
     from ....report.fit_study import known_of
@@ -163,7 +163,7 @@ def dimensions() -> dict[str, Any]:
     return {name: every[name] for name in names if name in every}
 
 
-def below(asked: Asked) -> float | None:
+def below(asked: FitRequest) -> float | None:
     """Gauge pressure up to which a separate fit is trained [Pa]."""
     from ....quantities import parse
 

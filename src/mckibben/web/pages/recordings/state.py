@@ -24,14 +24,14 @@ WHOLE_BYTES = 32 * 2**20  # of the channels of these; a larger one is there as l
 STILL = 0.002  # share of its largest value by which a length must vary to be driven
 WIDE, HIGH = 122, 34  # of a thumbnail [px]
 COLOURS = {"pressure": "pressure", "length": "length", "tension": "tension"}
-_entries: OrderedDict[Any, Entry] = OrderedDict()
+_entries: OrderedDict[Any, RecordingEntry] = OrderedDict()
 _whole: OrderedDict[Any, Recording] = OrderedDict()
 _used: weakref.WeakValueDictionary[Any, Recording] = weakref.WeakValueDictionary()  # by pages
 _lock = threading.Lock()
 
 
 @dataclass(frozen=True)
-class Entry:
+class RecordingEntry:
     """A line of the list; all of it is text of a user's file, but for the thumbnail.
 
     Attributes:
@@ -107,7 +107,7 @@ def _size(record: Recording) -> int:
     return sum(int(c.values.nbytes) for c in record.channels.values())
 
 
-def known(path: Path) -> Entry | None:
+def known(path: Path) -> RecordingEntry | None:
     """What was read of a file before, if it is still so."""
     try:
         key = key_of(path)
@@ -117,7 +117,7 @@ def known(path: Path) -> Entry | None:
         return _entries.get(key)
 
 
-def entry(path: Path) -> Entry:
+def entry(path: Path) -> RecordingEntry:
     """The line of a file; where it cannot be read, why."""
     found = known(path)
     if found is not None:
@@ -125,12 +125,14 @@ def entry(path: Path) -> Entry:
     try:
         key = key_of(path)
     except OSError:  # it was deleted meanwhile
-        return Entry(path.name, sign="stop", said="no such file")
+        return RecordingEntry(path.name, sign="stop", said="no such file")
     try:
         found = _described(path, whole(path))
     except MckibbenError as error:
         when, size = path.stat().st_mtime, path.stat().st_size
-        found = Entry(path.name, created=when, size=size, sign="stop", said=str(error).replace(str(path), path.name))
+        found = RecordingEntry(
+            path.name, created=when, size=size, sign="stop", said=str(error).replace(str(path), path.name)
+        )
     with _lock:
         _entries[key] = found
         while len(_entries) > KEPT:
@@ -138,7 +140,7 @@ def entry(path: Path) -> Entry:
     return found
 
 
-def _described(path: Path, record: Recording) -> Entry:
+def _described(path: Path, record: Recording) -> RecordingEntry:
     from ....report.origins import known_specimen
     from ....report.words import mapping
 
@@ -151,7 +153,7 @@ def _described(path: Path, record: Recording) -> Entry:
     simulated = any(c.kind == "true" for c in record.channels.values())
     sign, words = _sign(meta)
     notes = record.notes
-    return Entry(
+    return RecordingEntry(
         name=path.name, about=f"{title}. {sentence}"[:300] if sentence else title, muscle=named,
         origin="simulated" if simulated else "file" if meta.get("source") else "measured",
         protocol=str(document.get("name") or (meta.get("protocol") if isinstance(meta.get("protocol"), str) else "")),

@@ -1,0 +1,442 @@
+"""The page Energy of one visitor: its bar, its panels, and the newest of its wishes computed in a thread."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import json
+from dataclasses import replace
+from typing import Any
+
+from ....analysis.energy import READINGS
+from ....analysis.energy.settings import SETTINGS, coulomb_friction, stretched_length
+from ....errors import InputError, MckibbenError
+from ....quantities import from_si
+from ...elements import Element, page_document
+from ...forms import accept, field
+from ...laboratory import Laboratory
+from ...transfers import IncomingFile, UploadPlace, download, run_in_thread
+from ...widgets import box, button, empty, link, panel, raw, refused, segments, select, text
+from .cycles import TITLES, curves, curves_key, cycle_document, cycle_report
+from .flow import account, cycle_names, flow_document
+from .state import LINKED, EnergyChoice, conditions, from_link, muscles, resolved, to_link
+
+
+async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
+    """Load what computes, then fill the page."""
+    found = await run_in_thread(place, "Loading the muscles", _loaded, words)
+    if found is not None:
+        await EnergyPage(lab, words, bar, place, *found).show()
+
+
+def _loaded(words: dict[str, str]) -> tuple[EnergyChoice, list[str], dict[str, str]]:
+
+    choice, said = from_link({k: v for k, v in words.items() if k in LINKED})
+    return choice, said, muscles()
+
+
+class EnergyPage:
+    """One visitor's page.
+
+    Args:
+        lab: of the recordings.
+        words: of the link.
+        bar: place of the buttons in the heading.
+        place: of all below.
+        choice: what the link says.
+        said: what of it was refused.
+        muscles: id and title of those that can be chosen.
+    """
+
+    def __init__(
+        self, lab: Laboratory, words: dict[str, str], bar: Element, place: Element, choice: EnergyChoice, said: list[str],
+        muscles: dict[str, str],
+    ) -> None:  # fmt: skip
+        self.lab, self.words, self.bar, self.place, self.muscles = lab, words, bar, place, muscles
+        self.choice, self.good, self.said = choice, choice, said
+        self.wish, self.busy = 0, False
+
+    async def show(self) -> None:
+        """Build the page, and compute for the first time."""
+        with self.bar:
+            select(self.muscles, self.choice.muscle, lambda m: self.changed(muscle=m, law=""), "Muscle")
+            button("Report", self.report)
+        with self.place:
+            self.controls = CycleControls(self)
+            with box("div", "e-grid"):
+                with panel("Air: pressure against volume", "gas in compressor and muscle"):
+                    self.piston = box("div", "e-piston e-draw")
+                with panel("Muscle: tension against length", "the same cycle"):
+                    self.tendon = box("div", "e-tendon e-draw")
+                with panel("Per cycle"):
+                    self.numbers = box("div", "e-numbers")
+                    with box("details", "values"):
+                        text("summary", "Where the input goes")
+                        self.losses = box("div", "e-losses scroll")
+                with panel("Where the air\u2019s energy went", "exergy against the surroundings") as head:
+                    self.recorded = RecordedFlow(self, head)
+                with panel("Efficiency over supply pressure"):
+                    self.curve = box("div", "e-curve e-draw")
+        if self.said:
+            self.controls.refuse(" ".join(self.said))
+        self.recorded.begin()
+        await self.draw()
+
+    def changed(self, **what: Any) -> None:
+        """A visitor chose something; it is computed and shown in a task of its own."""
+        self.choice = replace(self.choice, **what)
+        self.controls.under.clear()
+        page_document().spawn(self.draw())
+
+    async def draw(self) -> None:
+        """Compute and show the newest choice; those that came while another was computed are passed over."""
+        self.wish += 1
+        if self.busy:
+            return
+        self.busy = True
+        try:
+            done = 0
+            with self.bar:  # whatever was clicked may be gone by then
+                while done != self.wish:
+                    done = self.wish
+                    await self._once(self.choice)
+        finally:
+            self.busy = False
+
+    async def _once(self, choice: EnergyChoice) -> None:
+
+        try:
+            document = await asyncio.to_thread(cycle_document, choice)
+            lines = await asyncio.to_thread(curves, curves_key(choice))
+        except MckibbenError as error:
+            if choice == self.choice:
+                self.choice = self.good
+                self.controls.rebuild()
+                self.controls.refuse(f"{error}. What was chosen before stays in use.")
+            return
+        self.good, muscle = choice, choice.muscle != self.good.muscle or choice.law != self.good.law
+        for place, part in (
+            (self.piston, document), (self.tendon, document), (self.numbers, document), (self.losses, document),
+            (self.curve, lines | {k: document[k] for k in ("pressure", "exchange", "efficiency", "other_efficiency")}),
+        ):  # fmt: skip
+            place.data("spec", part)
+        self.controls.agree(rebuilt=muscle)
+        link(**to_link(choice))
+        self.recorded.accumulator_changed()
+
+    async def report(self) -> None:
+        """Download the report of the cycle that is shown."""
+        page = await run_in_thread(self.controls.under, "Writing the report", cycle_report, self.good)
+        if page is not None:
+            download(f"energy-{self.good.muscle}-{self.good.cycle}.html", page)
+
+
+LOW, HIGH, STEP = 1.0, 10.0, 0.1  # of the slider [bar]
+SIGN = (
+    '<svg class="key" width="26" height="12" viewBox="0 0 26 12" aria-hidden="true"><path d="M0 6H26" '
+    'stroke="var(--q-pressure)" stroke-width="2"/><circle cx="13" cy="6" r="3.4" fill="var(--q-pressure)" '
+    'stroke="var(--panel)" stroke-width="1.2"/></svg>'
+)
+VOLUMES = {"": "Volume as usual", "paper": "Volume of eq. 38b", "potential": "Volume of the law"}
+
+
+class CycleControls:
+    """Of one visitor."""
+
+    def __init__(self, view: EnergyPage) -> None:
+        self.view, self.again = view, False
+        self.bar = box("section", "panel supply").set(aria_label="Cycle")
+        self.more = box("details", "panel conditions")
+        self.under = box("div", "e-under")
+        self.rebuild()
+
+    def rebuild(self) -> None:
+        """Show the choice as it is."""
+        self.again = self.refused = False
+        self.bar.clear()
+        self.more.clear()
+        with self.bar:
+            self._pressure()
+            self._choices()
+        with self.more:
+            self._conditions()
+
+    def refuse(self, sentence: str) -> None:
+        """Say why something was not done."""
+        self.under.clear()
+        with self.under:
+            refused(sentence)
+
+    def agree(self, *, rebuilt: bool) -> None:
+        """What was chosen is shown now."""
+        if rebuilt or self.again:
+            self.rebuild()
+        self._say_conditions()
+
+    # ---- pressure
+
+    def _pressure(self) -> None:
+        choice = self.view.choice
+        value = from_si(choice.pressure, "Pa", "bar")
+        high = max(HIGH, value)
+        raw(f"{SIGN}Supply pressure", "label", "P lead").set(for_="supply-pressure")
+        self.track = box("div", "tr P")
+        with self.track:
+            box("i")
+            dragged = box("input").set(
+                id="supply-pressure",
+                type="range",
+                min=LOW,
+                max=f"{high:g}",
+                step=STEP,
+                value=f"{value:g}",
+                aria_label="Supply pressure, bar",
+            )
+        self.track.set(data_spec=json.dumps(value))
+        dragged.on_value("input", self.dragged, wait=0.08)
+        with box("div", "number"):
+            with box("div", "field P") as self.edge:
+                self.typed = box("input").set(
+                    value=f"{value:.6g}",
+                    inputmode="decimal",
+                    aria_label="Supply pressure",
+                    aria_describedby="supply-said",
+                )
+                text("span", "bar", "u")
+            self.said = box("div", "said").set(id="supply-said")
+        self.typed.on_value("change", self.entered)
+
+    def dragged(self, given: object) -> None:
+        """The slider was moved."""
+        value = float(str(given))
+        if self.refused:  # else the browser has the number already
+            self.refusal("", f"{value:.6g}")
+        self.typed.set(value=f"{value:.6g}")
+        self.view.changed(pressure=min(max(value, LOW), max(HIGH, value)) * 1e5 if value == value else 5e5)
+
+    def entered(self, words: object) -> None:
+        """A number was typed; refused beside the field, in the words of the command line."""
+        choice = self.view.choice
+        found = accept("pressure", str(words)[:60], SETTINGS["pressure"], choice.pressure)
+        why = found.said
+        if not why:
+            try:
+                conditions(_with(choice, pressure=found.value))
+            except MckibbenError as error:
+                why = f"{error}. The old value, {from_si(choice.pressure, 'Pa', 'bar'):.6g}, stays in use."
+        self.refusal(why, str(words)[:60] if why else f"{from_si(found.value, 'Pa', 'bar'):.6g}")
+        if not why:
+            self.track.set(data_spec=json.dumps(from_si(found.value, "Pa", "bar")))
+            self.view.changed(pressure=found.value)
+
+    def refusal(self, why: str, words: str) -> None:
+        """Say under the number why it was refused, and leave the words to be put right; no sentence takes that away."""
+        self.said.clear()
+        self.refused = bool(why)
+        self.typed.set(value=words)
+        self.edge.classed("bad", bool(why))
+        self.typed.set(aria_invalid="true" if why else "false")
+        if why:
+            with self.said:
+                refused(why)
+
+    # ---- the rest
+
+    def _choices(self) -> None:
+        choice, go = self.view.choice, self.view.changed
+        own = coulomb_friction(resolved(choice).spec) if choice.friction is None else choice.friction
+        own = own or coulomb_friction(resolved(choice).spec)
+        segments(TITLES, choice.cycle, lambda v: go(cycle=v), "Cycle")
+        segments(
+            {"atmosphere": "Atmosphere", "accumulator": "Accumulator"},
+            choice.exchange,
+            lambda v: go(exchange=v),
+            "Exchange",
+        )
+        rubs = {"as": f"Friction {own:g}\u2009\u2060N", "none": "None"} if own else {"none": "No friction"}
+        pressed = "none" if choice.friction == 0.0 or not own else "as"
+        usual = own if choice.friction not in (None, 0.0) else None
+        segments(rubs, pressed, lambda v: go(friction=0.0 if v == "none" else usual), "Friction")
+
+    def _conditions(self) -> None:
+        choice = self.view.choice
+        self.line = text("summary", "Conditions")
+        found = resolved(choice)
+        muscle = next(iter(found.muscles.values()))
+        values = {
+            "stretched_length": stretched_length(found.spec, muscle)
+            if choice.stretched_length is None
+            else choice.stretched_length,
+            "accumulator_pressure": float(muscle.threshold())
+            if choice.accumulator_pressure is None
+            else choice.accumulator_pressure,
+            "friction": coulomb_friction(found.spec) if choice.friction is None else choice.friction,
+        }
+        with box("div", "bd form"):
+            for name, value in values.items():
+                field(name, SETTINGS[name], value, functools.partial(self._set, name))
+            with box("div", "row wrap"):
+                if len(found.spec.laws) > 1:
+                    names = {n: n.replace("_", " ") for n in found.spec.laws}
+                    select(names, found.law, lambda v: self.view.changed(law=v, volume=""), "Law")
+                volumes = {v: VOLUMES[v] for v in sorted(found.muscles)}
+                select(volumes, found.volume, lambda v: self.view.changed(volume=v), "Volume of the gas")
+                words = {"printed": "Friction in the output only", "throughout": "Friction throughout"}
+                readings = {r: words[r] for r in READINGS}
+                select(
+                    readings, choice.reading, lambda v: self.view.changed(reading=v), "Reading of the isotonic cycles"
+                )
+        self._say_conditions()
+
+    def _set(self, name: str, value: float) -> None:
+        """Take a condition; refused, with the old value kept, where no cycle is possible."""
+        choice = _with(self.view.choice, **{name: value})
+        conditions(choice)
+        if name == "accumulator_pressure" and value >= choice.pressure:
+            raise InputError(name, f"{value / 1e5:g} bar", "allowed is below the pressure of the supply")
+        self.again = name == "friction"  # which the bar shows too
+        self.view.changed(**{name: value})
+
+    def _say_conditions(self) -> None:
+        from ....quantities import with_unit
+
+        try:
+            c = conditions(self.view.choice)
+        except MckibbenError:
+            return
+        around = with_unit(float(c.ambient.pressure_abs), "Pa", 5)
+        volume = VOLUMES[resolved(self.view.choice).volume].lower()
+        words = f"Conditions: begins at {with_unit(c.stretched_length, 'm')}, surroundings {around}, {volume}"
+        self.line.say(words)
+
+
+def _with(choice: EnergyChoice, **what: Any) -> EnergyChoice:
+    from dataclasses import replace
+
+    return replace(choice, **what)
+
+
+ENDINGS = (".nc", ".csv", ".mcap")
+MOST = 200  # recordings in the list
+EMPTY = "No recordings yet. Start a run on the bench, or drop a file here."
+
+
+class RecordedFlow:
+    """Of one visitor.
+
+    Args:
+        view: of the page.
+        head: place of the lists in the panel's heading.
+    """
+
+    def __init__(self, view: EnergyPage, head: Element) -> None:
+        self.view, self.head = view, head
+        self.name, self.part, self.kind = (view.words.get(k, "") for k in ("recording", "part", "account"))
+        self.account: Any = None
+        self.simulated = True
+        self.told: float | None = None  # pressure of the accumulator whose saving is told [Pa]
+        self.place = box("div", "e-flow-place")
+
+    def names(self) -> list[str]:
+        """Of the recordings that an account can be made of, the newest first."""
+        return [n for n in self.view.lab.recordings.names() if n.lower().endswith(ENDINGS)][:MOST]
+
+    def begin(self) -> None:
+        """Show the lists, and the recording that the link names or the newest one."""
+        names = self.names()
+        if not self.name and names:
+            self.name = names[0]
+        if not self.name:
+            with self.place:
+                empty(EMPTY, "To the bench", "/")
+                UploadPlace("A recording of mckibben: .nc, .csv or .mcap", self.dropped, ENDINGS)
+            return
+        page_document().spawn(self.load())
+
+    async def dropped(self, one: IncomingFile) -> None:
+        """A file came; it is kept with the recordings."""
+        path = await asyncio.to_thread(self.view.lab.recordings.store, one.name, one.path)
+        one.close()
+        self.name = path.name
+        self.view.lab.changed()
+        await self.load()
+
+    def lists(self) -> None:
+        """Recording, stretch and kind of account, in the heading."""
+        self.head.clear()
+        names = self.names()
+        shown = {n: n for n in ([] if self.name in names or not self.name else [self.name]) + names}
+        with self.head:
+            if self.account is not None and self.account.cycles:
+                select(cycle_names(self.account), self.part, self.stretched, "Stretch of the recording")
+            if self.account is not None and self.simulated:
+                kinds = {"": "As simulated", "measured": "From measured channels"}
+                select(kinds, self.kind, self.kinded, "Account")
+            select(shown, self.name, self.chosen, "Recording")
+
+    async def chosen(self, name: str) -> None:
+        """Another recording."""
+        self.name, self.part, self.kind, self.account = name, "", "", None
+        await self.load()
+
+    async def kinded(self, kind: str) -> None:
+        """Another kind of account."""
+        self.kind, self.part, self.account = kind, "", None
+        await self.load()
+
+    def stretched(self, part: str) -> None:
+        """Another stretch."""
+        self.part = part
+        self.draw()
+
+    async def load(self) -> None:
+        """Make the account and draw it."""
+        with self.view.bar:  # the list that was chosen from is made anew
+            name, kind = self.name, self.kind
+            link(recording=name, account=kind or None, part=self.part or None)
+            self.lists()
+            found = await run_in_thread(self.place, f"Summing up {name}", self._account, name, kind)
+            if found is None or (name, kind) != (self.name, self.kind):
+                return
+            self.account, _, self.simulated = found
+            self.draw()
+            self.lists()
+
+    def _account(self, name: str, kind: str) -> Any:
+
+        path = self.view.lab.recordings.found(name)
+        try:
+            try:
+                return account(path, kind, "")
+            except InputError as error:
+                if error.field != "muscle":
+                    raise
+                return account(path, kind, self.view.good.muscle)  # the page's muscle, where the recording names none
+        except (ArithmeticError, LookupError, OSError, RuntimeError, TypeError) as error:  # what others wrote into it
+            why = f"{type(error).__name__}: {error}"[:200]
+            raise InputError("file", name, f"no account can be made of what is in it ({why})") from None
+
+    def draw(self) -> None:
+        """Draw the account that is there."""
+        if self.account is None:
+            return
+        link(part=self.part or None)
+        self.told = self.accumulator()
+        self.place.clear()
+        with self.place:
+            try:
+                document = flow_document(self.account, self.part, self.told)
+            except MckibbenError as error:
+                refused(str(error))
+                return
+            box("div", "e-flow").data("spec", document)
+
+    def accumulator(self) -> float | None:
+        """Gauge pressure of the accumulator that is chosen above [Pa]."""
+        choice = self.view.good
+        return conditions(choice).exchange_pressure if choice.exchange == "accumulator" else None
+
+    def accumulator_changed(self) -> None:
+        """Tell another saving where the accumulator above has changed."""
+        if self.account is not None and self.accumulator() != self.told:
+            self.draw()
