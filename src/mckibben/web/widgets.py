@@ -21,7 +21,7 @@ SIGNS = {
 
 
 @contextmanager
-def page(
+def page_frame(
     module: str, title: str = "", sub: str = "", *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = ()
 ) -> Iterator[Element]:
     """A page in the shell, with its name in a bar; yields that bar's place for buttons.

@@ -10,7 +10,7 @@ from ... import charts
 from ...elements import page_document
 from ...laboratory import Laboratory
 from ...shelf import Shelf
-from ...widgets import box, button, link, loading, page, panel, raw, refused, text
+from ...widgets import box, button, link, loading, page_frame, panel, raw, refused, text
 from . import diagram, dialogs, edit, inspector, response
 from .document import Document, text_of
 from .drawings import flow_chart, numbers, palette, pressure_chart, sweep_chart
@@ -43,7 +43,7 @@ class CircuitPage:
 
     def build(self, said: str) -> None:
         """All of it."""
-        with page(
+        with page_frame(
             "circuit", sub="Valve to muscle; every change shows in the step response at once", sheets=("circuit.css",),
             scripts=("js/circuit.js",),
         ) as bar:  # fmt: skip

@@ -15,7 +15,7 @@ from ... import forms
 from ...elements import page_document
 from ...laboratory import Laboratory
 from ...transfers import download
-from ...widgets import box, button, empty, link, loading, page, panel, raw, refused, segments, tell, text
+from ...widgets import box, button, empty, link, loading, page_frame, panel, raw, refused, segments, tell, text
 from . import drawings, jobs
 from .dialogs import add, runs
 from .grid import ComparisonGrid
@@ -54,7 +54,7 @@ class ComparePage:
     def build(self) -> None:
         """All of it; the numbers follow."""
         sub = "Muscles side by side, at full drive, per resting length L\u2080 and section"
-        with page("compare", sub=sub, sheets=("compare.css",), scripts=("js/compare.js",)) as bar:
+        with page_frame("compare", sub=sub, sheets=("compare.css",), scripts=("js/compare.js",)) as bar:
             with bar:
                 self._full_drive()
                 names = {"laws": "From the laws", "recordings": "From recordings"}

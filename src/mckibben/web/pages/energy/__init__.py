@@ -7,7 +7,7 @@ from typing import Any
 from ...elements import page_document
 from ...laboratory import Laboratory
 from ...shell import asked
-from ...widgets import box, page
+from ...widgets import box, page_frame
 
 LINKED = (
     "muscle", "law", "cycle", "pressure", "exchange", "accumulator_pressure", "friction", "stretched_length", "volume",
@@ -18,7 +18,7 @@ LINKED = (
 def build(lab: Laboratory, request: Any) -> None:
     """Fill it; what is heavy comes once the page stands."""
     words = asked(request, *LINKED)
-    with page(
+    with page_frame(
         "energy", sub="What goes in as compressed air, what comes out as work", sheets=("energy.css",),
         scripts=("js/energy.js",),
     ) as bar:  # fmt: skip

@@ -6,7 +6,7 @@ from typing import Any
 
 from ...laboratory import Laboratory
 from ...shell import asked
-from ...widgets import page
+from ...widgets import page_frame
 
 
 def build(lab: Laboratory, request: Any) -> None:
@@ -16,6 +16,6 @@ def build(lab: Laboratory, request: Any) -> None:
 
     words = asked(request, *LINK)
     sub = "Tension laws to a table of length, pressure and tension"
-    with page("fit", sub=sub, sheets=("fit.css",), scripts=("js/fit.js",)) as bar:
+    with page_frame("fit", sub=sub, sheets=("fit.css",), scripts=("js/fit.js",)) as bar:
         view = FitPage(lab, words)
         view.build(bar)

@@ -7,7 +7,7 @@ from typing import Any
 from ...elements import page_document
 from ...laboratory import Laboratory
 from ...shell import asked
-from ...widgets import box, page
+from ...widgets import box, page_frame
 
 LINKED = ("row", "figure", "form")  # what the server has to know; the browser keeps filter, search and folds
 
@@ -15,7 +15,7 @@ LINKED = ("row", "figure", "form")  # what the server has to know; the browser k
 def build(lab: Laboratory, request: Any) -> None:
     """Fill it; what is heavy comes once the page stands."""
     words = asked(request, *LINKED)
-    with page(
+    with page_frame(
         "paper", sub="C.-P. Chou, B. Hannaford: every printed number, table and figure, theirs and ours",
         sheets=("paper.css",), scripts=("js/paper.js",),
     ) as bar:  # fmt: skip

@@ -6,7 +6,7 @@ from typing import Any
 
 from ...laboratory import Laboratory
 from ...shell import asked
-from ...widgets import page
+from ...widgets import page_frame
 
 
 def build(lab: Laboratory, request: Any) -> None:
@@ -14,6 +14,6 @@ def build(lab: Laboratory, request: Any) -> None:
     from .page import LINK, RecordingsPage
 
     words = asked(request, *LINK)
-    with page("recordings", sheets=("recordings.css",), scripts=("js/recordings.js",)) as bar:
+    with page_frame("recordings", sheets=("recordings.css",), scripts=("js/recordings.js",)) as bar:
         view = RecordingsPage(lab, words)
         view.build(bar)
