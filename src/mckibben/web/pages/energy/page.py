@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from ....analysis.energy import READINGS
-from ....analysis.energy.settings import SETTINGS, coulomb_friction, stretched_length
+from ....analysis.energy.cycles import SETTINGS, coulomb_friction, stretched_length
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si
 from ...elements import Element, page_document

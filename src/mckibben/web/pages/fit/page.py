@@ -483,7 +483,7 @@ async def _specimen(view: FitPage) -> None:
 
 
 def _written(study: Any) -> tuple[str, bytes]:
-    from ....report.specimen_file import write_specimen
+    from ....report.fit_study import write_specimen
 
     stem = (
         "".join(c if c.isalnum() or c in "._-" else "-" for c in Path(study.points.name).stem)[:60].strip("-.")

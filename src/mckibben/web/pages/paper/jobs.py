@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....recordings import Recording, read_recording
-from ....reproduction.sharing import PAUSE, Folder
+from ....reproduction.recorded import PAUSE, Folder
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -45,12 +45,9 @@ def work(line: Connection, place: str) -> None:
     with contextlib.suppress(OSError, AttributeError):
         os.nice(LATER)
     from ....errors import MckibbenError
-    from ....reproduction import load
-    from ....reproduction.recorded import told
-    from ....reproduction.sharing import kept_in
+    from ....reproduction.recorded import kept_in, told
 
     said = _Teller(line)
-    load()
     with told(said), kept_in(RecordingCache(Path(place), said)), contextlib.suppress(EOFError, BrokenPipeError):
         while True:
             kind, *given = line.recv()
