@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from kernel_names import COMMON, PATHS, VALVE_PATHS
 
-from mckibben.assembly.build import Line, several, unit_from_specimen
+from mckibben.assembly.build import AirLine, several, unit_from_specimen
 from mckibben.assembly.loads import Plate
 from mckibben.assembly.machine import Machine
 from mckibben.assembly.muscle_unit import STOP_TRAVEL, MuscleUnit
@@ -144,7 +144,7 @@ def valve() -> Case:
     """The same with a valve of two orifices and a port in the circuit."""
     fill, vent = Orifice(conductance=4e-9), Orifice(conductance=5e-9, critical_ratio=0.3)
     heat = WallHeat(conductance=0.2, wall_temperature=TEMPERATURE)
-    line = Line(valve=(fill, vent), tube=_tube(), port_volume=5e-6, heat=heat, dead=1e-6)
+    line = AirLine(valve=(fill, vent), tube=_tube(), port_volume=5e-6, heat=heat, dead=1e-6)
     machine = several({"m": unit()}, Plate(held=("m",), span=0.16), supply=6e5, line=line)
     start = machine.initial({"m": ROOM, "m.port": ROOM}, {"m.fill": _still(0.0), "m.vent": _still(0.0)})
 

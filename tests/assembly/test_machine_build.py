@@ -8,7 +8,7 @@ import pytest
 
 from mckibben.assembly.build import (
     INFERRED,
-    Line,
+    AirLine,
     antagonist_pair,
     circuit_for,
     several,
@@ -65,7 +65,7 @@ def test_a_valve_with_three_ports_is_one_element_of_the_line(kind):
 
 def test_an_own_line_for_each_muscle():
     load = Plate(held=("a", "b"), span=0.14)
-    lines = {"a": Line(), "b": Line(tube=LumpedTube(length=2.0, diameter=4e-3))}
+    lines = {"a": AirLine(), "b": AirLine(tube=LumpedTube(length=2.0, diameter=4e-3))}
     machine = several({"a": "nylon", "b": "nylon"}, load, supply=SUPPLY, line=lines)
     assert float(machine.circuit.elements["b.tube"].length) == 2.0
     assert machine.signals() == ("a.fill", "a.vent", "b.fill", "b.vent")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import typer
 
-from mckibben.bench.calibrate.sources import Task
+from mckibben.bench.calibrate.sources import OperatorTask
 from mckibben.cli import calibrate, main
 from mckibben.recordings import Channel, Recording, read_recording
 
@@ -178,8 +178,10 @@ def test_files_that_do_not_fit_are_refused_before_anybody_is_asked(run, tmp_path
 def test_a_person_at_a_terminal_is_asked_and_types_what_the_reference_shows(monkeypatch, capsys):
     answers = iter(["", "3 kg", "3.02 bar"])
     monkeypatch.setattr(typer, "prompt", lambda text, *_, **__: (print(text, file=sys.stderr), next(answers))[1])
-    assert calibrate.ask_person(Task("hang 2 kg on the cell", {"tension": 19.6})) is None
-    assert calibrate.ask_person(Task("set the pressure to 3 bar", {"pressure": 3e5}, True)) == pytest.approx(3.02e5)
+    assert calibrate.ask_person(OperatorTask("hang 2 kg on the cell", {"tension": 19.6})) is None
+    assert calibrate.ask_person(OperatorTask("set the pressure to 3 bar", {"pressure": 3e5}, True)) == pytest.approx(
+        3.02e5
+    )
     out, err = capsys.readouterr()
     assert out == "" and "Hang 2 kg on the cell, then press Enter" in err
     assert "reference must be a pressure, got 3 kg" in err

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mckibben.assembly import machine as machine_module
-from mckibben.assembly.build import Line, several, unit_from_specimen
+from mckibben.assembly.build import AirLine, several, unit_from_specimen
 from mckibben.assembly.loads import Joint, MomentArm, Plate
 from mckibben.engine import held
 from mckibben.engine.integration import compile_march
@@ -23,7 +23,7 @@ def rig(count=MUSCLES, load=None, **more):
     names = [f"m{k}" for k in range(count)]
     units = {n: unit_from_specimen("nylon", end_mass=0.02 * (1.0 + 0.1 * k)) for k, n in enumerate(names)}
     tubes = [InertialTube(viscous=54.0, turbulent=6.4, area=7.9e-6, length=0.5 + 0.1 * k) for k in range(count)]
-    lines = {n: Line(tube=tube) for n, tube in zip(names, tubes, strict=True)}
+    lines = {n: AirLine(tube=tube) for n, tube in zip(names, tubes, strict=True)}
     machine = several(units, load or Plate(held=tuple(names), span=0.14), supply=5e5, line=lines, **more)
     time = np.arange(SAMPLES + 1)
     signals = {f"{n}.fill": held(np.where(time >= k % 5, 1.0, 0.0)) for k, n in enumerate(names)}

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from mckibben.assembly.accounts import accounts
-from mckibben.assembly.build import Line, antagonist_pair, several, single_muscle, unit_from_specimen
+from mckibben.assembly.build import AirLine, antagonist_pair, several, single_muscle, unit_from_specimen
 from mckibben.assembly.loads import Body, MomentArm, Plate
 from mckibben.assembly.wrap import Wrap
 from mckibben.engine import Result, Run, held, march
@@ -55,10 +55,10 @@ def shared(heat=ADIABATIC):
     """Four muscles behind one tank, two with lines of their own, on one plate; without friction."""
     names = ("a", "b", "c", "d")
     lines = {
-        "a": Line(heat=heat),
-        "b": Line(heat=heat, port_volume=4e-6),
-        "c": Line(heat=heat, dead=1e-6),
-        "d": Line(heat=heat),
+        "a": AirLine(heat=heat),
+        "b": AirLine(heat=heat, port_volume=4e-6),
+        "c": AirLine(heat=heat, dead=1e-6),
+        "d": AirLine(heat=heat),
     }
     return several(
         {n: unit(rubs=False) for n in names}, Plate(held=names, signal="x"), supply=SUPPLY, line=lines,

@@ -11,7 +11,7 @@ from ..engine import Run
 from ..engine.native import call_compiled
 from ..muscles.stored import stored_change
 from ..pneumatics.exergy import stored_exergy
-from .exergy_balance import Gained, WhereItWent, exergy_balance
+from .exergy_balance import ExergyBalance, StoredChange, exergy_balance
 from .machine import Machine
 
 LEAST = 1e-6  # [J]; of less work than this, rounding of what is stored is all that an account shows
@@ -41,7 +41,7 @@ class Accounts(NamedTuple):
     friction: float
     dissipated: float
     exergy: float
-    energy_parts: WhereItWent
+    energy_parts: ExergyBalance
 
 
 def accounts(
@@ -64,7 +64,7 @@ def accounts(
     )
     more = _Held(*(b - a for a, b in zip(before, after, strict=True)))
     ambient = float(machine.environment.pressure_abs)
-    got = Gained(
+    got = StoredChange(
         gas=more.gas,
         gas_exergy=more.exergy,
         muscle=sum(_muscle_energy(machine, name, begin, end) for name in machine.units),

@@ -29,7 +29,7 @@ from .muscle_unit import MuscleUnit
 from .wrap import Wrap
 
 
-class Inferred(NamedTuple):
+class InferredNumber(NamedTuple):
     """A number that no source prints: value [SI], the range in which it may lie, and where it comes from."""
 
     value: float
@@ -37,25 +37,25 @@ class Inferred(NamedTuple):
     note: str
 
 
-INFERRED: dict[str, Inferred] = {
-    "end_mass": Inferred(0.02, (0.005, 0.1), "kg; a fitting of a muscle of 1 cm diameter"),
-    "viscosity": Inferred(
+INFERRED: dict[str, InferredNumber] = {
+    "end_mass": InferredNumber(0.02, (0.005, 0.1), "kg; a fitting of a muscle of 1 cm diameter"),
+    "viscosity": InferredNumber(
         0.2,
         (0.0, 1.0),
         "N s/m; 0.35 would add a count of the paper's cell at 8 L0/s, and nothing viscous was seen there",
     ),
-    "stop_damping": Inferred(100.0, (10.0, 300.0), "N s/m; a braid pulled taut does not bounce"),
-    "tendon_stiffness": Inferred(1e5, (3e4, 1e6), "N/m; a cord of 20 cm and the frame"),
-    "tendon_toe": Inferred(5e-4, (1e-4, 2e-3), "m; the stretch over which a cord stiffens"),
-    "tendon_loss": Inferred(0.2, (0.0, 1.0), "s/m; a taut cord hardly rings"),
-    "port_volume": Inferred(2e-6, (1e-6, 1e-5), "m^3; the valve's outlet and fittings"),
-    "heat_conductance": Inferred(0.2, (0.05, 1.0), "W/K; between adiabatic and isothermal"),
-    "tube_length": Inferred(0.5, (0.1, 2.0), "m; what the printed times of the nylon muscle allow"),
-    "tube_diameter": Inferred(3.175e-3, (2e-3, 6e-3), "m; 1/8 inch"),
-    "valve_flow": Inferred(
+    "stop_damping": InferredNumber(100.0, (10.0, 300.0), "N s/m; a braid pulled taut does not bounce"),
+    "tendon_stiffness": InferredNumber(1e5, (3e4, 1e6), "N/m; a cord of 20 cm and the frame"),
+    "tendon_toe": InferredNumber(5e-4, (1e-4, 2e-3), "m; the stretch over which a cord stiffens"),
+    "tendon_loss": InferredNumber(0.2, (0.0, 1.0), "s/m; a taut cord hardly rings"),
+    "port_volume": InferredNumber(2e-6, (1e-6, 1e-5), "m^3; the valve's outlet and fittings"),
+    "heat_conductance": InferredNumber(0.2, (0.05, 1.0), "W/K; between adiabatic and isothermal"),
+    "tube_length": InferredNumber(0.5, (0.1, 2.0), "m; what the printed times of the nylon muscle allow"),
+    "tube_diameter": InferredNumber(3.175e-3, (2e-3, 6e-3), "m; 1/8 inch"),
+    "valve_flow": InferredNumber(
         105e-3 / 60.0, (1.6e-3, 2.1e-3), "m^3/s at 6.9 bar; printed delay and rise of the nylon muscle"
     ),
-    "valve_flow_pressure": Inferred(6.9e5, (6e5, 7e5), "Pa; where that flow is meant"),
+    "valve_flow_pressure": InferredNumber(6.9e5, (6e5, 7e5), "Pa; where that flow is meant"),
 }
 PORTED: tuple[type[FlowElement], ...] = (ThreeWayValve, SpoolValve, PressureRegulator)  # supply, work, exhaust
 Valve = FlowElement | tuple[Orifice, Orifice]
@@ -115,7 +115,7 @@ def unit_from_specimen(
     )  # fmt: skip
 
 
-class Line(NamedTuple):
+class AirLine(NamedTuple):
     """What lies between the supply and one muscle; what is left out is `INFERRED`.
 
     Attributes:
@@ -138,7 +138,7 @@ def circuit_for(
     units: Mapping[str, MuscleUnit],
     *,
     supply: Reservoir | float,
-    line: Line | Mapping[str, Line] = Line(),  # noqa: B008
+    line: AirLine | Mapping[str, AirLine] = AirLine(),  # noqa: B008
     environment: Environment | None = None,
     tank: Chamber | None = None,
     feed: FlowElement | None = None,
@@ -174,7 +174,7 @@ def circuit_for(
         nodes["tank"] = tank
         branches["feed"] = Branch(feed, ("supply", "tank"))
     for name, unit in units.items():
-        own = line if isinstance(line, Line) else line.get(name)
+        own = line if isinstance(line, AirLine) else line.get(name)
         if own is None:
             raise InputError(f"line of {name}", "not given", "every muscle needs one", where="circuit")
         _add(nodes, branches, name, unit, own, room, "supply" if tank is None else "tank")
@@ -182,7 +182,7 @@ def circuit_for(
 
 
 def _add(
-    nodes: dict[str, Reservoir | Chamber], branches: dict[str, Branch], name: str, unit: MuscleUnit, line: Line,
+    nodes: dict[str, Reservoir | Chamber], branches: dict[str, Branch], name: str, unit: MuscleUnit, line: AirLine,
     room: Environment, source: str,
 ) -> None:  # fmt: skip
     port = f"{name}.port"
@@ -219,7 +219,7 @@ def single_muscle(
     environment: Environment | None = None,
     **line: Any,
 ) -> Machine:
-    """One muscle, which the load calls by whatever one name it holds; the other arguments are those of `Line`."""
+    """One muscle, which the load calls by whatever one name it holds; the other arguments are those of `AirLine`."""
     names = load.muscles()
     if len(names) != 1:
         raise InputError("load", ", ".join(names), "it must hold one muscle", where="single muscle")
@@ -249,7 +249,7 @@ def antagonist_pair(
         inertia: about the axis [kg m^2].
         joint: what else `Joint` has, by name.
         environment: the room.
-        **line: as `Line` has it, for both.
+        **line: as `AirLine` has it, for both.
 
     Raises:
         InputError: if the moment arms do not have opposite signs.
@@ -271,7 +271,7 @@ def several(
     load: Load,
     *,
     supply: Reservoir | float,
-    line: Line | Mapping[str, Line] = Line(),  # noqa: B008
+    line: AirLine | Mapping[str, AirLine] = AirLine(),  # noqa: B008
     environment: Environment | None = None,
     tank: Chamber | None = None,
     feed: FlowElement | None = None,
@@ -282,8 +282,8 @@ def several(
     return Machine.of(circuit, built, load, environment)
 
 
-def _line(given: Mapping[str, Any]) -> Line:
+def _line(given: Mapping[str, Any]) -> AirLine:
     for name in given:
-        if name not in Line._fields:
-            raise InputError(name, "unknown", f"a line has {', '.join(Line._fields)}", where="line")
-    return Line(**given)
+        if name not in AirLine._fields:
+            raise InputError(name, "unknown", f"a line has {', '.join(AirLine._fields)}", where="line")
+    return AirLine(**given)

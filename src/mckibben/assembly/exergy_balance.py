@@ -21,7 +21,7 @@ from .machine import Machine
 SAME = 1e-9  # share by which a reservoir's pressure may be off the room's
 
 
-class Gained(NamedTuple):
+class StoredChange(NamedTuple):
     """What end states say [J].
 
     Attributes:
@@ -47,7 +47,7 @@ class Gained(NamedTuple):
     swollen: float
 
 
-class Ledger(NamedTuple):
+class ExergyLedger(NamedTuple):
     """What came in, what went out, and by how much more is stored, by name [J]; errors are compared to `throughput`."""
 
     into: dict[str, float]
@@ -60,13 +60,13 @@ class Ledger(NamedTuple):
         """What came in and is nowhere [J]."""
         return sum(self.into.values()) - sum(self.out.values()) - sum(self.stored.values())
 
-    def plus(self, other: Ledger) -> Ledger:
+    def plus(self, other: ExergyLedger) -> ExergyLedger:
         """Both together."""
         into, out, stored = (
             {k: a.get(k, 0.0) + b.get(k, 0.0) for k in {**a, **b}}
             for a, b in ((self.into, other.into), (self.out, other.out), (self.stored, other.stored))
         )
-        return Ledger(into, out, stored, self.throughput + other.throughput)
+        return ExergyLedger(into, out, stored, self.throughput + other.throughput)
 
     def document(self) -> dict[str, Any]:
         """As a recording keeps it."""
@@ -74,7 +74,7 @@ class Ledger(NamedTuple):
 
 
 @dataclass(frozen=True)
-class WhereItWent:
+class ExergyBalance:
     """The accounts of a run in parts.
 
     Attributes:
@@ -85,24 +85,24 @@ class WhereItWent:
         compressor: least work to compress that air from the room, cooled (``isothermal``) or not (``adiabatic``) [J].
     """
 
-    exergy: Ledger
-    energy: Ledger
-    load: Ledger
+    exergy: ExergyLedger
+    energy: ExergyLedger
+    load: ExergyLedger
     air: float
     compressor: Mapping[str, float]
 
-    def plus(self, other: WhereItWent) -> WhereItWent:
+    def plus(self, other: ExergyBalance) -> ExergyBalance:
         """Both together."""
         work = {k: v + other.compressor[k] for k, v in self.compressor.items()}
-        return WhereItWent(
+        return ExergyBalance(
             self.exergy.plus(other.exergy), self.energy.plus(other.energy), self.load.plus(other.load),
             self.air + other.air, work,
         )  # fmt: skip
 
 
-def exergy_balance(machine: Machine, flow: Mapping[str, float], got: Gained) -> WhereItWent:
+def exergy_balance(machine: Machine, flow: Mapping[str, float], got: StoredChange) -> ExergyBalance:
     """The parts from the integrals of a run, as `Machine.integrands` names them, and from its end states."""
-    load = Ledger(
+    load = ExergyLedger(
         {"shaft_work": flow["delivered"], "outside": flow["outside"]},
         {"load_losses": flow["lost"] - flow["viscous"]},
         {"load": got.load},
@@ -112,7 +112,7 @@ def exergy_balance(machine: Machine, flow: Mapping[str, float], got: Gained) -> 
         "out": {"friction": got.dissipated, "viscous": flow["viscous"], "shaft_work": flow["delivered"]},
         "stored": {"muscle": got.muscle, "friction": got.friction - got.dissipated, "tendon": got.tendon},
     }
-    energy = Ledger(
+    energy = ExergyLedger(
         {"enthalpy": 0.5 * (flow["enthalpy_turnover"] + flow["enthalpy"]), "heat": flow["heat"], "machines": flow["shaft"]},
         {
             "enthalpy": 0.5 * (flow["enthalpy_turnover"] - flow["enthalpy"]), "atmosphere": got.lifted,
@@ -122,10 +122,10 @@ def exergy_balance(machine: Machine, flow: Mapping[str, float], got: Gained) -> 
         max(flow["enthalpy_turnover"], flow["exchanged"]),
     )  # fmt: skip
     air, compressor = _supplies(machine, flow)
-    return WhereItWent(_exergy(machine, flow, got, muscle), energy, load, air, compressor)
+    return ExergyBalance(_exergy(machine, flow, got, muscle), energy, load, air, compressor)
 
 
-def _exergy(machine: Machine, flow: Mapping[str, float], got: Gained, muscle: Mapping[str, Any]) -> Ledger:
+def _exergy(machine: Machine, flow: Mapping[str, float], got: StoredChange, muscle: Mapping[str, Any]) -> ExergyLedger:
     wall = _wall(machine)
     walls = 0.0 if wall is None else flow["heat"] * (1.0 - float(machine.environment.temperature) / wall)
     into = {"supply": 0.0, "machines": flow["shaft"], "walls": walls}
@@ -152,7 +152,7 @@ def _exergy(machine: Machine, flow: Mapping[str, float], got: Gained, muscle: Ma
         "mixing": flow["mixed"], "heat": walls - flow["heat_worth"],
         "other_walls": flow["work"] - flow["muscle_work"] - (got.swollen - got.lifted),
     }  # fmt: skip
-    return Ledger(
+    return ExergyLedger(
         into, {**lost, **gas, **muscle["out"]}, {"gas": got.gas_exergy, **muscle["stored"]},
         max(crossed, flow["exchanged"]),
     )  # fmt: skip
@@ -190,7 +190,7 @@ def _supplies(machine: Machine, flow: Mapping[str, float]) -> tuple[float, dict[
     return air, work
 
 
-def document(machine: Machine, parts: Sequence[WhereItWent]) -> dict[str, Any]:
+def document(machine: Machine, parts: Sequence[ExergyBalance]) -> dict[str, Any]:
     """As a recording keeps it, with what is needed to find the parts again in its channels.
 
     Args:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..components import Environment, Scalar
-from ..components.system import Moment, Part, System
+from ..components.system import IndependentPart, Moment, System
 from ..engine.native import call_compiled
 from ..engine.signals import Value
 from ..errors import InputError
@@ -19,7 +19,7 @@ from ..pneumatics.circuit import Circuit
 from ..pneumatics.exergy import exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
-from .muscle_unit import MuscleUnit, Path, UnitState, braid_tension
+from .muscle_unit import MusclePath, MuscleUnit, UnitState, braid_tension
 
 MANY = 8  # muscles from which on independent ones are integrated side by side, each by the same compiled step
 ALONE = "muscle"  # name of the muscle of such a part
@@ -185,7 +185,7 @@ class Machine(System):
         assert load is not None
         return Machine(Circuit(nodes, elements, ends, circuit.gas), {ALONE: self.units[muscle]}, load, self.environment)
 
-    def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[Part]:
+    def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
         """One for each muscle where they are independent and many."""
         made = []
         for muscle, names in self.names_by_part().items():
@@ -200,7 +200,9 @@ class Machine(System):
             needed = {name: signals[names[name]] for name in part.signals()}
             needed |= {new: signals[old] for new, old in late.items() if old in signals}
             made.append(
-                Part(part, own, {"circuit": kept, "muscles": {ALONE: memory["muscles"][muscle]}}, needed, dict(names))
+                IndependentPart(
+                    part, own, {"circuit": kept, "muscles": {ALONE: memory["muscles"][muscle]}}, needed, dict(names)
+                )
             )
         return made
 
@@ -285,7 +287,7 @@ class Machine(System):
         muscles = {
             name: unit.advance_memory(
                 memory["muscles"][name],
-                Path(
+                MusclePath(
                     end.state["muscles"][name].length - start.state["muscles"][name].length,
                     after[name].span - before[name].span,
                     self.gauge(start.state, name),

@@ -37,7 +37,7 @@ class UnitState(NamedTuple):
     velocity: Scalar
 
 
-class Ledger(NamedTuple):
+class MuscleLedger(NamedTuple):
     """An element with memory, and what it has taken and turned into heat since the start [J]."""
 
     state: Scalar
@@ -45,7 +45,7 @@ class Ledger(NamedTuple):
     dissipated: Scalar
 
 
-class Path(NamedTuple):
+class MusclePath(NamedTuple):
     """A piece of the motion: changes of length and span [m], gauge pressure at its ends [Pa], tension at its end [N]."""
 
     length: Scalar
@@ -75,23 +75,23 @@ class MuscleUnit(Module):
         both = {"friction": self.friction, "creep": self.creep}
         return {name: part for name, part in both.items() if part is not None}
 
-    def initial_memory(self) -> dict[str, Ledger]:
+    def initial_memory(self) -> dict[str, MuscleLedger]:
         """Every element relaxed, nothing taken yet."""
         zero = jnp.zeros(())
         states = {name: part.initial() for name, part in self.parts.items()}
         if self.wrap is not None:
             states["wrap"] = self.wrap.initial()
-        return {name: Ledger(state, zero, zero) for name, state in states.items()}
+        return {name: MuscleLedger(state, zero, zero) for name, state in states.items()}
 
     def tension(self, state: UnitState, span: Any, span_velocity: Any) -> Scalar:
         """Tension of the tendon at the muscle [N], never negative."""
         return self.tendon.force(span - state.length, span_velocity - state.velocity)
 
-    def load_tension(self, memory: dict[str, Ledger], tension: Any) -> Scalar:
+    def load_tension(self, memory: dict[str, MuscleLedger], tension: Any) -> Scalar:
         """What the load feels of it behind the bone [N]."""
         return tension if self.wrap is None else tension + self.wrap.force(memory["wrap"].state)
 
-    def memory_force(self, memory: dict[str, Ledger], state: UnitState, pressure: Any) -> Scalar:
+    def memory_force(self, memory: dict[str, MuscleLedger], state: UnitState, pressure: Any) -> Scalar:
         """Friction and creep together [N], positive when they oppose lengthening."""
         forces = (part.force(memory[name].state, state.velocity, pressure) for name, part in self.parts.items())
         return sum(forces, start=jnp.zeros(()))
@@ -103,13 +103,15 @@ class MuscleUnit(Module):
         share = jnp.where(above < 1.0, above, 1.0)
         return self.viscosity + self.stop_damping * (share * share)
 
-    def rate(self, state: UnitState, memory: dict[str, Ledger], pressure: Any, tension: Any) -> UnitState:
+    def rate(self, state: UnitState, memory: dict[str, MuscleLedger], pressure: Any, tension: Any) -> UnitState:
         """Rates of length and velocity; gauge pressure [Pa], tension of the tendon [N]."""
         inner = braid_tension(self.law, state.length, pressure) + self.memory_force(memory, state, pressure)
         push = tension - inner - self.damping(state.length) * state.velocity
         return UnitState(state.velocity, push / self.end_mass)
 
-    def advance_memory(self, memory: dict[str, Ledger], path: Path, duration: Any) -> dict[str, Ledger]:
+    def advance_memory(
+        self, memory: dict[str, MuscleLedger], path: MusclePath, duration: Any
+    ) -> dict[str, MuscleLedger]:
         """The memory after a piece of the motion that takes a time [s]."""
         done: dict[str, Advanced] = {
             name: part.advance(
@@ -121,7 +123,7 @@ class MuscleUnit(Module):
         if self.wrap is not None:
             done["wrap"] = self.wrap.advance(memory["wrap"].state, path.span, path.end_tension)
         return {
-            name: Ledger(new.state, memory[name].work + new.work, memory[name].dissipated + new.dissipated)
+            name: MuscleLedger(new.state, memory[name].work + new.work, memory[name].dissipated + new.dissipated)
             for name, new in done.items()
         }
 

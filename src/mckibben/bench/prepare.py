@@ -18,7 +18,7 @@ from ..assembly.muscle_unit import MuscleUnit
 from ..engine import STEP
 from ..errors import InputError
 from ..experiments.dry_run import Estimate, Finding, check_plan
-from ..experiments.plan import Plan, PlannedStep
+from ..experiments.plan import PlannedStep, ProtocolPlan
 from ..experiments.protocol import Protocol
 from ..experiments.read import shipped
 from ..muscles.law import TensionLaw
@@ -105,7 +105,7 @@ class PreparedRun:
     protocol: Protocol
     rig: Rig
     unit: MuscleUnit
-    plan: Plan
+    plan: ProtocolPlan
     layout: str
     specimen: Specimen | None = None
     every: int = 1
@@ -135,7 +135,7 @@ class PreparedRun:
         return _segments(self.rig, self.plan, self.layout, self.motor_held)
 
 
-def _segments(rig: Rig, plan: Plan, layout: str, motor_held: bool = False) -> Iterator[RunSegment]:
+def _segments(rig: Rig, plan: ProtocolPlan, layout: str, motor_held: bool = False) -> Iterator[RunSegment]:
     steps: list[PlannedStep] = []
     friction, asked = 1.0, ""
     for step in plan.steps:
@@ -229,7 +229,7 @@ def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float,
     return dataclasses.replace(faster, protocol=prepared.protocol, every=every, motor_held=motor_held)
 
 
-def _not_built(rig: Rig, unit: MuscleUnit, plan: Plan, layout: str) -> list[Finding]:
+def _not_built(rig: Rig, unit: MuscleUnit, plan: ProtocolPlan, layout: str) -> list[Finding]:
     """List the reasons why the machine of a segment, or its loop, cannot be built; each reason once."""
     found: dict[str, Finding] = {}
     for part in _segments(rig, plan, layout):
@@ -252,14 +252,14 @@ def with_friction_scale(unit: MuscleUnit, factor: float) -> MuscleUnit:
     return rubbed
 
 
-def _plan(protocol: Protocol, rest: float) -> Plan:
+def _plan(protocol: Protocol, rest: float) -> ProtocolPlan:
     """Expand the protocol from the rest length, or from the span at which a plate holds the muscle."""
     plan = protocol.expand(rest_length=rest)
     whole = RunSegment(plan.steps, "", 1.0, "")
     return plan if whole.moves else protocol.expand(rest_length=rest, start_span=whole.start_span)
 
 
-def _every(rate: float, plan: Plan) -> int:
+def _every(rate: float, plan: ProtocolPlan) -> int:
     """Loop samples per protocol sample; a loop with a motor is unstable below some 600 samples/s."""
     moves = RunSegment(plan.steps, "", 1.0, "").moves
     return math.ceil(CONTROL_RATE / rate * (1.0 - 1e-9)) if moves and rate < CONTROL_RATE else 1

@@ -15,8 +15,8 @@ from ..bench import rig_file
 from ..bench.calibrate.estimate import GRAVITY, GRAVITY_UNCERTAINTY, Reference
 from ..bench.calibrate.file import merged, write_calibration
 from ..bench.calibrate.machine import HardwareReadings
-from ..bench.calibrate.session import Outcome, Session
-from ..bench.calibrate.sources import PERIOD, Ask, SimulatedPerson, SimulatedSensors, Source, Task, grids
+from ..bench.calibrate.session import CalibrationOutcome, CalibrationSession
+from ..bench.calibrate.sources import PERIOD, Ask, OperatorTask, SimulatedPerson, SimulatedSensors, Source, grids
 from ..bench.hardware.connect import check_connection, connected
 from ..bench.metadata import created
 from ..errors import InputError
@@ -167,7 +167,7 @@ class _Wanted(NamedTuple):
 
 
 @contextmanager
-def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[Session]:
+def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[CalibrationSession]:
     """A session with its source of readings; what is wrong with the file is said before anybody is asked."""
     writable("--out", wanted.out, ".toml")
     given = pairs(wanted.change, "--set", _FAULT)
@@ -180,7 +180,7 @@ def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[Session]:
     if wanted.out is not None:
         merged(wanted.out, rig.name, {}, date)
     with _source(wanted, rig, reference) as (source, ask, again):
-        yield Session(
+        yield CalibrationSession(
             source=source,
             ask=ask,
             date=date,
@@ -212,7 +212,7 @@ def _source(wanted: _Wanted, rig: Rig, reference: Reference | None) -> Iterator[
             yield readings, ask_person, tell_person
 
 
-def ask_person(task: Task) -> float | None:
+def ask_person(task: OperatorTask) -> float | None:
     """Ask at the terminal, on standard error; what the reference shows is typed with its unit."""
     if not task.gauge:
         typer.prompt(
@@ -233,7 +233,7 @@ def tell_person(error: InputError) -> None:
     typer.echo(f"mckibben: {error}; once more", err=True)
 
 
-def _done(wanted: _Wanted, session: Session, found: Outcome) -> None:
+def _done(wanted: _Wanted, session: CalibrationSession, found: CalibrationOutcome) -> None:
     """Keep and show what was found."""
     name = rig_file.rig(wanted.rig).name
     notes = []

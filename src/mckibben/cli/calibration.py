@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..bench.calibrate.file import read_calibration
-from ..bench.calibrate.session import Outcome
+from ..bench.calibrate.session import CalibrationOutcome
 from ..errors import InputError
 from ..quantities import with_unit
 from ..recordings import read_recording
@@ -104,7 +104,7 @@ def apply(
         typer.echo(f"Note: {note}")
 
 
-def say_outcome(whole: Calibration, found: Outcome, out: Path | None, notes: list[str]) -> dict[str, Any]:
+def say_outcome(whole: Calibration, found: CalibrationOutcome, out: Path | None, notes: list[str]) -> dict[str, Any]:
     """What a session found, for a program."""
     now = _now()
     points = {
@@ -123,7 +123,7 @@ def say_outcome(whole: Calibration, found: Outcome, out: Path | None, notes: lis
     }  # fmt: skip
 
 
-def print_outcome(whole: Calibration, found: Outcome, out: Path | None, notes: list[str]) -> None:
+def print_outcome(whole: Calibration, found: CalibrationOutcome, out: Path | None, notes: list[str]) -> None:
     """What a session found, for a person."""
     rows = []
     for name, some in found.points.items():

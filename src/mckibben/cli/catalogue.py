@@ -17,7 +17,7 @@ from ..specimens import specimens
 from ._terminal import Json, pairs, print_json, table
 
 if TYPE_CHECKING:
-    from ..experiments.protocol import Choice, Parameter, Protocol
+    from ..experiments.protocol import Protocol, ProtocolChoice, ProtocolParameter
 
 
 REST_LENGTH = 0.14  # of the muscle for which a duration is told [m]
@@ -131,7 +131,7 @@ def _described(protocol: Protocol, text: str) -> dict[str, Any]:
     }
 
 
-def _choice(choice: Choice) -> dict[str, Any]:
+def _choice(choice: ProtocolChoice) -> dict[str, Any]:
     return {
         "values": list(choice.values),
         "inferred": [v for v in choice.values if v in choice.inferred],
@@ -141,7 +141,7 @@ def _choice(choice: Choice) -> dict[str, Any]:
     }
 
 
-def _parameter(protocol: Protocol, p: Parameter) -> dict[str, Any]:
+def _parameter(protocol: Protocol, p: ProtocolParameter) -> dict[str, Any]:
 
     def entry(value: Any) -> dict[str, Any]:
         if p.unit == "word":
@@ -160,16 +160,16 @@ def _parameter(protocol: Protocol, p: Parameter) -> dict[str, Any]:
     }
 
 
-def _values(protocol: Protocol, p: Parameter) -> list[Any]:
+def _values(protocol: Protocol, p: ProtocolParameter) -> list[Any]:
     """Its own values, or those that a choice gives it."""
     return list(p.values or dict.fromkeys(case[p.name] for case in protocol.cases()))
 
 
-def _setter(protocol: Protocol, p: Parameter) -> str:
+def _setter(protocol: Protocol, p: ProtocolParameter) -> str:
     return next(c.name for c in protocol.choices if any(p.name in dict(sets) for _, sets in c.options))
 
 
-def _by_inferred(protocol: Protocol, p: Parameter, value: Any) -> bool:
+def _by_inferred(protocol: Protocol, p: ProtocolParameter, value: Any) -> bool:
     """Whether it stems from an option of a choice that no source prints."""
     return not p.values and any(
         c.sets(o).get(p.name) == value for c in protocol.choices for o in c.values if o in c.inferred

@@ -15,7 +15,7 @@ from ..muscles.laws import LAWS, law_type
 from ..muscles.plausible import length_caution, pressure_caution
 from ..quantities import declared, parse, shown_unit, values, with_unit
 from ..report.figures import muscle_figures, style
-from ..specimens import Parameter, Specimen, specimen, specimens
+from ..specimens import Specimen, SpecimenNumber, specimen, specimens
 from ._terminal import Json, Set, assignments, caution, chosen_law, print_json, table, writable
 
 Name = Annotated[str, typer.Argument(metavar="SPECIMEN_OR_LAW", help="Specimen id, .toml file, or the name of a law.")]
@@ -212,12 +212,12 @@ def _positive(value: float, field: str, text: str) -> None:
         raise InputError(field, text, "allowed is a length above 0 and up to 100 m")
 
 
-def _value(p: Parameter) -> str:
+def _value(p: SpecimenNumber) -> str:
     value = ", ".join(f"{v:g}" for v in p.value) if isinstance(p.value, list) else f"{p.value:g}"
     return value if p.unit == "1" else f"{value} {p.unit}"
 
 
-def _entry(p: Parameter) -> dict[str, Any]:
+def _entry(p: SpecimenNumber) -> dict[str, Any]:
     return {"value": p.value, "unit": p.unit, "source": p.source, "inferred": p.inferred, "note": p.note}
 
 

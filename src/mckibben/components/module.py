@@ -75,7 +75,7 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
             if "converter" in f.metadata:
                 known[f.name] = f.metadata["converter"](value)
             elif isinstance(value, types.MethodType) and isinstance(value.__self__, Module):
-                known[f.name] = Method(value.__func__, value.__self__)
+                known[f.name] = BoundMethod(value.__func__, value.__self__)
         for kind in type(self).__mro__:
             if "__check_init__" in kind.__dict__:
                 kind.__dict__["__check_init__"](self)
@@ -161,7 +161,7 @@ def _register(cls: type[Module]) -> None:
     jax.tree_util.register_pytree_with_keys(cls, with_keys, whole, flat)
 
 
-class Method(Module):
+class BoundMethod(Module):
     """A method of a module as a tree: its owner is a branch."""
 
     __func__: Callable[..., Any] = field(static=True)

@@ -18,7 +18,7 @@ class Moment(NamedTuple):
     inputs: Any
 
 
-class Part(NamedTuple):
+class IndependentPart(NamedTuple):
     """A part of a system on which nothing else of it acts, as a system of its own.
 
     Attributes:
@@ -73,7 +73,7 @@ class System(Module):
         """
         return jnp.zeros(())
 
-    def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[Part]:
+    def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
         """The parts that can be integrated side by side; empty where each acts on the others, or where they are few."""
         return []
 

@@ -19,11 +19,11 @@ from ..errors import InputError
 from ..registry import Registry
 from ..schema import FileTable, Place, frozen, read_table
 from .amounts import CHANNELS, Amount, has_both, in_metres, in_si, read_amount, relative_unit, table_words
-from .waveforms import Constant, Sine, Table, Triangle, Waveform, read_waveform, time_words
+from .waveforms import Constant, PointTable, Sine, Triangle, Waveform, read_waveform, time_words
 from .waveforms.waveform import RELATIVE
 
 if TYPE_CHECKING:
-    from .steps import Step
+    from .steps import ProtocolStep
 
 MOST_CYCLES = 100_000
 USUAL_REST_LENGTH = 0.14  # [m]
@@ -83,7 +83,7 @@ class StepClock:
     times: np.ndarray
     duration: float
     rest_length: float
-    step: Step
+    step: ProtocolStep
 
 
 class Command(abc.ABC):
@@ -121,7 +121,7 @@ class Command(abc.ABC):
         """Where it goes whatever the start is [SI]; None where its set-points say that."""
         return None
 
-    def check(self, step: Step) -> None:  # noqa: B027 - most go together with any step
+    def check(self, step: ProtocolStep) -> None:  # noqa: B027 - most go together with any step
         """Refuse a step that it does not go together with; raises `InputError`."""
 
 
@@ -280,7 +280,7 @@ class DirectionDependent(Command):
         """The valve."""
         return frozenset(("valve",))
 
-    def check(self, step: Step) -> None:
+    def check(self, step: ProtocolStep) -> None:
         """Refuse a step whose span follows no sine or triangle, or whose strokes are too short."""
         if not isinstance(step.motor, Follow) or step.mode != "span":
             demand = "it needs a span that follows a sine or triangle in this step"
@@ -297,7 +297,7 @@ class DirectionDependent(Command):
         values = self.table(motion.waveform, clock.duration).at(np.append(clock.times, clock.duration))
         return known_set_points(values[:-1], float(values[-1]), clock)
 
-    def table(self, motion: Waveform, duration: float) -> Table:
+    def table(self, motion: Waveform, duration: float) -> PointTable:
         """The pressure over a duration [s] of a sine or triangle of the span.
 
         Raises:
@@ -322,7 +322,7 @@ class DirectionDependent(Command):
             if begin > times[-1]:
                 times, values = [*times, begin], [*values, values[-1]]
             times, values = [*times, begin + self.ramp], [*values, to]
-        return Table(times=tuple(times), values=tuple(values))
+        return PointTable(times=tuple(times), values=tuple(values))
 
     def sentence(self, channel: str) -> str:
         """Such as ``pressure 5 bar while it shortens and 1 bar while it lengthens, in ramps of 20 ms``."""

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError, compose_sentence
 from .amounts import CHANNELS, read_amount
 from .commands import Deferred, Follow, Reach
-from .plan import Plan, PlannedStep
+from .plan import PlannedStep, ProtocolPlan
 from .protocol import Protocol
 from .sentence import case_words
 from .waveforms import time_words
@@ -140,7 +140,7 @@ def dry_run(
     return check_plan(plan, limits, muscle_estimate)
 
 
-def check_plan(plan: Plan, limits: Limits, muscle_estimate: Estimate | None = None) -> list[Finding]:
+def check_plan(plan: ProtocolPlan, limits: Limits, muscle_estimate: Estimate | None = None) -> list[Finding]:
     """The same for a plan; each thing is named once for a place and a case, however often it is repeated."""
     findings = [_finding(None, f) for f in _whole(plan, limits)]
     seen: dict[str, Finding] = {}
@@ -163,7 +163,7 @@ def check(findings: list[Finding], *, where: str | None = None) -> None:
     raise InputError(field, first.value, f"{first.allowed}{more}", where=where)
 
 
-def _step(step: PlannedStep, plan: Plan, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:
+def _step(step: PlannedStep, plan: ProtocolPlan, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:
     missing = sorted(step.step.needs() - limits.has)
     yield from (_needed(need, limits) for need in missing)
     dt = 1.0 / plan.sample_rate
@@ -176,7 +176,7 @@ def _step(step: PlannedStep, plan: Plan, limits: Limits, estimate: Estimate | No
     yield from _check_until(step, plan, limits, estimate)
 
 
-def _whole(plan: Plan, limits: Limits) -> Iterator[Violation]:
+def _whole(plan: ProtocolPlan, limits: Limits) -> Iterator[Violation]:
     low, high = limits.sample_rates
     if not low <= plan.sample_rate <= high:
         yield Violation("sample_rate", f"{plan.sample_rate:g} Hz", f"the rig allows {low:g} Hz to {high:g} Hz")
@@ -436,7 +436,9 @@ def _fitting(estimate: Estimate, span: float, pressure: float, allowed: float) -
     return float(np.floor(low / 1e3) * 1e3)
 
 
-def _check_until(step: PlannedStep, plan: Plan, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:
+def _check_until(
+    step: PlannedStep, plan: ProtocolPlan, limits: Limits, estimate: Estimate | None
+) -> Iterator[Violation]:
     """A test that the step can never pass."""
     test = step.until
     if test is None:
@@ -463,7 +465,7 @@ def _check_until(step: PlannedStep, plan: Plan, limits: Limits, estimate: Estima
             yield _never(step, f"the set-point of {test.channel} moves on all the time")
 
 
-def _reach(step: PlannedStep, plan: Plan, limits: Limits, estimate: Estimate | None) -> tuple[Reach, str]:
+def _reach(step: PlannedStep, plan: ProtocolPlan, limits: Limits, estimate: Estimate | None) -> tuple[Reach, str]:
     """Where the channel of a step's test can be, and by what."""
     assert step.until is not None
     channel = step.until.channel

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from .commands import ANYWHERE, Command, Deferred, Reach, SetPoints, StepClock, kept
 from .sentence import case_words
-from .steps import Step
+from .steps import ProtocolStep
 from .until import Until
 from .waveforms.waveform import words
 
@@ -35,7 +35,7 @@ class PlannedStep:
     index: int
     path: str
     case: Mapping[str, Any]
-    step: Step
+    step: ProtocolStep
     start: int
     count: int
     mode: str
@@ -64,7 +64,7 @@ class PlannedStep:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class ProtocolPlan:
     """All steps on the sample clock; `sample_rate` [1/s], `rest_length` of the muscle [m]."""
 
     protocol: Protocol
@@ -87,7 +87,7 @@ class Plan:
         return self.samples / self.sample_rate
 
 
-def expand(protocol: Protocol, *, rest_length: float, start_span: float | None = None) -> Plan:
+def expand(protocol: Protocol, *, rest_length: float, start_span: float | None = None) -> ProtocolPlan:
     """The flat plan.
 
     Args:
@@ -109,7 +109,7 @@ def expand(protocol: Protocol, *, rest_length: float, start_span: float | None =
             one = state.plan(step, len(planned) + 1, path, case, start)
             planned.append(one)
             start += one.count
-    return Plan(protocol, rest_length, tuple(planned))
+    return ProtocolPlan(protocol, rest_length, tuple(planned))
 
 
 class _State:
@@ -121,7 +121,7 @@ class _State:
         self.mode, self.motor = "span", span
         self.pulled: Reach | None = None
 
-    def plan(self, step: Step, index: int, path: str, case: Mapping[str, Any], start: int) -> PlannedStep:
+    def plan(self, step: ProtocolStep, index: int, path: str, case: Mapping[str, Any], start: int) -> PlannedStep:
         mode = step.mode or self.mode
         if mode != self.mode:
             # nobody knows the force or speed at which control begins; the span is known if it was driven so far
@@ -144,7 +144,7 @@ class _State:
             pressure.reach, span, pulled,
         )  # fmt: skip
 
-    def _duration(self, step: Step, mode: str, path: str) -> float:
+    def _duration(self, step: ProtocolStep, mode: str, path: str) -> float:
         lines = [0.0]
         for channel, command in step.commands():
             seconds = command.duration(self.pressure if channel == "pressure" else self.motor, self.rest)
@@ -155,7 +155,7 @@ class _State:
         stated = step.stated_duration()
         return max(lines) if stated is None else stated
 
-    def _span(self, mode: str, motor: SetPoints, step: Step) -> tuple[Reach, Reach]:
+    def _span(self, mode: str, motor: SetPoints, step: ProtocolStep) -> tuple[Reach, Reach]:
         """Where the span goes in a step, and where it is afterwards."""
         if mode == "span":
             return motor.reach, motor.after

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from ..schema import FrozenTable
-from .plan import Plan, expand
+from .plan import ProtocolPlan, expand
 from .sentence import protocol_sentence
-from .steps import Step, bind
+from .steps import ProtocolStep, bind
 from .waveforms.random import uniform
 
 SCHEMA = 1
@@ -22,7 +22,7 @@ ORDERS = ("as listed", "random")
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ProtocolParameter:
     """A number or word of a protocol that has a name; with several values the steps are done for each of them.
 
     Values are the words of the file; `inferred` are those that no source prints, and `source` says why they were chosen.
@@ -53,7 +53,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Choice:
+class ProtocolChoice:
     """A word that sets parameters, such as ``range = "small"``; several words are done one after the other."""
 
     name: str
@@ -93,8 +93,8 @@ class Protocol:
     steps: tuple[FrozenTable, ...]
     first: tuple[FrozenTable, ...] = ()
     last: tuple[FrozenTable, ...] = ()
-    parameters: tuple[Parameter, ...] = ()
-    choices: tuple[Choice, ...] = ()
+    parameters: tuple[ProtocolParameter, ...] = ()
+    choices: tuple[ProtocolChoice, ...] = ()
     needs: tuple[str, ...] = ()
     sample_rate: float = 1000.0
     order: str = "as listed"
@@ -117,7 +117,7 @@ class Protocol:
             cases = [cases[i] for i in np.argsort(chance, kind="stable")]
         return cases
 
-    def blocks(self) -> Iterator[tuple[dict[str, Any], list[tuple[str, Step]]]]:
+    def blocks(self) -> Iterator[tuple[dict[str, Any], list[tuple[str, ProtocolStep]]]]:
         """The case and the steps of each, with their dotted paths: `first`, every case, `last`."""
         cases = self.cases()
         if self.first:
@@ -171,7 +171,7 @@ class Protocol:
 
         return tomlkit.dumps(self.document())
 
-    def expand(self, *, rest_length: float, start_span: float | None = None) -> Plan:
+    def expand(self, *, rest_length: float, start_span: float | None = None) -> ProtocolPlan:
         """The flat plan on the sample clock; see `plan.expand`."""
         return expand(self, rest_length=rest_length, start_span=start_span)
 

@@ -34,7 +34,7 @@ from ..errors import InputError, suggest
 from ..quantities import split_values
 from ..schema import FileTable, FrozenTable, shown
 from .amounts import read_amount
-from .protocol import ORDERS, SCHEMA, Choice, Parameter, Protocol
+from .protocol import ORDERS, SCHEMA, Protocol, ProtocolChoice, ProtocolParameter
 from .steps import PARTS, names_in
 
 TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
@@ -204,13 +204,13 @@ def _named(top: FileTable, section: str) -> list[tuple[str, FileTable]]:
     return [(name, table.table(name)) for name in table.values]
 
 
-def _parameter(name: str, entry: FileTable) -> Parameter:
+def _parameter(name: str, entry: FileTable) -> ProtocolParameter:
     entry.only(("unit", "value", "about", "low", "high", "inferred", "note"), "a parameter has")
     bounds = tuple(str(entry.values[k]) for k in ("low", "high")) if {"low", "high"} <= set(entry.values) else ()
     if not bounds and {"low", "high"} & set(entry.values):
         raise entry.fail("low", "beside nothing", "bounds are low and high, both")
     unit = entry.word("unit")
-    bare = Parameter(name, unit, (), entry.text("about"), bounds, (), entry.text("note"))
+    bare = ProtocolParameter(name, unit, (), entry.text("about"), bounds, (), entry.text("note"))
     if unit != "word":
         for key in ("low", "high"):
             if bounds:
@@ -227,7 +227,7 @@ def _parameter(name: str, entry: FileTable) -> Parameter:
     return dataclasses.replace(bare, values=values, inferred=flagged)
 
 
-def _values(p: Parameter, raw: Any, field: str, where: str | None) -> tuple[Any, ...]:
+def _values(p: ProtocolParameter, raw: Any, field: str, where: str | None) -> tuple[Any, ...]:
     values = tuple(raw) if isinstance(raw, list | tuple) else (raw,)
     if not values:
         raise InputError(field, "none", "must be a value or a list of one or more", where=where)
@@ -245,7 +245,7 @@ def _values(p: Parameter, raw: Any, field: str, where: str | None) -> tuple[Any,
     return values
 
 
-def _choice(name: str, entry: FileTable) -> Choice:
+def _choice(name: str, entry: FileTable) -> ProtocolChoice:
     entry.only(("value", "about", "options", "inferred", "note"), "a choice has")
     table = entry.table("options")
     options = []
@@ -259,7 +259,7 @@ def _choice(name: str, entry: FileTable) -> Choice:
         raise entry.fail("options", "none", "must be a table of one or more")
     inferred = _options(entry, "inferred", dict(options)) if "inferred" in entry.values else ()
     values = _options(entry, "value", dict(options))
-    return Choice(name, values, tuple(options), entry.text("about"), inferred, entry.text("note"))
+    return ProtocolChoice(name, values, tuple(options), entry.text("about"), inferred, entry.text("note"))
 
 
 def _options(entry: FileTable, key: str, options: Mapping[str, Any]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from .amounts import read_amount
 from .steps import read_step, repeats, substituted
 
 if TYPE_CHECKING:
-    from .protocol import Parameter, Protocol
+    from .protocol import Protocol, ProtocolParameter
 
 _UNITS = r"bar/s|bar|L0/s|L0|cm/s|cm|m/s\^2|m/s|mm|m|N/s|N|Hz|us|ms|s|deg|cycles|cycle"
 _NUMBER = r"[-+]?(?<![\w.])\d[\d.]*(?:e[-+]?\d+)?"
@@ -58,7 +58,7 @@ def case_words(case: Mapping[str, Any]) -> str:
     return ", ".join(f"{_named(k)} {v}" for k, v in case.items())
 
 
-def is_inferred(p: Parameter, value: Any) -> bool:
+def is_inferred(p: ProtocolParameter, value: Any) -> bool:
     """Whether a value of a parameter is one that no source prints."""
     if p.unit == "word":
         return value in p.inferred

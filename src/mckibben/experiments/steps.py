@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from .. import schema
 from ..errors import InputError, suggest
@@ -25,7 +25,7 @@ def _read_until(raw: Any, place: Place) -> Until:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Step:
+class ProtocolStep:
     """One step. A channel without a command keeps its last set-point; `mode` says what the motor controls.
 
     It ends after `duration` [s] or `cycles` of its waveform, or earlier by `until`; with neither it lasts as long as its
@@ -33,6 +33,7 @@ class Step:
     what a person has to do before it begins. Only recorded steps are kept.
     """
 
+    digest_name: ClassVar[str] = "Step"  # under which the hash of a protocol knows it; never changes
     label: str = ""
     ask: str = ""
     pressure: Command | None = None
@@ -98,13 +99,13 @@ class Step:
 
 def bind(
     parts: tuple[FrozenTable, ...], case: Mapping[str, Any], path: str, where: str | None = None
-) -> list[tuple[str, Step]]:
+) -> list[tuple[str, ProtocolStep]]:
     """Steps with the values of a case, groups and repeats unrolled, each with its dotted path.
 
     Raises:
         InputError: names what is unknown, missing, out of bounds or in the wrong unit.
     """
-    done: list[tuple[str, Step]] = []
+    done: list[tuple[str, ProtocolStep]] = []
     for i, part in enumerate(parts, 1):
         place = f"{path}.{i}"
         entry = FileTable(substituted(part, case, place, where), place, where or "")
@@ -155,7 +156,7 @@ def names_in(value: Any) -> set[str]:
     return set(_NAME.findall(value)) if isinstance(value, str) else set()
 
 
-def read_step(entry: FileTable) -> Step:
+def read_step(entry: FileTable) -> ProtocolStep:
     """Make one step of its words, all names replaced.
 
     Raises:
@@ -170,12 +171,12 @@ def read_step(entry: FileTable) -> Step:
     for channel in [c for c in ("pressure", *modes) if c in entry]:
         place = Place(entry.field(channel), entry.where or None)
         commands["pressure" if channel == "pressure" else "motor"] = read_command(entry.values[channel], place, channel)
-    step = read_table(Step, entry.without("pressure", *modes, "repeat"), owner="a step has", **commands)
+    step = read_table(ProtocolStep, entry.without("pressure", *modes, "repeat"), owner="a step has", **commands)
     _check(entry, step)
     return step
 
 
-def _check(entry: FileTable, step: Step) -> None:
+def _check(entry: FileTable, step: ProtocolStep) -> None:
     if step.cycles is not None and step.frequency() is None:
         raise entry.fail("cycles", step.cycles, "a step with cycles follows a waveform with a frequency")
     if step.cycles is not None and step.duration is not None:

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 from .circuit import Circuit
 
 
-class Balance(NamedTuple):
+class RunBalance(NamedTuple):
     """Closure of a run: what is missing, over what went through; zero is perfect."""
 
     mass: float
     energy: float
 
 
-def balance(circuit: Circuit, start: Any, end: Any, first: Any, last: Any, integrals: Mapping[str, Any]) -> Balance:
+def balance(circuit: Circuit, start: Any, end: Any, first: Any, last: Any, integrals: Mapping[str, Any]) -> RunBalance:
     """Compare stored mass and energy of the end states with independent integrals over the border.
 
     Args:
@@ -31,4 +31,4 @@ def balance(circuit: Circuit, start: Any, end: Any, first: Any, last: Any, integ
     entered += float(integrals["shaft"])
     mass = abs(m1 - m0 - float(integrals["mass"])) / max(float(integrals["mass_turnover"]), 1e-30)
     energy = abs(u1 - u0 - entered) / max(float(integrals["enthalpy_turnover"]), 1e-30)
-    return Balance(mass, energy)
+    return RunBalance(mass, energy)

@@ -21,7 +21,7 @@ from .compressor import Compressor
 from .gas import AIR, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from .leak import Leak
 from .orifice import Orifice
-from .sizes import DIAMETER, ORIFICE_FIELDS, PASSAGE_WAYS, SIZES, Way, canonical, has_size
+from .sizes import DIAMETER, ORIFICE_FIELDS, PASSAGE_WAYS, SIZES, SizeStatement, canonical, has_size
 from .tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube
 from .valves import CheckValve, OnOffValve, PressureRegulator, QuickExhaust, Solenoid, SpoolValve, ThreeWayValve
 
@@ -83,14 +83,14 @@ def _inertial(
     return InertialTube(**_pipe(length, diameter, friction, ends, at_pressure_abs), length=length)
 
 
-_PIPE = Way(
+_PIPE = SizeStatement(
     {"length": LENGTH, "diameter": DIAMETER},
     {"friction": FRICTION, "ends": ENDS, "at_pressure_abs": PRESSURE_ABS},
     _quadratic,
 )
-WAYS: dict[str, tuple[Way, ...]] = {
+WAYS: dict[str, tuple[SizeStatement, ...]] = {
     "orifice": PASSAGE_WAYS,
-    "leak": (sizes.LEAK_WAY, Way({"length": LENGTH, "diameter": DIAMETER}, {}, Leak.of_capillary)),
+    "leak": (sizes.LEAK_WAY, SizeStatement({"length": LENGTH, "diameter": DIAMETER}, {}, Leak.of_capillary)),
     "quadratic_tube": (_PIPE,),
     "inertial_tube": (dataclasses.replace(_PIPE, make=_inertial),),
 }
@@ -281,8 +281,9 @@ def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElem
 
 
 def _one(
-    owner: Any, ways: tuple[Way, ...], given: Mapping[str, float], prefix: str, where: str | None, parts: Any = None
-) -> Any:
+    owner: Any, ways: tuple[SizeStatement, ...], given: Mapping[str, float], prefix: str, where: str | None,
+    parts: Any = None,
+) -> Any:  # fmt: skip
     """One thing by its own fields, or by the way whose keys are given; what is missing or does not go together is named."""
     fields = declared(owner)
     if owner is Orifice:

@@ -17,7 +17,7 @@ from ..components import Scalar, field
 from ..components.flow import FlowElement, GasState
 from ..components.system import Moment, System
 from ..errors import InputError
-from .exergy import Passing, Stream, kind_of, path_name
+from .exergy import ExergyStream, Passing, kind_of, path_name
 from .gas import AIR, Gas
 from .heat import Inflow, VolumeState
 from .topology import check_topology
@@ -280,7 +280,7 @@ class Circuit(System):
             for name, element in self.elements.items()
         }
 
-    def _streams(self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, Stream]:
+    def _streams(self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, ExergyStream]:
         """The gas on every path."""
         found = {}
         for name, flows in self._flows(state, memory, seen, inputs).items():
@@ -290,10 +290,12 @@ class Circuit(System):
                 own = state["elements"][name], _kept(memory, name), self._command(name, inputs)
                 power = element.heating(self._at(name, seen), *own)
             for path, flow, gain in zip(element.paths, flows, power, strict=True):
-                found[path_name(element, name, path)] = Stream(name, (ends[path[0]], ends[path[1]]), flow, gain)
+                found[path_name(element, name, path)] = ExergyStream(name, (ends[path[0]], ends[path[1]]), flow, gain)
         return found
 
-    def _inflows(self, streams: Mapping[str, Stream], seen: dict[str, GasState]) -> tuple[dict[str, Inflow], Scalar]:
+    def _inflows(
+        self, streams: Mapping[str, ExergyStream], seen: dict[str, GasState]
+    ) -> tuple[dict[str, Inflow], Scalar]:
         """What enters each node, and what machines add to the gas on its way [W]."""
         mass: dict[str, Any] = {name: 0.0 for name in self.nodes}
         enthalpy: dict[str, Any] = {name: 0.0 for name in self.nodes}

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 ROOM = "room"  # how the node of the room's air is called
 
 
-class Stream(NamedTuple):
+class ExergyStream(NamedTuple):
     """Gas on one path: the nodes at its ends, mass flow [kg/s], power added on the way [W], None where nothing can."""
 
     element: str
@@ -60,7 +60,7 @@ class Passing(NamedTuple):
 
     gas: dict[str, GasState]
     volumes: dict[str, VolumeState]
-    streams: dict[str, Stream]
+    streams: dict[str, ExergyStream]
     inflow: dict[str, Inflow]
     added: Scalar
     pressure_rates: dict[str, Scalar]
@@ -170,7 +170,7 @@ def exergies(circuit: Circuit, now: Passing, room: Environment) -> dict[str, Sca
     return {name: jnp.asarray(value) for name, value in out.items()}
 
 
-def _on_a_path(circuit: Circuit, stream: Stream, seen: Mapping[str, Seen], dead: DeadState) -> dict[str, Scalar]:
+def _on_a_path(circuit: Circuit, stream: ExergyStream, seen: Mapping[str, Seen], dead: DeadState) -> dict[str, Scalar]:
     """What is throttled on a path, mixed at its end, enters from a reservoir, or is thrown away [W]."""
     (a, b), flow = stream.ends, stream.flow
     ahead, size = flow >= 0.0, jnp.abs(flow)

@@ -48,7 +48,7 @@ DISCHARGE = Quantity("1", (0.01, 1.0), "discharge coefficient", "Cd", (0.6, 0.95
 
 
 @dataclasses.dataclass(frozen=True)
-class Way:
+class SizeStatement:
     """One way to state an element besides by its own fields: what it needs, what it may have, and what makes it."""
 
     needs: Mapping[str, Quantity]
@@ -82,13 +82,13 @@ def _leak_from_flow(flow_into_the_room: float, flow_pressure: float) -> Leak:
 
 ORIFICE_FIELDS = {name: q for name, q in declared(Orifice).items() if name != "conductance"}
 PASSAGE_WAYS = (
-    Way({"nominal_flow": NOMINAL_FLOW}, ORIFICE_FIELDS, _from_nominal_flow),
-    Way({"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRESSURE}, ORIFICE_FIELDS, _from_flow),
-    Way({"Kv": KV}, ORIFICE_FIELDS, _from_kv),
-    Way({"Cv": CV}, ORIFICE_FIELDS, _from_cv),
-    Way({"hole_diameter": DIAMETER}, {**ORIFICE_FIELDS, "discharge": DISCHARGE}, _of_hole),
+    SizeStatement({"nominal_flow": NOMINAL_FLOW}, ORIFICE_FIELDS, _from_nominal_flow),
+    SizeStatement({"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRESSURE}, ORIFICE_FIELDS, _from_flow),
+    SizeStatement({"Kv": KV}, ORIFICE_FIELDS, _from_kv),
+    SizeStatement({"Cv": CV}, ORIFICE_FIELDS, _from_cv),
+    SizeStatement({"hole_diameter": DIAMETER}, {**ORIFICE_FIELDS, "discharge": DISCHARGE}, _of_hole),
 )
-LEAK_WAY = Way({"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRESSURE}, {}, _leak_from_flow)
+LEAK_WAY = SizeStatement({"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRESSURE}, {}, _leak_from_flow)
 
 
 def canonical(key: str, prefixes: Iterable[str] = ()) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from ..assembly.build import INFERRED
 from ..errors import InputError
-from ..specimens import Parameter, Specimen, specimen
+from ..specimens import Specimen, SpecimenNumber, specimen
 from .words import amount, flat, is_number, mapping, minus, significant, tied, unit_text
 
 # What no file states and the assembly infers, by what follows the unit's name in a path.
@@ -143,7 +143,7 @@ def _origin(
     return "default or derived", False
 
 
-def _differs(printed: Parameter, value: Any, unit: str) -> bool:
+def _differs(printed: SpecimenNumber, value: Any, unit: str) -> bool:
     if not is_number(value) or isinstance(printed.value, list):
         return False
     try:
@@ -165,11 +165,11 @@ def _frictions(spec: Specimen | None) -> list[str]:
     return ["maxwell_slip"] if "maxwell_slip" in stated else stated[:1]
 
 
-def _stated(spec: Specimen | None, name: str) -> Parameter | None:
+def _stated(spec: Specimen | None, name: str) -> SpecimenNumber | None:
     group: Any = spec
     for word in name.split("."):
         group = group.get(word) if isinstance(group, dict) else getattr(group, word, None)
-    return group if isinstance(group, Parameter) else None
+    return group if isinstance(group, SpecimenNumber) else None
 
 
 def _walk(table: Any, name: str) -> Any:
@@ -182,7 +182,7 @@ def _lines(given: Any) -> list[str]:
     return [minus(f"{name} {text}".strip()) for name, text in flat(given)]
 
 
-def _printed(one: Parameter) -> str:
+def _printed(one: SpecimenNumber) -> str:
     values = one.value if isinstance(one.value, list) else [one.value]
     return tied(", ".join(significant(float(v)) for v in values), one.unit)
 

@@ -6,6 +6,6 @@ variable ``MCKIBBEN_SPECIMENS``.
 """
 
 from .load import KNOWN_PROPERTIES, map_file, specimen, specimen_ids, specimens
-from .model import Parameter, Specimen
+from .model import Specimen, SpecimenNumber
 
-__all__ = ["KNOWN_PROPERTIES", "Parameter", "Specimen", "map_file", "specimen", "specimen_ids", "specimens"]
+__all__ = ["KNOWN_PROPERTIES", "SpecimenNumber", "Specimen", "map_file", "specimen", "specimen_ids", "specimens"]

@@ -37,7 +37,7 @@ def _is_number(value: object) -> bool:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Parameter:
+class SpecimenNumber:
     """One number of a specimen, or a list of them, as its source states it."""
 
     value: float | list[float] = entry(_read_value)
@@ -58,7 +58,7 @@ class Parameter:
         return to_si(self.value, self.unit, unit, field=field, where=where)
 
 
-Group = dict[str, Parameter]
+Group = dict[str, SpecimenNumber]
 
 
 def _read_groups(raw: Any, place: Place) -> dict[str, Group]:
@@ -68,7 +68,7 @@ def _read_groups(raw: Any, place: Place) -> dict[str, Group]:
 
 def _read_group(raw: Any, place: Place) -> Group:
     group = FileTable.of(raw, place.field, place.where or "")
-    return {name: read_table(Parameter, group.table(name), owner="a number has") for name in group.values}
+    return {name: read_table(SpecimenNumber, group.table(name), owner="a number has") for name in group.values}
 
 
 def _read_sources(raw: Any, place: Place) -> list[str]:

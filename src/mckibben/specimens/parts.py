@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ..documents import parse_toml
 from ..errors import InputError
 from ..schema import FileTable, read_table
-from .model import Parameter
+from .model import SpecimenNumber
 
 SCHEMA = 1
 # What parts of each kind may state, with SI units.
@@ -42,7 +42,7 @@ class CataloguePart(NamedTuple):
     title: str
     sources: tuple[str, ...]
     values: dict[str, float]
-    stated: dict[str, Parameter]
+    stated: dict[str, SpecimenNumber]
     form: str = ""
     law: str = ""
     note: str = ""
@@ -77,7 +77,7 @@ def read_parts(text: str, *, where: str) -> tuple[CataloguePart, ...]:
 def _part(id_: str, table: FileTable, units: dict[str, str]) -> CataloguePart:
     table.only((*WORDS, *units), "a part has")
     stated = {
-        key: read_table(Parameter, table.table(key), owner="a number has") for key in table.values if key in units
+        key: read_table(SpecimenNumber, table.table(key), owner="a number has") for key in table.values if key in units
     }
     values = {}
     for key, one in stated.items():

@@ -21,7 +21,7 @@ from ..analysis.lag import time_lead
 from ..components import Environment
 from ..components.flow import TwoPort
 from ..engine import ramped
-from ..experiments.waveforms import MultiSine, Table
+from ..experiments.waveforms import MultiSine, PointTable
 from ..experiments.waveforms.random import uniform
 from ..identification import Estimate, Trial, fit_circuit
 from ..pneumatics import AIR
@@ -49,7 +49,7 @@ THERMALS = ("isothermal", "adiabatic", "wall_heat")
 CONDUCTANCE = 0.3  # from the large accumulator's gas to its wall, where there is wall heat [W/K]
 CELLS = 25  # of the reference; 50 give a vessel pressure within 1 Pa rms of it
 
-Wave = MultiSine | Table
+Wave = MultiSine | PointTable
 
 
 class Record(NamedTuple):
@@ -66,7 +66,7 @@ class Record(NamedTuple):
 
     def sentence(self) -> str:
         """In words."""
-        if isinstance(self.wave, Table):
+        if isinstance(self.wave, PointTable):
             levels = ", ".join(with_unit(v, "Pa") for v in self.wave.values[2::4])
             times = ", ".join(f"{t:.3f}" for t in self.wave.times[1::2])
             return f"steps from 0 bar to {levels} and back, at {times} s, edges of {1e3 * EDGE:g} ms, seed {self.seed}"
@@ -103,7 +103,7 @@ def noise(seed: int) -> MultiSine:
     return MultiSine(mean=-stretch * values.min(), amplitude=stretch, frequencies=wave.frequencies, phases=wave.phases)
 
 
-def steps(seed: int) -> Table:
+def steps(seed: int) -> PointTable:
     """Steps to each of the `LEVELS` and back [Pa]."""
     drawn = uniform(seed, np.arange(3 * len(LEVELS)))
     order = np.argsort(drawn[: len(LEVELS)], kind="stable")
@@ -114,7 +114,7 @@ def steps(seed: int) -> Table:
     for i, at in enumerate(edges):
         times += [float(at), float(at + EDGE)]
         values += [values[-1], 0.0 if i % 2 else LEVELS[order[i // 2]]]
-    return Table(times=tuple(times), values=tuple(values))
+    return PointTable(times=tuple(times), values=tuple(values))
 
 
 def surface_share(volume: float) -> float:

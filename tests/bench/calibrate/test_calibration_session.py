@@ -5,8 +5,8 @@ import pytest
 
 from mckibben.bench.calibrate.estimate import Reference
 from mckibben.bench.calibrate.machine import HardwareReadings
-from mckibben.bench.calibrate.session import Session
-from mckibben.bench.calibrate.sources import SimulatedPerson, SimulatedSensors, Task, grids
+from mckibben.bench.calibrate.session import CalibrationSession
+from mckibben.bench.calibrate.sources import OperatorTask, SimulatedPerson, SimulatedSensors, grids
 from mckibben.bench.hardware.interface import Hardware
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError, LineLostError
@@ -15,11 +15,11 @@ DATE = "2026-03-31T12:00:00+00:00"
 MODERN = rig("modern")
 
 
-def session(source, ask, **more) -> Session:
-    return Session(source=source, ask=ask, date=DATE, samples=64, **more)
+def session(source, ask, **more) -> CalibrationSession:
+    return CalibrationSession(source=source, ask=ask, date=DATE, samples=64, **more)
 
 
-def simulated(machine=MODERN, **more) -> Session:
+def simulated(machine=MODERN, **more) -> CalibrationSession:
     source = SimulatedSensors(machine)
     return session(source, SimulatedPerson(source), **more)
 
@@ -37,7 +37,7 @@ def test_masses_are_asked_for_up_and_down_again():
 def test_what_the_reference_shows_counts_and_not_what_was_asked_for():
     source = SimulatedSensors(rig("modern", {"sensors.pressure.gain_error": "0.05", "sensors.pressure.noise": "0 bar"}))
 
-    def ask(task: Task) -> float:
+    def ask(task: OperatorTask) -> float:
         shown = task.values["pressure"] * 1.03 + 200.0
         source.put({"pressure": shown})
         return shown
@@ -57,9 +57,9 @@ def test_several_channels_see_the_same_pressures_and_the_encoder_gets_no_zero():
 @pytest.mark.parametrize(
     ("change", "call", "said"),
     [
-        ({"sensors.tension.noise": "20 N"}, "weights", r"scatter of tension must be 11 N, got '\d+.* N': is it at rest\?"),
+        ({"sensors.tension.noise": "20 N"}, "weights", r"scatter of tension must be at most 11 N, got .* N: is it at rest"),
         ({"sensors.tension.offset": "1095 N"}, "weights", "at an end of its converter for"),
-        ({"sensors.tension.high": "50 N"}, "weights", "reference for tension is 98.07 N: the sensor sees -1000 N to 50 N"),
+        ({"sensors.tension.high": "50 N"}, "weights", "reference for tension is 98.07 N: the sensor sees -1000 N"),
         ({"sensors.pressure.offset": "-1.1 bar"}, "zero", "reading of pressure is 'at an end of its converter"),
     ],
 )  # fmt: skip
@@ -83,7 +83,7 @@ def test_a_sensor_that_repeats_its_reading_though_the_reference_moved_is_refused
 def test_a_refused_point_is_asked_for_again_where_somebody_can_do_it():
     source, told, asked = SimulatedSensors(MODERN), [], []
 
-    def ask(task: Task) -> None:
+    def ask(task: OperatorTask) -> None:
         asked.append(task.sentence)
         forgot = task.values["tension"] > 0.0 and len(told) == 0
         source.put({"tension": 0.0 if forgot else task.values["tension"]})
@@ -168,7 +168,7 @@ def test_a_session_on_a_machine_finds_the_gain_of_its_counts():
     machine = Machine()
     with HardwareReadings(machine, MODERN.converters(0.2), scales=grids(MODERN)) as source:
 
-        def ask(task: Task) -> None:
+        def ask(task: OperatorTask) -> None:
             machine.given["tension"] = int(
                 MODERN.sensors["tension"].converter.code(1.04 * task.values["tension"] + 2.0)
             )

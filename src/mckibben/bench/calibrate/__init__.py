@@ -4,19 +4,19 @@
 comes out and `recordings.recalibration` applies it to a recording.
 """
 
-from .estimate import Line, Point, Reference, dead_weights, encoder, pressure_reference, zero
+from .estimate import CalibrationLine, Point, Reference, dead_weights, encoder, pressure_reference, zero
 from .file import merged, read_calibration, write_calibration
 from .machine import HardwareReadings
-from .session import Session
+from .session import CalibrationSession
 from .skew import skew
 from .sources import SimulatedSensors
 
 __all__ = [
     "HardwareReadings",
-    "Line",
+    "CalibrationLine",
     "Point",
     "Reference",
-    "Session",
+    "CalibrationSession",
     "SimulatedSensors",
     "dead_weights",
     "encoder",

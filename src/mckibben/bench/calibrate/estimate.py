@@ -36,7 +36,7 @@ MOST_DEGREES = 1e6  # beyond, Student's t is the normal law
 HARMONICS = 12  # of the error of counts over its period, a count
 
 
-class Reading(NamedTuple):
+class ReferenceReading(NamedTuple):
     """The samples of a channel at one point [unit of the channel].
 
     Attributes:
@@ -57,7 +57,7 @@ class Point(NamedTuple):
 
     setting: float
     true: float
-    reading: Reading
+    reading: ReferenceReading
 
 
 class Reference(NamedTuple):
@@ -76,7 +76,7 @@ class Reference(NamedTuple):
     exact_nothing: bool = False
 
 
-class Line(NamedTuple):
+class CalibrationLine(NamedTuple):
     """What the points tell.
 
     Attributes:
@@ -101,14 +101,14 @@ class Line(NamedTuple):
         return float(np.abs(self.residuals).max())
 
 
-def reading(samples: np.ndarray) -> Reading:
+def reading(samples: np.ndarray) -> ReferenceReading:
     """Mean, scatter and standard uncertainty of samples (n,); n at least 4."""
     values = np.asarray(samples, float)
     if values.ndim != 1 or len(values) < 4 or not np.isfinite(values).all():
         raise InputError("samples", f"{values.size} of which some are no number", "must be 4 finite ones or more")
     blocks = np.array([b.mean() for b in np.array_split(values, min(BLOCKS, len(values)))])
     error = float(blocks.std(ddof=1) / math.sqrt(len(blocks)))
-    return Reading(float(values.mean()), float(values.std(ddof=1)), error, len(blocks) - 1.0)
+    return ReferenceReading(float(values.mean()), float(values.std(ddof=1)), error, len(blocks) - 1.0)
 
 
 def of_counts(scatter: float, resolution: float) -> float:
@@ -140,7 +140,7 @@ def of_counts(scatter: float, resolution: float) -> float:
     return resolution * math.sqrt(left(low if low > 1e-9 else 0.0))
 
 
-def zero(nothing: Reading, *, resolution: float, uncertainty: float = 0.0) -> CorrectionTerm:
+def zero(nothing: ReferenceReading, *, resolution: float, uncertainty: float = 0.0) -> CorrectionTerm:
     """What is indicated at nothing.
 
     Args:
@@ -155,9 +155,9 @@ def zero(nothing: Reading, *, resolution: float, uncertainty: float = 0.0) -> Co
 
 
 def dead_weights(
-    masses: Sequence[tuple[float, Reading]], *, resolution: float, uncertainty: float = 0.0,
+    masses: Sequence[tuple[float, ReferenceReading]], *, resolution: float, uncertainty: float = 0.0,
     gravity: float = GRAVITY, gravity_uncertainty: float = 0.0,
-) -> Line:  # fmt: skip
+) -> CalibrationLine:  # fmt: skip
     """A load cell from masses.
 
     Args:
@@ -176,12 +176,12 @@ def dead_weights(
     )
 
 
-def pressure_reference(points: Sequence[Point], *, resolution: float, reference: Reference) -> Line:
+def pressure_reference(points: Sequence[Point], *, resolution: float, reference: Reference) -> CalibrationLine:
     """A pressure sensor from a reference gauge; points in gauge pressures, resolution [Pa]."""
     return line(points, resolution=resolution, reference=reference, what="pressures")
 
 
-def encoder(travels: Sequence[Point], *, resolution: float, reference: Reference) -> Line:
+def encoder(travels: Sequence[Point], *, resolution: float, reference: Reference) -> CalibrationLine:
     """An encoder from known travels: the gain is metres per count against nominal ones.
 
     The zero is where the counter stood in this session, and says nothing about the next one. Points and resolution [m].
@@ -189,7 +189,7 @@ def encoder(travels: Sequence[Point], *, resolution: float, reference: Reference
     return line(travels, resolution=resolution, reference=reference, what="travels")
 
 
-def line(points: Sequence[Point], *, resolution: float, reference: Reference, what: str = "points") -> Line:
+def line(points: Sequence[Point], *, resolution: float, reference: Reference, what: str = "points") -> CalibrationLine:
     """The line through points, for any sensor.
 
     Args:
@@ -233,7 +233,7 @@ def line(points: Sequence[Point], *, resolution: float, reference: Reference, wh
     degrees = [_degrees(*((float(one[i, i]), free) for one, free in of), total=total[i]) for i in (0, 1)]
     residuals = (y - z) / slope - x
     together = math.sqrt(total[0] * total[1])
-    return Line(
+    return CalibrationLine(
         CorrectionTerm(gain, gain**2 * math.sqrt(total[1]), degrees[1]), CorrectionTerm(z, math.sqrt(total[0]), degrees[0]),
         float(-covariance[0, 1] / together) if together > 0.0 else 0.0,
         residuals, max(float(np.ptp(residuals[settings == setting])) for setting in each), misfit,

@@ -13,7 +13,7 @@ from ...errors import InputError, LineLostError
 from ..hardware.converters import SPAN, Converters
 from ..hardware.interface import Hardware
 from ..sensors import SENSORS
-from .sources import PERIOD, Grid
+from .sources import PERIOD, ChannelScale
 
 PATIENCE = 5.0  # beyond the time that the samples take [s]
 
@@ -27,7 +27,7 @@ class HardwareReadings:
 
     def __init__(
         self, hardware: Hardware, converters: Converters, *,
-        period: float = PERIOD, scales: Mapping[str, Grid] | None = None,
+        period: float = PERIOD, scales: Mapping[str, ChannelScale] | None = None,
     ) -> None:  # fmt: skip
         """A machine that is not started yet, and what its counts stand for.
 
@@ -45,11 +45,11 @@ class HardwareReadings:
         if missing:
             raise InputError("channels", ", ".join(missing), f"the machine has {', '.join(hardware.names)}")
         self.grids = {
-            n: Grid(float(s.low), float(s.top), float(s.resolution), SENSORS[n].unit if n in SENSORS else "1")
+            n: ChannelScale(float(s.low), float(s.top), float(s.resolution), SENSORS[n].unit if n in SENSORS else "1")
             for n, s in self._scales.items()
         }
         if self._encoder is not None:
-            self.grids[SPAN] = Grid(-math.inf, math.inf, float(self._encoder.resolution), "m")
+            self.grids[SPAN] = ChannelScale(-math.inf, math.inf, float(self._encoder.resolution), "m")
         self.grids |= {n: one for n, one in (scales or {}).items() if n in self.grids}
         self._news = threading.Condition()
         self._wanted, self._request, self._ended = 0, 0, False

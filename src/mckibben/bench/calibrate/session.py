@@ -18,25 +18,25 @@ from ...experiments.waveforms import Chirp, Sine
 from ...quantities import with_unit
 from ...recordings.calibration import Correction, CorrectionTerm, Origin
 from . import estimate
-from .estimate import GRAVITY, Line, Point, Reading, Reference
+from .estimate import GRAVITY, CalibrationLine, Point, Reference, ReferenceReading
 from .skew import skew
-from .sources import SPAN, Ask, Grid, Source, Task
+from .sources import SPAN, Ask, ChannelScale, OperatorTask, Source
 
 LEAST_FOLLOWED = 0.1  # of a step of the reference, that a reading has to make
 LEAST_SAMPLES, MOST_SAMPLES = 16, 1_000_000
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CalibrationOutcome:
     """What a session found: corrections by channel, their lines, and the points [SI]."""
 
     corrections: Mapping[str, Correction]
-    lines: Mapping[str, Line] = field(default_factory=dict)
+    lines: Mapping[str, CalibrationLine] = field(default_factory=dict)
     points: Mapping[str, Sequence[Point]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Session:
+class CalibrationSession:
     """Calibrates channels of a source of indicated readings.
 
     Args:
@@ -63,12 +63,14 @@ class Session:
         if not LEAST_SAMPLES <= self.samples <= MOST_SAMPLES:
             raise InputError("samples", self.samples, f"must be a whole number from {LEAST_SAMPLES} to {MOST_SAMPLES}")
 
-    def zero(self, channels: Sequence[str], *, uncertainty: float = 0.0) -> Outcome:
+    def zero(self, channels: Sequence[str], *, uncertainty: float = 0.0) -> CalibrationOutcome:
         """What the channels indicate at nothing; uncertainty of the nothing, standard [unit of the channels]."""
         grids = {name: self._grid(name) for name in channels}
         if SPAN in grids:
             raise InputError("channel", SPAN, "an encoder is zeroed where it is mounted; it must be analogue channels")
-        task = Task(f"take all load and pressure off: {_and(channels)} at nothing", dict.fromkeys(channels, 0.0))
+        task = OperatorTask(
+            f"take all load and pressure off: {_and(channels)} at nothing", dict.fromkeys(channels, 0.0)
+        )
         found, _ = self._read(task, channels, {})
         corrections = {}
         for name in channels:
@@ -76,16 +78,16 @@ class Session:
             origin = self._origin("zero", Reference("nothing", uncertainty), 1)
             corrections[name] = self._correction(grids[name].unit, {"zero": (term, origin)})
         points = {name: [Point(0.0, 0.0, found[name])] for name in channels}
-        return Outcome(corrections, points=points)
+        return CalibrationOutcome(corrections, points=points)
 
     def weights(
         self, masses: Sequence[float], *, uncertainty: float = 0.0, gravity: float = GRAVITY,
         gravity_uncertainty: float = 0.0, name: str = "", channel: str = "tension",
-    ) -> Outcome:  # fmt: skip
+    ) -> CalibrationOutcome:  # fmt: skip
         """A load cell: masses [kg], hung up and down again; uncertainties standard, of each mass [kg] and of gravity."""
         _different("masses", masses, "kg", least=0.0)
         asked = [
-            Task(f"hang {_mass(m)} on the cell" if m else "hang nothing on the cell", {channel: m * gravity})
+            OperatorTask(f"hang {_mass(m)} on the cell" if m else "hang nothing on the cell", {channel: m * gravity})
             for m in masses
         ]
         points = self._points(dict(zip(masses, asked, strict=True)), [channel])[channel]
@@ -97,11 +99,12 @@ class Session:
         reference = Reference(name, uncertainty * gravity, gravity_uncertainty / gravity)
         return self._outcome("weights", reference, {channel: line}, {channel: points})
 
-    def pressure(self, pressures: Sequence[float], reference: Reference, channels: Sequence[str]) -> Outcome:
+    def pressure(self, pressures: Sequence[float], reference: Reference, channels: Sequence[str]) -> CalibrationOutcome:
         """Pressure sensors beside a reference gauge, at gauge pressures [Pa], up and down again."""
         _different("pressures", pressures, "Pa")
         asked = {
-            p: Task(f"set the pressure to {with_unit(p, 'Pa')}", dict.fromkeys(channels, p), True) for p in pressures
+            p: OperatorTask(f"set the pressure to {with_unit(p, 'Pa')}", dict.fromkeys(channels, p), True)
+            for p in pressures
         }
         points = self._points(asked, channels)
         lines = {
@@ -110,15 +113,15 @@ class Session:
         }
         return self._outcome("pressure", reference, lines, points)
 
-    def encoder(self, travels: Sequence[float], reference: Reference) -> Outcome:
+    def encoder(self, travels: Sequence[float], reference: Reference) -> CalibrationOutcome:
         """The encoder from known travels [m], such as of gauge blocks; only the gain is found."""
         _different("travels", travels, "m")
-        asked = {x: Task(f"move the end to the travel {with_unit(x, 'm', 6)}", {SPAN: x}) for x in travels}
+        asked = {x: OperatorTask(f"move the end to the travel {with_unit(x, 'm', 6)}", {SPAN: x}) for x in travels}
         points = self._points(asked, [SPAN])
         line = estimate.encoder(points[SPAN], resolution=self._grid(SPAN).resolution, reference=reference)
         return self._outcome("encoder", reference, {SPAN: line}, points, ("gain",))
 
-    def skew(self, channels: Sequence[str], *, frequency: float, to: float | None = None) -> Outcome:
+    def skew(self, channels: Sequence[str], *, frequency: float, to: float | None = None) -> CalibrationOutcome:
         """By how much channels lag the first one, from a sine [Hz] or a linear sweep that all of them see."""
         grids = {name: self._grid(name) for name in channels}
         if len(grids) < 2:
@@ -130,7 +133,7 @@ class Session:
             else Chirp(amplitude=1.0, first=frequency, last=to, duration=duration)
         )
         what = f"a sine of {frequency:g} Hz" if to is None else f"a sweep from {frequency:g} Hz to {to:g} Hz"
-        self.ask(Task(f"let {_and(channels)} see {what}", {}, wave=wave))
+        self.ask(OperatorTask(f"let {_and(channels)} see {what}", {}, wave=wave))
         seen = self.source.read(self.samples)
         for name in channels:
             _off_rails(name, np.asarray(seen[name]), grids[name])
@@ -138,15 +141,16 @@ class Session:
         resolution = {name: grids[name].resolution for name in channels}
         terms = skew(time, {n: seen[n] for n in channels}, frequency=frequency, to=to, resolution=resolution)
         origin = self._origin("skew", Reference(f"{channels[0]}, {what}"), self.samples)
-        return Outcome({n: self._correction(grids[n].unit, {"skew": (term, origin)}) for n, term in terms.items()})
+        found = {n: self._correction(grids[n].unit, {"skew": (term, origin)}) for n, term in terms.items()}
+        return CalibrationOutcome(found)
 
-    def _grid(self, channel: str) -> Grid:
+    def _grid(self, channel: str) -> ChannelScale:
         grids = self.source.grids
         if channel not in grids:
             raise InputError("channel", channel, f"the rig has {', '.join(grids)}")
         return grids[channel]
 
-    def _points(self, asked: Mapping[float, Task], channels: Sequence[str]) -> dict[str, list[Point]]:
+    def _points(self, asked: Mapping[float, OperatorTask], channels: Sequence[str]) -> dict[str, list[Point]]:
         """All settings up and down again."""
         for name in channels:
             self._grid(name)
@@ -160,8 +164,8 @@ class Session:
         return points
 
     def _read(
-        self, task: Task, channels: Sequence[str], before: Mapping[str, Point]
-    ) -> tuple[dict[str, Reading], float | None]:
+        self, task: OperatorTask, channels: Sequence[str], before: Mapping[str, Point]
+    ) -> tuple[dict[str, ReferenceReading], float | None]:
         """A point's readings that are fit for use, and what the reference showed."""
         while True:
             shown = self.ask(task)
@@ -179,7 +183,7 @@ class Session:
                     raise
                 self.again(error)
 
-    def _sound(self, name: str, samples: np.ndarray, true: float, before: Point | None) -> Reading:
+    def _sound(self, name: str, samples: np.ndarray, true: float, before: Point | None) -> ReferenceReading:
         grid = self._grid(name)
         if not grid.least <= true <= grid.most:
             allowed = f"the sensor sees {with_unit(grid.least, grid.unit)} to {with_unit(grid.most, grid.unit)}"
@@ -188,7 +192,7 @@ class Session:
         found = estimate.reading(samples)
         most = max(self.most_scatter * grid.range, 2.0 * grid.resolution)
         if found.scatter > most:
-            allowed = f"must be {with_unit(most, grid.unit)}: is it at rest?"
+            allowed = f"must be at most {with_unit(most, grid.unit)}: is it at rest?"
             raise InputError(f"scatter of {name}", with_unit(found.scatter, grid.unit), allowed)
         if before is not None and true != before.true:
             step, moved = true - before.true, found.mean - before.reading.mean
@@ -209,9 +213,9 @@ class Session:
         return Correction(unit=unit, terms=made, sensor=self.sensor, **more)
 
     def _outcome(
-        self, method: str, reference: Reference, lines: Mapping[str, Line], points: Mapping[str, Sequence[Point]],
+        self, method: str, reference: Reference, lines: Mapping[str, CalibrationLine], points: Mapping[str, Sequence[Point]],
         wanted: Sequence[str] = ("gain", "zero"),
-    ) -> Outcome:  # fmt: skip
+    ) -> CalibrationOutcome:  # fmt: skip
         corrections = {}
         for name, line in lines.items():
             origin = self._origin(method, reference, len(points[name]))
@@ -219,7 +223,7 @@ class Session:
             correlation = line.correlation if "zero" in wanted else 0.0
             unit = self._grid(name).unit
             corrections[name] = self._correction(unit, terms, correlation=correlation, linearity=line.linearity)
-        return Outcome(corrections, lines, points)
+        return CalibrationOutcome(corrections, lines, points)
 
 
 def _different(what: str, values: Sequence[float], unit: str, least: float = -math.inf) -> None:
@@ -236,7 +240,7 @@ def _different(what: str, values: Sequence[float], unit: str, least: float = -ma
         raise InputError(what, words, "must be different ones; each is used on the way up and on the way down anyway")
 
 
-def _off_rails(name: str, samples: np.ndarray, grid: Grid) -> None:
+def _off_rails(name: str, samples: np.ndarray, grid: ChannelScale) -> None:
     room = 0.5 * grid.resolution
     ends = np.mean((samples <= grid.low + room) | (samples >= grid.high - room))
     if ends > 0.0:

@@ -27,7 +27,7 @@ LEAST_COUNTS = 4.0
 MOST_LEFT = 0.5  # of a channel's rms value that the sine may leave unexplained
 
 
-class Model(NamedTuple):
+class SkewModel(NamedTuple):
     """The times of the samples, and how many channels there are; its parameters are a flat vector, see `parts`."""
 
     time: np.ndarray
@@ -96,12 +96,12 @@ def skew(
             raise InputError(f"signal of {name}", f"an amplitude of {1.4142 * spread:.3g}", "must be 4 counts or more")
         y.append((values - values.mean()) / spread)
     return _fitted(
-        Model(np.asarray(time, float) - time[0], len(names), to is not None), np.array(y), names, frequency, to
+        SkewModel(np.asarray(time, float) - time[0], len(names), to is not None), np.array(y), names, frequency, to
     )
 
 
 def _fitted(
-    model: Model, y: np.ndarray, names: list[str], frequency: float, to: float | None
+    model: SkewModel, y: np.ndarray, names: list[str], frequency: float, to: float | None
 ) -> dict[str, CorrectionTerm]:
     from scipy import optimize
 
@@ -144,7 +144,7 @@ def _fitted(
     return {names[0]: CorrectionTerm(0.0, 0.0), **terms}
 
 
-def _start(model: Model, y: np.ndarray, frequency: float, rate: float) -> np.ndarray:
+def _start(model: SkewModel, y: np.ndarray, frequency: float, rate: float) -> np.ndarray:
     """Parameters near the solution: the frequency by a search, the amplitudes and lags by projection."""
     t = model.time
     chirp = np.exp(-1j * np.pi * rate * t * t) * np.hanning(len(t))

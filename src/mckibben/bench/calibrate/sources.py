@@ -30,7 +30,7 @@ SWING = 0.4  # of a sensor's range, to either side of its middle, that a wavefor
 LEAD = 0.5  # time for which a filter has seen a waveform before the first sample is kept [s]
 
 
-class Grid(NamedTuple):
+class ChannelScale(NamedTuple):
     """The nominal scale of a channel [unit].
 
     Attributes:
@@ -55,7 +55,7 @@ class Grid(NamedTuple):
         return self.high - self.low if math.isfinite(self.high - self.low) else 1000.0 * self.resolution
 
 
-class Task(NamedTuple):
+class OperatorTask(NamedTuple):
     """What a person is asked for.
 
     Attributes:
@@ -72,7 +72,7 @@ class Task(NamedTuple):
 
 
 # Brings a task about; gives what the reference shows [unit], or None where that is what was asked for.
-Ask = Callable[[Task], float | None]
+Ask = Callable[[OperatorTask], float | None]
 
 
 class Source(Protocol):
@@ -83,22 +83,22 @@ class Source(Protocol):
         """Of the samples [s]."""
 
     @property
-    def grids(self) -> Mapping[str, Grid]:
+    def grids(self) -> Mapping[str, ChannelScale]:
         """The nominal scales of the channels."""
 
     def read(self, samples: int) -> Mapping[str, np.ndarray]:
         """The next samples of every channel (n,), indicated [unit]."""
 
 
-def grids(rig: Rig) -> dict[str, Grid]:
+def grids(rig: Rig) -> dict[str, ChannelScale]:
     """The nominal scales of a rig's channels; of the encoder that of its travel."""
     found = {}
     for name, sensor in rig.sensors.items():
         at = sensor.converter
         ends = float(sensor.low), float(sensor.high)
-        found[name] = Grid(float(at.low), float(at.top), float(at.resolution), SENSORS[name].unit, *ends)
+        found[name] = ChannelScale(float(at.low), float(at.top), float(at.resolution), SENSORS[name].unit, *ends)
     if rig.encoder is not None:
-        found[SPAN] = Grid(-math.inf, math.inf, float(rig.encoder.resolution), "m")
+        found[SPAN] = ChannelScale(-math.inf, math.inf, float(rig.encoder.resolution), "m")
     return found
 
 
@@ -169,7 +169,7 @@ class SimulatedPerson:
         self._errors: dict[float, float] = {}
         self.asked: list[str] = []
 
-    def __call__(self, task: Task) -> None:
+    def __call__(self, task: OperatorTask) -> None:
         """Put the sensors to what the reference really is; the same value has the same error again."""
         self.asked.append(task.sentence)
         self.sensors.put({n: self._true(value) for n, value in task.values.items()})

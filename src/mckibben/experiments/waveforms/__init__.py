@@ -11,20 +11,20 @@ from .shapes import (
     Constant,
     MultiSine,
     Noise,
+    PointTable,
     Pulse,
     PulseWidth,
     Ramp,
     Sequence,
     Sine,
     Square,
-    Steps,
+    Staircase,
     Sum,
-    Table,
     Triangle,
 )  # fmt: skip
 from .waveform import KINDS, Waveform, read_waveform, time_words
 
 __all__ = [
     "KINDS", "Binary", "Chirp", "Constant", "MultiSine", "Noise", "Pulse", "PulseWidth", "Ramp", "Sequence", "Sine",
-    "Square", "Steps", "Sum", "Table", "Triangle", "Waveform", "read_waveform", "time_words",
+    "Square", "Staircase", "Sum", "PointTable", "Triangle", "Waveform", "read_waveform", "time_words",
 ]  # fmt: skip

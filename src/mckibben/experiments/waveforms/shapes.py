@@ -55,10 +55,11 @@ class Constant(Waveform):
 
 @register
 @dataclass(frozen=True, kw_only=True)
-class Steps(Waveform):
+class Staircase(Waveform):
     """A staircase: from each time on, the value beside it. The first time is 0 s."""
 
     kind: ClassVar[str] = "steps"
+    digest_name: ClassVar[str] = "Steps"
     straight: ClassVar[bool] = False
     times: tuple[float, ...] = schema.numbers("s", (0.0, math.inf))
     values: tuple[float, ...] = schema.numbers(VALUE)
@@ -402,13 +403,14 @@ def _swing(mean: float, amplitude: float, unit: str) -> str:
 
 @register
 @dataclass(frozen=True, kw_only=True)
-class Table(Waveform):
+class PointTable(Waveform):
     """Points in time, straight between them or held from each on; the last value stays.
 
     In a file the points stand in place, or in a table that `file`, `time` and `column` name.
     """
 
     kind: ClassVar[str] = "table"
+    digest_name: ClassVar[str] = "Table"
     times: tuple[float, ...] = schema.numbers("s", (0.0, math.inf))
     values: tuple[float, ...] = schema.numbers(VALUE)
     between: str = schema.word(default="straight")

@@ -10,11 +10,11 @@ A tube from a reservoir into a vessel::
 from .ends import ClosedEnd, End, ReservoirEnd, VesselEnd
 from .integration import simulate
 from .openings import OpenBore, Opening, Restriction
-from .result import Balance, EndRecord, TubeResult
+from .result import EndRecord, TubeBalance, TubeResult
 from .tube import DistributedTube
 
 __all__ = [
-    "Balance",
+    "TubeBalance",
     "ClosedEnd",
     "DistributedTube",
     "End",

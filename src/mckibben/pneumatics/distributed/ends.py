@@ -14,7 +14,7 @@ from ...quantities import quantity
 from ..gas import Gas
 from ..heat import HeatModel, Inflow, Isothermal, VolumeState, WallHeat
 from .equations import Medium, Primitive
-from .openings import Face, OpenBore, Opening, closed_face, open_face
+from .openings import OpenBore, Opening, TubeFace, closed_face, open_face
 
 
 class EndState(NamedTuple):
@@ -37,10 +37,10 @@ class End(Module):
         """The gas behind the end, at rest."""
 
     @abc.abstractmethod
-    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> Face:
+    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> TubeFace:
         """Flux out of the tube; ``inside`` has its velocity outward, ``area`` is the tube's section [m^2]."""
 
-    def rate(self, gas: Gas, state: EndState, face: Face, area: Any) -> EndState:
+    def rate(self, gas: Gas, state: EndState, face: TubeFace, area: Any) -> EndState:
         """Time derivative of the state: what passes the end is kept."""
         return EndState(face.mass * area, face.energy * area, jnp.zeros_like(face.mass))
 
@@ -64,7 +64,7 @@ class ClosedEnd(End):
         """Nothing."""
         return Primitive(jnp.full((), jnp.nan), jnp.zeros(()), jnp.full((), jnp.nan))
 
-    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> Face:
+    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> TubeFace:
         """Nothing passes."""
         return closed_face(medium, inside)
 
@@ -109,7 +109,7 @@ class ReservoirEnd(End):
         share = jnp.clip((time - begin) / (end - begin), 0.0, 1.0)
         return (1.0 - share) * values[after - 1] + share * values[after]
 
-    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> Face:
+    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> TubeFace:
         """Through the opening."""
         return open_face(medium, inside, self.outside(medium.gas, state, time), self.opening, area)
 
@@ -133,11 +133,11 @@ class VesselEnd(End):
         pressure = (gas.heat_ratio - 1.0) * state.energy / self.volume
         return Primitive(pressure, jnp.zeros(()), gas.temperature(pressure, self.volume, state.mass))
 
-    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> Face:
+    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> TubeFace:
         """Through the opening."""
         return open_face(medium, inside, self.outside(medium.gas, state, time), self.opening, area)
 
-    def rate(self, gas: Gas, state: EndState, face: Face, area: Any) -> EndState:
+    def rate(self, gas: Gas, state: EndState, face: TubeFace, area: Any) -> EndState:
         """Mass and energy enter; the heat model adds what its wall gives."""
         zero = jnp.zeros_like(face.mass)
         inside = self.outside(gas, state, 0.0)

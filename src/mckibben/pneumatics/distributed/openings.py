@@ -23,7 +23,7 @@ from .equations import Medium, Primitive
 from .root import falling_root
 
 
-class Face(NamedTuple):
+class TubeFace(NamedTuple):
     """Flux through an end, positive out of the tube, and the state there."""
 
     mass: Scalar  # [kg/(m^2 s)]
@@ -118,14 +118,14 @@ class Restriction(Opening):
         return entering.pressure + density * medium.gas.gas_constant * entering.temperature
 
 
-def closed_face(medium: Medium, inside: Primitive) -> Face:
+def closed_face(medium: Medium, inside: Primitive) -> TubeFace:
     """A closed end: nothing passes; ``inside`` is the state next to it, its velocity outward."""
     state = medium.wave_state(inside, jnp.zeros_like(inside.velocity))
     zero = jnp.zeros_like(state.pressure)
-    return Face(zero, state.pressure, zero, state)
+    return TubeFace(zero, state.pressure, zero, state)
 
 
-def open_face(medium: Medium, inside: Primitive, outside: Primitive, opening: Opening, area: Any) -> Face:
+def open_face(medium: Medium, inside: Primitive, outside: Primitive, opening: Opening, area: Any) -> TubeFace:
     """Flux through an end that an opening joins to gas at rest.
 
     Args:
@@ -142,14 +142,14 @@ def open_face(medium: Medium, inside: Primitive, outside: Primitive, opening: Op
         nozzle = medium.nozzle(outside.pressure, outside.temperature, wall_temperature, speed)
         return Primitive(medium.wave_state(inside, -speed).pressure, speed, nozzle.temperature), nozzle
 
-    def out(_: None) -> Face:
+    def out(_: None) -> TubeFace:
         def residual(speed: Scalar) -> Scalar:
             return opening.outward(medium, medium.wave_state(inside, speed), outside, area)
 
         speed, _left = falling_root(residual, medium.choked_exit_speed(inside))
         return _face(medium, medium.wave_state(inside, speed), 1.0, medium.wave_state(inside, speed))
 
-    def into(_: None) -> Face:
+    def into(_: None) -> TubeFace:
         def residual(speed: Scalar) -> Scalar:
             return opening.inward(medium, *entering(speed), outside, area)
 
@@ -163,10 +163,10 @@ def open_face(medium: Medium, inside: Primitive, outside: Primitive, opening: Op
     return jax.lax.cond(leaves, out, into, None)
 
 
-def _face(medium: Medium, state: Primitive, sign: float, source: Primitive) -> Face:
+def _face(medium: Medium, state: Primitive, sign: float, source: Primitive) -> TubeFace:
     """Flux of a state that moves at a positive speed, ``sign`` being its direction; its energy is that of ``source``."""
     flow = medium.gas.density(state.pressure, state.temperature) * state.velocity
     energy = sign * flow * medium.total_enthalpy(source)
-    return Face(
+    return TubeFace(
         sign * flow, state.pressure + flow * state.velocity, energy, state._replace(velocity=sign * state.velocity)
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from .ends import End, EndState
 from .equations import Primitive
-from .openings import Face
+from .openings import TubeFace
 from .tube import DistributedTube, TubeState
 
 
@@ -16,7 +16,7 @@ class Sample(NamedTuple):
     """One recorded moment, as arrays on the device."""
 
     cells: Primitive
-    faces: tuple[Face, Face]
+    faces: tuple[TubeFace, TubeFace]
     behind: tuple[Primitive, Primitive]
     ends: tuple[EndState, EndState]
     heat: Any
@@ -37,7 +37,7 @@ class EndRecord(NamedTuple):
     heat: np.ndarray  # from the vessel's wall since the start [J]
 
 
-class Balance(NamedTuple):
+class TubeBalance(NamedTuple):
     """Balances over the whole run: contents at both ends of it against fluxes integrated on their own.
 
     The heat of an isothermal wall (or vessel) is what its temperature asks for: there the energy balance proves nothing
@@ -63,7 +63,7 @@ class TubeResult(NamedTuple):
     left: EndRecord
     right: EndRecord
     heat: np.ndarray  # from the tube's wall since the start, (samples,) [J]
-    balance: Balance
+    balance: TubeBalance
     steps: int
 
 
@@ -97,7 +97,7 @@ def assemble(
     )
 
 
-def _end_record(area: float, sign: float, face: Face, behind: Primitive, state: EndState) -> EndRecord:
+def _end_record(area: float, sign: float, face: TubeFace, behind: Primitive, state: EndState) -> EndRecord:
     columns = (
         face.state.pressure,
         face.state.temperature,
@@ -111,7 +111,7 @@ def _end_record(area: float, sign: float, face: Face, behind: Primitive, state: 
     return EndRecord(*(np.asarray(column) for column in columns))
 
 
-def _balance(tube: DistributedTube, ends: tuple[End, End], start: TubeState, end: TubeState) -> Balance:
+def _balance(tube: DistributedTube, ends: tuple[End, End], start: TubeState, end: TubeState) -> TubeBalance:
     def content(state: TubeState) -> np.ndarray:
         """Mass and energy of the tube and behind either end, shape (3, 2)."""
         tube_content = [float(x) for x in tube.content(state.cells)]
@@ -122,4 +122,4 @@ def _balance(tube: DistributedTube, ends: tuple[End, End], start: TubeState, end
     before, after, passed = content(start), content(end), np.array(end.passed, float)
     error = (np.sum(after - before, axis=0) - given) / (np.sum(before, axis=0) + passed)
     remainder = tube.wall == "isothermal" or any(e.heat_is_remainder() for e in ends)
-    return Balance(float(error[0]), float(error[1]), float(passed[0]), float(passed[1]), heat, remainder)
+    return TubeBalance(float(error[0]), float(error[1]), float(passed[0]), float(passed[1]), heat, remainder)

@@ -14,7 +14,7 @@ from ..gas import AIR, Gas
 from .ends import End, EndState
 from .equations import Conserved, Medium, Primitive
 from .flux import hllc, reconstruct
-from .openings import Face
+from .openings import TubeFace
 from .wall import WALLS, WallRates, wall_rates
 
 # Largest step over the time in which a wave crosses a cell: linear stability of the scheme ends at 1.
@@ -84,7 +84,7 @@ class DistributedTube(Module):
 
 def end_faces(
     tube: DistributedTube, left: End, right: End, state: TubeState, time: Any
-) -> tuple[Face, Face, Primitive, Primitive]:
+) -> tuple[TubeFace, TubeFace, Primitive, Primitive]:
     """Fluxes out of both ends, and the reconstructed states at the left and right faces of the cells."""
     medium = tube.medium
     cells = medium.primitive(state.cells)

@@ -14,7 +14,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ...assembly.muscle_unit import MuscleUnit, Path, UnitState
+from ...assembly.muscle_unit import MusclePath, MuscleUnit, UnitState
 from ...components import Module, Scalar
 from ...components.system import Moment, System
 from ...engine import march, ramped
@@ -131,7 +131,7 @@ class Mounted(System):
         pull = self.unit.tension(end.state, self.span, 0.0)
         moved = end.state.length - start.state.length
         pressures = start.inputs["pressure"].value, end.inputs["pressure"].value
-        return self.unit.advance_memory(memory, Path(moved, jnp.zeros(()), *pressures, pull), duration)
+        return self.unit.advance_memory(memory, MusclePath(moved, jnp.zeros(()), *pressures, pull), duration)
 
     def outputs(self, state: UnitState, memory: Any, inputs: Any) -> dict[str, Any]:
         """Tension and length."""

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...analysis.steps import LAST, settling
-from ...assembly.build import Line, circuit_for
+from ...assembly.build import AirLine, circuit_for
 from ...assembly.muscle_unit import MuscleUnit
 from ...components import Environment, Scalar, jit_arrays
 from ...components.flow import FlowElement
@@ -180,7 +180,7 @@ def _prepared(lane: Lane) -> tuple[Any, float]:
     regulated = isinstance(lane.valve, PressureRegulator)
     valve: Any = lane.valve if regulated else (lane.valve.fill, lane.valve.vent)  # type: ignore[attr-defined]
     circuit = circuit_for(
-        {NAME: lane.unit}, supply=lane.supply, line=Line(valve=valve, tube=lane.tube), environment=lane.environment
+        {NAME: lane.unit}, supply=lane.supply, line=AirLine(valve=valve, tube=lane.tube), environment=lane.environment
     )
     port = float(circuit.nodes[f"{NAME}.port"].size)  # type: ignore[union-attr]
     own = _valve_time(lane.valve)

@@ -13,7 +13,7 @@ from ...bench.prepare import PreparedRun, expected, prepare
 from ...bench.rig import Rig
 from ...bench.session.setup import prepare_for_session
 from ...errors import InputError
-from ...experiments.protocol import Parameter, Protocol
+from ...experiments.protocol import Protocol, ProtocolParameter
 from ...experiments.read import with_values
 from ...experiments.steps import names_in
 from ...quantities import from_si, shown_unit, with_unit
@@ -201,7 +201,7 @@ def _cure(bench: PreparedRun) -> dict[str, Any] | None:
     return None
 
 
-def _fitting(bench: PreparedRun, p: Parameter) -> str | None:
+def _fitting(bench: PreparedRun, p: ProtocolParameter) -> str | None:
     """Find the largest value of a parameter, below the present one, with which the dry run passes."""
     number, _, unit = str(p.values[0]).partition(" ")
     try:

@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from ...errors import InputError, MckibbenError
-from ...experiments.protocol import Parameter, Protocol
+from ...experiments.protocol import Protocol, ProtocolParameter
 from ...experiments.read import with_values
 from ...experiments.sentence import clauses, is_inferred
 from ...quantities import split_values
@@ -30,7 +30,7 @@ def sentence(protocol: Protocol) -> list[dict[str, Any]]:
     """Split the sentence into clauses: path of the step, and pieces of text, some of them fields of a parameter."""
     said = clauses(protocol)
     cut = [_TOKENS.findall(text) for _, text in said]
-    owner: dict[tuple[int, int], Parameter] = {}
+    owner: dict[tuple[int, int], ProtocolParameter] = {}
     for p in protocol.parameters:
         for other in _changed(protocol, p):
             for i, (mine, theirs) in enumerate(zip(cut, other, strict=True)):
@@ -55,7 +55,7 @@ def sentence(protocol: Protocol) -> list[dict[str, Any]]:
     return found
 
 
-def _changed(protocol: Protocol, p: Parameter) -> list[list[list[str]]]:
+def _changed(protocol: Protocol, p: ProtocolParameter) -> list[list[list[str]]]:
     """Return the clauses with another value of a parameter, to locate its number."""
     match = _NUMBER.fullmatch(str(p.values[0])) if len(p.values) == 1 else None
     if match is None or p.unit == "word":
@@ -106,7 +106,7 @@ def _label(name: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def _value(p: Parameter) -> tuple[str, str]:
+def _value(p: ProtocolParameter) -> tuple[str, str]:
     """Return the values of a parameter as text, and their common unit."""
     if p.unit == "word":
         return ", ".join(map(str, p.values)), ""

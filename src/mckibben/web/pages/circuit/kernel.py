@@ -21,7 +21,7 @@ from ....engine.integration import ATTEMPTS, MOST_PARTS, ROS2_LIMIT, march
 from ....engine.native import EngineFunction, compile_function
 from ....engine.rates import RK4_LIMIT
 from ....errors import ConvergenceError
-from ....pneumatics.balance import Balance, balance
+from ....pneumatics.balance import RunBalance, balance
 from ....pneumatics.circuit import Circuit
 
 MOST = 24  # kernels that are kept
@@ -157,7 +157,7 @@ def _outputs(circuit: Any, signals: Any, pressures: Any, temperature: Any, *, pe
     return kept[2], state, carry[0], carry[2]
 
 
-def accounts(plan: CircuitPlan, done: Response) -> Balance:
+def accounts(plan: CircuitPlan, done: Response) -> RunBalance:
     """How well mass and energy of a response balance, over what went through."""
     signals, count = plan.inputs(), plan.samples
     first = {n: s.at(0, 0.0, plan.period) for n, s in signals.items()}
