@@ -119,34 +119,34 @@ MASSES = ("--masses", "0 kg,5 kg")
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((*WEIGHTS, "--masses", "1 kg"), "masses must be two different ones or more, got 1 kg"),
-        ((*WEIGHTS, "--masses", "1 kg,1 kg"), "masses must be different ones, got '1 kg, 1 kg'"),
+        ((*WEIGHTS, "--masses", "1 kg"), "masses must be two different ones or more"),
+        ((*WEIGHTS, "--masses", "1 kg,1 kg"), "masses must be different ones"),
         ((*WEIGHTS, "--masses", "0 kg,-1 kg"), "masses must be 0 kg or more, got -1 kg"),
-        ((*WEIGHTS, "--masses", "0 kg,1 m"), "--masses must be a value in kg, got 1 m"),
-        ((*WEIGHTS, "--masses", "0; 1"), "--masses is 0: the unit is missing"),
+        ((*WEIGHTS, "--masses", "0 kg,1 m"), "--masses must be a value in kg"),
+        ((*WEIGHTS, "--masses", "0; 1"), "got 0: the unit is missing"),
         ((*WEIGHTS, "--masses", "0,1 kg"), "write '0.1 kg' for one number or '0; 1 kg' for a list"),
-        ((*WEIGHTS, "--masses", ","), "--masses must be two, got ','"),
+        ((*WEIGHTS, "--masses", ","), "--masses must be two different ones"),
         ((*WEIGHTS, "--masses", "0 kg,nan kg"), "must be a finite number"),
         ((*WEIGHTS, "--masses", "0 kg,150 kg"), "reference for tension is 1471 N: the sensor sees -1000 N to 1000 N"),
         ((*WEIGHTS, *MASSES, "--channel", "tensio"), "channel is 'tensio': the rig has pressure"),
         ((*WEIGHTS, *MASSES, "--set", "rig.sensors.tension.ofset=3 N"), "Did you mean 'offset'?"),
-        ((*WEIGHTS, *MASSES, "--set", "law.turns=3"), "--set law.turns must be a value of the rig, got 3"),
-        ((*WEIGHTS, *MASSES, "--valid-for", "0 s"), "--valid-for must be 1 s, got 0 s"),
+        ((*WEIGHTS, *MASSES, "--set", "law.turns=3"), "--set law.turns must be a value of the rig"),
+        ((*WEIGHTS, *MASSES, "--valid-for", "0 s"), "--valid-for must be between 1 s"),
         ((*WEIGHTS, *MASSES, "--uncertainty", "-1 g"), "--uncertainty must be 0 kg or more, got -1 g"),
-        ((*WEIGHTS, *MASSES, "--gravity", "1.6 m/s^2"), "--gravity must be 9.7 m/s^2, got 1.6 m/s^2"),
-        ((*WEIGHTS, *MASSES, "--gravity-uncertainty", "1 m/s^2"), "allowed beside --gravity"),
-        ((*WEIGHTS, *MASSES, "--samples", 3), "samples must be a whole number from 16, got 3"),
+        ((*WEIGHTS, *MASSES, "--gravity", "1.6 m/s^2"), "--gravity must be between 9.7 m/s^2"),
+        ((*WEIGHTS, *MASSES, "--gravity-uncertainty", "1 m/s^2"), "allowed only beside --gravity"),
+        ((*WEIGHTS, *MASSES, "--samples", 3), "samples must be a whole number from 16"),
         ((*WEIGHTS, *MASSES, "--out", "a.txt"), "must be a name that ends in .toml"),
         (("weights", "--rig", "moden", "--simulate", *MASSES), "Unknown rig 'moden'. Did you mean 'modern'?"),
-        (("weights", "--rig", "modern", *MASSES), "no machine must be --on MACHINE, or --simulate, got connected"),
-        (("zero", "--rig", "paper", "--simulate"), "reading of pressure is 'at an end of its converter"),
+        (("weights", "--rig", "modern", *MASSES), "no machine is connected"),
+        (("zero", "--rig", "paper", "--simulate"), "reading of pressure must be inside"),
         (("zero", "--rig", "modern", "--simulate", "--uncertainty", "1 N"), "for channels of one unit at a time"),
-        (("skew", "--rig", "modern", "--simulate", "--frequency", "600 Hz"), "frequency is 600 Hz: must be"),
+        (("skew", "--rig", "modern", "--simulate", "--frequency", "600 Hz"), "frequency must be between"),
         (("skew", "--rig", "modern", "--simulate", "--channel", "tension"), "two or more"),
         (("show", "none.toml"), "Calibration file not found: none.toml"),
-        (("show", "none.nc"), "no such file"),
+        (("show", "none.nc"), "File not found"),
         (("apply", "none.nc", "--out", "a.nc"), "--calibration is missing: it must be a file, or --off"),
-        (("apply", "none.nc", "--off", "--skew", "--out", "a.nc"), "--skew is 'beside --off'"),
+        (("apply", "none.nc", "--off", "--skew", "--out", "a.nc"), "--skew is allowed only"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_ends_with_one_line_and_2(run, monkeypatch, tmp_path, words, said):
@@ -184,4 +184,4 @@ def test_a_person_at_a_terminal_is_asked_and_types_what_the_reference_shows(monk
     )
     out, err = capsys.readouterr()
     assert out == "" and "Hang 2 kg on the cell, then press Enter" in err
-    assert "reference must be a pressure, got 3 kg" in err
+    assert "reference must be a pressure such as '5 bar', got 3 kg" in err

@@ -60,7 +60,7 @@ def test_several_channels_see_the_same_pressures_and_the_encoder_gets_no_zero():
         ({"sensors.tension.noise": "20 N"}, "weights", r"scatter of tension must be at most 11 N, got .* N: is it at rest"),
         ({"sensors.tension.offset": "1095 N"}, "weights", "at an end of its converter for"),
         ({"sensors.tension.high": "50 N"}, "weights", "reference for tension is 98.07 N: the sensor sees -1000 N"),
-        ({"sensors.pressure.offset": "-1.1 bar"}, "zero", "reading of pressure is 'at an end of its converter"),
+        ({"sensors.pressure.offset": "-1.1 bar"}, "zero", "reading of pressure must be inside"),
     ],
 )  # fmt: skip
 def test_a_point_that_is_not_fit_for_use_is_refused_in_one_line(change, call, said):
@@ -97,14 +97,14 @@ def test_a_refused_point_is_asked_for_again_where_somebody_can_do_it():
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda s: s.weights([1.0]), "masses must be two different ones, got 1 kg"),
+        (lambda s: s.weights([1.0]), "masses must be two different ones or more"),
         (lambda s: s.weights([]), "masses is none"),
         (lambda s: s.weights([1.0, 1.0]), "masses must be different ones, got '1 kg, 1 kg'"),
         (lambda s: s.weights([-1.0, 1.0]), "masses must be 0 kg or more, got -1 kg"),
         (lambda s: s.weights([0.0, 1.0], channel="tenson"), "channel is 'tenson': the rig has pressure"),
         (lambda s: s.zero(["span"]), "an encoder is zeroed where it is mounted"),
         (lambda s: s.skew(["pressure"], frequency=20.0), "two or more"),
-        (lambda s: s.pressure([0.0, float("nan")], Reference(), ["pressure"]), "pressures is 'nan bar'"),
+        (lambda s: s.pressure([0.0, float("nan")], Reference(), ["pressure"]), "pressures must be"),
     ],
 )
 def test_what_no_session_can_be_made_of_is_refused_before_anybody_is_asked(call, said):

@@ -244,7 +244,7 @@ def _off_rails(name: str, samples: np.ndarray, grid: ChannelScale) -> None:
     room = 0.5 * grid.resolution
     ends = np.mean((samples <= grid.low + room) | (samples >= grid.high - room))
     if ends > 0.0:
-        allowed = f"must be a reading inside {with_unit(grid.low, grid.unit)} to {with_unit(grid.high, grid.unit)}"
+        allowed = f"must be inside {with_unit(grid.low, grid.unit)} to {with_unit(grid.high, grid.unit)}"
         raise InputError(
             f"reading of {name}", f"at an end of its converter for {100.0 * ends:.3g} % of the samples", allowed
         )
