@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..assembly.muscle_unit import MuscleUnit
 from ..errors import InputError
 from ..experiments.protocol import Protocol
 from ..recordings.recording import Recording
@@ -26,7 +27,7 @@ def run(
     protocol: PreparedRun | Protocol | str | os.PathLike[str],
     rig: Rig | str | os.PathLike[str] = "paper",
     *,
-    muscle: str | Specimen | Any = None,
+    muscle: str | Specimen | MuscleUnit | None = None,
     progress: Progress | None = None,
     display: Display | None = None,
     stop: Callable[[], bool] | None = None,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import abc
 from collections.abc import Sequence
 from operator import index
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -118,7 +118,7 @@ class Hardware(abc.ABC):
         """What is true at the newest sample, as a vector for `true_outputs`; None where nobody knows."""
         return None
 
-    def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, Any]:
+    def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
         """True channels of some samples, (n,) each, from what `look` gave at them."""
         return {}
 

@@ -109,7 +109,7 @@ class SimulatedMachine:
         found: sampled.Carry = self._act.tree(0, self._physics if state is None else state)
         return found
 
-    def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, Any]:
+    def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
         """True outputs at some samples, (n,) each, from what `look` was at them."""
         table = np.stack(looks) if looks else np.zeros((0, self._observe.size(1)))
         found: sampled.Observation = self._observe.columns(1, table)
@@ -182,7 +182,7 @@ class SimulatedHardware(Hardware):
         """What is true at the newest sample."""
         return self.machine.look
 
-    def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, Any]:
+    def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
         """True channels of some samples, (n,) each."""
         return self.machine.true_outputs(looks)
 

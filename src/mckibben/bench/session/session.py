@@ -43,8 +43,8 @@ from ..software.emergency_stop import EmergencyStop, sentence
 from ..software.interlocks import Trip
 from ..software.manual import ABANDONED
 from ..software.sequencer import SPAN, TENSION, VELOCITY
+from ._recording import ManualRecording
 from .continued import ContinuedMachine
-from .recording import ManualRecording
 from .setup import MODES, ManualSetup
 from .status import CLOSED, IDLE, LOST, MANUAL, RUNNING, STOPPED, Message, Messages, SampleRing, Status
 
@@ -437,7 +437,8 @@ class Session:
             InputError: if it is not stopped.
         """
         with self._acting:
-            if self._gone or self._run is not None or not self.why:
+            self._alive("reset")
+            if self._run is not None or not self.why:
                 raise InputError("reset", self.status().state, "allowed is after a stop, while nothing runs")
             with self._lock:
                 self._rest()

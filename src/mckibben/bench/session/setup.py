@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...assembly.accounts import Accounts
 from ...errors import InputError
@@ -120,7 +121,7 @@ class ManualSetup:
             return -speed, speed
         return 0.0, min(limits.tension, limits.motor_force, float(self.watch.most_tension))
 
-    def closed(self, begin: Any, end: Any) -> Accounts | None:
+    def closed(self, begin: np.ndarray | None, end: np.ndarray | None) -> Accounts | None:
         """Close the accounts of a simulated machine between two of its states; None of a real one."""
         if self._own is None or self._simulated is None or begin is None or end is None:
             return None

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from ....errors import InputError, LineLostError
 from ..interface import Hardware
-from .client import OverrunError, Tasks
+from ._client import OverrunError, Tasks
 from .wiring import CardWiring
 
 DRIFT = 1e-4  # of the card's clock against the computer's that is not taken for lateness

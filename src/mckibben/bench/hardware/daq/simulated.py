@@ -22,7 +22,7 @@ from typing import Any
 
 from ....errors import InputError
 from ..interface import CountedMachine
-from .client import library
+from ._client import library
 from .wiring import GRPC, Analog, CardWiring
 
 OVERWRITTEN, TOO_EARLY, GONE = -200279, -200284, -201003  # codes of NI-DAQmx

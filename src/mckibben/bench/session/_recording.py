@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...assembly.accounts import Accounts
+from ...assembly.machine import Machine
 from ...errors import InputError
 from ...recordings.recording import Recording
 from ..hardware.computer import Timing
@@ -72,14 +73,16 @@ class ManualRecording:
         self._lateness.append(lateness[keep])
         self.taken += int(keep.sum())
 
-    def remark(self, text: str, time: float, **more: Any) -> None:
+    def remark(self, text: str, time: float, **more: str) -> None:
         """Add an event at a time of the session [s]."""
         begun = 0 if self.first is None else self.first
         own = max(0.0, time - begun * self.timing.period)
         self.events.append({"time": own, "text": text, **more})
         self.recorder.remark(text, own)
 
-    def close(self, machine: Any, closed: Callable[[Any, Any], Accounts | None], message: str) -> Recording:
+    def close(
+        self, machine: Machine, closed: Callable[[np.ndarray | None, np.ndarray | None], Accounts | None], message: str
+    ) -> Recording:
         """Close the log and return the recording.
 
         Args:
