@@ -3,7 +3,7 @@
     with SimulatedDevice(machine, wiring) as device:
         hardware = DaqHardware(device.wiring)
 
-It answers the calls of the service `nidaqmx_grpc.NiDAQmx` that `client` makes of the unmodified `nidaqmx`, one client at a
+It answers the calls of the service `nidaqmx_grpc.NiDAQmx` that `_client` makes of the unmodified `nidaqmx`, one client at a
 time, and refuses what a card would: unknown devices and terminals, a counter that is not on the clock of the inputs, samples
 that were not read in time. It shows no noise, no settling and no time that a bus takes; what a real driver does beyond these
 calls is not in it.
