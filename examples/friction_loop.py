@@ -15,7 +15,7 @@ import numpy as np
 import mckibben
 from mckibben.muscles import from_specimen
 from mckibben.report.figures import style
-from mckibben.report.figures.muscle_figures import Loop, loop_figure
+from mckibben.report.figures.muscle_figures import DrawnLoop, loop_figure
 
 SHORTEST, PRESSURE, PIECES = 0.115, 5e5, 200
 
@@ -41,7 +41,7 @@ def main(folder: Path) -> None:
     print(f"rising branch at 5 mm: {rise[0]:.6f} N for the whole range, {rise[1]:.6f} N for half of it")
     print(f"work done {1e3 * work:.3f} mJ = heat {1e3 * heat:.3f} mJ + stored {1e3 * stored:.3f} mJ")
 
-    loops = (Loop(path[1:][part], force[part]) for part in (whole, half))
+    loops = (DrawnLoop(path[1:][part], force[part]) for part in (whole, half))
     figure = loop_figure(*loops, title="Nylon muscle at 5 bar", note="dashed: half the range", zero=False)
     style.save(figure, folder / "friction-loop.svg")
 

@@ -7,7 +7,7 @@ from screen_server import says
 
 from mckibben.recordings import Channel, Recording
 from mckibben.studies.comparison import compare, subject
-from mckibben.studies.comparison.table import PROPERTIES, Column, Table, column_of
+from mckibben.studies.comparison.table import PROPERTIES, MuscleColumn, MuscleTable, column_of
 from mckibben.web.pages.compare.jobs import exported
 
 LONG = 180_000  # a law is compiled once [ms]
@@ -37,8 +37,8 @@ def test_the_exported_table_is_that_of_the_command_line_to_the_last_digit(visit)
 
 def test_no_name_becomes_a_formula_of_a_spreadsheet():
     names = ["nylon", "=1+1", "@SUM(A1)", "-2", "+3", "\t=4"]
-    columns = tuple(Column(n, n, "law", {"maximum_tension": 1.0}, (f"of {n}",)) for n in names)
-    rows = list(csv.reader(exported(Table(columns, {})).decode().splitlines()))
+    columns = tuple(MuscleColumn(n, n, "law", {"maximum_tension": 1.0}, (f"of {n}",)) for n in names)
+    rows = list(csv.reader(exported(MuscleTable(columns, {})).decode().splitlines()))
     assert rows[0][3 : 3 + len(names)] == ["nylon", *(f"'{n}" for n in names[1:])]
     assert all(cell[:1] not in "=+@\t" for row in rows for cell in row if cell)
 

@@ -10,9 +10,7 @@ import pytest
 from mckibben.errors import InputError
 from mckibben.report import document_pdf
 from mckibben.report.blocks import (
-    Cell,
     Cite,
-    Column,
     Figure,
     Fold,
     Gauge,
@@ -20,13 +18,15 @@ from mckibben.report.blocks import (
     KeyValues,
     Link,
     Listing,
-    Note,
+    NoteBox,
     Paragraph,
     References,
-    Row,
+    ReportTable,
     Section,
     Span,
-    Table,
+    TableCell,
+    TableColumn,
+    TableRow,
     plain,
     printable,
 )
@@ -56,10 +56,20 @@ def drawing():
 
 def full(text: str = NASTY) -> Document:
     """Every block there is, with a text at every place that takes one."""
-    cells = (text, Cell(text, "caution", hint=text), Cell(text, "best"), Gauge(text, 0.3, tick=0.0, band=(-0.5, 0.5)))
-    columns = (Column(text, wide=True), Column(text, text, number=True, group=text), Column("c"), Column("gauge"))
+    cells = (
+        text,
+        TableCell(text, "caution", hint=text),
+        TableCell(text, "best"),
+        Gauge(text, 0.3, tick=0.0, band=(-0.5, 0.5)),
+    )
+    columns = (
+        TableColumn(text, wide=True),
+        TableColumn(text, text, number=True, group=text),
+        TableColumn("c"),
+        TableColumn("gauge"),
+    )
     out = Gauge("out", 2.0, whisker=(-0.2, 1.7), ruled=(0.0,))
-    rows = (Row(cells, note=text), Row(("x", "y", Cell("z", "stop"), out), look="first"))
+    rows = (TableRow(cells, note=text), TableRow(("x", "y", TableCell("z", "stop"), out), look="first"))
     return Document(
         text,
         (
@@ -67,8 +77,8 @@ def full(text: str = NASTY) -> Document:
                 Paragraph((text, Span(text, "strong"), Span(text, "code"), Cite(("chou1996",)), Link(text, "fold")), "lead"),
                 Paragraph(tuple(Span(text, look) for look in ("quiet", "symbol", "sub", "struck", "caution", "stop"))),
                 KeyValues(((text, text), ("b", "c"))),
-                Note(text, (text, "two")), Note("Stop", (text,), "stop"), Note("Plain", (text,), ""),
-                Heading(text), Table(columns, rows, text), Figure(drawing(), text, text), Figure(PICTURE, "", text),
+                NoteBox(text, (text, "two")), NoteBox("Stop", (text,), "stop"), NoteBox("Plain", (text,), ""),
+                Heading(text), ReportTable(columns, rows, text), Figure(drawing(), text, text), Figure(PICTURE, "", text),
                 Figure(PIXEL, text, "a pixel", wide=False, anchor="pixel"),
             )),
             Section("Second", (Fold(text, (Listing(text + "\n  indented"), Heading("inner")), "fold"),)),
@@ -203,7 +213,7 @@ def test_control_signs_and_halves_of_pairs_are_replaced():
 
 
 def test_a_hint_is_told_on_paper_too():
-    table = Table((Column("x"),), (Row((Cell("–", hint="nobody measured it"),)),))
+    table = ReportTable((TableColumn("x"),), (TableRow((TableCell("–", hint="nobody measured it"),)),))
     document = Document("t", (Section("s", (table,)),))
     assert 'title="nobody measured it"' in document.html()
     assert any("–: nobody measured it" in s for s in strings(document))
@@ -216,7 +226,7 @@ def test_links_and_citations_that_lead_nowhere_are_refused():
     with pytest.raises(ValueError, match="same: more than once"):
         Document("t", (Section("a", (), "same"), Section("b", (Fold("c", (), "same"),))))
     with pytest.raises(ValueError, match="1 cells"):
-        Table((Column("a"), Column("b")), (Row(("x",)),))
+        ReportTable((TableColumn("a"), TableColumn("b")), (TableRow(("x",)),))
     with pytest.raises(ValueError, match="cannot see"):
         Figure(PICTURE, "caption", " ")
 

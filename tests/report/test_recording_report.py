@@ -14,7 +14,7 @@ from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording
 from mckibben.recordings.calibration import Calibration, Correction, CorrectionTerm, Origin
 from mckibben.report import document_pdf
-from mckibben.report.blocks import Figure, Fold, Row, Span, Table, plain
+from mckibben.report.blocks import Figure, Fold, ReportTable, Span, TableRow, plain
 from mckibben.report.document import Document
 from mckibben.report.origins import inferred_inputs, parameters
 from mckibben.report.recording_report import recording_report, write_recording_report
@@ -79,8 +79,8 @@ def blocks(document: Document, kind: type) -> list:
     return found
 
 
-def table_rows(document: Document) -> list[Row]:
-    return [row for table in blocks(document, Table) for row in table.rows]
+def table_rows(document: Document) -> list[TableRow]:
+    return [row for table in blocks(document, ReportTable) for row in table.rows]
 
 
 def rows(document: Document, name: str) -> list[list[str]]:

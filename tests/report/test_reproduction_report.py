@@ -13,20 +13,20 @@ from mckibben.report.figures import style
 from mckibben.report.paper_figures import FIGURES, PaperFigure
 from mckibben.report.reproduction_report import Drawn, chosen_figures, difference, draw
 from mckibben.report.reproduction_report import reproduction_report as report
-from mckibben.reproduction import Outcome, Row
+from mckibben.reproduction import PrintedRow, RowOutcome
 from mckibben.reproduction.rows import accepted_band, all_rows, judge
 
 NASTY = r"<b>a</b> & #panic() $x$ @me \ "
 
 
-def row(name: str, paper=2.0, expect: str = "near", **more) -> Row:
-    return Row(
+def row(name: str, paper=2.0, expect: str = "near", **more) -> PrintedRow:
+    return PrintedRow(
         name, more.pop("part", "I"), more.pop("what", f"what {name} is"), paper, more.pop("unit", "N"), expect, **more
     )
 
 
-def outcome(found: Row, ours: float | None, note: str = "") -> Outcome:
-    return Outcome(found, ours, None if ours is None else judge(found, ours), note)
+def outcome(found: PrintedRow, ours: float | None, note: str = "") -> RowOutcome:
+    return RowOutcome(found, ours, None if ours is None else judge(found, ours), note)
 
 
 OUTCOMES = [

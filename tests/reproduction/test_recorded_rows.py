@@ -8,7 +8,7 @@ from mckibben.errors import ConvergenceError
 from mckibben.muscles.elements import Tendon
 from mckibben.recordings import Channel, Recording
 from mckibben.reproduction import loops, recorded, reproduce, rows, shortening
-from mckibben.reproduction.rows import Found, all_rows, reproduce_row
+from mckibben.reproduction.rows import ComputedValue, all_rows, reproduce_row
 
 RECORDED = ("loop.", "friction.", "isometric.", "isotonic.", "static.fit_")
 KG, PA, LMIN, FA = 0.466e-2, 0.062e5, 9.91e-2, -16.0  # eq. 13 as printed [m, Pa, m, N]
@@ -141,7 +141,7 @@ def test_spread_is_relative_to_the_mean():
 
 def test_a_note_that_was_found_is_shown_beside_the_row(monkeypatch):
     row = next(r for r in all_rows() if r.id == "friction.lubricated")
-    monkeypatch.setitem(rows._WAYS, row.id, rows.Way(lambda: Found(0.91, "found"), "1", "static", False))
+    monkeypatch.setitem(rows._WAYS, row.id, rows.Way(lambda: ComputedValue(0.91, "found"), "1", "static", False))
     outcome = reproduce_row(row)
     assert (outcome.ours, outcome.ok, outcome.note) == (0.91, True, "static; found")
 

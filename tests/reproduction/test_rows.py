@@ -3,7 +3,7 @@
 import pytest
 
 from mckibben.reproduction import part1, reproduce, rows
-from mckibben.reproduction.rows import Row, all_rows, decimals_of, judge, reproduce_row, rounds_to
+from mckibben.reproduction.rows import PrintedRow, all_rows, decimals_of, judge, reproduce_row, rounds_to
 
 
 def test_static_rows_and_table_1_hold():
@@ -49,14 +49,14 @@ def test_every_row_is_listed_even_without_a_verdict(monkeypatch):
     ],
 )
 def test_printed_means_rounds_to(ours, printed, decimals, holds):
-    row = Row("a", "I", "", printed, "N", "printed", decimals=2 if printed == 0.2 else None)
+    row = PrintedRow("a", "I", "", printed, "N", "printed", decimals=2 if printed == 0.2 else None)
     assert decimals_of(row) == decimals
     assert rounds_to(ours, printed, decimals) is judge(row, ours) is holds
 
 
 def test_verdicts_of_the_other_kinds():
-    near = Row("a", "I", "", 100.0, "N", "near", tolerance=0.01)
+    near = PrintedRow("a", "I", "", 100.0, "N", "near", tolerance=0.01)
     assert judge(near, 100.9) and not judge(near, 101.1)
-    inside = Row("b", "I", "", (0.2, 0.5), "cm", "range")
+    inside = PrintedRow("b", "I", "", (0.2, 0.5), "cm", "range")
     assert judge(inside, 0.2) and not judge(inside, 0.51)
-    assert judge(Row("c", "I", "", 1.0, "N", "open"), 5.0) is None
+    assert judge(PrintedRow("c", "I", "", 1.0, "N", "open"), 5.0) is None

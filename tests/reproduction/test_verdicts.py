@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mckibben.reproduction import Outcome, Row, reproduce
+from mckibben.reproduction import PrintedRow, RowOutcome, reproduce
 from mckibben.reproduction.rows import (
     KINDS,
     REASONED,
@@ -20,9 +20,9 @@ from mckibben.reproduction.rows import (
 )
 
 
-def outcome(ours: float | None, expect: str = "near", paper=2.0, **more) -> Outcome:
-    row = Row("a", "I", "", paper, "N", expect, **{"tolerance": 0.2, **more})
-    return Outcome(row, ours, None if ours is None else judge(row, ours), "")
+def outcome(ours: float | None, expect: str = "near", paper=2.0, **more) -> RowOutcome:
+    row = PrintedRow("a", "I", "", paper, "N", expect, **{"tolerance": 0.2, **more})
+    return RowOutcome(row, ours, None if ours is None else judge(row, ours), "")
 
 
 ALL = [

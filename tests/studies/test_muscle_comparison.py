@@ -18,7 +18,7 @@ from mckibben.muscles.biological import hill
 from mckibben.muscles.elements import Tendon
 from mckibben.recordings import Channel, Recording
 from mckibben.specimens.published import published_ranges, read_ranges
-from mckibben.studies.comparison import PROPERTIES, Subject, compare, subject
+from mckibben.studies.comparison import PROPERTIES, ComparedMuscle, compare, subject
 from mckibben.studies.comparison.assisted import Assisted, steady, with_spring
 from mckibben.studies.comparison.match import CURVES, FREE, Goal, Search, curves_of, match
 from mckibben.studies.comparison.protocols import FULL, NAMES, Trials, normalised, record_of, trials
@@ -28,17 +28,17 @@ IDS = ("nylon", "bridgestone", "fast-fibre")
 
 
 @pytest.fixture(scope="module")
-def nylon() -> Subject:
+def nylon() -> ComparedMuscle:
     return subject("nylon")
 
 
 @pytest.fixture(scope="module")
-def fast() -> Subject:
+def fast() -> ComparedMuscle:
     return subject("fast-fibre")
 
 
 @pytest.fixture(scope="module")
-def fibre_trials(fast: Subject) -> Trials:
+def fibre_trials(fast: ComparedMuscle) -> Trials:
     return trials(fast)
 
 
@@ -115,7 +115,7 @@ def test_a_wrong_table_of_ranges_is_named(case: str) -> None:
     assert str(found.value).startswith("mine.toml: ")
 
 
-def test_what_cannot_be_compared_is_named(nylon: Subject, fast: Subject) -> None:
+def test_what_cannot_be_compared_is_named(nylon: ComparedMuscle, fast: ComparedMuscle) -> None:
     with pytest.raises(InputError, match="it is a valve"):
         subject("MPP-3-1-8")
     with pytest.raises(InputError, match="pulls nothing at its rest length"):
@@ -134,7 +134,7 @@ def test_what_cannot_be_compared_is_named(nylon: Subject, fast: Subject) -> None
 
 
 def test_a_mckibben_muscle_pulls_the_more_the_longer_it_is_and_a_fibre_most_at_its_rest_length(
-    nylon: Subject, fast: Subject
+    nylon: ComparedMuscle, fast: ComparedMuscle
 ) -> None:
     stroke = np.linspace(0.77, nylon.upper_length / nylon.rest_length, 40)
     assert (np.diff(nylon.tension(stroke)) > 0.0).all()
@@ -147,7 +147,7 @@ def test_a_mckibben_muscle_pulls_the_more_the_longer_it_is_and_a_fibre_most_at_i
         assert float(one.tension(1.0)) == pytest.approx(1.0, rel=1e-12)
 
 
-def test_the_same_steps_are_asked_of_both_kinds(nylon: Subject, fast: Subject) -> None:
+def test_the_same_steps_are_asked_of_both_kinds(nylon: ComparedMuscle, fast: ComparedMuscle) -> None:
     """Set-points over the full pressure, over L0 and over F0 are the same, whatever the muscle's size."""
     for name in NAMES:
         plans = []
@@ -166,7 +166,7 @@ def test_the_same_steps_are_asked_of_both_kinds(nylon: Subject, fast: Subject) -
 # ---- a fibre through the protocols
 
 
-def test_an_isometric_fibre_pulls_with_its_activation(fast: Subject, fibre_trials: Trials) -> None:
+def test_an_isometric_fibre_pulls_with_its_activation(fast: ComparedMuscle, fibre_trials: Trials) -> None:
     """At the rest length F/F0 is the activation, whose exact solution the muscle has."""
     record = fibre_trials.records["isometric-step"]
     fibre = fast.fibre
@@ -178,7 +178,7 @@ def test_an_isometric_fibre_pulls_with_its_activation(fast: Subject, fibre_trial
     np.testing.assert_allclose(on["activation"], exact, atol=1e-7)  # Runge-Kutta at 0.1 ms over 15 ms
 
 
-def test_half_times_of_a_step_are_those_of_two_exponentials(fast: Subject, fibre_trials: Trials) -> None:
+def test_half_times_of_a_step_are_those_of_two_exponentials(fast: ComparedMuscle, fibre_trials: Trials) -> None:
     fibre = fast.fibre
     assert fibre is not None
     for way, tau in (("rise", fibre.rise_time), ("fall", fibre.fall_time)):
@@ -188,7 +188,7 @@ def test_half_times_of_a_step_are_those_of_two_exponentials(fast: Subject, fibre
     assert fibre_trials.values["step_delay"] < 1e-3  # there is no tube
 
 
-def test_isokinetic_shortening_shows_hills_hyperbola(fast: Subject, fibre_trials: Trials) -> None:
+def test_isokinetic_shortening_shows_hills_hyperbola(fast: ComparedMuscle, fibre_trials: Trials) -> None:
     fibre = fast.fibre
     assert fibre is not None
     speed, pull = fibre_trials.curves["force_velocity"]
@@ -200,7 +200,7 @@ def test_isokinetic_shortening_shows_hills_hyperbola(fast: Subject, fibre_trials
     assert fibre_trials.values["hill_curvature"] == pytest.approx(0.25, rel=0.05)
 
 
-def test_after_a_release_a_fibre_shortens_as_fast_as_hill_says(fast: Subject, fibre_trials: Trials) -> None:
+def test_after_a_release_a_fibre_shortens_as_fast_as_hill_says(fast: ComparedMuscle, fibre_trials: Trials) -> None:
     fibre = fast.fibre
     assert fibre is not None
     c, f = float(fibre.curvature), 0.5
@@ -211,7 +211,7 @@ def test_after_a_release_a_fibre_shortens_as_fast_as_hill_says(fast: Subject, fi
     assert record["tension"][-1] == pytest.approx(0.5 * fast.full_tension, rel=1e-2)
 
 
-def test_a_twitch_is_a_rise_to_the_end_of_its_pulse(fast: Subject, fibre_trials: Trials) -> None:
+def test_a_twitch_is_a_rise_to_the_end_of_its_pulse(fast: ComparedMuscle, fibre_trials: Trials) -> None:
     fibre = fast.fibre
     assert fibre is not None
     peak = -np.expm1(-0.05 / float(fibre.rise_time))
@@ -220,7 +220,7 @@ def test_a_twitch_is_a_rise_to_the_end_of_its_pulse(fast: Subject, fibre_trials:
     assert fibre_trials.values["twitch_contraction_time"] == pytest.approx(0.05, abs=0.008)
 
 
-def test_a_fibre_without_drive_does_no_work_round_a_cycle(fast: Subject) -> None:
+def test_a_fibre_without_drive_does_no_work_round_a_cycle(fast: ComparedMuscle) -> None:
     """What is left is an elastic curve: the loop encloses nothing but the rounding of trapezoids."""
     from mckibben.experiments.read import protocol
 
@@ -235,7 +235,7 @@ def test_a_fibre_without_drive_does_no_work_round_a_cycle(fast: Subject) -> None
     assert abs(work) < 1e-6 * pull.max() * np.ptp(length)
 
 
-def test_a_fibre_refuses_what_only_a_machine_can_do(fast: Subject) -> None:
+def test_a_fibre_refuses_what_only_a_machine_can_do(fast: ComparedMuscle) -> None:
     from mckibben.experiments.read import parse_protocol
 
     text = 'schema = 1\nname = "p"\n[[steps]]\npressure = "1 bar"\nvelocity = "1 cm/s"\nfor = "1 s"\n'
@@ -245,7 +245,7 @@ def test_a_fibre_refuses_what_only_a_machine_can_do(fast: Subject) -> None:
         normalised("leak-down", fast)
 
 
-def test_a_table_with_protocols_keeps_the_rows_of_the_law(fast: Subject, fibre_trials: Trials) -> None:
+def test_a_table_with_protocols_keeps_the_rows_of_the_law(fast: ComparedMuscle, fibre_trials: Trials) -> None:
     of_law, both = law_column(fast), fibre_trials.column()
     assert of_law.values.items() <= both.values.items()
     assert set(both.values) <= set(PROPERTIES)
@@ -310,7 +310,7 @@ def test_a_recording_that_does_not_do_is_named(case: str) -> None:
 # ---- elements
 
 
-def test_in_steady_motion_the_tendon_pulls_as_the_braid_does(nylon: Subject) -> None:
+def test_in_steady_motion_the_tendon_pulls_as_the_braid_does(nylon: ComparedMuscle) -> None:
     assert nylon.unit is not None
     soft = Tendon(stiffness=5e3, toe_length=1e-3)
     unit = with_spring(nylon.unit, rest_length=0.14).replace(tendon=soft, viscosity=20.0)
@@ -323,7 +323,9 @@ def test_in_steady_motion_the_tendon_pulls_as_the_braid_does(nylon: Subject) -> 
     assert float(slack) == 0.0
 
 
-def test_tension_with_a_stiff_tendon_is_that_of_the_law_and_its_derivative_is_the_stiffness(nylon: Subject) -> None:
+def test_tension_with_a_stiff_tendon_is_that_of_the_law_and_its_derivative_is_the_stiffness(
+    nylon: ComparedMuscle,
+) -> None:
     assert nylon.unit is not None
     unit = nylon.unit.replace(tendon=Tendon(stiffness=1e8, toe_length=1e-9))
     spans = np.linspace(0.11, 0.15, 9)
@@ -338,7 +340,7 @@ PERIOD = 1e-3  # of a coarse course of pressure: the search only has to follow i
 
 
 @pytest.fixture(scope="module")
-def made(nylon: Subject) -> tuple[Assisted, Goal]:
+def made(nylon: ComparedMuscle) -> tuple[Assisted, Goal]:
     """A muscle as built, and as a goal the curves of the same muscle with a damper and a delay."""
     assert nylon.unit is not None
     before = Assisted(unit=with_spring(nylon.unit, rest_length=0.14), rest_span=0.14)
@@ -404,7 +406,7 @@ def test_a_muscle_that_is_too_strong_for_every_rig_is_refused_before_anything_mo
 # ---- the figure
 
 
-def test_the_figure_has_a_panel_for_what_was_computed_and_no_more(fast: Subject, fibre_trials: Trials) -> None:
+def test_the_figure_has_a_panel_for_what_was_computed_and_no_more(fast: ComparedMuscle, fibre_trials: Trials) -> None:
     from mckibben.report.figures.comparison_figures import comparison_figure
     from mckibben.report.figures.style import to_svg
 
@@ -425,7 +427,7 @@ def test_the_figure_has_a_panel_for_what_was_computed_and_no_more(fast: Subject,
 
 
 @pytest.mark.slow
-def test_a_nylon_muscle_does_the_protocols_as_its_paper_says(nylon: Subject) -> None:
+def test_a_nylon_muscle_does_the_protocols_as_its_paper_says(nylon: ComparedMuscle) -> None:
     found = trials(nylon)
     v = found.values
     # Printed: 12, 30 and 53 ms; the paper's rig is fixed at 95-107 l/min, see the rows of Part III.
@@ -441,7 +443,9 @@ def test_a_nylon_muscle_does_the_protocols_as_its_paper_says(nylon: Subject) -> 
 
 
 @pytest.mark.slow
-def test_elements_bring_a_nylon_muscle_closer_to_a_fibre_and_the_machine_agrees(nylon: Subject, fast: Subject) -> None:
+def test_elements_bring_a_nylon_muscle_closer_to_a_fibre_and_the_machine_agrees(
+    nylon: ComparedMuscle, fast: ComparedMuscle
+) -> None:
     found = match(nylon, fast, draws=0)
     for name, before in found.rms_before.items():
         assert found.rms_after[name] <= before + 1e-9, name

@@ -24,7 +24,7 @@ from mckibben.studies.sizing import (
     BRAID_LAWS,
     INFERRED,
     OBJECTIVES,
-    Wish,
+    Requirements,
     braid_law,
     design,
     error_of_braid,
@@ -45,7 +45,7 @@ from mckibben.studies.sizing.braid import frontier
 from mckibben.studies.sizing.candidate import Ends, air_of_cycle, ranked
 from mckibben.studies.sizing.size import adiabatic_work
 
-WISH = Wish(force=50.0, stroke=0.03, pressure=5e5)
+WISH = Requirements(force=50.0, stroke=0.03, pressure=5e5)
 
 
 def later(*case):
@@ -55,9 +55,9 @@ def later(*case):
 
 # Wishes that a muscle of the papers or of the maps meets by its own numbers, with its friction and its error taken off.
 MET = {
-    "nylon": Wish(force=35.0, stroke=0.028, pressure=5e5),
-    "bridgestone": Wish(force=100.0, stroke=0.015, pressure=5e5),
-    "DMSP-20-300": Wish(force=500.0, stroke=0.03, pressure=5e5),
+    "nylon": Requirements(force=35.0, stroke=0.028, pressure=5e5),
+    "bridgestone": Requirements(force=100.0, stroke=0.015, pressure=5e5),
+    "DMSP-20-300": Requirements(force=500.0, stroke=0.03, pressure=5e5),
 }
 
 
@@ -140,10 +140,10 @@ def test_more_room_never_takes_a_heavier_muscle():
 @pytest.mark.parametrize(
     ("wish", "part", "low", "high"),
     [
-        (Wish(force=500.0, stroke=0.03, pressure=5e5, diameter=0.02, length=0.2), "force", 1.0, 500.0),
-        later(Wish(force=50.0, stroke=0.15, pressure=5e5, length=0.2), "stroke", 0.01, 0.15),
-        later(Wish(force=500.0, stroke=0.03, pressure=2e5, length=0.3), "pressure", 2e5, 20e5),
-        later(Wish(force=50.0, stroke=0.03, pressure=5e5, diameter=0.003), "diameter", 0.003, 0.03),
+        (Requirements(force=500.0, stroke=0.03, pressure=5e5, diameter=0.02, length=0.2), "force", 1.0, 500.0),
+        later(Requirements(force=50.0, stroke=0.15, pressure=5e5, length=0.2), "stroke", 0.01, 0.15),
+        later(Requirements(force=500.0, stroke=0.03, pressure=2e5, length=0.3), "pressure", 2e5, 20e5),
+        later(Requirements(force=50.0, stroke=0.03, pressure=5e5, diameter=0.003), "diameter", 0.003, 0.03),
     ],
 )
 def test_what_stands_in_the_way_is_named_and_would_help(wish, part, low, high):
@@ -162,7 +162,9 @@ def test_what_stands_in_the_way_is_named_and_would_help(wish, part, low, high):
 
 
 def test_what_pulls_without_gas_is_no_muscle():
-    wish = Wish(force=5.0, stroke=0.01, pressure=0.4e5)  # below the threshold of 0.903 - 0.425 bar, where no gas pulls
+    wish = Requirements(
+        force=5.0, stroke=0.01, pressure=0.4e5
+    )  # below the threshold of 0.903 - 0.425 bar, where no gas pulls
     made, misses = design(wish)
     assert made is None
     by = {m.part: m.reachable for m in misses}
@@ -358,13 +360,13 @@ def test_the_air_of_a_cycle_is_what_the_ends_hold():
 
 
 def test_an_unreachable_wish_says_what_would_do():
-    found = size(Wish(force=5000.0, stroke=0.05, pressure=3e5, length=0.2, diameter=0.03), lines=False)
+    found = size(Requirements(force=5000.0, stroke=0.05, pressure=3e5, length=0.2, diameter=0.03), lines=False)
     assert not found.reached
     assert found.misses and "nearest is" in found.sentence() and "what would do: " in found.sentence()
 
 
 def test_the_frontier_is_where_designs_end():
-    wish = Wish(force=1.0, stroke=0.03, pressure=5e5, length=0.25, diameter=0.03)
+    wish = Requirements(force=1.0, stroke=0.03, pressure=5e5, length=0.25, diameter=0.03)
     (most,) = frontier(wish, np.array([0.03]))
     assert design(replace(wish, force=0.97 * float(most)))[0] is not None
     assert design(replace(wish, force=1.05 * float(most)))[0] is None

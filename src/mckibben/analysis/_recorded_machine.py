@@ -71,9 +71,11 @@ class RecordedMachine:
         )
         if len(names) != 1 or not given:
             raise InputError(
-                f"law of {muscle}", ", ".join(given) or "not given", f"allowed are the parameters of {', '.join(LAWS)}",
+                f"law of {muscle}",
+                ", ".join(given) or "not given",
+                f"allowed are the parameters of {', '.join(LAWS)}",
                 where="parameters",
-            )  # fmt: skip
+            )
         known = {k: v for k, v in given.items() if v == v}  # an unknown volume is no number
         return construct(law_type(names[0]), known)
 

@@ -20,7 +20,7 @@ class Interval(NamedTuple):
     high: float
 
 
-class Fit(NamedTuple):
+class LinearFit(NamedTuple):
     """Coefficients (p,), their covariance (p, p), root mean square of the residual, and the t quantile."""
 
     values: np.ndarray
@@ -47,7 +47,7 @@ def t_quantile(degrees: int, confidence: float) -> float:
     return float(stdtrit(degrees, 0.5 + 0.5 * confidence))
 
 
-def linear_fit(matrix: np.ndarray, target: np.ndarray, *, what: str, confidence: float = 0.95) -> Fit:
+def linear_fit(matrix: np.ndarray, target: np.ndarray, *, what: str, confidence: float = 0.95) -> LinearFit:
     """Least squares of matrix @ values = target.
 
     Args:
@@ -73,4 +73,4 @@ def linear_fit(matrix: np.ndarray, target: np.ndarray, *, what: str, confidence:
     residual = target - matrix @ values
     variance = float(residual @ residual) / (n - p)
     covariance = variance * (half @ half.T) / np.outer(size, size)
-    return Fit(values, covariance, float(np.sqrt(np.mean(residual**2))), t_quantile(n - p, confidence))
+    return LinearFit(values, covariance, float(np.sqrt(np.mean(residual**2))), t_quantile(n - p, confidence))

@@ -113,7 +113,7 @@ class PeakPower(NamedTuple):
     relative_velocity: float  # shortening velocity over vmax [1]
 
 
-class Comparison(NamedTuple):
+class BiologicalCharacteristics(NamedTuple):
     """The rows in which Table 1 compares muscles [SI, lengths in rest lengths]."""
 
     dynamic_range: DynamicRange  # [L0]
@@ -222,11 +222,11 @@ def peak_power_density(muscle: BiologicalMuscle, *, fraction: float | None = Non
     return share * float(muscle.maximum_tension_intensity) * float(muscle.maximum_velocity)
 
 
-def comparison(muscle: BiologicalMuscle) -> Comparison:
+def comparison(muscle: BiologicalMuscle) -> BiologicalCharacteristics:
     """What Table 1 says about biological muscle, computed for one [SI]."""
     ends = dynamic_range(muscle.active_curve)
     intensity = float(muscle.maximum_tension_intensity)
-    return Comparison(
+    return BiologicalCharacteristics(
         dynamic_range=ends,
         tension_intensity=intensity,
         stiffness_intensity=stiffness_intensity(intensity, ends),

@@ -29,17 +29,22 @@ from ._energy_samples import Flows, whole_pieces
 from ._recorded_machine import RecordedMachine
 from .channels import known
 from .cycles import Cycle, find_cycles
-from .energy_parts import CycleEnergy, EnergyAccount, Part, Saving
+from .energy_parts import CycleEnergy, EnergyAccount, EnergyPart, Saving
 
-__all__ = ["CycleEnergy", "EnergyAccount", "Part", "Saving", "energy_account"]
+__all__ = ["CycleEnergy", "EnergyAccount", "EnergyPart", "Saving", "energy_account"]
 
 MOVES = 1e-2  # share of a span from which its cycles are those of the run
 
 
 def energy_account(
-    record: Recording, *, start: float | None = None, end: float | None = None, cycle: str | None = None,
-    measured: bool = False, **options: Any,
-) -> EnergyAccount:  # fmt: skip
+    record: Recording,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    cycle: str | None = None,
+    measured: bool = False,
+    **options: Any,
+) -> EnergyAccount:
     """The account of a recording; of all that a simulation ran, or of a stretch of what is recorded.
 
     Args:
@@ -69,49 +74,54 @@ def energy_account(
     whole = part is record
     exergy = _ledger(about["exergy"]) if whole else summed
     return EnergyAccount(
-        kind="simulated", parts=exergy, energy=_ledger(about["energy"]) if whole else (),
+        kind="simulated",
+        parts=exergy,
+        energy=_ledger(about["energy"]) if whole else (),
         load=_ledger(about["load"]) if whole else (),
         throughput=float(about["exergy"]["throughput"]) if whole else _of(summed, "supply"),
         air=float(about["air"]) if whole else sum(float(p.air[-1]) for p in pieces),
         compressor=dict(about["compressor"]) if whole else _compressor(pieces),
-        cycles=tuple(tried), unknown=(), notes=tuple(dict.fromkeys(notes)), room_pressure=float(room.pressure_abs),
+        cycles=tuple(tried),
+        unknown=(),
+        notes=tuple(dict.fromkeys(notes)),
+        room_pressure=float(room.pressure_abs),
         caught=lambda p: _caught(pieces, p, summed),
-    )  # fmt: skip
+    )
 
 
-def _ledger(stated: Mapping[str, Any]) -> tuple[Part, ...]:
+def _ledger(stated: Mapping[str, Any]) -> tuple[EnergyPart, ...]:
     """The parts as a run kept them."""
     ends = {"atmosphere", "friction"}  # of what flows, these two come from states and ledgers
     parts = [
-        Part(name, float(value), side, "end states" if side == "stored" or name in ends else "integral")
+        EnergyPart(name, float(value), side, "end states" if side == "stored" or name in ends else "integral")
         for side in ("into", "out", "stored")
         for name, value in stated[side].items()
     ]
-    return (*parts, Part("remainder", float(stated["remainder"]), "remainder", "remainder"))
+    return (*parts, EnergyPart("remainder", float(stated["remainder"]), "remainder", "remainder"))
 
 
-def _between(piece: Flows, first: int, last: int) -> tuple[Part, ...]:
+def _between(piece: Flows, first: int, last: int) -> tuple[EnergyPart, ...]:
     """The parts from one sample to another."""
     sides = {"into": piece.into, "out": piece.out, "stored": piece.stored}
     parts = [
-        Part(name, float(v[last] - v[first]), side, "from samples")
+        EnergyPart(name, float(v[last] - v[first]), side, "from samples")
         for side, own in sides.items()
         for name, v in own.items()
     ]
     return (*parts, _left(parts))
 
 
-def _left(parts: list[Part]) -> Part:
+def _left(parts: list[EnergyPart]) -> EnergyPart:
     value = sum(p.value if p.side == "into" else -p.value for p in parts)
-    return Part("remainder", value, "remainder", "remainder")
+    return EnergyPart("remainder", value, "remainder", "remainder")
 
 
-def _summed(pieces: list[Flows]) -> tuple[Part, ...]:
+def _summed(pieces: list[Flows]) -> tuple[EnergyPart, ...]:
     ledgers = [_between(p, 0, -1) for p in pieces]
     return tuple(a._replace(value=sum(one[i].value for one in ledgers)) for i, a in enumerate(ledgers[0]))
 
 
-def _of(parts: tuple[Part, ...], name: str) -> float:
+def _of(parts: tuple[EnergyPart, ...], name: str) -> float:
     return next(p.value for p in parts if p.name == name)
 
 
@@ -153,12 +163,14 @@ def _cycles(piece: Flows, channel: str | None, notes: list[str]) -> list[CycleEn
                 _of(parts, "shaft_work"),
                 float(piece.work_out[c.end] - piece.work_out[c.start]),
                 parts,
-            )  # fmt: skip
+            )
         )
     return cycles
 
 
-def _caught(pieces: list[Flows], pressure_abs: float, parts: tuple[Part, ...]) -> tuple[float, float, float, float]:
+def _caught(
+    pieces: list[Flows], pressure_abs: float, parts: tuple[EnergyPart, ...]
+) -> tuple[float, float, float, float]:
     air = sum(float(mass[before > pressure_abs].sum()) for p in pieces for before, mass in p.vented)
     worth = float(pieces[0].dead.compression(pressure_abs, cooled=True))
     return air, air * worth, _of(parts, "supply"), _of(parts, "shaft_work")
@@ -217,9 +229,10 @@ def estimate(
     for name, unit, what in ((pressure, "Pa", "pressure"), (tension, "N", "tension"), (span, "m", "span")):
         if name not in record:
             raise InputError(
-                f"channel {name}", "missing", f"the account needs the {what} [{unit}]; the recording has "
-                f"{', '.join(record.channels) or 'none'}",
-            )  # fmt: skip
+                f"channel {name}",
+                "missing",
+                f"the account needs the {what} [{unit}]; the recording has {', '.join(record.channels) or 'none'}",
+            )
     given = _known(record, muscle, supply, dead_volume)
     pieces = [_piece(record, p, given, (pressure, tension, span), cycle) for p in whole_pieces(record)]
     pairs = [(p, c) for p in pieces for c in p.cycles]
@@ -239,10 +252,19 @@ def estimate(
     ]
     notes = ("estimated with the gas at the room's temperature and the muscle at rest on its law",)
     return EnergyAccount(
-        kind="measured", parts=parts, energy=(), load=(), throughput=sum(c.supply for c in cycles), air=air,
-        compressor=work, cycles=cycles, unknown=tuple(unknown), notes=notes,
-        room_pressure=float(given.dead.pressure_abs), caught=lambda p: _caught_in_cycles(pairs, cycles, given, p),
-    )  # fmt: skip
+        kind="measured",
+        parts=parts,
+        energy=(),
+        load=(),
+        throughput=sum(c.supply for c in cycles),
+        air=air,
+        compressor=work,
+        cycles=cycles,
+        unknown=tuple(unknown),
+        notes=notes,
+        room_pressure=float(given.dead.pressure_abs),
+        caught=lambda p: _caught_in_cycles(pairs, cycles, given, p),
+    )
 
 
 def _known(record: Recording, muscle: Any, supply: float | None, dead_volume: float | None) -> _Known:
@@ -271,9 +293,11 @@ def _known(record: Recording, muscle: Any, supply: float | None, dead_volume: fl
         idle = sum(sizes) + sum(tubes) if sizes else None
     unknown = float("nan")
     return _Known(
-        law, DeadState.of(machine.gas if machine else AIR, room), unknown if source is None else float(source),
+        law,
+        DeadState.of(machine.gas if machine else AIR, room),
+        unknown if source is None else float(source),
         unknown if idle is None else float(idle),
-    )  # fmt: skip
+    )
 
 
 def _piece(record: Recording, where: slice, given: _Known, names: tuple[str, str, str], cycle: str | None) -> _Piece:
@@ -318,13 +342,19 @@ def _one(piece: _Piece, cycle: Cycle, given: _Known) -> CycleEnergy:
     if not np.isfinite(given.idle):
         del values["dead_volume", "out"]
     left = sum(v if side == "into" else -v for (_, side), v in values.items())
-    parts = [Part(name, value, side, "estimate") for (name, side), value in values.items()]
-    parts.append(Part("remainder", left, "remainder", "remainder"))
+    parts = [EnergyPart(name, value, side, "estimate") for (name, side), value in values.items()]
+    parts.append(EnergyPart("remainder", left, "remainder", "remainder"))
     work = air * float(dead.compression(source, cooled=False))
     return CycleEnergy(
-        float(piece.time[first]), float(piece.time[last]), air, top * air, work, float(shaft),
-        float(power[power > 0.0].sum()), tuple(parts),
-    )  # fmt: skip
+        float(piece.time[first]),
+        float(piece.time[last]),
+        air,
+        top * air,
+        work,
+        float(shaft),
+        float(power[power > 0.0].sum()),
+        tuple(parts),
+    )
 
 
 def _gained(piece: _Piece, first: int, last: int, given: _Known) -> float:

@@ -11,26 +11,36 @@ import numpy as np
 from ..errors import InputError
 
 MEANINGS = {
-    "supply": "exergy of the air that was drawn", "machines": "shafts of compressors in the circuit",
+    "supply": "exergy of the air that was drawn",
+    "machines": "shafts of compressors in the circuit",
     "walls": "exergy from walls that are not as warm as the room",
-    "valve": "throttled in valves on the way to the muscle", "tube": "throttled in tubes",
+    "valve": "throttled in valves on the way to the muscle",
+    "tube": "throttled in tubes",
     "dead_volume": "thrown away by volumes that do no work: ports, tubes, fittings, accumulators",
     "exhaust": "thrown away by the muscle's own volume, the valve on the way out included",
-    "leak": "lost through leaks", "machine": "destroyed in compressors",
+    "leak": "lost through leaks",
+    "machine": "destroyed in compressors",
     "mixing": "destroyed where gas of one temperature meets gas of another",
-    "heat": "destroyed by heat between gas and walls", "other_walls": "work on volumes that something else moves",
-    "friction": "turned into heat by the braid's friction and creep, and by a wrap", "viscous": "by dampers and tendons",
-    "shaft_work": "work of the muscles on their load", "gas": "gain of the gas that is stored",
-    "muscle": "gain of bladder and braid", "tendon": "gain of end masses and tendons",
-    "way_in": "throttled in valve and tube on the way to the muscle", "remainder": "what is left",
-    "enthalpy": "carried by the air", "atmosphere": "work on the atmosphere by muscles that swell",
-    "outside": "work on the load from elsewhere", "load_losses": "dampers and friction of the load",
+    "heat": "destroyed by heat between gas and walls",
+    "other_walls": "work on volumes that something else moves",
+    "friction": "turned into heat by the braid's friction and creep, and by a wrap",
+    "viscous": "by dampers and tendons",
+    "shaft_work": "work of the muscles on their load",
+    "gas": "gain of the gas that is stored",
+    "muscle": "gain of bladder and braid",
+    "tendon": "gain of end masses and tendons",
+    "way_in": "throttled in valve and tube on the way to the muscle",
+    "remainder": "what is left",
+    "enthalpy": "carried by the air",
+    "atmosphere": "work on the atmosphere by muscles that swell",
+    "outside": "work on the load from elsewhere",
+    "load_losses": "dampers and friction of the load",
     "load": "gain of the load",
-}  # fmt: skip
+}
 STORED_FRICTION = "gain of the friction's own springs"
 
 
-class Part(NamedTuple):
+class EnergyPart(NamedTuple):
     """One line of an account.
 
     Attributes:
@@ -72,7 +82,7 @@ class CycleEnergy(NamedTuple):
     compressor: float
     shaft_work: float
     work_out: float
-    parts: tuple[Part, ...]
+    parts: tuple[EnergyPart, ...]
 
     @property
     def efficiency(self) -> float:
@@ -118,9 +128,9 @@ class EnergyAccount:
     """
 
     kind: str
-    parts: tuple[Part, ...]
-    energy: tuple[Part, ...]
-    load: tuple[Part, ...]
+    parts: tuple[EnergyPart, ...]
+    energy: tuple[EnergyPart, ...]
+    load: tuple[EnergyPart, ...]
     throughput: float
     air: float
     compressor: Mapping[str, float]
@@ -152,19 +162,26 @@ class EnergyAccount:
     def document(self) -> dict[str, Any]:
         """As a file or a program takes it: works and exergies in [J], air in [kg]."""
 
-        def told(parts: tuple[Part, ...]) -> list[dict[str, Any]]:
+        def told(parts: tuple[EnergyPart, ...]) -> list[dict[str, Any]]:
             return [{**p._asdict(), "meaning": p.meaning} for p in parts]
 
         return {
-            "kind": self.kind, "exergy": told(self.parts), "energy": told(self.energy), "load": told(self.load),
-            "throughput": self.throughput, "remainder": self.remainder, "air": self.air,
-            "compressor": dict(self.compressor), "efficiency": self.efficiencies(),
+            "kind": self.kind,
+            "exergy": told(self.parts),
+            "energy": told(self.energy),
+            "load": told(self.load),
+            "throughput": self.throughput,
+            "remainder": self.remainder,
+            "air": self.air,
+            "compressor": dict(self.compressor),
+            "efficiency": self.efficiencies(),
             "cycles": [
                 {**c._asdict(), "efficiency": c.efficiency, "parts": {f"{p.side}.{p.name}": p.value for p in c.parts}}
                 for c in self.cycles
             ],
-            "unknown": list(self.unknown), "notes": list(self.notes),
-        }  # fmt: skip
+            "unknown": list(self.unknown),
+            "notes": list(self.notes),
+        }
 
     def efficiencies(self) -> dict[str, float]:
         """Shaft work over the supply's exergy, and over the work of a compressor with and without cooling [1]."""

@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..recordings import Recording
 from .channels import known, positive, smoothed, uniform_period
 from .cycles import cycle_frequency
-from .loops import Loop, loop
+from .loops import TensionLoop, loop
 
 
 class Lead(NamedTuple):
@@ -154,8 +154,8 @@ def channel_lag(record: Recording, *, late: str, early: str, longest: float = 0.
 class CorrectedLoop(NamedTuple):
     """A loop as recorded, the same with the lag taken out of the tension, and that lag [s]."""
 
-    raw: Loop
-    corrected: Loop
+    raw: TensionLoop
+    corrected: TensionLoop
     lag: float
 
     @property

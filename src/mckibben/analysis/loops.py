@@ -21,7 +21,7 @@ _HALF_WINDOW = 0.05
 _LEAST = 5
 
 
-class Path(NamedTuple):
+class TensionPath(NamedTuple):
     """Samples of one path by increasing length: length [m] (n,), tension [N] (n,), half the reading window [m]."""
 
     length: np.ndarray
@@ -71,8 +71,8 @@ class Path(NamedTuple):
 class Paths(NamedTuple):
     """Both paths of one cycle."""
 
-    rising: Path
-    falling: Path
+    rising: TensionPath
+    falling: TensionPath
 
 
 def _nearest(x: np.ndarray, at: float, near: int) -> tuple[int, int]:
@@ -92,7 +92,7 @@ def paths_of(length: np.ndarray, tension: np.ndarray, cycle: Cycle) -> Paths:
     for first, last in ((cycle.start, cycle.turn), (cycle.turn, cycle.end)):
         part = slice(first, last + 1)
         order = np.argsort(length[part], kind="stable")
-        parts.append(Path(length[part][order], tension[part][order], _HALF_WINDOW * span))
+        parts.append(TensionPath(length[part][order], tension[part][order], _HALF_WINDOW * span))
     return Paths(*(parts[::-1] if cycle.begins_high else parts))
 
 
@@ -113,10 +113,10 @@ def paths(record: Recording, *, length: str = "muscle.length", tension: str = "m
     return Paths(_pooled([p.rising for p in each]), _pooled([p.falling for p in each]))
 
 
-def _pooled(parts: list[Path]) -> Path:
+def _pooled(parts: list[TensionPath]) -> TensionPath:
     x, y = np.concatenate([p.length for p in parts]), np.concatenate([p.tension for p in parts])
     order = np.argsort(x, kind="stable")
-    return Path(x[order], y[order], float(np.mean([p.half_window for p in parts])))
+    return TensionPath(x[order], y[order], float(np.mean([p.half_window for p in parts])))
 
 
 class PathDistance(NamedTuple):
@@ -129,7 +129,7 @@ class PathDistance(NamedTuple):
     to_length: float  # to here [m]
 
 
-def path_distance(first: Path, second: Path, *, trim: float = 0.05, points: int = 51) -> PathDistance:
+def path_distance(first: TensionPath, second: TensionPath, *, trim: float = 0.05, points: int = 51) -> PathDistance:
     """How far two paths, such as the rising ones of two recordings, lie apart.
 
     Args:
@@ -161,7 +161,7 @@ def path_distance(first: Path, second: Path, *, trim: float = 0.05, points: int 
     return PathDistance(float(apart[worst]), rms, float(grid[worst]), float(grid[0]), float(grid[-1]))
 
 
-class Loop(NamedTuple):
+class TensionLoop(NamedTuple):
     """Shape of one loop, or the mean of several [SI]."""
 
     width: float  # at mid-range of tension [m]; NaN where a path does not reach it
@@ -201,7 +201,7 @@ class LoopRatio(NamedTuple):
 
 def loops(
     record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0
-) -> tuple[Loop, ...]:
+) -> tuple[TensionLoop, ...]:
     """The loop of every full cycle.
 
     Args:
@@ -217,26 +217,28 @@ def loops(
     return tuple(_loop(x, y, cycle) for cycle in find_cycles(x, skip=skip, what=f"channel {length}"))
 
 
-def loop(record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0) -> Loop:
+def loop(
+    record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0
+) -> TensionLoop:
     """The mean of the loops of all full cycles; arguments and errors as in `loops`."""
     return mean_loop(loops(record, length=length, tension=tension, skip=skip))
 
 
-def mean_loop(each: Sequence[Loop]) -> Loop:
+def mean_loop(each: Sequence[TensionLoop]) -> TensionLoop:
     """Mean of every number over loops."""
     if not each:
         raise InputError("loops", "none", "needed is one or more")
-    return Loop(*(float(v) for v in np.mean(np.array(each), axis=0)))
+    return TensionLoop(*(float(v) for v in np.mean(np.array(each), axis=0)))
 
 
-def _loop(length: np.ndarray, tension: np.ndarray, cycle: Cycle) -> Loop:
+def _loop(length: np.ndarray, tension: np.ndarray, cycle: Cycle) -> TensionLoop:
     # The sample at the end repeats the beginning: what closes the polygon is the line to it.
     x, y = length[cycle.start : cycle.end + 1], tension[cycle.start : cycle.end + 1]
     rising, falling = paths_of(length, tension, cycle)
     ends = (float(x.min()), float(x.max()), float(y.min()), float(y.max()))
     middle, halfway = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[2] + ends[3])
     slopes = [_slope(path, middle, 0.25 * (ends[1] - ends[0])) for path in (rising, falling)]
-    return Loop(
+    return TensionLoop(
         falling.length_at(halfway) - rising.length_at(halfway),
         rising.read(middle)[0] - falling.read(middle)[0],
         closed_area(x, y),
@@ -246,7 +248,7 @@ def _loop(length: np.ndarray, tension: np.ndarray, cycle: Cycle) -> Loop:
     )
 
 
-def _slope(path: Path, middle: float, half: float) -> float:
+def _slope(path: TensionPath, middle: float, half: float) -> float:
     near = np.abs(path.length - middle) <= half
     if np.count_nonzero(near) < 3 or not np.ptp(path.length[near]) > 0.0:
         return path.read(middle)[1]
@@ -268,7 +270,7 @@ def closed_area(length: np.ndarray, tension: np.ndarray) -> float:
     return float(0.5 * np.sum((np.roll(x, -1) - x) * (np.roll(y, -1) + y)))
 
 
-def loop_ratio(part: Loop, whole: Loop) -> LoopRatio:
+def loop_ratio(part: TensionLoop, whole: TensionLoop) -> LoopRatio:
     """A loop over another: of a smaller range, a lower frequency, or a lubricated muscle."""
     if 0.0 in (whole.width, whole.height, whole.area):
         raise InputError("loop", "without width, height or area", "a ratio needs one that encloses something")

@@ -15,7 +15,7 @@ The median is the level at which the channel ends only if it has *settled*: over
 changes by no more than 1 % of the step, or by no more than noise makes it (four standard errors of that change). Of an
 exponential approach, that long after the step is 5.2 time constants or more: the level is then within 1 % of the one that
 is never passed, and the time to 90 % within 4 %. A ripple of many periods is settled, for the median is its level; a few
-slow swings in the last fifth are not, unless they are small. What has not settled says so (`Response.settled`, `unsettled`):
+slow swings in the last fifth are not, unless they are small. What has not settled says so (`StepResponse.settled`):
 its level and its times are of a step still under way.
 
 Thresholds: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753, print 0-90 %
@@ -40,7 +40,7 @@ LAST = 0.2  # of the time after a step, over which its level is taken [1]
 _NOISE = 4.0
 
 
-class Step(NamedTuple):
+class CommandStep(NamedTuple):
     """One step of a command: when, from where, to where [unit of the command], and where the next begins [s]."""
 
     time: float
@@ -49,7 +49,7 @@ class Step(NamedTuple):
     until: float
 
 
-class Response(NamedTuple):
+class StepResponse(NamedTuple):
     """What a channel did after one step of the command."""
 
     command_time: float  # [s]
@@ -74,7 +74,7 @@ class Response(NamedTuple):
         return self.after > self.before
 
 
-def find_steps(record: Recording, command: str, *, share: float = 0.1) -> tuple[Step, ...]:
+def find_steps(record: Recording, command: str, *, share: float = 0.1) -> tuple[CommandStep, ...]:
     """The steps of a command, in order.
 
     Args:
@@ -99,7 +99,9 @@ def find_steps(record: Recording, command: str, *, share: float = 0.1) -> tuple[
         before, after = float(u[group[0]]), float(u[group[-1] + 1])
         if abs(after - before) <= share * span:  # there and back within a few samples: a pulse or noise, no step
             continue
-        found.append(Step(_moment(time, u, group, 0.5 * (before + after)), before, after, float(time[following])))
+        found.append(
+            CommandStep(_moment(time, u, group, 0.5 * (before + after)), before, after, float(time[following]))
+        )
     if not found:
         raise InputError(f"channel {command}", "without a step that lasts", "needed is a level held after it")
     return tuple(found)
@@ -121,7 +123,7 @@ def step_responses(
     onset: float = ONSET,
     reached: float = REACHED,
     median: int = 5,
-) -> tuple[Response, ...]:
+) -> tuple[StepResponse, ...]:
     """The response of a channel to every step of a command.
 
     Args:
@@ -152,10 +154,10 @@ def _response(
     raw: np.ndarray,
     clean: np.ndarray,
     begin: float,
-    step: Step,
+    step: CommandStep,
     shares: tuple[float, float],
     what: str,
-) -> Response:
+) -> StepResponse:
     quiet = (time >= step.time - LAST * (step.time - begin)) & (time < step.time)
     final = (time > step.until - LAST * (step.until - step.time)) & (time <= step.until)
     if np.count_nonzero(quiet) < 3 or np.count_nonzero(final) < 3:
@@ -182,7 +184,7 @@ def _response(
     start = _between(t, share, int(below[-1]) + 1, threshold)
     end = _between(t, share, done, shares[1])
     drift, settled = settling(time[final], raw[final], size)
-    return Response(
+    return StepResponse(
         step.time, start, start - step.time, end - start, before, after, threshold, step.until, drift, settled
     )
 
@@ -210,7 +212,7 @@ def settling(time: np.ndarray, values: np.ndarray, step: float) -> tuple[float, 
     return slope * width / step, abs(slope * width) <= least
 
 
-def unsettled(response: Response, channel: str) -> str:
+def unsettled(response: StepResponse, channel: str) -> str:
     """A sentence about a channel that has not settled after a step; nothing where it has."""
     if response.settled:
         return ""

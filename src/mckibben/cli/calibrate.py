@@ -53,11 +53,19 @@ Scale = Annotated[
 
 
 def zero(
-    rig: RigName, channel: Channels = "pressure,tension", uncertainty: Own = None, machine: On = None,
-    simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 1000, sensor: Sensor = "",
+    rig: RigName,
+    channel: Channels = "pressure,tension",
+    uncertainty: Own = None,
+    machine: On = None,
+    simulate: Simulate = False,
+    change: Change = None,
+    seed: Seed = 0,
+    samples: Samples = 1000,
+    sensor: Sensor = "",
     valid_for: Valid = None,
-    out: Out = None, as_json: Json = False,
-) -> None:  # fmt: skip
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
     """Calibrate the zeros of channels without load and pressure."""
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     names = _names(channel)
@@ -79,9 +87,16 @@ def weights(
     gravity_uncertainty: Annotated[str | None, typer.Option(metavar="VALUE", help="Standard, of --gravity.")] = None,
     channel: Annotated[str, typer.Option("--channel", help="The load cell.")] = "tension",
     machine: On = None,
-    simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 1000, sensor: Sensor = "",
-    reference: Name = "masses", valid_for: Valid = None, out: Out = None, as_json: Json = False,
-) -> None:  # fmt: skip
+    simulate: Simulate = False,
+    change: Change = None,
+    seed: Seed = 0,
+    samples: Samples = 1000,
+    sensor: Sensor = "",
+    reference: Name = "masses",
+    valid_for: Valid = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
     """Calibrate a load cell with dead weights, up and down."""
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     own = _value("--uncertainty", uncertainty, "kg")
@@ -93,20 +108,33 @@ def weights(
     simulated = Reference(reference, own * g, 0.0 if gravity is None else of_g / g, exact_nothing=True)
     with _session(wanted, simulated) as session:
         found = session.weights(
-            _values("--masses", masses, "kg"), uncertainty=own, gravity=g, gravity_uncertainty=of_g, name=reference,
+            _values("--masses", masses, "kg"),
+            uncertainty=own,
+            gravity=g,
+            gravity_uncertainty=of_g,
+            name=reference,
             channel=channel,
-        )  # fmt: skip
+        )
         _done(wanted, session, found)
 
 
 def pressure(
     rig: RigName,
     pressures: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, gauge, such as '0 bar,3 bar,6 bar'.")],
-    uncertainty: Own = None, scale_uncertainty: Scale = "0 %", channel: Channels = "pressure",
+    uncertainty: Own = None,
+    scale_uncertainty: Scale = "0 %",
+    channel: Channels = "pressure",
     machine: On = None,
-    simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 1000, sensor: Sensor = "",
-    reference: Name = "reference gauge", valid_for: Valid = None, out: Out = None, as_json: Json = False,
-) -> None:  # fmt: skip
+    simulate: Simulate = False,
+    change: Change = None,
+    seed: Seed = 0,
+    samples: Samples = 1000,
+    sensor: Sensor = "",
+    reference: Name = "reference gauge",
+    valid_for: Valid = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
     """Calibrate pressure sensors with a reference gauge."""
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     share = _value("--scale-uncertainty", scale_uncertainty, "1", 0.0, 1.0)
@@ -118,11 +146,19 @@ def pressure(
 def encoder(
     rig: RigName,
     travels: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, such as '0 mm,50 mm'.")],
-    uncertainty: Own = None, scale_uncertainty: Scale = "0 %",
+    uncertainty: Own = None,
+    scale_uncertainty: Scale = "0 %",
     machine: On = None,
-    simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 100, sensor: Sensor = "",
-    reference: Name = "gauge blocks", valid_for: Valid = None, out: Out = None, as_json: Json = False,
-) -> None:  # fmt: skip
+    simulate: Simulate = False,
+    change: Change = None,
+    seed: Seed = 0,
+    samples: Samples = 100,
+    sensor: Sensor = "",
+    reference: Name = "gauge blocks",
+    valid_for: Valid = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
     """Calibrate the encoder with known travels, such as those of gauge blocks.
 
     The gain is metres per count relative to the nominal value.
@@ -137,12 +173,19 @@ def encoder(
 def skew(
     rig: RigName,
     channel: Channels = "pressure,tension",
-    frequency: Annotated[str, typer.Option(metavar="VALUE", help="Of the sine; of a sweep, at its beginning.")] = "20 Hz",
+    frequency: Annotated[
+        str, typer.Option(metavar="VALUE", help="Of the sine; of a sweep, at its beginning.")
+    ] = "20 Hz",
     to: Annotated[str | None, typer.Option(metavar="VALUE", help="Of a linear sweep, at the last sample.")] = None,
     machine: On = None,
-    simulate: Simulate = False, change: Change = None, seed: Seed = 0, samples: Samples = 5000, valid_for: Valid = None,
-    out: Out = None, as_json: Json = False,
-) -> None:  # fmt: skip
+    simulate: Simulate = False,
+    change: Change = None,
+    seed: Seed = 0,
+    samples: Samples = 5000,
+    valid_for: Valid = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
     """Calibrate the lag of channels behind the first one, from a common signal."""
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, "", valid_for, out, as_json)
     first = _value("--frequency", frequency, "1/s", 1e-3, 1e6)

@@ -39,10 +39,13 @@ def show(
     if as_json:
         print_json(
             {
-                "file": str(file), "rig": whole.rig, "created": whole.created, "expired": list(whole.expired(now)),
+                "file": str(file),
+                "rig": whole.rig,
+                "created": whole.created,
+                "expired": list(whole.expired(now)),
                 "channels": {name: _told(one, now) for name, one in whole.corrections.items()},
             }
-        )  # fmt: skip
+        )
         return
     rows = []
     for name, one in whole.corrections.items():
@@ -93,11 +96,15 @@ def apply(
     if as_json:
         print_json(
             {
-                "file": str(out), "source": str(recording), "changed": measured,
-                "skew_corrected": done.meta.get("skew_corrected") or [], "warnings": notes, "summary": done.summary(),
+                "file": str(out),
+                "source": str(recording),
+                "changed": measured,
+                "skew_corrected": done.meta.get("skew_corrected") or [],
+                "warnings": notes,
+                "summary": done.summary(),
                 "saturation": done.meta.get("saturation") or {},
             }
-        )  # fmt: skip
+        )
         return
     typer.echo(f"Written: {out}, changed are {', '.join(measured) or 'no channels'}")
     for note in notes:
@@ -116,11 +123,14 @@ def say_outcome(whole: Calibration, found: CalibrationOutcome, out: Path | None,
         for name, some in found.points.items()
     }
     return {
-        "file": None if out is None else str(out), "rig": whole.rig, "warnings": notes,
-        "channels": {name: _told(one, now) for name, one in found.corrections.items()}, "points": points,
+        "file": None if out is None else str(out),
+        "rig": whole.rig,
+        "warnings": notes,
+        "channels": {name: _told(one, now) for name, one in found.corrections.items()},
+        "points": points,
         "hysteresis": {name: one.hysteresis for name, one in found.lines.items()},
         "misfit": {name: one.misfit for name, one in found.lines.items()},
-    }  # fmt: skip
+    }
 
 
 def print_outcome(whole: Calibration, found: CalibrationOutcome, out: Path | None, notes: list[str]) -> None:
@@ -163,8 +173,11 @@ def _told(one: Correction, now: datetime.datetime) -> dict[str, Any]:
     """A correction for a program: every term with its interval, its origin and whether it has expired."""
     over = one.expired(now)
     out: dict[str, Any] = {
-        "unit": one.unit, "sensor": one.sensor, "correlation": one.correlation, "linearity": one.linearity
-    }  # fmt: skip
+        "unit": one.unit,
+        "sensor": one.sensor,
+        "correlation": one.correlation,
+        "linearity": one.linearity,
+    }
     for key, term in one.terms.items():
         low, high = term.interval()
         number = {

@@ -15,7 +15,7 @@ from ..report.comparison_report import muscle_comparison
 from ..report.document import checked_place
 from ..report.figures import style
 from ..report.figures.comparison_figures import comparison_figure
-from ..studies.comparison import Subject, Table, compare, subject
+from ..studies.comparison import ComparedMuscle, MuscleTable, compare, subject
 from ..studies.comparison.match import TWITCH, Match, Tuned, match
 from ..studies.comparison.protocols import Trials, rig_for, trials
 from ._terminal import Json, caution, print_json, table, told, writable
@@ -73,7 +73,7 @@ def compare_muscles(
     with told("comparing") as tell:
         if protocols:
             done = _done(chosen, rig, tell)
-            found = Table((*(t.column() for t in done), *found.columns[len(done) :]), found.published)
+            found = MuscleTable((*(t.column() for t in done), *found.columns[len(done) :]), found.published)
         if target is not None:
             matches = _matches(chosen, target, rig, done, tell)
     drawn: Any = _drawn(chosen, done, matches) if figure is not None or (report is not None and chosen) else None
@@ -90,7 +90,7 @@ def compare_muscles(
                 typer.echo(f"\nWritten: {path}")
 
 
-def _target(name: str) -> Subject:
+def _target(name: str) -> ComparedMuscle:
 
     target = subject(name)
     if target.fibre is None:
@@ -98,27 +98,29 @@ def _target(name: str) -> Subject:
     return target
 
 
-def _done(chosen: list[Subject], rig: str | None, tell: Any) -> list[Trials]:
+def _done(chosen: list[ComparedMuscle], rig: str | None, tell: Any) -> list[Trials]:
 
     on = rig or rig_for(chosen)
     return [trials(s, rig=on, progress=tell) for s in chosen]
 
 
-def _matches(chosen: list[Subject], target: Subject, rig: str | None, done: list[Trials], tell: Any) -> list[Match]:
+def _matches(
+    chosen: list[ComparedMuscle], target: ComparedMuscle, rig: str | None, done: list[Trials], tell: Any
+) -> list[Match]:
 
     records = {t.muscle.id: t.records[TWITCH] for t in done if TWITCH in t.records}
     braided = [s for s in chosen if s.unit is not None]
     return [match(s, target, records=records, rig=rig, progress=tell) for s in braided]
 
 
-def _drawn(chosen: list[Subject], done: list[Trials], matches: list[Match]) -> Any:
+def _drawn(chosen: list[ComparedMuscle], done: list[Trials], matches: list[Match]) -> Any:
 
     if not chosen:
         raise InputError("--figure", "asked for", "needed is a specimen: a recording alone has no law to draw")
     return comparison_figure(done or [trials(s, names=()) for s in chosen], matches)
 
 
-def _as_json(found: Table, matches: list[Match]) -> dict[str, Any]:
+def _as_json(found: MuscleTable, matches: list[Match]) -> dict[str, Any]:
     rows = []
     for row in found.rows():
         one: dict[str, Any] = {"property": row.property.name, "unit": row.property.unit, "values": row.shown()}
@@ -126,27 +128,35 @@ def _as_json(found: Table, matches: list[Match]) -> dict[str, Any]:
         ends, p = row.shown_range(), row.published
         if ends is not None and p is not None:
             one["published"] = {
-                "low": ends[0], "high": ends[1], "sources": list(p.sources), "through": p.through, "derived": p.derived,
+                "low": ends[0],
+                "high": ends[1],
+                "sources": list(p.sources),
+                "through": p.through,
+                "derived": p.derived,
                 "note": p.note,
-            }  # fmt: skip
+            }
         rows.append(one)
     out: dict[str, Any] = {
-        "columns": [c.name for c in found.columns], "rows": rows,
+        "columns": [c.name for c in found.columns],
+        "rows": rows,
         "about": [{"title": c.title, "from": c.kind, "notes": list(c.notes)} for c in found.columns],
-    }  # fmt: skip
+    }
     return out | ({"match": [_match_json(m) for m in matches]} if matches else {})
 
 
 def _match_json(found: Match) -> dict[str, Any]:
     keys = ("path", "title", "unit", "start", "value", "low", "high", "hit")
     return {
-        "muscle": found.muscle.id, "target": found.target.id, "before": dict(found.rms_before),
-        "after": dict(found.rms_after), "twitch_simulated": found.rms_simulated,
+        "muscle": found.muscle.id,
+        "target": found.target.id,
+        "before": dict(found.rms_before),
+        "after": dict(found.rms_after),
+        "twitch_simulated": found.rms_simulated,
         "parameters": [{k: getattr(p, k) for k in keys} for p in found.parameters],
-    }  # fmt: skip
+    }
 
 
-def _print(found: Table, matches: list[Match]) -> None:
+def _print(found: MuscleTable, matches: list[Match]) -> None:
 
     lines, keys = [], {"chou1996": None}
     for row in found.rows():
@@ -178,8 +188,10 @@ def _print_match(found: Match) -> None:
     rows = [[titles.get(n, n), f"{found.rms_before[n]:.3f}", f"{found.rms_after[n]:.3f}"] for n in found.rms_before]
     table(
         f"{found.muscle.id} with elements, towards {found.target.id}: rms difference over the tension at rest length",
-        ["curve", "as built", "with elements"], rows, right=[1, 2],
-    )  # fmt: skip
+        ["curve", "as built", "with elements"],
+        rows,
+        right=[1, 2],
+    )
     if found.simulated is not None:
         typer.echo(f"The twitch with elements on the test machine, circuit and all: {found.rms_simulated:.3f}.")
     typer.echo("")

@@ -64,9 +64,15 @@ def console(
         typer.echo("Getting the machine ready ..", err=True)
     with _ending(), _machine(machine, on, wanted) as hardware:
         session = Session(
-            on, muscle, hardware, span=span, plumbing=plumbing, rate=wanted, speed=None if as_fast_as_it_goes else 1.0,
+            on,
+            muscle,
+            hardware,
+            span=span,
+            plumbing=plumbing,
+            rate=wanted,
+            speed=None if as_fast_as_it_goes else 1.0,
             seed=seed,
-        )  # fmt: skip
+        )
         with session:
             spoken = Console(session, ask=ask_person)
             if by_hand:
@@ -169,10 +175,14 @@ def _at_a_prompt(console: Console) -> None:
 
     place = _history()
     prompt: PromptSession[str] = PromptSession(
-        "mckibben> ", history=InMemoryHistory() if place is None else FileHistory(place), completer=Words(),
-        complete_while_typing=False, bottom_toolbar=lambda: console.session.status().line(), refresh_interval=LOOK,
+        "mckibben> ",
+        history=InMemoryHistory() if place is None else FileHistory(place),
+        completer=Words(),
+        complete_while_typing=False,
+        bottom_toolbar=lambda: console.session.status().line(),
+        refresh_interval=LOOK,
         enable_history_search=True,
-    )  # fmt: skip
+    )
     typer.echo(f"{console.session.setup.rig.title}, {_mounted(console)}. help says what it knows.")
     while not console.over:
         try:

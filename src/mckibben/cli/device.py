@@ -42,9 +42,10 @@ def device(
     machine = SegmentMachine(bench, 0, part, timing_of(bench)).at_interface()
     out, converters = bench.rig.motor_out, bench.rig.converters(part.start_span)
     about = About(
-        encoder=converters.encoder is not None, motor=out is not None,
+        encoder=converters.encoder is not None,
+        motor=out is not None,
         motor_rest=0 if out is None else int(out.count(0.0)),
-    )  # fmt: skip
+    )
     end = None if seconds is None else time.monotonic() + seconds
     with in_thread(machine, about=about) as attached:
         typer.echo(f"serial:{attached.port}")

@@ -40,7 +40,7 @@ LOSSES = ("friction", "throttling", "exhaust", "emptying", "slackening", "unacco
 CURVE_POINTS = 91
 
 
-class Asked(NamedTuple):
+class CycleRequest(NamedTuple):
     """One call, resolved: the specimen, its law's name, the muscle under each volume, and the conditions."""
 
     spec: Specimen
@@ -91,11 +91,16 @@ def energy(
     writable("--figure", figure, ".svg", ".png")
     spec, chosen, muscles, which = _muscles(name, law, change, volume)
     between = _conditions(
-        spec, muscles[which], pressure, stretched, ambient,
+        spec,
+        muscles[which],
+        pressure,
+        stretched,
+        ambient,
         exchange=_exchange(accumulator, accumulator_pressure, muscles[which], chosen),
-        friction=_friction(spec, friction, none=no_friction), reading=reading,
-    )  # fmt: skip
-    asked = Asked(spec, chosen, muscles, which, between, _names(cycle))
+        friction=_friction(spec, friction, none=no_friction),
+        reading=reading,
+    )
+    asked = CycleRequest(spec, chosen, muscles, which, between, _names(cycle))
     found = {n: {v: energy_cycle(m, n, between) for v, m in muscles.items()} for n in asked.names}
     warnings = _cautions(spec, muscles[which], between, pressure, stretched)
     curves = {n: _curve(asked, n) for n in asked.names} if curve else {}
@@ -114,10 +119,10 @@ def _cautions(
     longest = float(muscle.length_range()[1])
     return caution(
         pressure_caution(between.pressure, spec, text=pressure),
-        None if stretched is None else length_caution(
-            between.stretched_length, longest, text=stretched, name="stretched length"
-        ),
-    )  # fmt: skip
+        None
+        if stretched is None
+        else length_caution(between.stretched_length, longest, text=stretched, name="stretched length"),
+    )
 
 
 def _names(cycle: list[str] | None) -> list[str]:
@@ -189,17 +194,17 @@ def _friction(spec: Specimen, text: str | None, *, none: bool) -> float:
     return coulomb_friction(spec)
 
 
-def _curve(asked: Asked, name: str) -> EnergyCurve:
+def _curve(asked: CycleRequest, name: str) -> EnergyCurve:
 
     muscle, between = asked.muscles[asked.volume], asked.conditions
     at = pressures(muscle, between, 2.0 * between.pressure, CURVE_POINTS - 1)
     return energy_curve(muscle, name, at, between)
 
 
-def _draw(asked: Asked, curves: dict[str, EnergyCurve], path: Path) -> None:
+def _draw(asked: CycleRequest, curves: dict[str, EnergyCurve], path: Path) -> None:
 
     if curves:
-        drawn = [energy_figures.Line(n, c) for n, c in curves.items()]
+        drawn = [energy_figures.EfficiencyLine(n, c) for n, c in curves.items()]
         fig = energy_figures.efficiency_figure(drawn, title=asked.spec.title)
     else:
         muscle = asked.muscles[asked.volume]
@@ -208,7 +213,9 @@ def _draw(asked: Asked, curves: dict[str, EnergyCurve], path: Path) -> None:
     style.save(fig, path)
 
 
-def _json(asked: Asked, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]) -> dict[str, Any]:
+def _json(
+    asked: CycleRequest, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]
+) -> dict[str, Any]:
 
     c, cycles = asked.conditions, []
     for name, by in found.items():
@@ -244,11 +251,11 @@ def _curve_json(curve: EnergyCurve) -> dict[str, Any]:
     }
 
 
-def _overstretched(asked: Asked) -> bool:
+def _overstretched(asked: CycleRequest) -> bool:
     return bool(asked.muscles[asked.volume].law.overstretched(asked.conditions.stretched_length))
 
 
-def _print(asked: Asked, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]) -> None:
+def _print(asked: CycleRequest, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]) -> None:
 
     c = asked.conditions
     around = with_unit(float(c.ambient.pressure_abs), "Pa", 5)
@@ -256,12 +263,18 @@ def _print(asked: Asked, found: dict[str, dict[str, EnergyCycle]], curves: dict[
     title = f"{asked.spec.title}, {asked.law}, at {with_unit(c.pressure, 'Pa')}, air from {source} and back"
     rows = [
         [
-            name, CYCLES[name], volume, f"{e.input:.3f}", f"{e.output:.3f}", f"{100.0 * e.efficiency:.2f}",
-            f"{100.0 * e.shortened_length:.2f}", f"{e.load:.1f}",
+            name,
+            CYCLES[name],
+            volume,
+            f"{e.input:.3f}",
+            f"{e.output:.3f}",
+            f"{100.0 * e.efficiency:.2f}",
+            f"{100.0 * e.shortened_length:.2f}",
+            f"{e.load:.1f}",
         ]
         for name, by in found.items()
         for volume, e in by.items()
-    ]  # fmt: skip
+    ]
     columns = ["cycle", "", "volume", "input, J", "output, J", "efficiency, %", "down to, cm", "load at first, N"]
     table(title, columns, rows, right=[3, 4, 5, 6, 7])
     rows = [

@@ -89,10 +89,18 @@ def _print(account: EnergyAccount) -> None:
     if account.cycles:
         typer.echo("")
         cycles = [
-            [f"{c.start:.4g}", f"{c.end:.4g}", f"{1e3 * c.air:.4g}", f"{c.supply:.4g}", f"{c.shaft_work:.4g}",
-             f"{c.work_out:.4g}", f"{100.0 * c.efficiency:.2f}", f"{c.parts[-1].value:.2g}"]
+            [
+                f"{c.start:.4g}",
+                f"{c.end:.4g}",
+                f"{1e3 * c.air:.4g}",
+                f"{c.supply:.4g}",
+                f"{c.shaft_work:.4g}",
+                f"{c.work_out:.4g}",
+                f"{100.0 * c.efficiency:.2f}",
+                f"{c.parts[-1].value:.2g}",
+            ]
             for c in account.cycles[:CYCLES]
-        ]  # fmt: skip
+        ]
         heads = [
             "from, s",
             "to, s",

@@ -15,7 +15,7 @@ from ..report.document_pdf import compiler
 from ..report.figures import style
 from ..report.reproduction_report import PARTS, Drawn, chosen_figures, difference, draw, printed, reproduction_report
 from ..report.words import significant
-from ..reproduction import Outcome, helped, reproduce
+from ..reproduction import RowOutcome, helped, reproduce
 from ..reproduction.recorded import told
 from ..reproduction.rows import headline, kind_of, relative_difference, relative_tolerance, select, tallies
 from ._terminal import Json, print_json, progress
@@ -102,7 +102,7 @@ def _rows(row: list[str] | None, pictures: list[PaperFigure]) -> list[str] | Non
 
 def _done(
     part: str | None, rows: list[str] | None, pictures: list[PaperFigure], recordings: bool
-) -> tuple[list[Outcome], list[Drawn]]:
+) -> tuple[list[RowOutcome], list[Drawn]]:
 
     asked = [] if rows == [] else select(part, rows)
     recorded = [r.id for r in asked] if recordings else []
@@ -125,7 +125,7 @@ def _done(
             return outcomes, draw(pictures, lambda f: advance(f"figure {f.id}: {f.title}"))
 
 
-def _write(places: list[Path], outcomes: list[Outcome], drawn: list[Drawn], recordings: bool) -> list[Path]:
+def _write(places: list[Path], outcomes: list[RowOutcome], drawn: list[Drawn], recordings: bool) -> list[Path]:
     if not places:
         return []
 
@@ -142,14 +142,14 @@ def _save(drawn: list[Drawn], folder: Path) -> list[str]:
     return [str(path) for path in files]
 
 
-def _document(outcomes: list[Outcome], failed: int) -> dict[str, Any]:
+def _document(outcomes: list[RowOutcome], failed: int) -> dict[str, Any]:
 
     kinds = {t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest} for t in tallies(outcomes)}
     rows = [_as_json(o) for o in outcomes]
     return {"headline": headline(outcomes), "kinds": kinds, "failed": failed, "rows": rows}
 
 
-def _as_json(o: Outcome) -> dict[str, Any]:
+def _as_json(o: RowOutcome) -> dict[str, Any]:
 
     return {
         "id": o.row.id,
@@ -171,7 +171,7 @@ def _as_json(o: Outcome) -> dict[str, Any]:
 # ---- for a person
 
 
-def _print(outcomes: list[Outcome]) -> None:
+def _print(outcomes: list[RowOutcome]) -> None:
     from rich.console import Console
 
     if not outcomes:
@@ -200,7 +200,7 @@ def _titled(part: str) -> str:
     return PARTS.get(part, part)
 
 
-def _cells(o: Outcome) -> list[str]:
+def _cells(o: RowOutcome) -> list[str]:
 
     ours = "–" if o.ours is None else significant(o.ours)
     unit = "" if o.row.unit == "-" else o.row.unit

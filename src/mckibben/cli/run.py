@@ -39,10 +39,11 @@ RigName = Annotated[str, typer.Option("--rig", metavar="NAME|FILE", help="paper,
 Change = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="PATH=VALUE",
+        "--set",
+        metavar="PATH=VALUE",
         help=f"A value of the protocol (several by ', ' or ';'), of rig.* or muscle.*: {_EXAMPLE}.",
     ),
-]  # fmt: skip
+]
 On = Annotated[
     str | None,
     typer.Option(
@@ -97,9 +98,16 @@ def run_protocol(
         raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
     check_connection(machine)
     bench = prepared(
-        protocol, muscle, rig, change, calibration, plumbing=plumbing, seed=seed,
-        step=_step(parse(step, "s", field="--step")), accept_saturation=accept_saturation,
-    )  # fmt: skip
+        protocol,
+        muscle,
+        rig,
+        change,
+        calibration,
+        plumbing=plumbing,
+        seed=seed,
+        step=_step(parse(step, "s", field="--step")),
+        accept_saturation=accept_saturation,
+    )
     if bench.findings or dry:
         _tell(bench, dry, as_json)
         return
@@ -195,12 +203,15 @@ def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
         keys = ("step", "path", "case", "field", "value", "allowed", "sentence")
         print_json(
             {
-                "result": "refused" if found else "ready", "sentence": bench.protocol.sentence(),
-                "duration": bench.plan.duration, "plumbing": bench.layout, "rig": bench.rig.name,
+                "result": "refused" if found else "ready",
+                "sentence": bench.protocol.sentence(),
+                "duration": bench.plan.duration,
+                "plumbing": bench.layout,
+                "rig": bench.rig.name,
                 "findings": [{k: getattr(f, k) for k in keys} for f in found],
                 "warnings": [f.sentence for f in bench.accepted],
             }
-        )  # fmt: skip
+        )
     elif dry:
         typer.echo(bench.protocol.sentence())
         typer.echo(f"\nAt most {bench.plan.duration:.4g} s on the rig {bench.rig.name}, plumbing {bench.layout}.")
@@ -217,10 +228,15 @@ def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[st
     keys = ("message", "events", "steps", "saturation", "warnings", "friction", "timing", "seed", "rig", "plumbing")
     found = {k: meta[k] for k in (*keys, "deadlines", "hardware", "calibration") if k in meta}
     return {
-        "result": meta["result"], "file": None if out is None else str(out), "summary": recording.summary(),
-        "log": None if log is None else str(log), "balance": {k: meta["balance"].get(k) for k in ("mass", "energy")},
-        "accounts": meta["balance"], "samples": len(recording), **found,
-    }  # fmt: skip
+        "result": meta["result"],
+        "file": None if out is None else str(out),
+        "summary": recording.summary(),
+        "log": None if log is None else str(log),
+        "balance": {k: meta["balance"].get(k) for k in ("mass", "energy")},
+        "accounts": meta["balance"],
+        "samples": len(recording),
+        **found,
+    }
 
 
 def _print(recording: Recording) -> None:

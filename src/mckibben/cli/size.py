@@ -12,7 +12,7 @@ from ..muscles.plausible import likely_pressure, pressure_caution
 from ..quantities import parse, with_unit
 from ..report.figures import style
 from ..report.figures.sizing_figures import design_map
-from ..studies.sizing import Judged, LineFound, Sizing, Wish, size
+from ..studies.sizing import Judged, LineResult, Requirements, Sizing, size
 from ._terminal import Json, caution, print_json, table, told, writable
 
 TOP = 5
@@ -71,7 +71,7 @@ def size_muscle(
 
 def _wish(
     force: str, stroke: str, pressure: str, space: str | None, speed: str | None, cycles: str | None, tube: str
-) -> Wish:
+) -> Requirements:
 
     length, diameter = _space(space)
 
@@ -79,7 +79,7 @@ def _wish(
         return None if text is None else parse(text, unit, field=option)
 
     try:
-        return Wish(
+        return Requirements(
             force=parse(force, "N", field="--force"),
             stroke=parse(stroke, "m", field="--stroke"),
             pressure=parse(pressure, "Pa", field="--pressure"),
@@ -96,9 +96,15 @@ def _wish(
 
 
 _OPTIONS = {
-    "force": "--force", "stroke": "--stroke", "pressure": "--pressure", "length": "--space", "diameter": "--space",
-    "speed": "--speed", "frequency": "--cycles", "tube_length": "--tube",
-}  # fmt: skip
+    "force": "--force",
+    "stroke": "--stroke",
+    "pressure": "--pressure",
+    "length": "--space",
+    "diameter": "--space",
+    "speed": "--speed",
+    "frequency": "--cycles",
+    "tube_length": "--tube",
+}
 
 
 def _space(text: str | None) -> tuple[float | None, float | None]:
@@ -134,15 +140,30 @@ def _as_json(found: Sizing, top: int) -> dict[str, Any]:
 def _muscle_json(one: Judged) -> dict[str, Any]:
     m = one.muscle
     return {
-        "id": m.id, "title": m.title, "kind": m.kind, "law": m.law_name, "verdict": one.verdict,
+        "id": m.id,
+        "title": m.title,
+        "kind": m.kind,
+        "law": m.law_name,
+        "verdict": one.verdict,
         "error": {"share": m.error.share, "force": one.error_force, "kind": m.error.kind, "source": m.error.source},
-        "end_force": one.end_force, "promised_force": one.promised_force, "largest_force": one.largest_force,
+        "end_force": one.end_force,
+        "promised_force": one.promised_force,
+        "largest_force": one.largest_force,
         "passive": one.passive,
-        "stroke": one.stroke, "speed": one.speed, "friction": m.friction, "longest": m.longest,
-        "overall_length": m.overall_length, "diameter": m.diameter, "mass": m.mass, "air": one.air,
-        "margins": dict(one.margins), "nominal": dict(one.nominal), "dimensions": dict(m.dimensions),
-        "inferred": list(m.inferred), "sources": list(m.sources),
-    }  # fmt: skip
+        "stroke": one.stroke,
+        "speed": one.speed,
+        "friction": m.friction,
+        "longest": m.longest,
+        "overall_length": m.overall_length,
+        "diameter": m.diameter,
+        "mass": m.mass,
+        "air": one.air,
+        "margins": dict(one.margins),
+        "nominal": dict(one.nominal),
+        "dimensions": dict(m.dimensions),
+        "inferred": list(m.inferred),
+        "sources": list(m.sources),
+    }
 
 
 # ---- for a person
@@ -154,9 +175,21 @@ def _print(found: Sizing, top: int) -> None:
     words = ", ".join(f"{n.replace('_', ' ')} {with_unit(v, _UNITS[n], 3)}" for n, v in wish.parts().items())
     rows = [_muscle_row(one) for one in found.muscles[:top]]
     columns = [
-        "muscle", "does it", "promised, N", "law says, N", "error", "force", "stroke", "length", "diameter", "speed",
-        "long, cm", "wide, mm", "mass, g", "air, mg",
-    ]  # fmt: skip
+        "muscle",
+        "does it",
+        "promised, N",
+        "law says, N",
+        "error",
+        "force",
+        "stroke",
+        "length",
+        "diameter",
+        "speed",
+        "long, cm",
+        "wide, mm",
+        "mass, g",
+        "air, mg",
+    ]
     table(f"Muscles for {words} (margins with the error of the law carried)", columns, rows, right=range(2, 14))
     braid = next((m for m in found.muscles[:top] if m.muscle.kind == "braid"), None)
     if braid is not None:
@@ -189,14 +222,30 @@ def _print(found: Sizing, top: int) -> None:
 
 
 _LINE_COLUMNS = [
-    "valve", "tube", "to force, ms", "rise, ms", "fall, ms", "valve, g", "W", "bend, N cm2", "air, mg", "leak, mg/s",
-    "speed, cm/s", "best",
-]  # fmt: skip
+    "valve",
+    "tube",
+    "to force, ms",
+    "rise, ms",
+    "fall, ms",
+    "valve, g",
+    "W",
+    "bend, N cm2",
+    "air, mg",
+    "leak, mg/s",
+    "speed, cm/s",
+    "best",
+]
 _SHOWN = ("force", "stroke", "length", "diameter", "speed")
 _UNITS = {
-    "force": "N", "stroke": "m", "pressure": "Pa", "length": "m", "diameter": "m", "speed": "m/s", "frequency": "Hz",
+    "force": "N",
+    "stroke": "m",
+    "pressure": "Pa",
+    "length": "m",
+    "diameter": "m",
+    "speed": "m/s",
+    "frequency": "Hz",
     "tube_length": "m",
-}  # fmt: skip
+}
 
 
 def _muscle_row(one: Judged) -> list[str]:
@@ -204,9 +253,17 @@ def _muscle_row(one: Judged) -> list[str]:
     share = [_percent(one.margins[n]) if n in one.margins else "" for n in _SHOWN]
     mass = "" if m.mass is None else f"{1e3 * m.mass:.3g}"
     return [
-        m.id, one.verdict, f"{one.promised_force:.1f}", f"{one.end_force:.1f}", f"{m.error.share:.1%}", *share,
-        f"{100 * m.overall_length:.1f}", f"{1e3 * m.diameter:.1f}", mass, f"{1e6 * one.air:.0f}",
-    ]  # fmt: skip
+        m.id,
+        one.verdict,
+        f"{one.promised_force:.1f}",
+        f"{one.end_force:.1f}",
+        f"{m.error.share:.1%}",
+        *share,
+        f"{100 * m.overall_length:.1f}",
+        f"{1e3 * m.diameter:.1f}",
+        mass,
+        f"{1e6 * one.air:.0f}",
+    ]
 
 
 def _braid_words(one: Judged) -> str:
@@ -224,7 +281,7 @@ def _percent(margin: float) -> str:
     return f"{round(margin, 2) + 0.0:+.0%}"
 
 
-def _times(x: LineFound) -> list[str]:
+def _times(x: LineResult) -> list[str]:
     return [_ms(x.to_force), _ms(x.rise), _ms(x.fall)]
 
 
@@ -232,21 +289,33 @@ def _ms(value: float | None) -> str:
     return "never" if value is None else f"{1e3 * value:.1f}"
 
 
-def _line_row(x: LineFound) -> list[str]:
+def _line_row(x: LineResult) -> list[str]:
     speed = "" if x.speed is None else f"{100 * x.speed:.0f}"
     return [
-        x.valve, x.tube, *_times(x), f"{1e3 * x.valve_mass:.0f}", f"{x.power:.1f}",
-        f"{1e4 * x.stiffness:.1f}", f"{1e6 * x.air:.0f}", f"{1e6 * x.leak:.0f}", speed,
+        x.valve,
+        x.tube,
+        *_times(x),
+        f"{1e3 * x.valve_mass:.0f}",
+        f"{x.power:.1f}",
+        f"{1e4 * x.stiffness:.1f}",
+        f"{1e6 * x.air:.0f}",
+        f"{1e6 * x.leak:.0f}",
+        speed,
         ("*" if x.pareto else "") + ("" if x.keeps_up else " too slow"),
-    ]  # fmt: skip
+    ]
 
 
 def _source_row(s: Any) -> list[str]:
     lasts = "" if s.run_time is None else f"{s.run_time / 60.0:.3g} min"
     return [
-        s.title, f"{s.energy:.3g}", f"{100 * s.efficiency:.1f}", "" if s.cycles is None else str(s.cycles), lasts,
-        "" if s.mass is None else f"{s.mass:.3g}", ("" if s.able else "no: ") + s.note,
-    ]  # fmt: skip
+        s.title,
+        f"{s.energy:.3g}",
+        f"{100 * s.efficiency:.1f}",
+        "" if s.cycles is None else str(s.cycles),
+        lasts,
+        "" if s.mass is None else f"{s.mass:.3g}",
+        ("" if s.able else "no: ") + s.note,
+    ]
 
 
 def _piston_words(found: Sizing) -> str:

@@ -73,10 +73,14 @@ def _tell(wanted: Sweep, as_json: bool) -> None:
     if as_json:
         print_json(
             {
-                "result": "ready", "variants": len(wanted.variants), "duration": duration, "hash": wanted.digest,
-                "parameters": columns, "outputs": [o.name for o in wanted.template.outputs],
+                "result": "ready",
+                "variants": len(wanted.variants),
+                "duration": duration,
+                "hash": wanted.digest,
+                "parameters": columns,
+                "outputs": [o.name for o in wanted.template.outputs],
             }
-        )  # fmt: skip
+        )
         return
     typer.echo(
         f"{len(wanted.variants):,} variants of {wanted.template.protocol.title!r}, the first of {duration:.4g} s."
@@ -94,9 +98,14 @@ def _range(column: dict[str, Any]) -> str:
 
 def _result(report: SweepReport) -> dict[str, Any]:
     return {
-        "runs": report.runs, "failed": report.failed, "store": report.store,
-        "muscle_seconds_per_second": report.rate, "new": report.new, "codes": report.codes, "seconds": report.seconds,
-    }  # fmt: skip
+        "runs": report.runs,
+        "failed": report.failed,
+        "store": report.store,
+        "muscle_seconds_per_second": report.rate,
+        "new": report.new,
+        "codes": report.codes,
+        "seconds": report.seconds,
+    }
 
 
 def _print(wanted: Sweep, report: SweepReport) -> None:

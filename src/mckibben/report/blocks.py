@@ -57,7 +57,7 @@ class Gauge:
 
 
 @dataclass(frozen=True)
-class Cell:
+class TableCell:
     """A cell that needs more than its text: a look, or a hint at what a dash stands for."""
 
     text: Text
@@ -66,7 +66,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """A column of a table: its title and unit, whether it holds numbers, whether it takes the room that is left.
 
     Neighbours of the same `group` share a heading above theirs.
@@ -80,10 +80,10 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A row of a table; a note stands below its cells, from the one that names the row on."""
 
-    cells: tuple[Text | Cell | Gauge, ...]
+    cells: tuple[Text | TableCell | Gauge, ...]
     note: Text = ""
     look: Literal["", "first", "quiet"] = ""
 
@@ -114,11 +114,11 @@ class KeyValues:
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """Rows of cells under columns; `head` is the column that names the row."""
 
-    columns: tuple[Column, ...]
-    rows: tuple[Row, ...]
+    columns: tuple[TableColumn, ...]
+    rows: tuple[TableRow, ...]
     caption: str = ""
     head: int = 0
 
@@ -147,7 +147,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Note:
+class NoteBox:
     """A box that is not to be overlooked: a heading, then a sentence or several."""
 
     title: str
@@ -179,7 +179,7 @@ class References:
     keys: tuple[str, ...]
 
 
-Block = Heading | Paragraph | KeyValues | Table | Figure | Note | Listing | Fold | References
+Block = Heading | Paragraph | KeyValues | ReportTable | Figure | NoteBox | Listing | Fold | References
 
 
 @dataclass(frozen=True)
@@ -230,14 +230,14 @@ def texts_of(block: Block) -> Iterator[Text]:
         yield from (value for _, value in block.pairs)
     elif isinstance(block, Figure):
         yield block.caption
-    elif isinstance(block, Note):
+    elif isinstance(block, NoteBox):
         yield from block.items
     elif isinstance(block, Fold):
         yield block.title
-    elif isinstance(block, Table):
+    elif isinstance(block, ReportTable):
         yield from (c.title for c in block.columns)
         for row in block.rows:
             yield row.note
             for cell in row.cells:
                 if not isinstance(cell, Gauge):
-                    yield cell.text if isinstance(cell, Cell) else cell
+                    yield cell.text if isinstance(cell, TableCell) else cell

@@ -10,21 +10,20 @@ from typing import Any
 
 from ..quantities import with_unit
 from ..studies.comparison.match import Match
-from ..studies.comparison.table import Row as ComparedRow
-from ..studies.comparison.table import Table as Compared
+from ..studies.comparison.table import MuscleTable, PropertyRow
 from .blocks import (
     Block,
-    Cell,
     Cite,
-    Column,
     Figure,
     Heading,
     KeyValues,
     Paragraph,
     References,
-    Row,
+    ReportTable,
     Section,
-    Table,
+    TableCell,
+    TableColumn,
+    TableRow,
     Text,
 )
 from .document import Document
@@ -36,7 +35,7 @@ PAPER = "chou1996"
 
 def comparison_report(
     title: str,
-    tables: Sequence[Table],
+    tables: Sequence[ReportTable],
     figures: Sequence[Figure] = (),
     *,
     lead: Text = "",
@@ -64,7 +63,7 @@ def comparison_report(
     return Document(title, tuple(sections), lead)
 
 
-def muscle_comparison(found: Compared, drawn: Any = None, matches: Sequence[Match] = ()) -> Document:
+def muscle_comparison(found: MuscleTable, drawn: Any = None, matches: Sequence[Match] = ()) -> Document:
     """The report of a comparison of muscles.
 
     Args:
@@ -76,10 +75,12 @@ def muscle_comparison(found: Compared, drawn: Any = None, matches: Sequence[Matc
     rows = found.rows()
     keys = dict.fromkeys([PAPER, *(k for r in rows if r.published for k in r.published.sources)])
     columns = (
-        Column("", wide=True), Column("Unit"), *(Column(n, number=True) for n in names),
-        Column("Biological, published", number=True),
-    )  # fmt: skip
-    table = Table(columns, tuple(_row(r) for r in rows), "Table 1 of the paper, for these muscles")
+        TableColumn("", wide=True),
+        TableColumn("Unit"),
+        *(TableColumn(n, number=True) for n in names),
+        TableColumn("Biological, published", number=True),
+    )
+    table = ReportTable(columns, tuple(_row(r) for r in rows), "Table 1 of the paper, for these muscles")
     pictures = []
     if drawn is not None:
         caption = (
@@ -90,12 +91,17 @@ def muscle_comparison(found: Compared, drawn: Any = None, matches: Sequence[Matc
     details = [block for m in matches for block in _match(m)]
     lead = "L₀ is each muscle's own resting length, F₀ its tension there; a dash says that nothing tells the property."
     return comparison_report(
-        f"Muscles side by side: {', '.join(names)}", [table], pictures, lead=lead, remarks=remarks, details=details,
+        f"Muscles side by side: {', '.join(names)}",
+        [table],
+        pictures,
+        lead=lead,
+        remarks=remarks,
+        details=details,
         keys=[*keys],
-    )  # fmt: skip
+    )
 
 
-def _row(row: ComparedRow) -> Row:
+def _row(row: PropertyRow) -> TableRow:
     ends = row.shown_range()
     published: Text = ""
     note = ""
@@ -103,25 +109,35 @@ def _row(row: ComparedRow) -> Row:
         words = significant(ends[0], 3) if ends[0] == ends[1] else " to ".join(significant(e, 3) for e in ends)
         published = (words, "\N{THIN SPACE}", Cite(tuple(row.published.sources)))
         note = row.published.note
-    values = (Cell("\N{EN DASH}") if v is None else significant(v, 3) for v in row.shown())
-    return Row((row.property.title, unit_text(row.property.unit), *values, published), note=note)
+    values = (TableCell("\N{EN DASH}") if v is None else significant(v, 3) for v in row.shown())
+    return TableRow((row.property.title, unit_text(row.property.unit), *values, published), note=note)
 
 
 def _match(found: Match) -> list[Block]:
     title = f"{found.muscle.id} with elements, towards {found.target.id}"
     rows = tuple(
-        Row((CURVES.get(n, "Together" if n == "all" else n.replace("_", " ")), significant(found.rms_before[n], 3),
-             significant(found.rms_after[n], 3)))
+        TableRow(
+            (
+                CURVES.get(n, "Together" if n == "all" else n.replace("_", " ")),
+                significant(found.rms_before[n], 3),
+                significant(found.rms_after[n], 3),
+            )
+        )
         for n in found.rms_before
-    )  # fmt: skip
-    curves = Table(
-        (Column("Curve"), Column("As built", number=True), Column("With elements", number=True)),
+    )
+    curves = ReportTable(
+        (TableColumn("Curve"), TableColumn("As built", number=True), TableColumn("With elements", number=True)),
         rows,
         "Root mean square difference over the tension at rest length",
     )
-    elements = tuple(Row((p.title, *_values(p.start, p.value, unit=p.unit), _hit(p))) for p in found.parameters)
-    columns = (Column("Element"), Column("As built", number=True), Column("Found", number=True), Column("", wide=True))
-    blocks: list[Block] = [Heading(title), curves, Table(columns, elements)]
+    elements = tuple(TableRow((p.title, *_values(p.start, p.value, unit=p.unit), _hit(p))) for p in found.parameters)
+    columns = (
+        TableColumn("Element"),
+        TableColumn("As built", number=True),
+        TableColumn("Found", number=True),
+        TableColumn("", wide=True),
+    )
+    blocks: list[Block] = [Heading(title), curves, ReportTable(columns, elements)]
     if found.simulated is not None:
         words = f"The twitch with elements on the test machine, circuit and all: {significant(found.rms_simulated, 3)}."
         blocks.append(Paragraph(words))

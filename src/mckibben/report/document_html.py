@@ -15,7 +15,6 @@ from markupsafe import Markup
 from ..citations import known_keys, reference
 from .blocks import (
     Block,
-    Cell,
     Cite,
     Figure,
     Fold,
@@ -24,12 +23,13 @@ from .blocks import (
     KeyValues,
     Link,
     Listing,
-    Note,
+    NoteBox,
     Paragraph,
     References,
-    Row,
+    ReportTable,
     Span,
-    Table,
+    TableCell,
+    TableRow,
     Text,
     pieces,
     plain,
@@ -97,9 +97,15 @@ if TYPE_CHECKING:
 
 
 _TAGS = {
-    "strong": ("b", ""), "code": ("code", ""), "struck": ("s", ""), "quiet": ("span", "quiet"), "symbol": ("i", "s"),
-    "sub": ("sub", ""), "caution": ("span", "caution-ink"), "stop": ("span", "stop-ink"),
-}  # fmt: skip
+    "strong": ("b", ""),
+    "code": ("code", ""),
+    "struck": ("s", ""),
+    "quiet": ("span", "quiet"),
+    "symbol": ("i", "s"),
+    "sub": ("sub", ""),
+    "caution": ("span", "caution-ink"),
+    "stop": ("span", "stop-ink"),
+}
 _MARKS = {"caution": "▲", "stop": "■"}  # before a cell of that look: colour is never alone
 
 
@@ -178,7 +184,7 @@ class _Writer:
         return Markup('<dl class="facts">\n{}\n</dl>').format(Markup("\n").join(rows))
 
     @_block.register
-    def _(self, block: Note) -> Markup:
+    def _(self, block: NoteBox) -> Markup:
         one = len(block.items) == 1
         items = (Markup("<p>{}</p>" if one else "<li>{}</li>").format(self.text(i)) for i in block.items)
         body = Markup("").join(items)
@@ -226,7 +232,7 @@ class _Writer:
     # ---- tables
 
     @_block.register
-    def _(self, block: Table) -> Markup:
+    def _(self, block: ReportTable) -> Markup:
         label = printable(block.caption) or ", ".join(plain(c.title) for c in block.columns if plain(c.title))
         caption = Markup("<caption>{}</caption>\n").format(printable(block.caption)) if block.caption else Markup()
         head = Markup("\n").join(self._head(block))
@@ -236,7 +242,7 @@ class _Writer:
             "{}<thead>\n{}\n</thead>\n<tbody>\n{}\n</tbody></table></div>"
         ).format(label, caption, head, body)
 
-    def _head(self, table: Table) -> Iterator[Markup]:
+    def _head(self, table: ReportTable) -> Iterator[Markup]:
         if any(c.group for c in table.columns):
             cells = []
             for group, some in itertools.groupby(table.columns, lambda c: c.group):
@@ -249,7 +255,7 @@ class _Writer:
             cells.append(Markup('<th scope="col"{}>{}{}</th>').format(kind, self.text(column.title), unit))
         yield Markup("<tr>{}</tr>").format(Markup("").join(cells))
 
-    def _row(self, row: Row, table: Table) -> Markup:
+    def _row(self, row: TableRow, table: ReportTable) -> Markup:
         kinds = [*_kinds(table)]
         cells = [self._cell(c, kinds[i], heads=i == table.head) for i, c in enumerate(row.cells)]
         looks = " ".join(w for w in (row.look, "noted" if row.note else "") if w)
@@ -262,10 +268,10 @@ class _Writer:
             written += Markup('\n<tr class="below">{}{}</tr>').format(before, cell)
         return written
 
-    def _cell(self, cell: Text | Cell | Gauge, kind: Markup, *, heads: bool) -> Markup:
+    def _cell(self, cell: Text | TableCell | Gauge, kind: Markup, *, heads: bool) -> Markup:
         if isinstance(cell, Gauge):
             return Markup('<td class="gauge">{}</td>').format(Markup(gauge_svg(cell, recoloured=True)))
-        full = cell if isinstance(cell, Cell) else Cell(cell)
+        full = cell if isinstance(cell, TableCell) else TableCell(cell)
         text = self.text(full.text)
         if full.look == "best":
             text = Markup("<b>{}</b>").format(text)
@@ -279,7 +285,7 @@ class _Writer:
         )
 
 
-def _kinds(table: Table) -> Iterator[Markup]:
+def _kinds(table: ReportTable) -> Iterator[Markup]:
     """The class of the cells of each column."""
     before = ""
     for column in table.columns:

@@ -17,7 +17,6 @@ from ..citations import known_keys, reference
 from ..extras import library
 from .blocks import (
     Block,
-    Cell,
     Cite,
     Figure,
     Fold,
@@ -26,12 +25,13 @@ from .blocks import (
     KeyValues,
     Link,
     Listing,
-    Note,
+    NoteBox,
     Paragraph,
     References,
-    Row,
+    ReportTable,
     Span,
-    Table,
+    TableCell,
+    TableRow,
     Text,
     pieces,
     plain,
@@ -185,7 +185,7 @@ class _Writer:
         yield f"#facts({', '.join(f'fact({quoted(k)}), {self.text(v)}' for k, v in block.pairs)})"
 
     @_block.register
-    def _(self, block: Note) -> Iterator[str]:
+    def _(self, block: NoteBox) -> Iterator[str]:
         yield f"#note({quoted(block.tone)}, {quoted(block.title)}, {', '.join(self.text(i) for i in block.items)})"
 
     @_block.register
@@ -222,7 +222,7 @@ class _Writer:
     # ---- tables
 
     @_block.register
-    def _(self, block: Table) -> Iterator[str]:
+    def _(self, block: ReportTable) -> Iterator[str]:
         if block.caption:
             yield f"#titled({quoted(block.caption)})"
         widths = ", ".join("1fr" if c.wide else "auto" for c in block.columns)
@@ -237,13 +237,13 @@ class _Writer:
         yield ")"
         yield "}"
         hints = dict.fromkeys(
-            (plain(c.text), c.hint) for r in block.rows for c in r.cells if isinstance(c, Cell) and c.hint
+            (plain(c.text), c.hint) for r in block.rows for c in r.cells if isinstance(c, TableCell) and c.hint
         )
         if hints:
             told = "; ".join(f"{text}: {hint}" for text, hint in hints)
             yield f"#quiet({self.text(told + '.')})"
 
-    def _head(self, table: Table) -> Iterator[str]:
+    def _head(self, table: ReportTable) -> Iterator[str]:
         yield "table.header("
         if any(c.group for c in table.columns):
             for group, some in itertools.groupby(table.columns, lambda c: c.group):
@@ -252,7 +252,7 @@ class _Writer:
             yield f"head({self.text(column.title)}, {quoted(column.unit)}),"
         yield "), head-line,"
 
-    def _row(self, row: Row, table: Table) -> Iterator[str]:
+    def _row(self, row: TableRow, table: ReportTable) -> Iterator[str]:
         for i, cell in enumerate(row.cells):
             written = self._cell(cell, row)
             # what spans both keeps a note on the page of its row
@@ -262,11 +262,11 @@ class _Writer:
             yield f"below({len(table.columns) - table.head}, {self.text(row.note)}),"
         yield "grid-line,"
 
-    def _cell(self, cell: Text | Cell | Gauge, row: Row) -> str:
+    def _cell(self, cell: Text | TableCell | Gauge, row: TableRow) -> str:
         if isinstance(cell, Gauge):
             name = self._kept(gauge_svg(cell).encode())
             return f"gauge({quoted(name)}, {quoted(cell.label)})"
-        full = cell if isinstance(cell, Cell) else Cell(cell)
+        full = cell if isinstance(cell, TableCell) else TableCell(cell)
         text = self.text(full.text)
         if full.look == "best":
             text = f"strong({text})"

@@ -20,22 +20,22 @@ from ..muscles.laws import law_type
 from ..quantities import declared, from_si, shown_unit, with_unit
 from .blocks import (
     Block,
-    Cell,
     Cite,
-    Column,
     Figure,
     Fold,
     Gauge,
     Heading,
     KeyValues,
     Link,
-    Note,
+    NoteBox,
     Paragraph,
     References,
-    Row,
+    ReportTable,
     Section,
     Span,
-    Table,
+    TableCell,
+    TableColumn,
+    TableRow,
     Text,
 )
 from .document import Document
@@ -219,12 +219,16 @@ def _table(study: Study, mark: str) -> list[Block]:
     held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
     groups = [f"each {SCHEMES[s]} left out" for s in schemes] + ([held_out] if held_out else [])
     columns = [
-        Column("", number=True), Column("Law"), Column("Par.", number=True), Column("rms", "N", True, group="fitted"),
-        Column("largest", "N", True, group="fitted"), Column("largest", "%", True, group="fitted"),
-    ]  # fmt: skip
+        TableColumn("", number=True),
+        TableColumn("Law"),
+        TableColumn("Par.", number=True),
+        TableColumn("rms", "N", True, group="fitted"),
+        TableColumn("largest", "N", True, group="fitted"),
+        TableColumn("largest", "%", True, group="fitted"),
+    ]
     for group in groups:
-        columns += [Column("rms", "N", True, group=group), Column("largest", "%", True, group=group)]
-    columns += [Column("ΔAICc", number=True), Column("Verdict", wide=True)]
+        columns += [TableColumn("rms", "N", True, group=group), TableColumn("largest", "%", True, group=group)]
+    columns += [TableColumn("ΔAICc", number=True), TableColumn("Verdict", wide=True)]
     largest = number(study.points.largest, 1)
     note = (
         "Ranked by AICc, Akaike's criterion for small samples. A parameter that ended at a bound, or that the data do not "
@@ -233,14 +237,14 @@ def _table(study: Study, mark: str) -> list[Block]:
         "is bold."
     )
     rows = tuple(_ranking_rows(study, mark, schemes, bool(held_out)))
-    blocks: list[Block] = [Paragraph(note, "quiet"), Table(tuple(columns), rows, head=1)]
+    blocks: list[Block] = [Paragraph(note, "quiet"), ReportTable(tuple(columns), rows, head=1)]
     if study.skipped:
         told = "; ".join(f"{_title(name)} ({reason})" for name, reason in study.skipped.items())
         blocks.append(Paragraph(f"Passed over: {told}.", "quiet"))
     return blocks
 
 
-def _ranking_rows(study: Study, mark: str, schemes: list[str], held_out: bool) -> list[Row]:
+def _ranking_rows(study: Study, mark: str, schemes: list[str], held_out: bool) -> list[TableRow]:
     size = study.points.largest
     numbers = [_numbers(fit, schemes, held_out, size) for fit in study.fits]
     usable = [n for n, f in zip(numbers, study.fits, strict=True) if f.converged]
@@ -252,18 +256,18 @@ def _ranking_rows(study: Study, mark: str, schemes: list[str], held_out: bool) -
         distance = fit.aicc - lowest
         if math.isfinite(distance):
             look: Any = "best" if distance == 0.0 else ""
-            cells.append(Cell(number(distance, 1 if distance < 100.0 else 0), look))
+            cells.append(TableCell(number(distance, 1 if distance < 100.0 else 0), look))
         else:
-            cells.append(Cell("–", hint="too few points for this criterion"))
+            cells.append(TableCell("–", hint="too few points for this criterion"))
         place, name = str(i) if fit.converged else "–", Link(law_title(fit), f"{mark}-{fit.law}")
         first: Any = "first" if place == "1" else ""
-        rows.append(Row((place, name, str(len(fit.parameters)), *cells, _state(fit, size)), look=first))
+        rows.append(TableRow((place, name, str(len(fit.parameters)), *cells, _state(fit, size)), look=first))
     for title, error in study.published:
         rms, most = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
         cells = [_cell(v, math.nan, j, size, True) for j, v in enumerate((rms, most, most / size))]
-        none = Cell("–", hint="nothing was fitted, so nothing was left out")
+        none = TableCell("–", hint="nothing was fitted, so nothing was left out")
         cells += [none] * (2 * (len(schemes) + held_out) + 1)
-        rows.append(Row(("", title, "–", *cells, "not fitted here"), look="quiet"))
+        rows.append(TableRow(("", title, "–", *cells, "not fitted here"), look="quiet"))
     return rows
 
 
@@ -282,22 +286,22 @@ def _numbers(fit: Fit, schemes: list[str], held_out: bool, size: float) -> list[
     return values
 
 
-def _cell(value: float | None, best: float, column: int, size: float, converged: bool) -> Cell:
+def _cell(value: float | None, best: float, column: int, size: float, converged: bool) -> TableCell:
     share = column == 2 or (column > 2 and column % 2 == 0)
     if value is None:
-        return Cell("–", hint="not asked for, or the table has one group only")
+        return TableCell("–", hint="not asked for, or the table has one group only")
     if not math.isfinite(value):
-        return Cell("–", hint="a fit without the points left out did not converge, or had too few points")
+        return TableCell("–", hint="a fit without the points left out did not converge, or had too few points")
     if value > (DIVERGES if share else DIVERGES * size):
-        return Cell("diverges", hint="more than ten times the largest tension")
+        return TableCell("diverges", hint="more than ten times the largest tension")
     digits = (2 if value < 0.1 else 1) if share else (2 if value < 10.0 else 1)
-    return Cell(number(100.0 * value if share else value, digits), "best" if converged and value == best else "")
+    return TableCell(number(100.0 * value if share else value, digits), "best" if converged and value == best else "")
 
 
-def _state(fit: Fit, size: float) -> Cell:
+def _state(fit: Fit, size: float) -> TableCell:
     """A mark and a few words: whether a fit converged, and what to mind."""
     if not fit.converged:
-        return Cell("did not converge", "stop")
+        return TableCell("did not converge", "stop")
     words = []
     if any("apart" in w for w in fit.warnings):
         words.append("parameters hard to tell apart")
@@ -306,7 +310,7 @@ def _state(fit: Fit, size: float) -> Cell:
         words.append("does not extrapolate in pressure")
     if any(c.failed for c in fit.cross.values()):
         words.append("some points could not be predicted")
-    return Cell("; ".join(words), "caution") if words else Cell("converged")
+    return TableCell("; ".join(words), "caution") if words else TableCell("converged")
 
 
 # ---- one law
@@ -317,13 +321,17 @@ def _law(fit: Fit, study: Study, *, main: bool) -> list[Block]:
     meaning = (kind.__doc__ or "").strip().split("\n")[0]
     cautions, held = cautions_of(fit, study.points.largest), _held(fit)
     columns = (
-        Column(""), Column("Parameter"), Column("Value", number=True), Column("Half-width", number=True), Column("Unit"),
-        Column("−50 % to +50 % of the value"),
-    )  # fmt: skip
+        TableColumn(""),
+        TableColumn("Parameter"),
+        TableColumn("Value", number=True),
+        TableColumn("Half-width", number=True),
+        TableColumn("Unit"),
+        TableColumn("−50 % to +50 % of the value"),
+    )
     rows = tuple(_parameter(name, fit) for name in fit.parameters)
     blocks: list[Block] = [Paragraph((meaning, " ", Cite(tuple(kind.cites))))]
-    blocks += [Note("Caution", tuple(cautions))] if cautions else []
-    blocks.append(Table(columns, rows, "Parameters with 95 % intervals", head=1))
+    blocks += [NoteBox("Caution", tuple(cautions))] if cautions else []
+    blocks.append(ReportTable(columns, rows, "Parameters with 95 % intervals", head=1))
     blocks += [Paragraph(f"Not fitted: {held}.", "quiet")] if held else []
     return [*blocks, _curves(fit, study), *(_more_pictures(fit) if main else [])]
 
@@ -366,14 +374,16 @@ def _more_pictures(fit: Fit) -> list[Figure]:
     return found
 
 
-def _parameter(name: str, fit: Fit) -> Row:
+def _parameter(name: str, fit: Fit) -> TableRow:
     estimate, q = fit.parameters[name], declared(law_type(fit.law))[name]
     unit = shown_unit(estimate.unit)
     value, low, high = (from_si(v, estimate.unit, unit) if math.isfinite(v) else v for v in estimate[:3])
     half = 0.5 * (high - low) if math.isfinite(high - low) else math.inf
     text, spread = value_and_half(value, half)
     meaning = (f"{q.doc} ", Span(name, "code"))
-    return Row((_symbol(q.symbol, name), meaning, Cell(text, "best"), spread, unit_text(unit), _whisker(value, half)))
+    return TableRow(
+        (_symbol(q.symbol, name), meaning, TableCell(text, "best"), spread, unit_text(unit), _whisker(value, half))
+    )
 
 
 def _whisker(value: float, half: float) -> Gauge | str:

@@ -18,14 +18,18 @@ from .words import amount, flat, is_number, mapping, minus, significant, tied, u
 _USUAL = {
     name: INFERRED[key].value
     for name, key in {
-        "end_mass": "end_mass", "viscosity": "viscosity", "stop_damping": "stop_damping",
-        "tendon.stiffness": "tendon_stiffness", "tendon.toe_length": "tendon_toe", "tendon.loss": "tendon_loss",
+        "end_mass": "end_mass",
+        "viscosity": "viscosity",
+        "stop_damping": "stop_damping",
+        "tendon.stiffness": "tendon_stiffness",
+        "tendon.toe_length": "tendon_toe",
+        "tendon.loss": "tendon_loss",
     }.items()
-}  # fmt: skip
+}
 SAME = 1e-6  # relative; a value that differs by more from its file's was set for the run
 
 
-class Resolved(NamedTuple):
+class ResolvedParameters(NamedTuple):
     """A parameter of the run: its dotted path, value and unit in words, origin in words, and whether it was inferred."""
 
     path: str
@@ -34,7 +38,7 @@ class Resolved(NamedTuple):
     inferred: bool
 
 
-class Inferred(NamedTuple):
+class InferredInput(NamedTuple):
     """What a file says is inferred: its name there, which file, the value in words, and why."""
 
     name: str
@@ -51,7 +55,7 @@ def known_specimen(meta: Mapping[str, Any]) -> Specimen | None:
         return None
 
 
-def parameters(meta: Mapping[str, Any]) -> list[Resolved]:
+def parameters(meta: Mapping[str, Any]) -> list[ResolvedParameters]:
     """Every resolved parameter of a recording, in its order; the gas of a circuit stands once, not at each of its parts."""
     spec, found = known_specimen(meta), []
     for path, entry in mapping(meta.get("parameters")).items():
@@ -60,11 +64,11 @@ def parameters(meta: Mapping[str, Any]) -> list[Resolved]:
         value, unit = (mapping(entry).get(k) for k in ("value", "unit"))
         names = [*_names(str(path), meta)]
         why, inferred = _origin(names, value, str(unit), meta, spec)
-        found.append(Resolved(str(path), _value(value, str(unit)), why, inferred))
+        found.append(ResolvedParameters(str(path), _value(value, str(unit)), why, inferred))
     return found
 
 
-def inferred_inputs(meta: Mapping[str, Any]) -> list[Inferred]:
+def inferred_inputs(meta: Mapping[str, Any]) -> list[InferredInput]:
     """What no source prints of the files of rig and specimen, as far as this run used it."""
     spec, rig = known_specimen(meta), mapping(meta.get("rig_document"))
     listed, found = meta.get("inferred"), []
@@ -81,11 +85,11 @@ def inferred_inputs(meta: Mapping[str, Any]) -> list[Inferred]:
             if printed.range is not None:
                 ends = " to ".join(significant(v) for v in printed.range)
                 note = "; ".join(filter(None, (note, f"plausible {tied(ends, printed.unit)}")))
-            found.append(Inferred(name, f"specimen {meta.get('specimen')}", _printed(printed), note))
+            found.append(InferredInput(name, f"specimen {meta.get('specimen')}", _printed(printed), note))
         elif given is not None:
-            found.append(Inferred(name, f"rig {meta.get('rig')}", "; ".join(_lines(given)), ""))
+            found.append(InferredInput(name, f"rig {meta.get('rig')}", "; ".join(_lines(given)), ""))
         else:
-            found.append(Inferred(name, "", "", ""))
+            found.append(InferredInput(name, "", "", ""))
     return found
 
 

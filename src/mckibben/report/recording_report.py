@@ -21,20 +21,20 @@ from ..recordings.calibration import Calibration, CorrectionTerm, read_plain
 from ..recordings.recording import Recording
 from .blocks import (
     Block,
-    Cell,
-    Column,
     Figure,
     Fold,
     Heading,
     KeyValues,
     Listing,
-    Note,
+    NoteBox,
     Paragraph,
     References,
-    Row,
+    ReportTable,
     Section,
     Span,
-    Table,
+    TableCell,
+    TableColumn,
+    TableRow,
     Text,
 )
 from .document import Document, checked_place
@@ -80,12 +80,17 @@ def clock(record: Recording) -> list[str]:
     return said
 
 
-def channels(record: Recording) -> Table:
+def channels(record: Recording) -> ReportTable:
     """Smallest, mean and largest value of every channel, and how much of it is known."""
     columns = (
-        Column("Channel"), Column("Kind"), Column("Smallest", number=True), Column("Mean", number=True),
-        Column("Largest", number=True), Column("Unit"), Column("", wide=True),
-    )  # fmt: skip
+        TableColumn("Channel"),
+        TableColumn("Kind"),
+        TableColumn("Smallest", number=True),
+        TableColumn("Mean", number=True),
+        TableColumn("Largest", number=True),
+        TableColumn("Unit"),
+        TableColumn("", wide=True),
+    )
     rows = []
     for name, s in record.summary().items():
         unit, share = person_unit(s["unit"]), float(np.isfinite(record[name]).mean())
@@ -94,8 +99,8 @@ def channels(record: Recording) -> Table:
             "" if share == 1.0 else f"known in {tied(significant(100.0 * share, 3), '%')}" if share else "nothing known"
         )
         words = "; ".join(w for w in (record.channels[name].meaning, known) if w)
-        rows.append(Row((Span(name, "code"), s["kind"], *numbers, unit_text(unit), words)))
-    return Table(columns, tuple(rows))
+        rows.append(TableRow((Span(name, "code"), s["kind"], *numbers, unit_text(unit), words)))
+    return ReportTable(columns, tuple(rows))
 
 
 def saturation(meta: Mapping[str, Any]) -> list[str]:
@@ -122,18 +127,23 @@ def steps(record: Recording) -> list[Block]:
     except InputError:
         return []
     columns = (
-        Column("", number=True), Column("Step"), Column("Case", wide=True), Column("From", "s", True),
-        Column("To", "s", True), Column("Ended by"), Column("Recorded"),
-    )  # fmt: skip
+        TableColumn("", number=True),
+        TableColumn("Step"),
+        TableColumn("Case", wide=True),
+        TableColumn("From", "s", True),
+        TableColumn("To", "s", True),
+        TableColumn("Ended by"),
+        TableColumn("Recorded"),
+    )
     rows = []
     for s in listed[:MOST_STEPS]:
         case = ", ".join(f"{n.replace('_', ' ')} {s['case'][n]}" for n in names if n in s["case"])
         times = [significant(float(s[k]), 6) for k in ("start", "end")]
         ended, kept = str(s.get("ended_by", "")), "yes" if s["recorded"] else "no"
-        rows.append(Row((str(s["index"]), str(s["label"]), minus(case), *times, ended, kept)))
+        rows.append(TableRow((str(s["index"]), str(s["label"]), minus(case), *times, ended, kept)))
     rest = len(listed) - len(rows)
     more: list[Block] = [Paragraph(f"And {rest} more, in the recording.", "quiet")] if rest else []
-    return [Table(columns, tuple(rows), head=1), *more]
+    return [ReportTable(columns, tuple(rows), head=1), *more]
 
 
 def events(meta: Mapping[str, Any]) -> list[Block]:
@@ -141,7 +151,7 @@ def events(meta: Mapping[str, Any]) -> list[Block]:
     found = meta.get("events")
     told = [mapping(e) for e in found] if isinstance(found, list) else []
     rows = [
-        Row((significant(float(e["time"]), 6), str(e.get("text") or e.get("kind") or "")))
+        TableRow((significant(float(e["time"]), 6), str(e.get("text") or e.get("kind") or "")))
         for e in told
         if is_number(e.get("time"))
     ]
@@ -149,8 +159,8 @@ def events(meta: Mapping[str, Any]) -> list[Block]:
         return []
     rest = len(rows) - MOST_EVENTS
     more: list[Block] = [Paragraph(f"And {rest} more, in the recording.", "quiet")] if rest > 0 else []
-    columns = (Column("Time", "s", True), Column("Event", wide=True))
-    return [Heading("Events"), Table(columns, tuple(rows[:MOST_EVENTS]), head=1), *more]
+    columns = (TableColumn("Time", "s", True), TableColumn("Event", wide=True))
+    return [Heading("Events"), ReportTable(columns, tuple(rows[:MOST_EVENTS]), head=1), *more]
 
 
 def balances(meta: Mapping[str, Any]) -> list[Block]:
@@ -158,14 +168,14 @@ def balances(meta: Mapping[str, Any]) -> list[Block]:
     closed = [(k, float(v)) for k, v in mapping(meta.get("balance")).items() if is_number(v)]
     if not closed:
         return []
-    rows = tuple(Row((name.replace("_", " ").capitalize(), significant(v, 2))) for name, v in closed)
+    rows = tuple(TableRow((name.replace("_", " ").capitalize(), significant(v, 2))) for name, v in closed)
     words = (
         "What came in less what went out less what is stored more, each from integrals of its own, over what went through. "
         "A step of the integration that was too long would show here."
     )
     blocks: list[Block] = [
         Paragraph(words, "quiet"),
-        Table((Column("Balance of"), Column("Share left", number=True)), rows),
+        ReportTable((TableColumn("Balance of"), TableColumn("Share left", number=True)), rows),
     ]
     friction = {k: v for k, v in mapping(meta.get("friction")).items() if is_number(v)}
     if friction:
@@ -193,7 +203,7 @@ def energy(meta: Mapping[str, Any]) -> list[Block]:
     return [*blocks, KeyValues(tuple(pairs))] if pairs else blocks
 
 
-def _ledger(ledger: Mapping[str, Any]) -> Table:
+def _ledger(ledger: Mapping[str, Any]) -> ReportTable:
     through = float(ledger["throughput"]) if is_number(ledger.get("throughput")) else 0.0
     came = [float(v) for v in mapping(ledger["into"]).values() if is_number(v)]
     whole = sum(v for v in came if v > 0.0)
@@ -205,16 +215,19 @@ def _ledger(ledger: Mapping[str, Any]) -> Table:
     if is_number(ledger.get("remainder")):
         share = f", {significant(abs(ledger['remainder']) / through, 2)} of what went through" if through else ""
         row = _part("remainder", f"is accounted for nowhere{share}", float(ledger["remainder"]), 0.0)
-        rows.append(Row(row.cells, look="quiet"))
+        rows.append(TableRow(row.cells, look="quiet"))
     columns = (
-        Column("Part"), Column(""), Column("Amount", "J", True), Column("Of what came in", "%", True),
-    )  # fmt: skip
-    return Table(columns, tuple(rows))
+        TableColumn("Part"),
+        TableColumn(""),
+        TableColumn("Amount", "J", True),
+        TableColumn("Of what came in", "%", True),
+    )
+    return ReportTable(columns, tuple(rows))
 
 
-def _part(name: str, words: str, joule: float, whole: float) -> Row:
+def _part(name: str, words: str, joule: float, whole: float) -> TableRow:
     share = significant(100.0 * joule / whole, 3) if whole > 0.0 else ""
-    return Row((name, words, significant(joule), share))
+    return TableRow((name, words, significant(joule), share))
 
 
 # ---- a real machine
@@ -229,16 +242,22 @@ def calibration(meta: Mapping[str, Any]) -> list[Block]:
     except InputError:  # of a newer version: what it says is shown as it stands
         return [KeyValues(tuple(flat(meta["calibration"])))]
     columns = (
-        Column("Channel"), Column("Term"), Column("Value", number=True), Column("± 95 %", number=True), Column("Unit"),
-        Column("Method and reference", wide=True), Column("Date"), Column("Valid until"),
-    )  # fmt: skip
+        TableColumn("Channel"),
+        TableColumn("Term"),
+        TableColumn("Value", number=True),
+        TableColumn("± 95 %", number=True),
+        TableColumn("Unit"),
+        TableColumn("Method and reference", wide=True),
+        TableColumn("Date"),
+        TableColumn("Valid until"),
+    )
     rows = tuple(_terms(found, str(meta.get("created") or found.created)))
     pairs = (("Rig", found.rig), ("Made", found.created))
     words = "True value = gain × (indicated value − zero), taken later by the skew. Applied to what was measured."
-    return [KeyValues(pairs), Paragraph(words, "quiet"), Table(columns, rows)]
+    return [KeyValues(pairs), Paragraph(words, "quiet"), ReportTable(columns, rows)]
 
 
-def _terms(found: Calibration, when: str) -> Iterator[Row]:
+def _terms(found: Calibration, when: str) -> Iterator[TableRow]:
     for channel, one in found.corrections.items():
         for name, term in one.terms.items():
             unit = {"gain": "1", "skew": "s"}.get(name, one.unit)
@@ -247,10 +266,10 @@ def _terms(found: Calibration, when: str) -> Iterator[Row]:
             value, half = (significant(from_si(v, unit, shown), 5) for v in (term.value, 0.5 * (high - low)))
             sensor = f" ({one.sensor})" if one.sensor else ""
             expired = name in one.expired(when)
-            yield Row((channel + sensor, name, value, half, unit_text(shown), *_whence(term, expired)))
+            yield TableRow((channel + sensor, name, value, half, unit_text(shown), *_whence(term, expired)))
 
 
-def _whence(term: CorrectionTerm, expired: bool) -> tuple[str, str, str | Cell]:
+def _whence(term: CorrectionTerm, expired: bool) -> tuple[str, str, str | TableCell]:
     origin = term.origin
     if origin is None:
         return "nobody determined it", "", ""
@@ -259,7 +278,7 @@ def _whence(term: CorrectionTerm, expired: bool) -> tuple[str, str, str | Cell]:
     )
     end = origin.expires
     until = "without end" if end is None else end.date().isoformat()
-    return words, origin.date[:10], Cell(until, "caution") if expired else until
+    return words, origin.date[:10], TableCell(until, "caution") if expired else until
 
 
 def deadlines(meta: Mapping[str, Any]) -> list[Block]:
@@ -364,18 +383,23 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
             continue
         values = (1e3 * found.width, found.height, found.work, 1e-2 * found.stiffness, found.friction)
         count = len(find_cycles(part[length]))
-        rows.append(Row((_case(part, apart), str(count), *(significant(v) for v in values))))
+        rows.append(TableRow((_case(part, apart), str(count), *(significant(v) for v in values))))
     if not rows:
         return []
     columns = (
-        Column("Case"), Column("Cycles", number=True), Column("Width", "mm", True), Column("Height", "N", True),
-        Column("Work", "J", True), Column("Stiffness", "N/cm", True), Column("Friction", "N", True),
-    )  # fmt: skip
+        TableColumn("Case"),
+        TableColumn("Cycles", number=True),
+        TableColumn("Width", "mm", True),
+        TableColumn("Height", "N", True),
+        TableColumn("Work", "J", True),
+        TableColumn("Stiffness", "N/cm", True),
+        TableColumn("Friction", "N", True),
+    )
     words = (
         f"Mean loop of each part, {_word(tension)} over {_word(length)}. Width at mid-range of the tension, height at "
     )
     return [
-        Table(
+        ReportTable(
             columns,
             tuple(rows),
             words + "that of the length, both positive where the muscle takes work in; friction is half the height. "
@@ -446,10 +470,10 @@ def _done(record: Recording, name: str) -> list[Block]:
     blocks: list[Block] = []
     if meta.get("result", "done") != "done":
         words = ": ".join(str(w) for w in (meta["result"], meta.get("message")) if w)
-        blocks.append(Note("The run did not reach its end", (words,), "stop"))
+        blocks.append(NoteBox("The run did not reach its end", (words,), "stop"))
     cautions = [*_warnings(meta), *saturation(meta)]
     if cautions:
-        blocks.append(Note("Caution", tuple(cautions)))
+        blocks.append(NoteBox("Caution", tuple(cautions)))
     return [*blocks, KeyValues(tuple(_facts(record, name)))]
 
 
@@ -542,20 +566,22 @@ def _parameters(meta: Mapping[str, Any]) -> list[Block]:
     blocks: list[Block] = []
     guessed = inferred_inputs(meta)
     if guessed:
-        rows = tuple(Row((Span(g.name, "code"), g.value, g.file), note=g.note) for g in guessed)
-        columns = (Column("Name in its file"), Column("Value", wide=True), Column("File"))
+        rows = tuple(TableRow((Span(g.name, "code"), g.value, g.file), note=g.note) for g in guessed)
+        columns = (TableColumn("Name in its file"), TableColumn("Value", wide=True), TableColumn("File"))
         words = (
             "No source prints these; they were chosen so that what is printed follows, or as such parts usually are."
         )
-        blocks += [Paragraph(words), Table(columns, rows, "Inferred, as far as this run used it")]
+        blocks += [Paragraph(words), ReportTable(columns, rows, "Inferred, as far as this run used it")]
     resolved = parameters(meta)
     if resolved:
-        rows = tuple(Row((Span(p.path, "code"), p.value, ("○ " if p.inferred else "") + p.origin)) for p in resolved)
-        columns = (Column("Path"), Column("Value"), Column("Origin", wide=True))
+        rows = tuple(
+            TableRow((Span(p.path, "code"), p.value, ("○ " if p.inferred else "") + p.origin)) for p in resolved
+        )
+        columns = (TableColumn("Path"), TableColumn("Value"), TableColumn("Origin", wide=True))
         count = sum(p.inferred for p in resolved)
         title = ("All parameters of the run ", Span(f"{len(resolved)}, of them {count} inferred, marked ○", "quiet"))
         words = "Default or derived: the package's own value, or one that follows from the files of rig and specimen."
-        blocks.append(Fold(title, (Table(columns, rows), Paragraph(words, "quiet"))))
+        blocks.append(Fold(title, (ReportTable(columns, rows), Paragraph(words, "quiet"))))
     further = [p for k, v in meta.items() if k not in _TOLD for p in flat(v, str(k))]
     if further:
         kept = tuple((name, minus(text)) for name, text in further[:MOST_FURTHER])

@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..errors import InputError
-from ..reproduction import Outcome, Row
+from ..reproduction import PrintedRow, RowOutcome
 from ..reproduction.rows import (
     REASONED,
-    Kind,
     Tally,
+    VerdictKind,
     accepted_band,
     headline,
     judge,
@@ -25,21 +25,21 @@ from ..reproduction.rows import (
 )
 from .blocks import (
     Block,
-    Cell,
-    Column,
     Figure,
     Gauge,
     KeyValues,
     Link,
-    Note,
+    NoteBox,
     Paragraph,
     References,
+    ReportTable,
     Section,
     Span,
-    Table,
+    TableCell,
+    TableColumn,
+    TableRow,
     Text,
 )
-from .blocks import Row as TableRow
 from .document import Document
 from .paper_figures import CONFERENCE, FIGURES, JOURNAL, PaperFigure
 from .words import minus, significant, unit_text, versions_text
@@ -52,8 +52,14 @@ PARTS = {
     "discussion": "Discussion",
 }
 _SIGNS = {
-    "holds": "✓", "calibrated": "(✓)", "misprint": "▲", "open": "○", "synthetic": "◇", "short": "■", "to come": "…",
-}  # fmt: skip
+    "holds": "✓",
+    "calibrated": "(✓)",
+    "misprint": "▲",
+    "open": "○",
+    "synthetic": "◇",
+    "short": "■",
+    "to come": "…",
+}
 _LOOKS: dict[str, Any] = {"misprint": "caution", "short": "stop"}
 _ENDS = 0.5  # place on a gauge where the tolerance ends
 
@@ -115,7 +121,7 @@ def draw(figures: Iterable[PaperFigure], tell: Callable[[PaperFigure], None] | N
     return found
 
 
-def reproduction_report(outcomes: Sequence[Outcome], drawn: Sequence[Drawn] = (), *, left_out: str = "") -> Document:
+def reproduction_report(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn] = (), *, left_out: str = "") -> Document:
     """The report of rows and figures.
 
     Args:
@@ -150,7 +156,7 @@ def printed(value: float | tuple[float, float]) -> str:
     return significant(value, 6)
 
 
-def difference(row: Row, ours: float | None) -> str:
+def difference(row: PrintedRow, ours: float | None) -> str:
     """How far ours lies from the print, or the nearer end of an interval: in per cent, or of a printed 0 in its unit."""
     if ours is None:
         return ""
@@ -168,7 +174,7 @@ def _signed(value: float, digits: int) -> str:
     return ("+" if value > 0.0 else "") + significant(value, digits)
 
 
-def _gauge(row: Row, ours: float | None) -> Gauge | str:
+def _gauge(row: PrintedRow, ours: float | None) -> Gauge | str:
     allowed = accepted_band(row)
     if allowed is None or ours is None or not allowed[1] > 0.0:
         return ""
@@ -182,11 +188,11 @@ def _gauge(row: Row, ours: float | None) -> Gauge | str:
 # ---- sections
 
 
-def _verdict(outcomes: Sequence[Outcome], drawn: Sequence[Drawn], left_out: str) -> Iterator[Block]:
+def _verdict(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn], left_out: str) -> Iterator[Block]:
     failed = [o for o in outcomes if o.ok is False]
     if failed:
         names = tuple((Span(o.row.id, "code"), f" {o.row.what}") for o in failed)
-        yield Note(f"{len(failed)} of {sum(o.ours is not None for o in outcomes)} numbers fall short", names, "stop")
+        yield NoteBox(f"{len(failed)} of {sum(o.ours is not None for o in outcomes)} numbers fall short", names, "stop")
     if outcomes:
         pictures = f" {len(drawn)} figure{'s are' if len(drawn) != 1 else ' is'} drawn below." if drawn else ""
         yield Paragraph(f"{headline(outcomes)}{pictures}", "lead")
@@ -195,10 +201,12 @@ def _verdict(outcomes: Sequence[Outcome], drawn: Sequence[Drawn], left_out: str)
     rows = tuple(TableRow((_mark(t.kind), str(t.rows), _range(t), t.kind.meaning)) for t in tallies(outcomes))
     if rows:
         columns = (
-            Column("Verdict"), Column("Rows", number=True), Column("Difference from the print", number=True),
-            Column("What it says", wide=True),
-        )  # fmt: skip
-        yield Table(columns, rows)
+            TableColumn("Verdict"),
+            TableColumn("Rows", number=True),
+            TableColumn("Difference from the print", number=True),
+            TableColumn("What it says", wide=True),
+        )
+        yield ReportTable(columns, rows)
         yield Paragraph(
             "A gauge beside a number shows the tolerance in grey, the print as a tick and ours as a dot; an arrow is a "
             "number beyond twice the tolerance. No number is tuned to its row; what was inferred from the print is marked. "
@@ -215,13 +223,13 @@ def _range(tally: Tally) -> str:
     return f"{' to '.join(ends)}\N{THIN SPACE}%"
 
 
-def _mark(kind: Kind) -> Cell:
+def _mark(kind: VerdictKind) -> TableCell:
     look = _LOOKS.get(kind.key, "")
     words = kind.verdict.replace(" ", "\N{NO-BREAK SPACE}")
-    return Cell(words if look else f"{_SIGNS[kind.key]}\N{NO-BREAK SPACE}{words}", look)
+    return TableCell(words if look else f"{_SIGNS[kind.key]}\N{NO-BREAK SPACE}{words}", look)
 
 
-def _part(part: str, outcomes: Sequence[Outcome], drawn: Sequence[Drawn]) -> Section:
+def _part(part: str, outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn]) -> Section:
     rows = [o for o in outcomes if o.row.part == part]
     pictures = [d for d in drawn if d.of.part == part]
     blocks: list[Block] = [_table(rows, drawn)] if rows else []
@@ -229,15 +237,20 @@ def _part(part: str, outcomes: Sequence[Outcome], drawn: Sequence[Drawn]) -> Sec
     return Section(PARTS.get(part, part), tuple(blocks), _anchor("part", part))
 
 
-def _table(outcomes: Sequence[Outcome], drawn: Sequence[Drawn]) -> Table:
+def _table(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn]) -> ReportTable:
     columns = (
-        Column("Verdict"), Column("What", wide=True), Column("Paper", number=True), Column("Ours", number=True),
-        Column("Unit"), Column("Difference", number=True), Column("Tolerance"),
-    )  # fmt: skip
-    return Table(columns, tuple(_row(o, drawn) for o in outcomes), head=1)
+        TableColumn("Verdict"),
+        TableColumn("What", wide=True),
+        TableColumn("Paper", number=True),
+        TableColumn("Ours", number=True),
+        TableColumn("Unit"),
+        TableColumn("Difference", number=True),
+        TableColumn("Tolerance"),
+    )
+    return ReportTable(columns, tuple(_row(o, drawn) for o in outcomes), head=1)
 
 
-def _row(outcome: Outcome, drawn: Sequence[Drawn]) -> TableRow:
+def _row(outcome: RowOutcome, drawn: Sequence[Drawn]) -> TableRow:
     row, ours = outcome.row, outcome.ours
     theirs: Text = printed(row.paper)
     if outcome.verdict == "misprint":
@@ -247,7 +260,7 @@ def _row(outcome: Outcome, drawn: Sequence[Drawn]) -> TableRow:
     first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
     named = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
     what = (named, " ", Span(row.id, "code"), *links)
-    own = Cell(significant(ours) if ours is not None else "\N{EN DASH}", "best" if ours is not None else "")
+    own = TableCell(significant(ours) if ours is not None else "\N{EN DASH}", "best" if ours is not None else "")
     cells = (_mark(kind_of(outcome)), what, theirs, own, unit_text(row.unit), difference(row, ours), _gauge(row, ours))
     return TableRow(cells, note=_said(outcome.note))
 

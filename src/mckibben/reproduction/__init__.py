@@ -17,9 +17,9 @@ from pathlib import Path
 from ..errors import MckibbenError
 from . import loops, part1, part2, part4, shortening  # noqa: F401
 from .recorded import Folder, kept_in, told
-from .rows import Outcome, Row, needs_recording, reproduce_row, select
+from .rows import PrintedRow, RowOutcome, needs_recording, reproduce_row, select
 
-__all__ = ["Outcome", "Row", "helped", "reproduce"]
+__all__ = ["RowOutcome", "PrintedRow", "helped", "reproduce"]
 
 WORTH = 6  # rows with recordings from which on a second process is worth its start
 
@@ -28,10 +28,10 @@ def reproduce(
     part: str | None = None,
     rows: list[str] | None = None,
     *,
-    progress: Callable[[Row], None] | None = None,
+    progress: Callable[[PrintedRow], None] | None = None,
     tell: Callable[[str], None] | None = None,
     recordings: bool = True,
-) -> list[Outcome]:
+) -> list[RowOutcome]:
     """Compute rows of the papers and judge each.
 
     Args:

@@ -16,9 +16,9 @@ import numpy as np
 from ..analysis.lag import CorrectedLoop, corrected_loop
 from ..analysis.loops import (
     LinearTensionFit,
-    Loop,
-    Path,
     StaticPoint,
+    TensionLoop,
+    TensionPath,
     Variation,
     fit_linear_tension,
     loop,
@@ -35,24 +35,38 @@ from ..errors import ConvergenceError
 from ..recordings import Recording
 from ..specimens import specimen
 from .recorded import FIVE_BAR, SPAN, TENSION, recording, reproduces, saturation_words, step_of
-from .rows import Found
+from .rows import ComputedValue
 
 PRESSURES = ("0 bar", "1 bar", "2 bar", "3 bar", "4 bar", FIVE_BAR)
 
 
-def triangle(muscle: str = "nylon", *, stroke: str = "large", frequency: str = "1 Hz", pressure: str = FIVE_BAR,
-             rig: str = "paper", accept_saturation: bool = False, cycles: int | None = None) -> Recording:  # fmt: skip
+def triangle(
+    muscle: str = "nylon",
+    *,
+    stroke: str = "large",
+    frequency: str = "1 Hz",
+    pressure: str = FIVE_BAR,
+    rig: str = "paper",
+    accept_saturation: bool = False,
+    cycles: int | None = None,
+) -> Recording:
     """The recorded cycles of one triangle; as many as the protocol has, where nothing is said."""
     more = {} if cycles is None else {"cycles": cycles}
     whole = recording(
-        "quasi-static", muscle, rig=rig, accept_saturation=accept_saturation, range=stroke, frequency=frequency,
-        pressure=pressure, **more,
-    )  # fmt: skip
+        "quasi-static",
+        muscle,
+        rig=rig,
+        accept_saturation=accept_saturation,
+        range=stroke,
+        frequency=frequency,
+        pressure=pressure,
+        **more,
+    )
     return step_of(whole, "loops")
 
 
 @functools.cache
-def measured_loop(muscle: str = "nylon", *, stroke: str = "large") -> Loop:
+def measured_loop(muscle: str = "nylon", *, stroke: str = "large") -> TensionLoop:
     """The loop at 5 bar as measured."""
     return loop(triangle(muscle, stroke=stroke), length=SPAN, tension=TENSION)
 
@@ -66,26 +80,30 @@ def without_lag(record: Recording, on: str = "paper") -> CorrectedLoop:
 
 
 @reproduces("loop.width", "m")
-def width() -> Found:
+def width() -> ComputedValue:
     """Width of the nylon muscle's loop."""
     lagless = without_lag(triangle()).corrected
-    return Found(measured_loop().width, f"raw; {100 * lagless.width:.3f} cm without the lag of the cell's filter")
+    return ComputedValue(
+        measured_loop().width, f"raw; {100 * lagless.width:.3f} cm without the lag of the cell's filter"
+    )
 
 
 @reproduces("loop.height", "N")
-def height() -> Found:
+def height() -> ComputedValue:
     """Height of the same loop."""
     lagless = without_lag(triangle()).corrected
-    return Found(measured_loop().height, f"raw; {lagless.height:.2f} N without the lag of the cell's filter")
+    return ComputedValue(measured_loop().height, f"raw; {lagless.height:.2f} N without the lag of the cell's filter")
 
 
-def _friction(record: Recording, on: str = "paper") -> Found:
+def _friction(record: Recording, on: str = "paper") -> ComputedValue:
     both = without_lag(record, on)
-    return Found(both.raw.friction, f"raw; {both.corrected.friction:.2f} N without the lag of the cell's filter")
+    return ComputedValue(
+        both.raw.friction, f"raw; {both.corrected.friction:.2f} N without the lag of the cell's filter"
+    )
 
 
 @reproduces("friction.nylon", "N")
-def friction_nylon() -> Found:
+def friction_nylon() -> ComputedValue:
     """Half the height."""
     return _friction(triangle())
 
@@ -97,7 +115,7 @@ def width_fiberglass() -> float:
 
 
 @reproduces("friction.fiberglass", "N")
-def friction_fiberglass() -> Found:
+def friction_fiberglass() -> ComputedValue:
     """Half its height."""
     return _friction(triangle("fiberglass", stroke="fiberglass"))
 
@@ -119,13 +137,13 @@ def _bridgestone_note() -> str:
 
 
 @reproduces("loop.width_bridgestone", "m")
-def width_bridgestone() -> Found:
+def width_bridgestone() -> ComputedValue:
     """Width of the Bridgestone muscle's loop."""
-    return Found(loop(bridgestone(), length=SPAN, tension=TENSION).width, _bridgestone_note())
+    return ComputedValue(loop(bridgestone(), length=SPAN, tension=TENSION).width, _bridgestone_note())
 
 
 @reproduces("friction.bridgestone", "N")
-def friction_bridgestone() -> Found:
+def friction_bridgestone() -> ComputedValue:
     """Half its height."""
     found = _friction(bridgestone(), MODERN)
     return found._replace(note=f"{found.note}; {_bridgestone_note()}")
@@ -137,45 +155,47 @@ def pressure_variation(record: Recording) -> Variation:
 
 
 @reproduces("loop.pressure_variation", "Pa")
-def largest_pressure_variation() -> Found:
+def largest_pressure_variation() -> ComputedValue:
     """Largest less smallest within a cycle, the worst of the six pressures."""
     worst = max(pressure_variation(triangle(pressure=p)).largest for p in PRESSURES)
     counts = worst / float(rig("paper").sensors["pressure"].resolution)
     bare = recording("preconditioning", plumbing="direct", pressure=FIVE_BAR, frequency="1 Hz", cycles=4)
     without = pressure_variation(step_of(bare, "cycles"))
-    return Found(
+    return ComputedValue(
         worst,
         f"{counts:.0f} counts of the converter, noise included; without accumulators {1e-5 * without.largest:.2f} bar",
     )
 
 
 @reproduces("loop.rate_ratio", "1")
-def rate_ratio() -> Found:
+def rate_ratio() -> ComputedValue:
     """Area at 0.25 Hz over that at 1 Hz."""
     slow, fast = triangle(frequency="0.25 Hz"), triangle()
     ratio = loop_ratio(loop(slow, length=SPAN, tension=TENSION), loop(fast, length=SPAN, tension=TENSION))
     lagless = loop_ratio(without_lag(slow).corrected, without_lag(fast).corrected)
-    return Found(ratio.area, f"raw; {lagless.area:.3f} without the lag of the cell's filter")
+    return ComputedValue(ratio.area, f"raw; {lagless.area:.3f} without the lag of the cell's filter")
 
 
 @reproduces("loop.small_range_ratio", "1")
-def small_range_ratio() -> Found:
+def small_range_ratio() -> ComputedValue:
     """Width at half the range over that at the full one."""
     ratio = loop_ratio(measured_loop(stroke="small"), measured_loop())
-    return Found(ratio.width, f"at {ratio.range:.2f} of the range; heights {ratio.height:.2f}")
+    return ComputedValue(ratio.width, f"at {ratio.range:.2f} of the range; heights {ratio.height:.2f}")
 
 
-def rising_and_falling(stroke: str) -> tuple[Path, Path]:
+def rising_and_falling(stroke: str) -> tuple[TensionPath, TensionPath]:
     """The two paths of the nylon muscle over a range."""
     return paths(triangle(stroke=stroke), length=SPAN, tension=TENSION)
 
 
 @reproduces("loop.rising_path_distance", "N")
-def rising_path_distance() -> Found:
+def rising_path_distance() -> ComputedValue:
     """Largest distance of the rising paths over the two ranges."""
     (up, down), (small_up, small_down) = rising_and_falling("large"), rising_and_falling("small")
     falling = path_distance(down, small_down)
-    return Found(path_distance(up, small_up).largest, f"the falling paths lie up to {falling.largest:.1f} N apart")
+    return ComputedValue(
+        path_distance(up, small_up).largest, f"the falling paths lie up to {falling.largest:.1f} N apart"
+    )
 
 
 FIGURE = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)  # of the twelve only the ends are printed [Hz]
@@ -185,7 +205,7 @@ SINE_CYCLES = 8
 OFF, TRIES = 0.05, 4  # error of the amplitude from which a sine is repeated [1], and how often at most
 
 
-class Sine(NamedTuple):
+class SineLoop(NamedTuple):
     """One frequency.
 
     Attributes:
@@ -240,11 +260,11 @@ def _rest_length() -> float:
 
 
 @functools.cache
-def sine(frequency: float) -> Sine:
+def sine(frequency: float) -> SineLoop:
     """The loop at a frequency [Hz]."""
     record = recorded_sines(frequency)
     gas = loop(record, length=SPAN, tension="pressure")
-    return Sine(without_lag(record), peak_velocity(record, length=SPAN) / _rest_length(), gas.height)
+    return SineLoop(without_lag(record), peak_velocity(record, length=SPAN) / _rest_length(), gas.height)
 
 
 def spread(values: list[float]) -> float:
@@ -257,13 +277,13 @@ CALIBRATED = f"internal damping of {DAMPING:g} N s/m was inferred from the paper
 
 
 @reproduces("loop.sine_width_spread", "1", CALIBRATED)
-def sine_width_spread() -> Found:
+def sine_width_spread() -> ComputedValue:
     """Spread of the widths of the twelve sines."""
     sines = [sine(f) for f in FIGURE]
     raw, fixed = [s.loop.raw.width for s in sines], [s.loop.corrected.width for s in sines]
     first, last = sines[0].velocity, sines[-1].velocity
     gaps = [1e-5 * s.pressure_gap for s in sines]
-    return Found(
+    return ComputedValue(
         spread(fixed),
         f"{100 * fixed[0]:.3f} cm at {first:.2f} L0/s, {100 * fixed[-1]:.3f} cm at {last:.2f} L0/s; "
         f"raw {100 * raw[0]:.3f} and {100 * raw[-1]:.3f} cm, spread {spread(raw):.2f}. What widens the loops is gas: while "
@@ -287,11 +307,11 @@ def measurable() -> float:
 
 
 @reproduces("loop.max_velocity", "1/s", CALIBRATED)
-def max_velocity() -> Found:
+def max_velocity() -> ComputedValue:
     """Largest peak velocity of the sines whose raw loop is not wider than the slowest by what a count of the cell makes."""
     narrow = [f for f in (*FIGURE, FASTEST) if widening(f) < measurable()]
     fast, slow = sine(FASTEST).loop, sine(FIGURE[0]).loop
-    return Found(
+    return ComputedValue(
         max(sine(f).velocity for f in narrow),
         f"raw height {slow.raw.height:.2f} N at 1 Hz, {fast.raw.height:.2f} N at 40 Hz; without the lag of the cell's "
         f"filter {slow.corrected.height:.2f} and {fast.corrected.height:.2f} N: what gas and damping add, it hides. "
@@ -302,8 +322,11 @@ def max_velocity() -> Found:
 
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
 SHARES = {
-    "2 bar": THIRDS, "3 bar": THIRDS, "4 bar": (THIRDS[0], 0.5, THIRDS[1]), "5 bar": (THIRDS[0], 0.5, THIRDS[1]),
-}  # fmt: skip
+    "2 bar": THIRDS,
+    "3 bar": THIRDS,
+    "4 bar": (THIRDS[0], 0.5, THIRDS[1]),
+    "5 bar": (THIRDS[0], 0.5, THIRDS[1]),
+}
 FIT_CYCLES = 12  # that are averaged
 TAUT = 0.8  # tension from which the muscle counts as taut, two counts of the cell [N]
 LENGTH = "length"  # channel of the span without the stretch of the machine
@@ -347,10 +370,10 @@ def fits() -> Fits:
     return Fits(*(fit_linear_tension(ten_points(length)) for length in (LENGTH, SPAN)))
 
 
-def _found(which: str, unit: str, scale: float, digits: int) -> Found:
+def _found(which: str, unit: str, scale: float, digits: int) -> ComputedValue:
     one, raw = (getattr(fit, which) for fit in fits())
     half = 0.5 * (one.high - one.low)
-    return Found(
+    return ComputedValue(
         one.value,
         f"95 % +-{half / scale:.{digits}f} {unit}; {raw.value / scale:.{digits}f} {unit} "
         "with the stretch of cord and frame left in the length",
@@ -358,25 +381,25 @@ def _found(which: str, unit: str, scale: float, digits: int) -> Found:
 
 
 @reproduces("static.fit_Kg", "m")
-def fit_kg() -> Found:
+def fit_kg() -> ComputedValue:
     """Kg of the fit."""
     return _found("stiffness_per_pressure", "cm", 1e-2, 3)
 
 
 @reproduces("static.fit_Pa", "Pa")
-def fit_pa() -> Found:
+def fit_pa() -> ComputedValue:
     """Pa of the fit."""
     return _found("offset_pressure", "bar", 1e5, 3)
 
 
 @reproduces("static.fit_Lmin", "m")
-def fit_lmin() -> Found:
+def fit_lmin() -> ComputedValue:
     """Lmin of the fit."""
     return _found("shortest_length", "cm", 1e-2, 2)
 
 
 @reproduces("static.fit_Fa", "N")
-def fit_fa() -> Found:
+def fit_fa() -> ComputedValue:
     """Fa of the fit."""
     return _found("offset_tension", "N", 1.0, 1)
 
@@ -384,7 +407,7 @@ def fit_fa() -> Found:
 LUBRICANT_CYCLES = {"precondition": 2, "cycles": 3}
 
 
-def treated(lubricant: str) -> Loop:
+def treated(lubricant: str) -> TensionLoop:
     """The loop with a lubricant on the muscle."""
     return loop(
         step_of(recording("lubricant-test", lubricant=lubricant, **LUBRICANT_CYCLES), "loops"),

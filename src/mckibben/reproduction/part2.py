@@ -10,7 +10,7 @@ from ..components import Environment
 from ..pneumatics import AIR
 from ..pneumatics.tubes.inertial import inertance
 from ..specimens import specimen
-from ..studies.tube_models import ACCUMULATORS, DIAMETER, LARGE, LENGTH, SMALL, Result, capacity
+from ..studies.tube_models import ACCUMULATORS, DIAMETER, LARGE, LENGTH, SMALL, TubeModelResult, capacity
 from ..studies.tube_study import PAPERS, QUICK_SEEDS, QUICK_THERMALS, TubeStudy, tube_study
 from .rows import reproduces
 
@@ -52,7 +52,7 @@ def tube_fits() -> TubeStudy:
     return tube_study(seeds=QUICK_SEEDS, thermals=QUICK_THERMALS, keys=PAPERS)
 
 
-def _fit(model: str, accumulator: str = LARGE, *, refitted: bool = False) -> Result:
+def _fit(model: str, accumulator: str = LARGE, *, refitted: bool = False) -> TubeModelResult:
     return tube_fits().result(QUICK_THERMALS[0], model, accumulator, refitted=refitted)
 
 

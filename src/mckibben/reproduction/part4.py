@@ -23,7 +23,7 @@ from ..components import Environment
 from ..muscles.build import law_from_specimen
 from ..specimens import specimen
 from . import part1
-from .rows import Found, all_rows, reproduces
+from .rows import ComputedValue, all_rows, reproduces
 
 MUSCLE = "nylon"
 PRESSURE = 5e5  # [Pa]
@@ -92,45 +92,45 @@ def _beside(name: str, what: str, unit: str = "", *, accumulator: bool = False) 
 
 
 @reproduces("energy.maximal.input", "J", INFERRED)
-def maximal_input() -> Found:
+def maximal_input() -> ComputedValue:
     """W01 + W12."""
-    return Found(cycle("maximal").input, _beside("maximal", "input", " J"))
+    return ComputedValue(cycle("maximal").input, _beside("maximal", "input", " J"))
 
 
 @reproduces("energy.maximal.input_accumulator", "J", INFERRED)
-def maximal_input_accumulator() -> Found:
+def maximal_input_accumulator() -> ComputedValue:
     """The same, exchanged with the accumulator."""
-    return Found(cycle("maximal", accumulator=True).input, _beside("maximal", "input", " J", accumulator=True))
+    return ComputedValue(cycle("maximal", accumulator=True).input, _beside("maximal", "input", " J", accumulator=True))
 
 
 @reproduces("energy.maximal.output", "J", INFERRED)
-def maximal_output() -> Found:
+def maximal_output() -> ComputedValue:
     """Wa."""
-    return Found(cycle("maximal").output, _beside("maximal", "output", " J"))
+    return ComputedValue(cycle("maximal").output, _beside("maximal", "output", " J"))
 
 
 @reproduces("energy.maximal.efficiency", "1", INFERRED)
-def maximal_efficiency() -> Found:
+def maximal_efficiency() -> ComputedValue:
     """Ea."""
     found = cycle("maximal").efficiency
-    return Found(found, f"{found:.4f} unrounded; {_beside('maximal', 'efficiency')}")
+    return ComputedValue(found, f"{found:.4f} unrounded; {_beside('maximal', 'efficiency')}")
 
 
 @reproduces("energy.maximal.efficiency_accumulator", "1", INFERRED)
-def maximal_efficiency_accumulator() -> Found:
+def maximal_efficiency_accumulator() -> ComputedValue:
     """Ea with the accumulator."""
     smooth = cycle("maximal", accumulator=True, friction=False).efficiency
     words = f"{smooth:.3f} without friction, which is what is printed"
     found = cycle("maximal", accumulator=True).efficiency
-    return Found(found, f"{words}; {_beside('maximal', 'efficiency', accumulator=True)}")
+    return ComputedValue(found, f"{words}; {_beside('maximal', 'efficiency', accumulator=True)}")
 
 
 @reproduces("energy.maximal.best_pressure", "Pa")
-def maximal_best_pressure() -> Found:
+def maximal_best_pressure() -> ComputedValue:
     """Where Ea is largest."""
     at, share = best_pressure(muscle(), "maximal", conditions())
     high = energy_curve(muscle(), "maximal", [10e5], conditions()).cycles.efficiency[0]
-    return Found(at, f"Ea is {share:.4f} there and still {high:.3f} at 10 bar")
+    return ComputedValue(at, f"Ea is {share:.4f} there and still {high:.3f} at 10 bar")
 
 
 @reproduces("energy.maximal.zero_pressure", "Pa", "where friction takes all that the gas gives")
@@ -140,68 +140,74 @@ def maximal_zero_pressure() -> float:
 
 
 @reproduces("energy.maximal.output_below_W12", "1")
-def maximal_output_below_delivery() -> Found:
+def maximal_output_below_delivery() -> ComputedValue:
     """Largest Wa/W12."""
     found = energy_curve(muscle(), "maximal", PRESSURES, conditions()).cycles
     share = found.output / found.delivery
-    return Found(float(np.nanmax(share)), f"at {1e-5 * PRESSURES[int(np.nanargmax(share))]:.1f} bar")
+    return ComputedValue(float(np.nanmax(share)), f"at {1e-5 * PRESSURES[int(np.nanargmax(share))]:.1f} bar")
 
 
 # ---- isotonic shortening
 
 
 @reproduces("energy.isotonic.input", "J", READING)
-def isotonic_input() -> Found:
+def isotonic_input() -> ComputedValue:
     """Area EFGH."""
-    return Found(cycle("isotonic").input, _beside("isotonic", "input", " J"))
+    return ComputedValue(cycle("isotonic").input, _beside("isotonic", "input", " J"))
 
 
 @reproduces("energy.isotonic.input_accumulator", "J", READING)
-def isotonic_input_accumulator() -> Found:
+def isotonic_input_accumulator() -> ComputedValue:
     """Area E'FGH'."""
-    return Found(cycle("isotonic", accumulator=True).input, _beside("isotonic", "input", " J", accumulator=True))
+    return ComputedValue(
+        cycle("isotonic", accumulator=True).input, _beside("isotonic", "input", " J", accumulator=True)
+    )
 
 
 @reproduces("energy.isotonic.output", "J", READING)
-def isotonic_output() -> Found:
+def isotonic_output() -> ComputedValue:
     """Work given by both isotonic cycles."""
     one = cycle("isotonic")
     words = f"tendon at {one.load:.1f} N down to {100 * one.shortened_length:.3f} cm"
-    return Found(one.output, f"{words}; {_beside('isotonic', 'output', ' J')}")
+    return ComputedValue(one.output, f"{words}; {_beside('isotonic', 'output', ' J')}")
 
 
 @reproduces("energy.isotonic.efficiency", "1", READING)
-def isotonic_efficiency() -> Found:
+def isotonic_efficiency() -> ComputedValue:
     """Eb."""
-    return Found(cycle("isotonic").efficiency, _beside("isotonic", "efficiency"))
+    return ComputedValue(cycle("isotonic").efficiency, _beside("isotonic", "efficiency"))
 
 
 @reproduces("energy.isotonic.efficiency_accumulator", "1", READING)
-def isotonic_efficiency_accumulator() -> Found:
+def isotonic_efficiency_accumulator() -> ComputedValue:
     """Eb with the accumulator."""
-    return Found(cycle("isotonic", accumulator=True).efficiency, _beside("isotonic", "efficiency", accumulator=True))
+    return ComputedValue(
+        cycle("isotonic", accumulator=True).efficiency, _beside("isotonic", "efficiency", accumulator=True)
+    )
 
 
 @reproduces("energy.valve.input", "J", READING)
-def valve_input() -> Found:
+def valve_input() -> ComputedValue:
     """Area EF'GH."""
     one = cycle("valve")
-    return Found(one.input, f"{one.throttling:.2f} J of it, area FF'G, throttled; {_beside('valve', 'input', ' J')}")
+    return ComputedValue(
+        one.input, f"{one.throttling:.2f} J of it, area FF'G, throttled; {_beside('valve', 'input', ' J')}"
+    )
 
 
 @reproduces("energy.valve.input_accumulator", "J", READING)
-def valve_input_accumulator() -> Found:
+def valve_input_accumulator() -> ComputedValue:
     """Area E'F'GH'."""
-    return Found(cycle("valve", accumulator=True).input, _beside("valve", "input", " J", accumulator=True))
+    return ComputedValue(cycle("valve", accumulator=True).input, _beside("valve", "input", " J", accumulator=True))
 
 
 @reproduces("energy.valve.efficiency", "1", READING)
-def valve_efficiency() -> Found:
+def valve_efficiency() -> ComputedValue:
     """Ec."""
-    return Found(cycle("valve").efficiency, _beside("valve", "efficiency"))
+    return ComputedValue(cycle("valve").efficiency, _beside("valve", "efficiency"))
 
 
 @reproduces("energy.valve.efficiency_accumulator", "1", READING)
-def valve_efficiency_accumulator() -> Found:
+def valve_efficiency_accumulator() -> ComputedValue:
     """Ec with the accumulator."""
-    return Found(cycle("valve", accumulator=True).efficiency, _beside("valve", "efficiency", accumulator=True))
+    return ComputedValue(cycle("valve", accumulator=True).efficiency, _beside("valve", "efficiency", accumulator=True))

@@ -15,7 +15,7 @@ from ..quantities import from_si
 Value = float | tuple[float, float]
 
 
-class Row(NamedTuple):
+class PrintedRow(NamedTuple):
     """One printed number: what it is, its value and unit in print, and what agreement with it means.
 
     Attributes:
@@ -45,10 +45,10 @@ class Row(NamedTuple):
     decimals: int | None = None
 
 
-class Outcome(NamedTuple):
+class RowOutcome(NamedTuple):
     """A row with ours beside it, in the row's unit; ``ok`` is None while no verdict is possible."""
 
-    row: Row
+    row: PrintedRow
     ours: float | None
     ok: bool | None
     note: str
@@ -67,14 +67,14 @@ class Outcome(NamedTuple):
         return "holds, calibrated" if self.row.calibrated else "holds"
 
 
-class Found(NamedTuple):
+class ComputedValue(NamedTuple):
     """What a function that computes a row may return in place of the number: the number with what it found beside."""
 
     value: float
     note: str = ""
 
 
-class Way(NamedTuple):
+class Computation(NamedTuple):
     """How a row is computed.
 
     Attributes:
@@ -84,14 +84,14 @@ class Way(NamedTuple):
         recordings: whether it is computed of recordings of the simulated test machine, which take their time to make.
     """
 
-    compute: Callable[[], float | Found]
+    compute: Callable[[], float | ComputedValue]
     si_unit: str
     note: str
     recordings: bool
 
 
-AnyCompute = TypeVar("AnyCompute", bound=Callable[[], float | Found])
-_WAYS: dict[str, Way] = {}
+AnyCompute = TypeVar("AnyCompute", bound=Callable[[], float | ComputedValue])
+_WAYS: dict[str, Computation] = {}
 
 
 def reproduces(
@@ -102,20 +102,20 @@ def reproduces(
     def register(compute: AnyCompute) -> AnyCompute:
         if identifier in _WAYS:
             raise ValueError(f"two functions reproduce {identifier}")
-        _WAYS[identifier] = Way(compute, si_unit, note, recordings)
+        _WAYS[identifier] = Computation(compute, si_unit, note, recordings)
         return compute
 
     return register
 
 
 @functools.cache
-def all_rows() -> tuple[Row, ...]:
+def all_rows() -> tuple[PrintedRow, ...]:
     """Every printed number, in the order of the papers."""
     text = (resources.files(__package__) / "rows.toml").read_text(encoding="utf-8")
     return tuple(_row(entry) for entry in parse_toml(text, where="rows.toml")["row"])
 
 
-def select(part: str | None = None, identifiers: list[str] | None = None) -> list[Row]:
+def select(part: str | None = None, identifiers: list[str] | None = None) -> list[PrintedRow]:
     """Rows of one part (``I`` to ``IV``, ``discussion``) or whose identifier begins with one of the given words."""
     rows = list(all_rows())
     parts = list(dict.fromkeys(r.part for r in rows))
@@ -131,24 +131,24 @@ def select(part: str | None = None, identifiers: list[str] | None = None) -> lis
     return rows
 
 
-def reproduce_row(row: Row) -> Outcome:
+def reproduce_row(row: PrintedRow) -> RowOutcome:
     """Compute one row and judge it."""
     if row.id not in _WAYS:
-        return Outcome(row, None, None, said_of(row))
+        return RowOutcome(row, None, None, said_of(row))
     way = _WAYS[row.id]
     computed = way.compute()
-    value, found = computed if isinstance(computed, Found) else (computed, "")
+    value, found = computed if isinstance(computed, ComputedValue) else (computed, "")
     ours = from_si(value, way.si_unit, _plain_unit(row.unit))
     note = "; ".join(filter(None, (row.note, way.note, found, _reasoned(row))))
-    return Outcome(row, ours, judge(row, ours), note)
+    return RowOutcome(row, ours, judge(row, ours), note)
 
 
-def said_of(row: Row) -> str:
+def said_of(row: PrintedRow) -> str:
     """What is said beside a row before it is computed: its note, and why its tolerance is wide."""
     return "; ".join(filter(None, (row.note, _reasoned(row))))
 
 
-def _reasoned(row: Row) -> str:
+def _reasoned(row: PrintedRow) -> str:
     if not row.reason:
         return ""
     return (
@@ -156,12 +156,12 @@ def _reasoned(row: Row) -> str:
     )
 
 
-def needs_recording(row: Row) -> bool:
+def needs_recording(row: PrintedRow) -> bool:
     """Whether a row is computed of recordings of the simulated test machine, which take their time to make."""
     return row.id in _WAYS and _WAYS[row.id].recordings
 
 
-def judge(row: Row, ours: float) -> bool | None:
+def judge(row: PrintedRow, ours: float) -> bool | None:
     """Whether our value, in the row's unit, is what the row expects; None where nothing is expected."""
     if row.expect in ("open", "synthetic"):
         return None
@@ -181,7 +181,7 @@ def rounds_to(ours: float, printed: float, decimals: int) -> bool:
     return Decimal(repr(ours)).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP) == Decimal(repr(printed))
 
 
-def decimals_of(row: Row) -> int:
+def decimals_of(row: PrintedRow) -> int:
     """Decimals of a row's value in print."""
     if row.decimals is not None:
         return row.decimals
@@ -190,7 +190,7 @@ def decimals_of(row: Row) -> int:
     return -exponent
 
 
-def accepted_band(row: Row) -> tuple[float, float] | None:
+def accepted_band(row: PrintedRow) -> tuple[float, float] | None:
     """Middle and half-width of what counts as agreement [the row's unit]; None where nothing does."""
     if isinstance(row.paper, tuple):
         low, high = row.paper
@@ -202,10 +202,10 @@ def accepted_band(row: Row) -> tuple[float, float] | None:
     return None
 
 
-def _row(entry: dict[str, Any]) -> Row:
+def _row(entry: dict[str, Any]) -> PrintedRow:
     paper = entry["paper"]
     value = tuple(float(v) for v in paper) if isinstance(paper, list) else float(paper)
-    return Row(**(entry | {"paper": value}))
+    return PrintedRow(**(entry | {"paper": value}))
 
 
 def _plain_unit(unit: str) -> str:
@@ -217,7 +217,7 @@ def _plain_unit(unit: str) -> str:
 REASONED = 0.1  # relative tolerance from which on a row must say why it is so wide
 
 
-class Kind(NamedTuple):
+class VerdictKind(NamedTuple):
     """A kind of verdict.
 
     Attributes:
@@ -236,27 +236,35 @@ class Kind(NamedTuple):
 KINDS = {
     kind.verdict: kind
     for kind in (
-        Kind("holds", "holds", ("holds", "hold"), "ours agrees with the print as closely as the row asks"),
-        Kind(
-            "calibrated", "holds, calibrated", ("is calibrated", "are calibrated"),
+        VerdictKind("holds", "holds", ("holds", "hold"), "ours agrees with the print as closely as the row asks"),
+        VerdictKind(
+            "calibrated",
+            "holds, calibrated",
+            ("is calibrated", "are calibrated"),
             "agrees, but an input was inferred from this row or its companion: no prediction",
         ),
-        Kind(
-            "synthetic", "synthetic", ("is synthetic", "are synthetic"),
+        VerdictKind(
+            "synthetic",
+            "synthetic",
+            ("is synthetic", "are synthetic"),
             "no measured curve is printed; ours is computed against the distributed reference",
         ),
-        Kind(
-            "open", "open", ("is open", "are open"),
+        VerdictKind(
+            "open",
+            "open",
+            ("is open", "are open"),
             "ours is shown with the reason for the difference, and never tuned to the print",
         ),
-        Kind(
-            "misprint", "misprint", ("is a misprint", "are misprints"),
+        VerdictKind(
+            "misprint",
+            "misprint",
+            ("is a misprint", "are misprints"),
             "the printed value is wrong; ours is the corrected one",
         ),
-        Kind("short", "falls short", ("falls short", "fall short"), "ours does not agree"),
-        Kind("to come", "to come", ("is to come", "are to come"), "not computed yet"),
+        VerdictKind("short", "falls short", ("falls short", "fall short"), "ours does not agree"),
+        VerdictKind("to come", "to come", ("is to come", "are to come"), "not computed yet"),
     )
-}  # fmt: skip
+}
 DIFFERING = ("holds", "calibrated", "synthetic", "open", "short")  # keys whose differences the headline shows
 
 
@@ -270,18 +278,18 @@ class Tally(NamedTuple):
         highest: the same.
     """
 
-    kind: Kind
+    kind: VerdictKind
     rows: int
     lowest: float | None
     highest: float | None
 
 
-def kind_of(outcome: Outcome) -> Kind:
+def kind_of(outcome: RowOutcome) -> VerdictKind:
     """The kind of verdict of a row."""
     return KINDS[outcome.verdict]
 
 
-def relative_difference(row: Row, ours: float | None) -> float | None:
+def relative_difference(row: PrintedRow, ours: float | None) -> float | None:
     """How far ours lies from the print, over the print, or from the nearer end of an interval; 0 within it.
 
     None where nothing is computed or the print is zero.
@@ -296,13 +304,13 @@ def relative_difference(row: Row, ours: float | None) -> float | None:
     return (ours - paper) / abs(paper) if paper else None
 
 
-def relative_tolerance(row: Row) -> float | None:
+def relative_tolerance(row: PrintedRow) -> float | None:
     """Half of what counts as agreement over its middle; None where nothing does."""
     allowed = accepted_band(row)
     return None if allowed is None or not allowed[0] else abs(allowed[1] / allowed[0])
 
 
-def tallies(outcomes: Iterable[Outcome]) -> list[Tally]:
+def tallies(outcomes: Iterable[RowOutcome]) -> list[Tally]:
     """The kinds that occur, in their order."""
     listed = list(outcomes)
     found = []
@@ -315,7 +323,7 @@ def tallies(outcomes: Iterable[Outcome]) -> list[Tally]:
     return found
 
 
-def headline(outcomes: Sequence[Outcome]) -> str:
+def headline(outcomes: Sequence[RowOutcome]) -> str:
     """One sentence: how many numbers there are, and how many of each kind, with their differences from the print."""
     counted = tallies(outcomes)
     parts = [f"{t.rows} {t.kind.counted[t.rows != 1]}{_between(t)}" for t in counted]

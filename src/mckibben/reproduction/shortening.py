@@ -15,7 +15,7 @@ from ..analysis.steps import IsometricTiming, isometric_timing
 from ..recordings import Recording
 from ..specimens import specimen
 from .recorded import SPAN, TENSION, recording, reproduces, step_of
-from .rows import Found
+from .rows import ComputedValue
 
 CALIBRATED = "flow and dead time of the valve were inferred from these rows"
 
@@ -97,19 +97,19 @@ def error(case: tuple[str, str]) -> TensionError:
     return tension_error(cycles(case), set_point=LOADS[case], length=SPAN, tension=TENSION, skip=SKIP)
 
 
-def _work(case: tuple[str, str]) -> Found:
+def _work(case: tuple[str, str]) -> ComputedValue:
     p = power(case)
-    return Found(
+    return ComputedValue(
         p.work,
         f"stroke {100 * p.stroke:.1f} cm at {p.mean_tension:.1f} N in the mean; "
         f"{p.positive_velocity_work:.2f} J wherever the velocity is positive",
     )
 
 
-def _peak(case: tuple[str, str]) -> Found:
+def _peak(case: tuple[str, str]) -> ComputedValue:
     p = power(case)
     wide = shortening_power(cycles(case), length=SPAN, tension=TENSION, skip=SKIP, window=0.25 / p.frequency).peak_power
-    return Found(
+    return ComputedValue(
         p.peak_power,
         f"at {p.peak_velocity:.2f} m/s, velocity over {1e3 * p.window:.0f} ms; {wide:.3g} W with it over a quarter of a "
         "cycle. It is reached as the muscle leaves its stretch stop, where a rise of pressure shortens it most; neither the "
@@ -118,7 +118,7 @@ def _peak(case: tuple[str, str]) -> Found:
 
 
 @reproduces("isotonic.work_10N_1Hz", "J")
-def work_light() -> Found:
+def work_light() -> ComputedValue:
     """Work of a shortening at 10 N, 1 Hz."""
     return _work(LIGHT)
 
@@ -130,13 +130,13 @@ def mean_power_light() -> float:
 
 
 @reproduces("isotonic.peak_power_10N_1Hz", "W")
-def peak_power_light() -> Found:
+def peak_power_light() -> ComputedValue:
     """Its peak power."""
     return _peak(LIGHT)
 
 
 @reproduces("isotonic.work_50N_5Hz", "J")
-def work_fast() -> Found:
+def work_fast() -> ComputedValue:
     """Work of a shortening at 50 N, 5 Hz."""
     return _work(FAST)
 
@@ -148,7 +148,7 @@ def mean_power_fast() -> float:
 
 
 @reproduces("isotonic.peak_power_50N_5Hz", "W")
-def peak_power_fast() -> Found:
+def peak_power_fast() -> ComputedValue:
     """Its peak power."""
     return _peak(FAST)
 
@@ -173,10 +173,10 @@ def peak_power_density() -> float:
 
 
 @reproduces("isotonic.tension_error", "1")
-def relative_tension_error() -> Found:
+def relative_tension_error() -> ComputedValue:
     """Rms error of the tension at 50 N, 5 Hz, over its set-point."""
     e, light = error(FAST), error(LIGHT)
-    return Found(
+    return ComputedValue(
         e.relative_rms,
         f"from {e.lowest:.0f} to {e.highest:.0f} N, {e.relative_rms_shortening:.2f} while shortening; "
         f"{light.relative_rms:.2f} at 10 N, 1 Hz",

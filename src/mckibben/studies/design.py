@@ -115,9 +115,14 @@ def protocol(**values: Any) -> Protocol:
 
 
 def design_sweep(
-    muscles: Sequence[str], *, tube_lengths: Sequence[str], tube_diameters: Sequence[str], valve_flows: Sequence[str],
-    rig: str = "modern", **values: Any,
-) -> Sweep:  # fmt: skip
+    muscles: Sequence[str],
+    *,
+    tube_lengths: Sequence[str],
+    tube_diameters: Sequence[str],
+    valve_flows: Sequence[str],
+    rig: str = "modern",
+    **values: Any,
+) -> Sweep:
     """The sweep over all combinations, which `drive.run_sweep` can run on many machines.
 
     Args:
@@ -142,9 +147,15 @@ def design_sweep(
 
 
 def design_study(
-    muscles: Sequence[str], *, tube_lengths: Sequence[str], tube_diameters: Sequence[str], valve_flows: Sequence[str],
-    rig: str = "modern", progress: Callable[[float], None] = lambda _: None, **values: Any,
-) -> DesignStudy:  # fmt: skip
+    muscles: Sequence[str],
+    *,
+    tube_lengths: Sequence[str],
+    tube_diameters: Sequence[str],
+    valve_flows: Sequence[str],
+    rig: str = "modern",
+    progress: Callable[[float], None] = lambda _: None,
+    **values: Any,
+) -> DesignStudy:
     """Run every combination in this process and judge it; see `design_sweep`.
 
     Designs whose tension has not settled after the step run again, with four and sixteen times the wait.
@@ -194,12 +205,19 @@ def judged(
     worse = dominated(np.stack([response, air, -efficiency], axis=1))
     designs = [
         Design(
-            muscle=str(row["muscle"]), tube_length=row[TUBE_LENGTH], tube_diameter=row[TUBE_DIAMETER],
-            valve_flow=row[VALVE_FLOW], response=float(response[i]),
-            tension=float(outputs["tension"][i]) if done[i] else float("nan"), air=float(air[i]), work=float(work[i]),
-            efficiency=float(efficiency[i]), best=not worse[i],
-            settled=not (done[i] and abs(outputs["drift"][i]) > SETTLED), message=message[i],
+            muscle=str(row["muscle"]),
+            tube_length=row[TUBE_LENGTH],
+            tube_diameter=row[TUBE_DIAMETER],
+            valve_flow=row[VALVE_FLOW],
+            response=float(response[i]),
+            tension=float(outputs["tension"][i]) if done[i] else float("nan"),
+            air=float(air[i]),
+            work=float(work[i]),
+            efficiency=float(efficiency[i]),
+            best=not worse[i],
+            settled=not (done[i] and abs(outputs["drift"][i]) > SETTLED),
+            message=message[i],
         )
         for i, row in enumerate(variants.rows())
-    ]  # fmt: skip
+    ]
     return DesignStudy(tuple(designs), sweep.template.protocol, sweep.template.rig)

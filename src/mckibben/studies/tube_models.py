@@ -122,14 +122,14 @@ def surface_share(volume: float) -> float:
     return float((volume / ACCUMULATORS[LARGE]) ** (2.0 / 3.0))
 
 
-class Answer(NamedTuple):
+class ReferencePressures(NamedTuple):
     """Pressure in the vessel behind the distributed tube [Pa], and the hottest gas in it [K]."""
 
     pressure_abs: np.ndarray
     hottest: float
 
 
-def reference(pressure_abs: np.ndarray, volume: float, thermal: str) -> Answer:
+def reference(pressure_abs: np.ndarray, volume: float, thermal: str) -> ReferencePressures:
     """What the distributed tube makes of a record.
 
     Args:
@@ -151,7 +151,9 @@ def reference(pressure_abs: np.ndarray, volume: float, thermal: str) -> Answer:
         sample_period=PERIOD,
         pressure_abs=start,
     )
-    return Answer(np.asarray(result.right.outside_pressure), float(np.max(result.right.outside_temperature)))
+    return ReferencePressures(
+        np.asarray(result.right.outside_pressure), float(np.max(result.right.outside_temperature))
+    )
 
 
 STEP = 2e-4  # of the lumped models; a quarter of it moves a pressure by less than 1 Pa rms [s]
@@ -162,7 +164,7 @@ R1, R2, CUTOFF = 49.1, 20.7, 4.0 * np.pi  # [Pa s/m, Pa s2/m2, 1/s]
 
 
 @dataclass(frozen=True)
-class Model:
+class TubeModel:
     """A tube model before a vessel: dotted paths of what is free, and first guesses beyond the element's own values [SI].
 
     The fit begins from each of the guesses, and the best end counts.
@@ -181,7 +183,7 @@ def capacity(volume: float) -> float:
     return float(AIR.mass(1.0, volume, Environment().temperature))
 
 
-def models() -> dict[str, Model]:
+def models() -> dict[str, TubeModel]:
     """All of them by key."""
     linear = LinearTube(resistance=1.0 / (CUTOFF * capacity(ACCUMULATORS[LARGE])))
     quadratic = QuadraticTube(viscous=R1, turbulent=R2, area=AREA)
@@ -193,14 +195,14 @@ def models() -> dict[str, Model]:
     three = (*two, "elements.tube.length")
     some, little = {HEAT: 0.5}, {HEAT: 0.05}  # [W/K]
     many = (
-        Model("linear", "linear", linear, ("elements.tube.resistance",)),
-        Model("quadratic", "quadratic", quadratic, two),
-        Model("inertial", "inertial", inertial, three),
-        Model("lumped_isothermal", "improved, isothermal vessel", lumped, scale),
-        Model("lumped", "improved", lumped, (*scale, HEAT), wall, (some, little)),
-        Model("lumped_unfitted_isothermal", "improved, nothing fitted, isothermal vessel", lumped, ()),
-        Model("lumped_unfitted_adiabatic", "improved, nothing fitted, adiabatic vessel", lumped, (), wall),
-        Model("inertial_heat", "inertial, vessel with heat", inertial, (*three, HEAT), wall, (some,)),
+        TubeModel("linear", "linear", linear, ("elements.tube.resistance",)),
+        TubeModel("quadratic", "quadratic", quadratic, two),
+        TubeModel("inertial", "inertial", inertial, three),
+        TubeModel("lumped_isothermal", "improved, isothermal vessel", lumped, scale),
+        TubeModel("lumped", "improved", lumped, (*scale, HEAT), wall, (some, little)),
+        TubeModel("lumped_unfitted_isothermal", "improved, nothing fitted, isothermal vessel", lumped, ()),
+        TubeModel("lumped_unfitted_adiabatic", "improved, nothing fitted, adiabatic vessel", lumped, (), wall),
+        TubeModel("inertial_heat", "inertial, vessel with heat", inertial, (*three, HEAT), wall, (some,)),
     )
     return {m.key: m for m in many}
 
@@ -229,7 +231,7 @@ class Case(NamedTuple):
         return Trial(name, circuit, {"supply": ramped(self.supply)}, start, {CHANNEL: self.vessel}, PERIOD)
 
 
-class Comparison(NamedTuple):
+class RecordError(NamedTuple):
     """A model against the reference on one record: rms error [Pa], lead of the model [s], its pressure [Pa]."""
 
     record: str
@@ -239,7 +241,7 @@ class Comparison(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Result:
+class TubeModelResult:
     """A model on one accumulator: fitted there, or with what another one gave.
 
     `vessel` is ``isothermal`` or ``wall_heat``; `changes` are the values by dotted path [SI], the conductance as on the
@@ -252,7 +254,7 @@ class Result:
     vessel: str
     parameters: Mapping[str, Estimate]
     changes: Mapping[str, float]
-    comparisons: tuple[Comparison, ...]
+    comparisons: tuple[RecordError, ...]
     warnings: tuple[str, ...] = ()
 
     @property
@@ -270,50 +272,53 @@ class Result:
         return self.parameters[name].value
 
 
-def fitted(model: Model, cases: Sequence[Case]) -> Result:
+def fitted(model: TubeModel, cases: Sequence[Case]) -> TubeModelResult:
     """Fit a model to records of one accumulator; where nothing of it is free it is run as it is."""
     if not model.free:
         return _judged(model, model.heat, cases, {})
     return min((_fit(model, cases, start) for start in model.starts), key=lambda r: r.rms)
 
 
-def _fit(model: Model, cases: Sequence[Case], start: Mapping[str, float]) -> Result:
+def _fit(model: TubeModel, cases: Sequence[Case], start: Mapping[str, float]) -> TubeModelResult:
     share = surface_share(cases[0].volume)
     trials = [c.trial(model.element, model.heat) for c in cases]
     first = {path: value * share if path == HEAT else value for path, value in start.items()}
     found = fit_circuit(trials, model.free, start=first, step=STEP)
-    return Result(
-        model=model.key, accumulator=cases[0].accumulator, fitted=True, vessel=_vessel(model.heat),
+    return TubeModelResult(
+        model=model.key,
+        accumulator=cases[0].accumulator,
+        fitted=True,
+        vessel=_vessel(model.heat),
         parameters={path.rpartition(".")[2]: e for path, e in found.parameters.items()},
         changes={path: value / share if path == HEAT else value for path, value in found.changes.items()},
         comparisons=tuple(compare(c, found.predicted[t.name][CHANNEL]) for c, t in zip(cases, trials, strict=True)),
         warnings=found.warnings if found.converged else (*found.warnings, f"not converged: {found.message}"),
-    )  # fmt: skip
+    )
 
 
-def transferred(model: Model, known: Result, cases: Sequence[Case]) -> Result:
+def transferred(model: TubeModel, known: TubeModelResult, cases: Sequence[Case]) -> TubeModelResult:
     """The same parameters on other records, nothing refitted."""
     heat = WallHeat(conductance=0.0) if known.vessel == "wall_heat" else Isothermal()
     return replace(_judged(model, heat, cases, known.changes), parameters=known.parameters)
 
 
-def _judged(model: Model, heat: HeatModel, cases: Sequence[Case], changes: Mapping[str, float]) -> Result:
+def _judged(model: TubeModel, heat: HeatModel, cases: Sequence[Case], changes: Mapping[str, float]) -> TubeModelResult:
     comparisons = tuple(compare(c, predict(model, heat, c, changes)) for c in cases)
-    return Result(model.key, cases[0].accumulator, False, _vessel(heat), {}, dict(changes), comparisons)
+    return TubeModelResult(model.key, cases[0].accumulator, False, _vessel(heat), {}, dict(changes), comparisons)
 
 
-def predict(model: Model, heat: HeatModel, case: Case, changes: Mapping[str, float]) -> np.ndarray:
+def predict(model: TubeModel, heat: HeatModel, case: Case, changes: Mapping[str, float]) -> np.ndarray:
     """Pressure in the vessel [Pa]; a conductance in `changes` is that of the large accumulator."""
     share = surface_share(case.volume)
     own = {path: value * share if path == HEAT else value for path, value in changes.items()}
     return np.asarray(case.trial(model.element, heat).run(own, step=STEP).outputs[CHANNEL])
 
 
-def compare(case: Case, predicted: np.ndarray) -> Comparison:
+def compare(case: Case, predicted: np.ndarray) -> RecordError:
     """Error and lead of a prediction."""
     rms = float(np.sqrt(np.mean((predicted - case.vessel) ** 2)))
     lead = time_lead(predicted, case.vessel, period=PERIOD, longest=LONGEST_LEAD).time
-    return Comparison(case.record.name, rms, lead, predicted)
+    return RecordError(case.record.name, rms, lead, predicted)
 
 
 def _vessel(heat: Any) -> str:

@@ -28,9 +28,9 @@ from .tube_models import (
     THERMALS,
     TOP,
     Case,
-    Model,
     Record,
-    Result,
+    TubeModel,
+    TubeModelResult,
     capacity,
     fitted,
     models,
@@ -53,7 +53,7 @@ class TubeStudy:
 
     records: tuple[Record, ...]
     cases: dict[tuple[str, str], tuple[Case, ...]]
-    results: dict[str, tuple[Result, ...]]
+    results: dict[str, tuple[TubeModelResult, ...]]
     hottest: dict[tuple[str, str], float] = field(default_factory=dict)
     cost: Cost | None = None
 
@@ -62,7 +62,7 @@ class TubeStudy:
         """The references, in order."""
         return tuple(self.results)
 
-    def result(self, thermal: str, model: str, accumulator: str, *, refitted: bool = False) -> Result:
+    def result(self, thermal: str, model: str, accumulator: str, *, refitted: bool = False) -> TubeModelResult:
         """A model's result on an accumulator; on the small one transferred, unless the refitted one is asked for.
 
         Raises:
@@ -124,7 +124,7 @@ def _tell_at(tell: Progress, thermal: str, words: str) -> None:
     tell(f"{thermal}: {words}")
 
 
-def _chosen(keys: Sequence[str] | None) -> dict[str, Model]:
+def _chosen(keys: Sequence[str] | None) -> dict[str, TubeModel]:
     known = models()
     return known if keys is None else {k: known[k] for k in keys}
 
@@ -140,9 +140,11 @@ def _answers(some: Sequence[Record], accumulator: str, thermal: str, tell: Progr
     return tuple(found), hottest
 
 
-def _results(chosen: dict[str, Model], large: Sequence[Case], small: Sequence[Case], tell: Progress) -> list[Result]:
+def _results(
+    chosen: dict[str, TubeModel], large: Sequence[Case], small: Sequence[Case], tell: Progress
+) -> list[TubeModelResult]:
     """Every model fitted on the large accumulator and taken to the small one; some fitted there as well."""
-    out: list[Result] = []
+    out: list[TubeModelResult] = []
     for key, model in chosen.items():
         tell(model.title)
         first = fitted(model, large)
@@ -174,7 +176,7 @@ class Cost(NamedTuple):
     steps: int
 
 
-def measure_cost(case: Case, known: Mapping[str, Result]) -> Cost:
+def measure_cost(case: Case, known: Mapping[str, TubeModelResult]) -> Cost:
     """Time the inertial and the improved model on one record at the default step, in turns.
 
     Args:
@@ -252,18 +254,30 @@ class Claim(NamedTuple):
 def claims(study: TubeStudy) -> list[Claim]:
     """All that this study can judge, the paper's first."""
     every: list[tuple[str, str, tuple[str, ...], Callable[[TubeStudy, str], tuple[str, Numbers]]]] = [
-        ("the linear model rises too fast while the pressure is low and too slowly while it is high", "paper",
-         ("linear",), _linear),
+        (
+            "the linear model rises too fast while the pressure is low and too slowly while it is high",
+            "paper",
+            ("linear",),
+            _linear,
+        ),
         ("the quadratic model is better than the linear one", "paper", ("linear", "quadratic"), _quadratic),
         ("the quadratic model's parameters move a lot between the accumulators", "paper", ("quadratic",), _moves),
-        ("with inertance the parameters can be kept: as good on the small accumulator as a refitted quadratic model",
-         "paper", ("quadratic", "inertial"), _transfers),
+        (
+            "with inertance the parameters can be kept: as good on the small accumulator as a refitted quadratic model",
+            "paper",
+            ("quadratic", "inertial"),
+            _transfers,
+        ),
         ("the quadratic model leads, and inertance takes the lead away", "paper", ("quadratic", "inertial"), _lead),
         ("R1 is hardly identifiable from such records", "erratum", ("quadratic", "inertial"), _identified),
         ("the improved model is within 0.06 bar rms, fitted and transferred", "target", ("lumped",), _accurate),
-        ("the improved model is 1.5 times as good as the inertial one on transfer", "target",
-         ("lumped", "inertial"), _improved),
-    ]  # fmt: skip
+        (
+            "the improved model is 1.5 times as good as the inertial one on transfer",
+            "target",
+            ("lumped", "inertial"),
+            _improved,
+        ),
+    ]
     found = []
     for text, source, needed, judge in every:
         if all(study.has(key) for key in needed):

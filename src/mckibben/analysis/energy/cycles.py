@@ -344,9 +344,10 @@ def check_threads(spec: Specimen, length: float, *, field: str = "stretched_leng
             threads = group["thread_length"].si("m", field="thread_length", where=spec.where)
             if isinstance(threads, float) and length >= threads:
                 raise InputError(
-                    field, shown or with_unit(length, "m"),
+                    field,
+                    shown or with_unit(length, "m"),
                     f"allowed is below {with_unit(threads, 'm')}, the length of its threads",
-                )  # fmt: skip
+                )
 
 
 def coulomb_friction(spec: Specimen) -> float:

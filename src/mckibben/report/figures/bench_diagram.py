@@ -19,7 +19,7 @@ from ...quantities import with_unit
 from . import style
 from .circuit_diagram import draw_mark, draw_text
 from .circuit_labels import Text, Words, stacked
-from .circuit_symbols import Mark, Point, arrow, dot, line, muscle, rectangle, source, tube
+from .circuit_symbols import Point, Stroke, arrow, dot, line, muscle, rectangle, source, tube
 from .style import COLOURS, INK, INK_3, NORMAL, PANEL, SMALL, SUNKEN
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class _Drawing:
 
     def __init__(self, rig: Rig, layout: str) -> None:
         self.rig, self.layout, self.plumbing = rig, layout, rig.plumbing[layout]
-        self.marks: list[Mark] = []
+        self.marks: list[Stroke] = []
         self.texts: list[Text] = []
 
     # ---- rows
@@ -229,7 +229,7 @@ class _Drawing:
         path = f"{table or f'plumbing.{self.layout}'}.{key}"
         return words + ("*" if any(path == p or path.startswith(f"{p}.") for p in self.rig.inferred) else "")
 
-    def put(self, marks: Iterable[Mark], x: float, y: float) -> None:
+    def put(self, marks: Iterable[Stroke], x: float, y: float) -> None:
         """A symbol at its place."""
         self.marks += [m.placed(x, y) for m in marks]
 

@@ -14,8 +14,8 @@ from ...pneumatics.circuit import Circuit
 from ...pneumatics.volume import Reservoir
 from . import style
 from .circuit_labels import Text, Words, ambient, element_words, is_atmosphere, node_words, stacked
-from .circuit_layout import Cell, Net, Wiring, arrange, element_cell, node_cell, wiring
-from .circuit_symbols import Box, Mark, Point
+from .circuit_layout import DiagramWiring, Net, SymbolCell, arrange, element_cell, node_cell, wiring
+from .circuit_symbols import Box, Point, Stroke
 from .style import COLOURS, INK, LINE
 
 if TYPE_CHECKING:
@@ -27,25 +27,25 @@ MARGIN = 18.0
 TITLE = 12.0
 
 
-class Plan(NamedTuple):
+class DiagramPlan(NamedTuple):
     """A diagram before it is drawn: all strokes, texts and lines at their places [pt], and what fills which rectangle."""
 
     box: Box
     symbols: dict[str, Box]
     triangles: tuple[Box, ...]
     texts: tuple[Text, ...]
-    marks: tuple[Mark, ...]
+    marks: tuple[Stroke, ...]
     nets: dict[str, Net]
 
 
 def plan(
     circuit: Circuit, *, pressures: Mapping[str, float] | None = None, subtitles: Mapping[str, str] | None = None
-) -> Plan:
+) -> DiagramPlan:
     """Lay a circuit out; arguments as for `draw`."""
     pressures, subtitles = pressures or {}, subtitles or {}
     _check(circuit, pressures, subtitles)
     wires = _wires(circuit)
-    cells: dict[tuple[str, str], Cell] = {}
+    cells: dict[tuple[str, str], SymbolCell] = {}
     for name in wires.order:
         words = node_words(name, circuit, pressures, subtitles)
         cells["node", name] = node_cell(circuit.nodes[name], words, leads_on=bool(wires.leaving(name)))
@@ -61,7 +61,7 @@ def plan(
         marks += [m.placed(x, y) for m in cell.marks]
         texts += [t.moved(x, y) for t in cell.texts]
         triangles += [b.moved(x, y) for b in cell.triangles]
-    return Plan(grid.box, symbols, tuple(triangles), tuple(texts), tuple(marks), grid.nets)
+    return DiagramPlan(grid.box, symbols, tuple(triangles), tuple(texts), tuple(marks), grid.nets)
 
 
 @style.styled()
@@ -114,7 +114,7 @@ def _check(circuit: Circuit, pressures: Mapping[str, float], subtitles: Mapping[
             raise InputError("subtitles", name, f"no such part; known are {known}", where="circuit")
 
 
-def _wires(circuit: Circuit) -> Wiring:
+def _wires(circuit: Circuit) -> DiagramWiring:
     nodes = [name for name, node in circuit.nodes.items() if not is_atmosphere(node)]
     supplies = [name for name in nodes if isinstance(circuit.nodes[name], Reservoir)]
     ends = {e: tuple(n for n in found if n in nodes) for e, (found, _) in circuit.ends.items()}
@@ -155,12 +155,12 @@ def _draw_net(ax: Axes, net: Net, strength: float | None) -> None:
     if not points:
         return
     width = LINE if strength is None else 1.8 * LINE
-    draw_mark(ax, Mark(Path(points, codes), width=width, colour=colour), alpha=strength, order=1.0)
+    draw_mark(ax, Stroke(Path(points, codes), width=width, colour=colour), alpha=strength, order=1.0)
     for x, y in net.dots:
-        draw_mark(ax, Mark(Path.circle((x, y), 2.6), fill=INK, width=0.0, colour=INK), order=1.5)
+        draw_mark(ax, Stroke(Path.circle((x, y), 2.6), fill=INK, width=0.0, colour=INK), order=1.5)
 
 
-def draw_mark(ax: Axes, mark: Mark, *, alpha: float | None = None, order: float = 2.0) -> None:
+def draw_mark(ax: Axes, mark: Stroke, *, alpha: float | None = None, order: float = 2.0) -> None:
     """One stroke on axes whose unit is the point."""
     from matplotlib.patches import PathPatch
 

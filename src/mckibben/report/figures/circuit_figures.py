@@ -27,7 +27,7 @@ WIDTH = 8.4  # [inch]
 POINTS = 4000  # per line; more than a page can show
 
 
-class Panel(NamedTuple):
+class CircuitPanel(NamedTuple):
     """One pair of axes: what it shows, in which unit, in whose colour."""
 
     title: str
@@ -77,7 +77,7 @@ def _note(recording: Recording) -> str:
     return text if recording.meta.get("result", "done") == "done" else f"{recording.meta.get('message', '')} {text}"
 
 
-def _panels(recording: Recording) -> list[Panel]:
+def _panels(recording: Recording) -> list[CircuitPanel]:
     names = recording.names()
     units = {n: recording.unit(n) for n in names}
     fixed = recording.names("command")
@@ -89,11 +89,11 @@ def _panels(recording: Recording) -> list[Panel]:
     flows = [n for n in names if n.endswith(".mass_flow")]
     openings = [n for n in names if n.endswith(("opening", ".position", ".running")) and n not in fixed]
     panels = [
-        Panel("Pressure, bar", "pressure", "bar", "Pa", [*_moving(recording, pressures), *wanted]),
-        Panel("Mass flow, g/s", "flow", "g/s", "kg/s", _moving(recording, flows)),
-        Panel("Tension, N", "tension", "N", "N", [n for n in names if n.endswith(".tension")]),
-        Panel("Length, cm", "length", "cm", "m", lengths),
-        Panel(
+        CircuitPanel("Pressure, bar", "pressure", "bar", "Pa", [*_moving(recording, pressures), *wanted]),
+        CircuitPanel("Mass flow, g/s", "flow", "g/s", "kg/s", _moving(recording, flows)),
+        CircuitPanel("Tension, N", "tension", "N", "N", [n for n in names if n.endswith(".tension")]),
+        CircuitPanel("Length, cm", "length", "cm", "m", lengths),
+        CircuitPanel(
             "Command and opening",
             "valve",
             "1",
@@ -109,7 +109,7 @@ def _moving(recording: Recording, names: list[str]) -> list[str]:
     return [n for n in names if np.nanmax(np.abs(recording[n]), initial=0.0) > 0.0]
 
 
-def _draw(ax: Axes, recording: Recording, panel: Panel, *, last: bool) -> None:
+def _draw(ax: Axes, recording: Recording, panel: CircuitPanel, *, last: bool) -> None:
     scale = from_si(1.0, panel.si_unit, panel.unit)
     time = recording.time
     opacities = style.graded(len(panel.names), 0.4)[::-1]
@@ -138,9 +138,15 @@ def _draw(ax: Axes, recording: Recording, panel: Panel, *, last: bool) -> None:
         ax.tick_params(labelbottom=False)
     # A key and not labels at the ends: pressures that were different have become equal there.
     ax.legend(
-        loc="upper left", bbox_to_anchor=(1.005, 1.06), frameon=False, fontsize=style.SMALL, handlelength=2.8,
-        labelcolor=style.colour(panel.quantity), labelspacing=0.35, borderpad=0.2,
-    )  # fmt: skip
+        loc="upper left",
+        bbox_to_anchor=(1.005, 1.06),
+        frameon=False,
+        fontsize=style.SMALL,
+        handlelength=2.8,
+        labelcolor=style.colour(panel.quantity),
+        labelspacing=0.35,
+        borderpad=0.2,
+    )
 
 
 def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -280,9 +286,16 @@ def _key(ax: Axes, channels: Sequence[str], *, grey: bool) -> None:
     if grey:
         handles.append(Patch(fc=SUNKEN, ec=RULE, lw=style.HAIR, label="not seen by the fit"))
     ax.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.03), frameon=False, fontsize=SMALL, handlelength=2.8,
-        labelcolor=colours[: len(handles)], labelspacing=0.35, borderpad=0.2,
-    )  # fmt: skip
+        handles=handles,
+        loc="upper left",
+        bbox_to_anchor=(1.01, 1.03),
+        frameon=False,
+        fontsize=SMALL,
+        handlelength=2.8,
+        labelcolor=colours[: len(handles)],
+        labelspacing=0.35,
+        borderpad=0.2,
+    )
 
 
 def _fitted(found: CircuitFit, trial: Trial) -> bool:

@@ -13,8 +13,8 @@ from .circuit_symbols import (
     SYMBOLS,
     THIN,
     Box,
-    Mark,
     Point,
+    Stroke,
     Symbol,
     around,
     exhaust,
@@ -40,10 +40,10 @@ class Route(NamedTuple):
     route: tuple[Point, ...]
 
 
-class Cell(NamedTuple):
+class SymbolCell(NamedTuple):
     """What stands at one place of the diagram, around the origin on its line [pt]."""
 
-    marks: tuple[Mark, ...]
+    marks: tuple[Stroke, ...]
     symbol: Box
     triangles: tuple[Box, ...]
     texts: tuple[Text, ...]
@@ -75,7 +75,7 @@ def _suits(symbol: str, ports: Sequence[str]) -> bool:
     return len(ports) == 2
 
 
-def node_cell(node: Any, words: list[Words], *, leads_on: bool) -> Cell:
+def node_cell(node: Any, words: list[Words], *, leads_on: bool) -> SymbolCell:
     """The cell of a node, its dot or the tip of its triangle at the origin."""
     if isinstance(node, Reservoir):
         symbol = source()
@@ -83,7 +83,7 @@ def node_cell(node: Any, words: list[Words], *, leads_on: bool) -> Cell:
         marks = list(symbol.marks)
         if node.signal is not None:
             marks, texts = _command(marks, texts, node.signal, (-16.0, 8.4), COLOURS["pressure"])
-        return Cell(tuple(marks), symbol.box, (), tuple(texts), ())
+        return SymbolCell(tuple(marks), symbol.box, (), tuple(texts), ())
     if isinstance(node, MovingVolume):
         symbol = muscle(braid_angle(node), hanging=leads_on)
         middle = (symbol.top[0] + (8.0 if leads_on else 12.0)) / 2.0
@@ -94,17 +94,17 @@ def node_cell(node: Any, words: list[Words], *, leads_on: bool) -> Cell:
             marks.append(line((x, y), (x + 16.0, y), width=THIN, dash=DASH, colour=COLOURS["length"]))
             label = Words(node.signal, SMALL, False, COLOURS["length"])
             texts += stacked([label], x + 19.0, y + 0.62 * SMALL, "left")
-        return Cell(tuple(marks), symbol.box, (), tuple(texts), ())
+        return SymbolCell(tuple(marks), symbol.box, (), tuple(texts), ())
     symbol = tank(float(node.size)) if isinstance(node, FixedVolume) else tank(1e-5)
     high = 1.3 * sum(w.size for w in words)
     top = max((symbol.box.y0 - 10.0 + high) / 2.0, symbol.box.y0 + high)
     texts = stacked(words, 14.0, min(top, -7.0), "left")
-    return Cell(symbol.marks, symbol.box, (), tuple(texts), ())
+    return SymbolCell(symbol.marks, symbol.box, (), tuple(texts), ())
 
 
 def element_cell(
     element: FlowElement, words: list[Words], ends: Sequence[str], sides: Sequence[int], command: str | None
-) -> Cell:
+) -> SymbolCell:
     """The cell of an element.
 
     Args:
@@ -131,7 +131,7 @@ def element_cell(
         texts += stacked([Words(inside, SMALL, False, INK)], 0.0, 0.62 * SMALL, "center")
     if command is not None:
         marks, texts = _command(marks, texts, command, symbol.top, COLOURS["valve"])
-    return Cell(tuple(marks), symbol.box, tuple(triangles), tuple(texts), tuple(ports))
+    return SymbolCell(tuple(marks), symbol.box, tuple(triangles), tuple(texts), tuple(ports))
 
 
 def _along(points: Sequence[Point]) -> Box:
@@ -156,7 +156,7 @@ def _routes(symbol: Symbol, ends: Sequence[str], sides: Sequence[int]) -> tuple[
 
 
 def _outside(
-    symbol: Symbol, free: Sequence[int], inward: set[int], ends: Sequence[str], low: float, marks: list[Mark]
+    symbol: Symbol, free: Sequence[int], inward: set[int], ends: Sequence[str], low: float, marks: list[Stroke]
 ) -> tuple[list[Box], list[Text]]:
     """The triangles of ports to the air outside, with its name, beside the symbol and below its ports."""
     boxes: list[Box] = []
@@ -181,7 +181,9 @@ def _outside(
     return boxes, texts
 
 
-def _command(marks: list[Mark], texts: list[Text], name: str, top: Point, colour: str) -> tuple[list[Mark], list[Text]]:
+def _command(
+    marks: list[Stroke], texts: list[Text], name: str, top: Point, colour: str
+) -> tuple[list[Stroke], list[Text]]:
     """Add a dashed line up from a symbol to the name of its signal."""
     x, y = top
     dashed = line((x, y), (x, y + 15.0), width=THIN, dash=DASH, colour=colour)
@@ -192,7 +194,7 @@ def _command(marks: list[Mark], texts: list[Text], name: str, top: Point, colour
 GAP, CHANNEL, TRACK = 16.0, 18.0, 11.0
 
 
-class Wiring(NamedTuple):
+class DiagramWiring(NamedTuple):
     """A circuit as the layout sees it, without the air outside: the nodes left and right of each element."""
 
     order: tuple[str, ...]  # of the nodes, supplies first
@@ -211,7 +213,7 @@ class Wiring(NamedTuple):
 
 def wiring(
     supplies: Sequence[str], nodes: Sequence[str], ends: Mapping[str, tuple[str, ...]], starts: set[str]
-) -> Wiring:
+) -> DiagramWiring:
     """Order the nodes by their distance from a supply, and turn every element from the earlier to the later.
 
     Args:
@@ -239,10 +241,10 @@ def wiring(
         left[name] = tuple(dict.fromkeys(sources))
         right[name] = tuple(n for n in dict.fromkeys(found) if n not in sources)
     # Supplies are in order from the start, so that whatever they feed comes after all of them.
-    return Wiring(tuple([*supplies, *(n for n in order if n not in supplies)]), left, right)
+    return DiagramWiring(tuple([*supplies, *(n for n in order if n not in supplies)]), left, right)
 
 
-def columns(wires: Wiring) -> dict[tuple[str, str], int]:
+def columns(wires: DiagramWiring) -> dict[tuple[str, str], int]:
     """The column of each node ("node", name) and element ("element", name): one after the last that feeds it."""
     found: dict[tuple[str, str], int] = {}
     for node in wires.order:
@@ -258,7 +260,9 @@ def columns(wires: Wiring) -> dict[tuple[str, str], int]:
 class _Board:
     """Which cells of the grid are taken, and by which node's line the ends of rows may be met."""
 
-    def __init__(self, wires: Wiring, column: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], Cell]):
+    def __init__(
+        self, wires: DiagramWiring, column: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], SymbolCell]
+    ):
         self.wires, self.column, self.cells = wires, column, cells
         self.rows: dict[tuple[str, str], int] = {}
         self.taken: set[tuple[int, int]] = set()
@@ -307,7 +311,7 @@ class _Board:
 
 
 def rows(
-    wires: Wiring, column: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], Cell]
+    wires: DiagramWiring, column: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], SymbolCell]
 ) -> dict[tuple[str, str], int]:
     """The row of each node and element: a branch goes straight on, further branches go below."""
     board = _Board(wires, column, cells)
@@ -336,7 +340,7 @@ class Net(NamedTuple):
     dots: tuple[Point, ...]
 
 
-class Grid(NamedTuple):
+class DiagramGrid(NamedTuple):
     """Where every cell's origin lies, the lines of every node, and the rectangle around all."""
 
     at: dict[tuple[str, str], Point]
@@ -354,7 +358,7 @@ class _Bus(NamedTuple):
     high: float
 
 
-def arrange(wires: Wiring, cells: Mapping[tuple[str, str], Cell]) -> Grid:
+def arrange(wires: DiagramWiring, cells: Mapping[tuple[str, str], SymbolCell]) -> DiagramGrid:
     """Place all cells and run all lines."""
     column = columns(wires)
     row = rows(wires, column, cells)
@@ -375,16 +379,18 @@ def arrange(wires: Wiring, cells: Mapping[tuple[str, str], Cell]) -> Grid:
         nets[node] = Net(tuple(lines), tuple(dots))
     low, high = min(y.values()) - _most(cells, row, max(row.values()), -1), _most(cells, row, 0, 1)
     right = max(x[column[key]] + cells[key].box.x1 for key in column)
-    return Grid(at, nets, Box(0.0, low, right, y[0] + high))
+    return DiagramGrid(at, nets, Box(0.0, low, right, y[0] + high))
 
 
-def _most(cells: Mapping[tuple[str, str], Cell], row: Mapping[tuple[str, str], int], which: int, sign: int) -> float:
+def _most(
+    cells: Mapping[tuple[str, str], SymbolCell], row: Mapping[tuple[str, str], int], which: int, sign: int
+) -> float:
     """How far the cells of a row reach up (1) or down (-1) from its line."""
     found = [cells[key].box for key, r in row.items() if r == which]
     return max(b.y1 if sign > 0 else -b.y0 for b in found)
 
 
-def _heights(row: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], Cell]) -> dict[int, float]:
+def _heights(row: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], SymbolCell]) -> dict[int, float]:
     """The height of each row's line, the first at 0."""
     found = {0: 0.0}
     for r in range(1, max(row.values()) + 1):
@@ -392,7 +398,9 @@ def _heights(row: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str],
     return found
 
 
-def _buses(wires: Wiring, cells: Mapping[tuple[str, str], Cell], height: Mapping[tuple[str, str], float]) -> list[_Bus]:
+def _buses(
+    wires: DiagramWiring, cells: Mapping[tuple[str, str], SymbolCell], height: Mapping[tuple[str, str], float]
+) -> list[_Bus]:
     found = []
     for node in wires.order:
         for side, elements in ((-1, wires.arriving(node)), (1, wires.leaving(node))):
@@ -427,7 +435,7 @@ def _tracks(buses: Sequence[_Bus], column: Mapping[tuple[str, str], int]) -> dic
 
 def _widths(
     column: Mapping[tuple[str, str], int],
-    cells: Mapping[tuple[str, str], Cell],
+    cells: Mapping[tuple[str, str], SymbolCell],
     tracks: Mapping[tuple[str, int], tuple[int, int]],
 ) -> tuple[dict[int, float], dict[int, float]]:
     """The place of each column's origin, and of the first track right of it."""
@@ -447,7 +455,7 @@ def _widths(
 def _run(
     bus: _Bus,
     at: Mapping[tuple[str, str], Point],
-    cells: Mapping[tuple[str, str], Cell],
+    cells: Mapping[tuple[str, str], SymbolCell],
     place: float | None,
     lines: list[tuple[Point, ...]],
     dots: list[Point],

@@ -46,7 +46,7 @@ def around(boxes: Iterable[Box]) -> Box:
     return Box(*map(float, (*found[:, :2].min(axis=0), *found[:, 2:].max(axis=0))))
 
 
-class Mark(NamedTuple):
+class Stroke(NamedTuple):
     """One stroke: its path, fill, width [pt], dash in line widths, and what it is drawn over."""
 
     path: Path
@@ -55,7 +55,7 @@ class Mark(NamedTuple):
     colour: str = INK
     dash: tuple[float, ...] = ()
 
-    def placed(self, x: float, y: float, *, mirrored: bool = False) -> Mark:
+    def placed(self, x: float, y: float, *, mirrored: bool = False) -> Stroke:
         """The same at another place, left and right exchanged where asked."""
         sign = -1.0 if mirrored else 1.0
         return self._replace(path=_path(np.asarray(self.path.vertices, float) * [sign, 1.0] + [x, y], self.path.codes))
@@ -72,7 +72,7 @@ class Port(NamedTuple):
 class Symbol(NamedTuple):
     """Strokes, the rectangle around them, a port for each of the part's in its order, and where a command arrives."""
 
-    marks: tuple[Mark, ...]
+    marks: tuple[Stroke, ...]
     box: Box
     ports: tuple[Port, ...]
     top: Point
@@ -98,29 +98,29 @@ def _path(vertices: Any, codes: Any = None, *, closed: bool = False) -> Path:
     return Path(vertices, codes, closed=closed)
 
 
-def line(*points: Point, width: float = LINE, dash: tuple[float, ...] = (), colour: str = INK) -> Mark:
+def line(*points: Point, width: float = LINE, dash: tuple[float, ...] = (), colour: str = INK) -> Stroke:
     """An open line through points."""
-    return Mark(_path(list(points)), width=width, dash=dash, colour=colour)
+    return Stroke(_path(list(points)), width=width, dash=dash, colour=colour)
 
 
-def shape(*points: Point, fill: str = PANEL, width: float = LINE) -> Mark:
+def shape(*points: Point, fill: str = PANEL, width: float = LINE) -> Stroke:
     """A closed polygon."""
-    return Mark(_path([*points, points[0]], closed=True), fill, width)
+    return Stroke(_path([*points, points[0]], closed=True), fill, width)
 
 
-def circle(x: float, y: float, radius: float, fill: str = PANEL) -> Mark:
+def circle(x: float, y: float, radius: float, fill: str = PANEL) -> Stroke:
     """A circle."""
     from matplotlib.path import Path
 
-    return Mark(Path.circle((x, y), radius), fill)
+    return Stroke(Path.circle((x, y), radius), fill)
 
 
-def rectangle(x0: float, y0: float, x1: float, y1: float, fill: str = PANEL) -> Mark:
+def rectangle(x0: float, y0: float, x1: float, y1: float, fill: str = PANEL) -> Stroke:
     """A rectangle."""
     return shape((x0, y0), (x1, y0), (x1, y1), (x0, y1), fill=fill)
 
 
-def arrow(start: Point, end: Point, width: float = THIN) -> list[Mark]:
+def arrow(start: Point, end: Point, width: float = THIN) -> list[Stroke]:
     """A line with a filled head at its end."""
     angle = math.atan2(end[1] - start[1], end[0] - start[0])
 
@@ -133,14 +133,14 @@ def arrow(start: Point, end: Point, width: float = THIN) -> list[Mark]:
     return [line(start, back(4.0, 0.0), width=width), shape(end, back(5.5, 2.2), back(5.5, -2.2), fill=INK, width=0.4)]
 
 
-def spring(x: float, y: float, height: float, width: float = 8.0) -> Mark:
+def spring(x: float, y: float, height: float, width: float = 8.0) -> Stroke:
     """A zigzag that stands on (x, y)."""
     turns = 5
     rows = [(x + (width / 2 if i % 2 else -width / 2), y + height * (i + 0.5) / turns) for i in range(turns)]
     return line((x, y), *rows, (x, y + height), width=THIN)
 
 
-def exhaust(x: float, y: float) -> list[Mark]:
+def exhaust(x: float, y: float) -> list[Stroke]:
     """The open triangle of a port to free air that points down from (x, y); 9 pt high."""
     return [shape((x - 6.0, y), (x + 6.0, y), (x, y - 9.0))]
 
@@ -154,7 +154,7 @@ def source() -> Symbol:
     return Symbol(marks, Box(-21.0, -12.0, 0.0, 12.0), (Port(0.0, 0.0, 1),), (-20.0, 10.5))
 
 
-def dot() -> Mark:
+def dot() -> Stroke:
     """The filled dot of a junction."""
     return circle(0.0, 0.0, 2.6, fill=INK)
 
@@ -176,7 +176,7 @@ def tank(volume: float) -> Symbol:
         (-r, lower),
     ]
     codes = [MOVETO, LINETO, *[CURVE4] * 6, LINETO, *[CURVE4] * 6, CLOSEPOLY]
-    body = Mark(_path([*vertices, vertices[0]], codes), PANEL)
+    body = Stroke(_path([*vertices, vertices[0]], codes), PANEL)
     return Symbol(
         (line((0.0, 0.0), (0.0, top)), body, dot()), Box(-9.0, top - size - 1.0, 9.0, 3.5), _ends(0.0), (0.0, 3.5)
     )
@@ -198,7 +198,7 @@ def muscle(angle: float | None, *, hanging: bool) -> Symbol:
     outline += [(left + a, y - b) for a, b in zip(xs[::-1], bulge[::-1], strict=True)]
     marks = [line((0.0, 0.0), (0.0, y), (x, y)), shape(*outline, fill=SUNKEN)]
     if angle is not None:
-        marks += [Mark(thread, width=0.45) for thread in _threads(left, y, long, half, angle)]
+        marks += [Stroke(thread, width=0.45) for thread in _threads(left, y, long, half, angle)]
     for end in (x, left + long):
         marks.append(rectangle(end, y - 5.0, end + ends, y + 5.0))
         marks += [line((end + i * ends / 4, y - 5.0), (end + i * ends / 4, y + 5.0), width=THIN) for i in (1, 2, 3)]
@@ -243,7 +243,7 @@ def _ends(x: float) -> tuple[Port, Port]:
 def restriction(ports: Sequence[str], driven: bool) -> Symbol:
     """Two arcs that narrow a line; an arrow across where a command opens it."""
     arcs = [
-        Mark(_path([(-11.0, s * 9.5), (-5.0, s * 1.2), (5.0, s * 1.2), (11.0, s * 9.5)], _CURVE)) for s in (1.0, -1.0)
+        Stroke(_path([(-11.0, s * 9.5), (-5.0, s * 1.2), (5.0, s * 1.2), (11.0, s * 9.5)], _CURVE)) for s in (1.0, -1.0)
     ]
     marks = [line((-14.0, 0.0), (14.0, 0.0)), *arcs]
     if driven:
@@ -265,7 +265,7 @@ def leak(ports: Sequence[str], driven: bool) -> Symbol:
         tip, r = (x, y), 2.6 * s
         vertices = [tip, (x + r, y - 4 * s), (x + r * 1.3, y - 8 * s), (x, y - 8 * s)]
         vertices += [(x - r * 1.3, y - 8 * s), (x - r, y - 4 * s), tip]
-        drops.append(Mark(_path(vertices, [MOVETO, *[CURVE4] * 6]), INK, 0.5))
+        drops.append(Stroke(_path(vertices, [MOVETO, *[CURVE4] * 6]), INK, 0.5))
     return plain._replace(marks=(*plain.marks, *drops), box=plain.box._replace(y0=-21.0))
 
 
@@ -344,7 +344,7 @@ def regulator(ports: Sequence[str], driven: bool) -> Symbol:
 
 def quick_exhaust(ports: Sequence[str], driven: bool) -> Symbol:
     """A ball between the seats of inlet and exhaust, the outlet from between them: inlet left, exhaust below."""
-    marks = [Mark(rectangle(-19.0, -17.0, 19.0, 13.0).path, PANEL, THIN, dash=(5.0, 2.0, 1.0, 2.0))]
+    marks = [Stroke(rectangle(-19.0, -17.0, 19.0, 13.0).path, PANEL, THIN, dash=(5.0, 2.0, 1.0, 2.0))]
     marks += [line((-19.0, 0.0), (-9.0, 0.0)), line((-3.0, 7.0), (-9.0, 0.0), (-3.0, -7.0)), circle(-3.0, 0.0, 3.9)]
     marks += [line((0.0, 4.0), (0.0, 10.0), (14.0, 10.0), (14.0, 0.0), (19.0, 0.0))]
     marks += [line((3.0, 7.0), (9.0, 0.0), (3.0, -7.0)), line((9.0, 0.0), (9.0, -11.0), (19.0, -11.0))]
@@ -373,7 +373,7 @@ def _valve(ports: Sequence[str], *, positions: int, proportional: bool) -> Symbo
         kinds = ["fill", "closed"]
     rest = 1 if len(kinds) == 3 else 0  # boxes below the one that the lines meet
     bottom = low - high * rest
-    marks: list[Mark] = []
+    marks: list[Stroke] = []
     for i, kind in enumerate(reversed(kinds)):
         marks.append(rectangle(-wide, bottom + i * high, wide, bottom + (i + 1) * high))
         marks += _inside(kind, wide, (i - rest) * high, role)
@@ -395,12 +395,12 @@ def _valve(ports: Sequence[str], *, positions: int, proportional: bool) -> Symbo
     return Symbol(tuple(marks), box, tuple(p for _, p in sorted(at)), (0.0, top + 9.0))
 
 
-def _inside(kind: str, wide: float, y: float, role: Sequence[str]) -> list[Mark]:
+def _inside(kind: str, wide: float, y: float, role: Sequence[str]) -> list[Stroke]:
     """What a position joins, drawn into its box."""
     left = [y - LEVEL * i for i in range(role.count("in") + role.count("exhaust"))]
     right = [y - LEVEL * i for i in range(role.count("out"))]
     open_left, open_right = set(left), set(right)
-    marks: list[Mark] = []
+    marks: list[Stroke] = []
 
     def join(start: Point, end: Point) -> None:
         marks.extend(arrow(start, end))

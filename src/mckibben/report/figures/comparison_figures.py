@@ -71,9 +71,10 @@ class _Line:
     def __init__(self, letter: str, dash: Any, biological: bool) -> None:
         self.letter, self.biological = letter, biological
         self.style: dict[str, Any] = {
-            "color": INK if biological else COLOURS["tension"], "ls": dash,
+            "color": INK if biological else COLOURS["tension"],
+            "ls": dash,
             "lw": style.LINE if biological else style.HEAVY,
-        }  # fmt: skip
+        }
 
 
 def _lines(muscles: Sequence[Trials]) -> list[_Line]:
@@ -146,10 +147,18 @@ def _letters(ax: Axes, ends: Sequence[tuple[np.ndarray, np.ndarray, _Line]]) -> 
         if len(marks) == 1 and len(ends) > 1:  # all lines end here: letters would tell nothing
             return
         ax.annotate(
-            letters, (across, up), xycoords="axes fraction", xytext=(4, 0), textcoords="offset points", va="center",
-            fontsize=style.SMALL, fontweight="bold", color=style.colour(None if biological else "tension"),
-            annotation_clip=False, bbox={"boxstyle": "round,pad=0.1", "fc": style.PANEL, "ec": "none", "alpha": 0.8},
-        )  # fmt: skip
+            letters,
+            (across, up),
+            xycoords="axes fraction",
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=style.SMALL,
+            fontweight="bold",
+            color=style.colour(None if biological else "tension"),
+            annotation_clip=False,
+            bbox={"boxstyle": "round,pad=0.1", "fc": style.PANEL, "ec": "none", "alpha": 0.8},
+        )
 
 
 # ---- what is special in a panel
@@ -169,8 +178,11 @@ def _milliseconds(curve: Any, _: Trials) -> Any:
 
 _CURVE = {"section": "force_length", "step": "rise"}  # panels that show another curve's numbers
 _DRAWN: dict[str, Callable[[Any, Trials], Any]] = {
-    "section": _per_section, "twitch": _milliseconds, "step": _milliseconds, "release": _milliseconds,
-}  # fmt: skip
+    "section": _per_section,
+    "twitch": _milliseconds,
+    "step": _milliseconds,
+    "release": _milliseconds,
+}
 
 
 def _nothing(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> None:
@@ -238,7 +250,7 @@ _STATIC: list[Panel] = [
     ("force_length", "Tension", "thin: not driven", _LENGTH, _TENSION, _lengths),
     ("stiffness", "Stiffness", f"at {STIFF_AT:g} L₀", _TENSION, ("dF/dL, F₀/L₀", None), _nothing),
     ("force_velocity", "Tension", "isokinetic", _SPEED, ("Over the isometric one", "tension"), _speeds),
-]  # fmt: skip
+]
 _PROTOCOLS: list[Panel] = [
     ("twitch", "Isometric twitch", f"bar: {1e3 * PULSE:.0f} ms command", _TIME, _TENSION, _twitch),
     ("step", "Isometric step", "rise and fall", _TIME, _TENSION, _step),
@@ -251,9 +263,11 @@ _PROTOCOLS: list[Panel] = [
 
 _MATCHED = ("force_length", "passive", "force_velocity", "twitch")
 _TITLES = {
-    "force_length": ("Full drive", _LENGTH), "passive": ("Not driven", _LENGTH),
-    "force_velocity": ("Shortening", ("Shortening velocity, L₀/s", None)), "twitch": ("Twitch", _TIME),
-}  # fmt: skip
+    "force_length": ("Full drive", _LENGTH),
+    "passive": ("Not driven", _LENGTH),
+    "force_velocity": ("Shortening", ("Shortening velocity, L₀/s", None)),
+    "twitch": ("Twitch", _TIME),
+}
 
 
 def _matched(ax: Axes, found: Match, name: str) -> None:
@@ -282,6 +296,11 @@ def _matched(ax: Axes, found: Match, name: str) -> None:
     if name == "twitch":  # its legend has all lines; there is room for it beside the steepest curve
         others = ax.figure.axes[-2]
         others.legend(
-            *ax.get_legend_handles_labels(), loc="center right", bbox_to_anchor=(1.02, 0.56), fontsize=style.SMALL - 1.0,
-            frameon=False, handlelength=2.0, labelcolor=INK_2,
-        )  # fmt: skip
+            *ax.get_legend_handles_labels(),
+            loc="center right",
+            bbox_to_anchor=(1.02, 0.56),
+            fontsize=style.SMALL - 1.0,
+            frameon=False,
+            handlelength=2.0,
+            labelcolor=INK_2,
+        )

@@ -23,19 +23,37 @@ HEIGHT, LEFT, FOOT, TOP = 3.75, 0.45, 0.5, 0.82  # [inch]
 FILL = 0.13
 # Where the letter of a corner stands, right of it and above [pt]; free of both curves.
 BESIDE_PISTON = {
-    "A": (5, -9), "B": (7, 7), "C": (-7, 7), "D": (-8, -6), "A'": (8, 7), "D'": (10, 7),
-    "E": (5, -9), "F": (9, 5), "G": (-7, 7), "H": (-8, -6), "E'": (8, 7), "H'": (10, 7), "F'": (4, 9),
-}  # fmt: skip
+    "A": (5, -9),
+    "B": (7, 7),
+    "C": (-7, 7),
+    "D": (-8, -6),
+    "A'": (8, 7),
+    "D'": (10, 7),
+    "E": (5, -9),
+    "F": (9, 5),
+    "G": (-7, 7),
+    "H": (-8, -6),
+    "E'": (8, 7),
+    "H'": (10, 7),
+    "F'": (4, 9),
+}
 BESIDE_TENDON = {
-    "A": (9, -3), "B": (8, 6), "C": (-7, -6), "D": (2, -9), "E": (9, -3), "F": (8, 6), "G": (-7, 7), "H": (-8, -6)
-}  # fmt: skip
+    "A": (9, -3),
+    "B": (8, 6),
+    "C": (-7, -6),
+    "D": (2, -9),
+    "E": (9, -3),
+    "F": (8, 6),
+    "G": (-7, 7),
+    "H": (-8, -6),
+}
 HALO = {"boxstyle": "square,pad=0.15", "fc": PANEL, "ec": "none", "alpha": 0.85}
 SHORTENING = {True: "Maximal shortening at constant pressure", False: "Isotonic shortening"}
 DASHED = "dashed: volume of the potential"
 Printed = Mapping[tuple[str, bool], tuple[float, float]]
 
 
-class Line(NamedTuple):
+class EfficiencyLine(NamedTuple):
     """A curve of efficiency with the words at its end, or none; the dash tells curves apart."""
 
     words: str
@@ -44,7 +62,7 @@ class Line(NamedTuple):
     colour: str = INK
 
 
-class Mark(NamedTuple):
+class PrintedEfficiency(NamedTuple):
     """A printed efficiency [1] at a gauge pressure [Pa], with words, and whether it is a misprint."""
 
     pressure: float
@@ -79,7 +97,9 @@ def loops_figure(loops: Sequence[CycleLoops], *, title: str, printed: Printed | 
 
 
 @style.styled()
-def efficiency_figure(lines: Sequence[Line], *, title: str, marks: Sequence[Mark] = (), note: str = "") -> Figure:
+def efficiency_figure(
+    lines: Sequence[EfficiencyLine], *, title: str, marks: Sequence[PrintedEfficiency] = (), note: str = ""
+) -> Figure:
     """Efficiency over the gauge pressure of the supply, one line per curve, the printed values as marks."""
     fig = style.figure(style.MIDDLE, HEIGHT)
     ax = fig.add_axes((0.07, FOOT / HEIGHT, 0.77, (HEIGHT - FOOT - TOP) / HEIGHT))
@@ -127,7 +147,7 @@ def printed_joules() -> Printed:
     }
 
 
-def efficiency_lines() -> list[Line]:
+def efficiency_lines() -> list[EfficiencyLine]:
     """The curves of Fig. 12c, and beside them those with the consistent volume."""
     lines = []
     for volume, dash, colour in (("paper", "-", INK), ("potential", style.RECORDING_DASHES[1], INK_3)):
@@ -136,17 +156,17 @@ def efficiency_lines() -> list[Line]:
             low = 1e-3 + float(muscle.threshold())
             at = low + (10e5 - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
             said = words if volume == "paper" else ""
-            lines.append(Line(said, energy_curve(muscle, "maximal", at, between), dash, colour))
+            lines.append(EfficiencyLine(said, energy_curve(muscle, "maximal", at, between), dash, colour))
     return lines
 
 
-def printed_marks() -> list[Mark]:
+def printed_marks() -> list[PrintedEfficiency]:
     """The printed efficiencies of the maximal cycle at 5 bar."""
     right, wrong = (part4.printed(f"maximal.efficiency{more}") for more in ("", "_accumulator"))
     joules = part4.printed("maximal.output") / part4.printed("maximal.input_accumulator")
     return [
-        Mark(part4.PRESSURE, right, f"printed {100.0 * right:.0f} %"),
-        Mark(
+        PrintedEfficiency(part4.PRESSURE, right, f"printed {100.0 * right:.0f} %"),
+        PrintedEfficiency(
             part4.PRESSURE,
             wrong,
             f"printed {100.0 * wrong:.0f} %, from its joules {100.0 * joules:.0f} %",
@@ -221,7 +241,7 @@ def draw_tendon(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, lett
 
 
 def draw_efficiency(
-    ax: Axes, lines: Sequence[Line], marks: Sequence[Mark], *, letter: str = "", note: str = ""
+    ax: Axes, lines: Sequence[EfficiencyLine], marks: Sequence[PrintedEfficiency], *, letter: str = "", note: str = ""
 ) -> None:
     """Efficiency over the gauge pressure of the supply, where it is not negative."""
     bar = from_si(1.0, "Pa", "bar")
@@ -243,9 +263,14 @@ def draw_efficiency(
         )
         ax.plot([at], [share], ls="none", ms=6.5, mew=1.4, zorder=5, **look)
         ax.annotate(
-            mark.words, (at, share), (7, 6 if mark.misprint else -13), textcoords="offset points", fontsize=SMALL,
-            color=CAUTION if mark.misprint else INK, zorder=6,
-        )  # fmt: skip
+            mark.words,
+            (at, share),
+            (7, 6 if mark.misprint else -13),
+            textcoords="offset points",
+            fontsize=SMALL,
+            color=CAUTION if mark.misprint else INK,
+            zorder=6,
+        )
     style.end_labels(ax, ends, quantity=None, bold=False)
 
 
@@ -274,9 +299,18 @@ def _corners(
             at = float(path.x[i]) * scale[0], float(path.y[i]) * scale[1]
             ax.plot(*at, "o", ms=4.0, mfc=INK, mec=PANEL, mew=0.6, zorder=6, clip_on=False)
             ax.annotate(
-                letter.replace("'", "′"), at, beside.get(letter, beside[letter[0]]), textcoords="offset points", ha="center",
-                va="center", fontsize=SMALL + 0.5, fontweight="bold", color=INK, zorder=7, annotation_clip=False,
-            )  # fmt: skip
+                letter.replace("'", "′"),
+                at,
+                beside.get(letter, beside[letter[0]]),
+                textcoords="offset points",
+                ha="center",
+                va="center",
+                fontsize=SMALL + 0.5,
+                fontweight="bold",
+                color=INK,
+                zorder=7,
+                annotation_clip=False,
+            )
 
 
 def _parts(ax: Axes, loop: CycleLoops, ml: float, bar: float) -> None:
@@ -302,10 +336,16 @@ def _wasted(ax: Axes, isotonic: CyclePath, valve: CycleLoops, ml: float, bar: fl
     ax.fill(x * ml, y * bar, fc="none", ec=INK_3, hatch="////", lw=0, zorder=1.5)
     high, left, right = float(y.max()) * bar, float(isotonic.x[end - 1]) * ml, float(valve.piston.x[corner - 1]) * ml
     ax.annotate(
-        f"FF′G {number(valve.cycle.throttling, 2)} J throttled", (0.5 * (left + right), 0.97 * high),
-        (right + 0.07 * ax.get_xlim()[1], 0.99 * high), textcoords="data", fontsize=SMALL, color=INK_2, va="center",
-        arrowprops={"arrowstyle": "-", "color": INK_3, "linewidth": 0.6}, bbox=HALO,
-    )  # fmt: skip
+        f"FF′G {number(valve.cycle.throttling, 2)} J throttled",
+        (0.5 * (left + right), 0.97 * high),
+        (right + 0.07 * ax.get_xlim()[1], 0.99 * high),
+        textcoords="data",
+        fontsize=SMALL,
+        color=INK_2,
+        va="center",
+        arrowprops={"arrowstyle": "-", "color": INK_3, "linewidth": 0.6},
+        bbox=HALO,
+    )
 
 
 def _areas(ax: Axes, said: Sequence[tuple[str, float, float | None]], *, left: bool = False) -> None:
@@ -313,37 +353,73 @@ def _areas(ax: Axes, said: Sequence[tuple[str, float, float | None]], *, left: b
     for i, (word, ours, paper) in enumerate(said):
         text = f"{word}  {number(ours, 2)} J" + (f"  (printed {number(paper, 2)})" if paper is not None else "")
         style.note(
-            ax, text, x=0.1 if left else 0.985, y=0.8 if left else 0.74, dy=-13.0 * i, ha="left" if left else "right",
-            color=INK, bbox=HALO, zorder=8,
-        )  # fmt: skip
+            ax,
+            text,
+            x=0.1 if left else 0.985,
+            y=0.8 if left else 0.74,
+            dy=-13.0 * i,
+            ha="left" if left else "right",
+            color=INK,
+            bbox=HALO,
+            zorder=8,
+        )
 
 
 FLOW_WIDTH, FLOW_HEIGHT = 8.4, 6.6  # [inch]
 IN_MUSCLE, BACK_TO_GAS = "work in the muscle", "work back to the gas"
 MUSCLE = ("shaft_work", "friction", "viscous", "tendon", "muscle", "other_walls")
 WORDS = {
-    "supply": "supply", "machines": "compressors", "walls": "warm walls", "valve": "valve", "tube": "tube",
-    "way_in": "valve and tube, on the way in", "dead_volume": "dead volume", "exhaust": "exhaust", "leak": "leak",
-    "machine": "compressor losses", "mixing": "mixing of hot and cold", "heat": "heat to the walls",
-    "other_walls": "other walls", "friction": "friction", "viscous": "damping", "shaft_work": "shaft work",
-    "gas": "stored in the gas", "muscle": "stored in bladder and braid", "tendon": "stored in tendon and end",
+    "supply": "supply",
+    "machines": "compressors",
+    "walls": "warm walls",
+    "valve": "valve",
+    "tube": "tube",
+    "way_in": "valve and tube, on the way in",
+    "dead_volume": "dead volume",
+    "exhaust": "exhaust",
+    "leak": "leak",
+    "machine": "compressor losses",
+    "mixing": "mixing of hot and cold",
+    "heat": "heat to the walls",
+    "other_walls": "other walls",
+    "friction": "friction",
+    "viscous": "damping",
+    "shaft_work": "shaft work",
+    "gas": "stored in the gas",
+    "muscle": "stored in bladder and braid",
+    "tendon": "stored in tendon and end",
     "remainder": "remainder",
-}  # fmt: skip
+}
 BACK = {
-    "shaft_work": "work of the load", "gas": "taken from the gas", "muscle": "from bladder and braid",
-    "tendon": "from tendon and end", "supply": "given back to the supply",
-}  # fmt: skip
+    "shaft_work": "work of the load",
+    "gas": "taken from the gas",
+    "muscle": "from bladder and braid",
+    "tendon": "from tendon and end",
+    "supply": "given back to the supply",
+}
 # Quantity whose colour a stream has, and a hatch by which it is told in grey.
 LOOKS: dict[str, tuple[str, str]] = {
-    "supply": ("pressure", ""), "valve": ("valve", "////"), "tube": ("valve", "////"), "way_in": ("valve", "////"),
-    "dead_volume": ("flow", "...."), "exhaust": ("flow", ""), "leak": ("flow", "...."), "shaft_work": ("tension", ""),
-    "friction": ("valve", "xxxx"), "viscous": ("valve", "xxxx"), "mixing": ("valve", ""), "heat": ("valve", ""),
-    "gas": ("pressure", "----"), "muscle": ("length", "----"), "tendon": ("length", "----"), IN_MUSCLE: ("tension", ""),
-}  # fmt: skip
+    "supply": ("pressure", ""),
+    "valve": ("valve", "////"),
+    "tube": ("valve", "////"),
+    "way_in": ("valve", "////"),
+    "dead_volume": ("flow", "...."),
+    "exhaust": ("flow", ""),
+    "leak": ("flow", "...."),
+    "shaft_work": ("tension", ""),
+    "friction": ("valve", "xxxx"),
+    "viscous": ("valve", "xxxx"),
+    "mixing": ("valve", ""),
+    "heat": ("valve", ""),
+    "gas": ("pressure", "----"),
+    "muscle": ("length", "----"),
+    "tendon": ("length", "----"),
+    IN_MUSCLE: ("tension", ""),
+}
 LEAST = 5e-4  # share of the whole below which a stream is told and not drawn
 
 
-class Stream(NamedTuple):
+class ExergyStream(NamedTuple):
     """One stream, above zero [J]; `key` says what it is, `words` what it is called."""
 
     key: str
@@ -354,8 +430,8 @@ class Stream(NamedTuple):
 class Streams(NamedTuple):
     """What enters on the left and leaves on the right; both sums are the same."""
 
-    into: tuple[Stream, ...]
-    out: tuple[Stream, ...]
+    into: tuple[ExergyStream, ...]
+    out: tuple[ExergyStream, ...]
 
     @property
     def whole(self) -> float:
@@ -365,8 +441,8 @@ class Streams(NamedTuple):
 
 def streams(account: EnergyAccount) -> tuple[Streams, Streams]:
     """Of the gas and of the muscle; a part that is negative stands on the other side, its size unchanged."""
-    gas: tuple[list[Stream], list[Stream]] = ([], [])
-    muscle: tuple[list[Stream], list[Stream]] = ([], [])
+    gas: tuple[list[ExergyStream], list[ExergyStream]] = ([], [])
+    muscle: tuple[list[ExergyStream], list[ExergyStream]] = ([], [])
     work = 0.0
     for part in account.parts:
         inside = part.name in MUSCLE
@@ -377,9 +453,9 @@ def streams(account: EnergyAccount) -> tuple[Streams, Streams]:
         if part.value:
             words = "the friction's springs" if (part.name, part.side) == ("friction", "stored") else WORDS[part.name]
             back = forward is (part.side == "into") and part.name in BACK
-            sides[forward].append(Stream(part.name, BACK[part.name] if back else words, abs(part.value)))
+            sides[forward].append(ExergyStream(part.name, BACK[part.name] if back else words, abs(part.value)))
     if work:
-        passed = Stream(IN_MUSCLE, IN_MUSCLE if work > 0.0 else BACK_TO_GAS, abs(work))
+        passed = ExergyStream(IN_MUSCLE, IN_MUSCLE if work > 0.0 else BACK_TO_GAS, abs(work))
         gas[work > 0.0].append(passed)
         muscle[work < 0.0].append(passed)
     return Streams(*map(tuple, gas)), Streams(*map(tuple, muscle))
@@ -447,7 +523,7 @@ def _draw(ax: Axes, found: Streams, supply: float) -> float:
     return float(box.height / (1.08 * height))
 
 
-def _ribbon(ax: Axes, ends: tuple[float, float, float, float], one: Stream) -> None:
+def _ribbon(ax: Axes, ends: tuple[float, float, float, float], one: ExergyStream) -> None:
     """A stream from (x, y) to (x, y), its lower edge."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
@@ -467,7 +543,7 @@ def _ribbon(ax: Axes, ends: tuple[float, float, float, float], one: Stream) -> N
     ax.add_patch(PathPatch(path, hatch=hatch or None, **outline))
 
 
-def _label(ax: Axes, x: float, y: float, one: Stream, supply: float, side: str) -> None:
+def _label(ax: Axes, x: float, y: float, one: ExergyStream, supply: float, side: str) -> None:
     digits = int(np.clip(2 - np.floor(np.log10(one.value)), 0, 5))
     share = 100.0 * one.value / supply if supply > 0.0 else 0.0
     told = f"  {number(share, 1 if share > 1.0 else 2)} %" if share >= 0.01 else ""

@@ -101,9 +101,15 @@ def _draw(ax: Axes, record: Recording, panel: _Panel) -> None:
             where = ax.get_xaxis_transform()
             ax.text(start, 0.02, " loop off", transform=where, fontsize=SMALL, color=style.INK_2, va="bottom")
     ax.legend(
-        frameon=False, fontsize=SMALL, handlelength=2.6, labelspacing=0.35, borderpad=0.2, loc="upper left",
-        bbox_to_anchor=(1.005, 1.1), labelcolor=colour,
-    )  # fmt: skip
+        frameon=False,
+        fontsize=SMALL,
+        handlelength=2.6,
+        labelspacing=0.35,
+        borderpad=0.2,
+        loc="upper left",
+        bbox_to_anchor=(1.005, 1.1),
+        labelcolor=colour,
+    )
 
 
 def _off(record: Recording) -> list[tuple[float, float]]:

@@ -53,9 +53,15 @@ def _loop(ax: Axes, study: LoopStudy) -> None:
         some = np.flatnonzero(record.branch == way)
         i = some[np.argmin(np.abs(record.pressure[some] - record.pressure.min() - share * np.ptp(record.pressure)))]
         ax.annotate(
-            words, (record.pressure[i] * bar, record.stroke[i] * mm), shift, textcoords="offset points", va="center",
-            ha="left" if way > 0 else "right", fontsize=style.SMALL, color=INK_2,
-        )  # fmt: skip
+            words,
+            (record.pressure[i] * bar, record.stroke[i] * mm),
+            shift,
+            textcoords="offset points",
+            va="center",
+            ha="left" if way > 0 else "right",
+            fontsize=style.SMALL,
+            color=INK_2,
+        )
 
 
 def _width(ax: Axes, study: LoopStudy) -> None:
@@ -88,9 +94,15 @@ def _creep(ax: Axes, step: StepCreep) -> None:
     shown = step.at > 0.0
     ax.axvspan(split, end * 1.3, color=SUNKEN, lw=0, zorder=0, label="not seen by the fit")
     ax.fill_between(
-        step.at[shown], step.low[shown] * mm, step.high[shown] * mm, color=COLOURS["length"], alpha=0.22, lw=0, zorder=1,
+        step.at[shown],
+        step.low[shown] * mm,
+        step.high[shown] * mm,
+        color=COLOURS["length"],
+        alpha=0.22,
+        lw=0,
+        zorder=1,
         label="95 % band",
-    )  # fmt: skip
+    )
     ax.plot(step.at[shown], fit.predict(step.at[shown]) * mm, label="model", zorder=3, **LINE)
     ax.plot(time[1:], fit.stroke[1:] * mm, label="measured", zorder=2, **DOTS)
     ax.set_xscale("log")
@@ -100,9 +112,15 @@ def _creep(ax: Axes, step: StepCreep) -> None:
             [late.time], [late.measured * mm], zorder=4, ls="none", marker="o", ms=5.5, mfc="none", mec=INK, mew=1.2
         )
         ax.annotate(
-            "end of hold", (late.time, late.measured * mm), (-8, 0), textcoords="offset points", ha="right", va="center",
-            fontsize=style.SMALL, color=INK,
-        )  # fmt: skip
+            "end of hold",
+            (late.time, late.measured * mm),
+            (-8, 0),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            fontsize=style.SMALL,
+            color=INK,
+        )
     style.quantity_axes(ax, x=(f"Time since {number(step.start)} s, s", None), y=("Stroke, mm", "length"))
     ax.xaxis.set_major_locator(LogLocator(10, subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
@@ -116,6 +134,11 @@ def _creep(ax: Axes, step: StepCreep) -> None:
 
 def _key(ax: Axes, where: Literal["upper left", "lower left"]) -> None:
     ax.legend(
-        loc=where, frameon=False, fontsize=style.SMALL, labelcolor=INK_2, handlelength=2.0, labelspacing=0.35,
+        loc=where,
+        frameon=False,
+        fontsize=style.SMALL,
+        labelcolor=INK_2,
+        handlelength=2.0,
+        labelspacing=0.35,
         borderpad=0.3,
-    )  # fmt: skip
+    )

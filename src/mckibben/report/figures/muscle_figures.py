@@ -287,7 +287,7 @@ def _scale_bar(ax: Axes, x: float, y: float, point: float, longest: float) -> No
 HEAD = ((0.0, 1.0), (0.62, -0.8), (0.0, -0.5), (-0.62, -0.8), (0.0, 1.0))
 
 
-class Loop(NamedTuple):
+class DrawnLoop(NamedTuple):
     """A closed or open path: displacement [m] and force [N] of equal shape (n,), in the order of time."""
 
     displacement: np.ndarray
@@ -296,7 +296,9 @@ class Loop(NamedTuple):
 
 
 @style.styled()
-def loop_figure(first: Loop, second: Loop | None = None, *, title: str, note: str = "", zero: bool = True) -> Figure:
+def loop_figure(
+    first: DrawnLoop, second: DrawnLoop | None = None, *, title: str, note: str = "", zero: bool = True
+) -> Figure:
     """Force over displacement with arrows along the path; a second loop is dashed.
 
     Args:

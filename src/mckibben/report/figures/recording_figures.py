@@ -36,12 +36,17 @@ _KNOWN: dict[str, tuple[str, str | None, str]] = {
 }
 _SIGNS = {"percent": "%", "cm^3": "cm³", "cm^2": "cm²"}
 _DERIVED: dict[str, tuple[str, str]] = {
-    "K": ("Temperature", "K"), "kg": ("Mass", "g"), "m^3": ("Volume", "cm^3"), "J": ("Energy", "J"), "W": ("Power", "W"),
-    "V": ("Voltage", "V"), "A": ("Current", "A"),
-}  # fmt: skip
+    "K": ("Temperature", "K"),
+    "kg": ("Mass", "g"),
+    "m^3": ("Volume", "cm^3"),
+    "J": ("Energy", "J"),
+    "W": ("Power", "W"),
+    "V": ("Voltage", "V"),
+    "A": ("Current", "A"),
+}
 
 
-class Panel(NamedTuple):
+class ChannelPanel(NamedTuple):
     """One pair of axes: what it shows, whose colour it takes (None: ink), its units, and its channels."""
 
     title: str
@@ -60,19 +65,19 @@ class Panel(NamedTuple):
         return from_si(1.0, self.si_unit, self.unit)
 
 
-class Family(NamedTuple):
+class ChannelFamily(NamedTuple):
     """Parts of a recording that belong together, and what tells them from the others."""
 
     words: str
     parts: list[Recording]
 
 
-def panels(record: Recording, names: Sequence[str]) -> list[Panel]:
+def panels(record: Recording, names: Sequence[str]) -> list[ChannelPanel]:
     """Channels by quantity and unit, in the order in which each is first named."""
     grouped: dict[tuple[str, str | None, str, str], list[str]] = {}
     for name in names:
         grouped.setdefault(_axes(name, record.unit(name)), []).append(name)
-    return [Panel(_title(key[0], found), *key[1:], found) for key, found in grouped.items()]
+    return [ChannelPanel(_title(key[0], found), *key[1:], found) for key, found in grouped.items()]
 
 
 def checked_names(record: Recording, names: Iterable[str], *, field: str = "--channels") -> list[str]:
@@ -111,11 +116,11 @@ def usual_channels(parts: Sequence[Recording]) -> list[str]:
     return sorted(found, key=lambda n: order.index(record.unit(n)) if record.unit(n) in order else len(order))
 
 
-def told_apart(parts: Sequence[Recording]) -> list[Family]:
+def told_apart(parts: Sequence[Recording]) -> list[ChannelFamily]:
     """The parts by what varies among them: the words of their cases, else their labels; sorted by amount."""
     steps = [part.meta.get("step") for part in parts]
     if not all(isinstance(step, Mapping) for step in steps):
-        return [Family("", list(parts))]
+        return [ChannelFamily("", list(parts))]
     known = [steps_of(part)[0] for part in parts]
     values: dict[str, dict[str, None]] = {}
     for step in known:
@@ -128,7 +133,7 @@ def told_apart(parts: Sequence[Recording]) -> list[Family]:
         families.setdefault(tuple(step["case"].get(n, "") for n in named) or (label,), []).append(part)
     several = len(families) > 1
     keys = sorted(families, key=lambda key: [amount_of(word) for word in key])
-    return [Family(", ".join(key) if several else "", families[key]) for key in keys]
+    return [ChannelFamily(", ".join(key) if several else "", families[key]) for key in keys]
 
 
 def lane_steps(parts: Sequence[Recording]) -> list[tuple[float, float, list[str]]]:
@@ -341,7 +346,7 @@ def _write_pdf(fig: Figure, file: Path) -> None:
 # ---- over time
 
 
-def _draw(ax: Axes, parts: Sequence[Recording], panel: Panel) -> None:
+def _draw(ax: Axes, parts: Sequence[Recording], panel: ChannelPanel) -> None:
     time, scale = np.concatenate([p.time for p in parts]), panel.scale()
     kinds = {name: parts[0].channels[name].kind for name in panel.names}
     for name in panel.names:
@@ -359,7 +364,7 @@ def _draw(ax: Axes, parts: Sequence[Recording], panel: Panel) -> None:
     _key(ax, loc="upper left", bbox_to_anchor=(1.005, 1.1), labelcolor=style.colour(panel.quantity))
 
 
-def _set_range(ax: Axes, panel: Panel) -> None:
+def _set_range(ax: Axes, panel: ChannelPanel) -> None:
     """From zero where the values are not far from it; a valve's whole range; rounding is not drawn as a change."""
     low, high = ax.get_ylim()
     least = 1e-3 * max(abs(low), abs(high))
@@ -435,7 +440,7 @@ def _upright(record: Recording, across: str) -> list[str]:
     raise InputError("--channels", "not given", f"allowed are channels over {across}: {', '.join(record.names())}")
 
 
-def _draw_against(ax: Axes, families: Sequence[Family], panel: Panel, x: Panel) -> None:
+def _draw_against(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPanel, x: ChannelPanel) -> None:
     (across,) = x.names
     kinds = {name: families[0].parts[0].channels[name].kind for name in panel.names}
     for family, opacity in zip(families, style.graded(len(families), 0.4), strict=True):
@@ -453,7 +458,7 @@ def _draw_against(ax: Axes, families: Sequence[Family], panel: Panel, x: Panel) 
     ax.set_xlim(*ax.get_xlim())  # labels at the ends need limits that are final
 
 
-def _name_families(ax: Axes, families: Sequence[Family], panel: Panel, x: Panel) -> None:
+def _name_families(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPanel, x: ChannelPanel) -> None:
     """The words of each family at the right end of its line, or in a key beside it where the lines end in one place.
 
     Of very many families only some, evenly chosen.
@@ -473,14 +478,22 @@ def _name_families(ax: Axes, families: Sequence[Family], panel: Panel, x: Panel)
     lines = {line.get_gid(): line for line in ax.get_lines() if line.get_gid()}
     shown = [f.words for f in some[::-1]]
     key = ax.legend(
-        [lines[w] for w in shown], shown, loc="upper left", bbox_to_anchor=(1.01, 1.02), frameon=False,
-        fontsize=SMALL, handlelength=2.6, labelspacing=0.35, borderpad=0.2, labelcolor=style.colour(quantity),
-    )  # fmt: skip
+        [lines[w] for w in shown],
+        shown,
+        loc="upper left",
+        bbox_to_anchor=(1.01, 1.02),
+        frameon=False,
+        fontsize=SMALL,
+        handlelength=2.6,
+        labelspacing=0.35,
+        borderpad=0.2,
+        labelcolor=style.colour(quantity),
+    )
     if len(panel.names) > 1:
         ax.add_artist(key)  # the key of the channels would take its place
 
 
-def _right_end(family: Family, panel: Panel, x: Panel) -> tuple[float, float] | None:
+def _right_end(family: ChannelFamily, panel: ChannelPanel, x: ChannelPanel) -> tuple[float, float] | None:
     """Where the first line of a family ends at the right, in the units of the axes."""
     part = family.parts[-1]
     across, up = part[x.names[0]], part[panel.names[0]]

@@ -9,7 +9,7 @@ import numpy as np
 from ...quantities import from_si
 from ...specimens import specimen
 from ...studies.design import Design, DesignStudy
-from ...studies.sizing import Judged, LineFound, Sizing
+from ...studies.sizing import Judged, LineResult, Sizing
 from ...studies.sizing.braid import frontier
 from ...studies.sizing.candidate import VERDICTS, Ends
 from . import style
@@ -79,8 +79,14 @@ def _map(ax: Axes, found: Sizing, law: str) -> None:
     # What does it lies up and to the right of the wish.
     ax.fill_between([wish.stroke * cm, right * cm], wish.force, top, color=SUNKEN, lw=0, zorder=0)
     ax.text(
-        (right - 0.02 * wish.stroke) * cm, 0.985 * top, "does it", ha="right", va="top", fontsize=style.SMALL, color=INK_3
-    )  # fmt: skip
+        (right - 0.02 * wish.stroke) * cm,
+        0.985 * top,
+        "does it",
+        ha="right",
+        va="top",
+        fontsize=style.SMALL,
+        color=INK_3,
+    )
     strokes = np.linspace(0.0, right, POINTS)
     for one, dash in zip(shown, _DASHES, strict=False):
         m = one.muscle
@@ -108,17 +114,26 @@ def _map(ax: Axes, found: Sizing, law: str) -> None:
         if over.size:
             i = int(over[0])
             ax.annotate(
-                "most that a braid\nin the space promises", (some[i] * cm, most[i]), xytext=(-5, 0), ha="right",
-                textcoords="offset points", fontsize=style.SMALL, color=INK_2, va="center", zorder=4,
+                "most that a braid\nin the space promises",
+                (some[i] * cm, most[i]),
+                xytext=(-5, 0),
+                ha="right",
+                textcoords="offset points",
+                fontsize=style.SMALL,
+                color=INK_2,
+                va="center",
+                zorder=4,
                 bbox={"boxstyle": "round,pad=0.1", "fc": SUNKEN, "ec": "none", "alpha": 0.8},
-            )  # fmt: skip
+            )
     _margin(ax, found, cm)
     style.quantity_axes(ax, x=("Stroke, cm", "length"), y=("Promised force, N", "tension"))
     bar = from_si(wish.pressure, "Pa", "bar")
     style.heading(
-        ax, f"Force over stroke at {bar:g} bar",
-        f"band: error of the law, {found.chosen.muscle.error.share:.0%} of its largest force", above=40.0,
-    )  # fmt: skip
+        ax,
+        f"Force over stroke at {bar:g} bar",
+        f"band: error of the law, {found.chosen.muscle.error.share:.0%} of its largest force",
+        above=40.0,
+    )
     _keyed(ax, shown, found)
 
 
@@ -133,10 +148,18 @@ def _margin(ax: Axes, found: Sizing, cm: float) -> None:
     ax.plot([x], [y], "o", mfc=INK, mec=PANEL, mew=1.2, ms=8.0, zorder=5)
     said = f"wish: {wish.force:.4g} N, {x:.3g} cm"
     ax.annotate(
-        said, (x, y), xytext=(-8, -12), textcoords="offset points", ha="right", va="top", fontsize=style.SMALL,
-        fontweight="bold", color=INK, zorder=6,
+        said,
+        (x, y),
+        xytext=(-8, -12),
+        textcoords="offset points",
+        ha="right",
+        va="top",
+        fontsize=style.SMALL,
+        fontweight="bold",
+        color=INK,
+        zorder=6,
         bbox={"boxstyle": "round,pad=0.15", "fc": PANEL, "ec": "none", "alpha": 0.85},
-    )  # fmt: skip
+    )
 
 
 def _keyed(ax: Axes, shown: list[Judged], found: Sizing) -> None:
@@ -148,9 +171,20 @@ def _keyed(ax: Axes, shown: list[Judged], found: Sizing) -> None:
     ]
     labels = [f"{m.muscle.id}: {m.verdict}" + (f", {m.worst[0]}" if m.verdict == VERDICTS[2] else "") for m in shown]
     ax.legend(
-        handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.055), ncols=3, fontsize=style.SMALL - 0.5, frameon=False,
-        handlelength=2.6, labelcolor=INK_2, borderaxespad=0.0, columnspacing=1.4, handletextpad=0.6, labelspacing=0.25,
-    )  # fmt: skip
+        handles,
+        labels,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.055),
+        ncols=3,
+        fontsize=style.SMALL - 0.5,
+        frameon=False,
+        handlelength=2.6,
+        labelcolor=INK_2,
+        borderaxespad=0.0,
+        columnspacing=1.4,
+        handletextpad=0.6,
+        labelspacing=0.25,
+    )
 
 
 def _lines(ax: Axes, found: Sizing) -> None:
@@ -165,9 +199,15 @@ def _lines(ax: Axes, found: Sizing) -> None:
     for line in able:
         marker = KIND_MARKERS.get(specimen(line.valve).element, "D")
         ax.plot(
-            [1e3 * line.mass], [1e3 * (line.to_force or np.nan)], marker, ms=3.5 + 1.2 * np.log1p(line.power), zorder=3,
-            mfc=COLOURS["valve"] if line.pareto else PANEL, mec=COLOURS["valve"], mew=0.9,
-        )  # fmt: skip
+            [1e3 * line.mass],
+            [1e3 * (line.to_force or np.nan)],
+            marker,
+            ms=3.5 + 1.2 * np.log1p(line.power),
+            zorder=3,
+            mfc=COLOURS["valve"] if line.pareto else PANEL,
+            mec=COLOURS["valve"],
+            mew=0.9,
+        )
     _first(ax, able[0])
     style.quantity_axes(ax, x=("Mass of valve and tube, g", None), y=("Time to the wished force, ms", None))
 
@@ -179,13 +219,18 @@ def _lines(ax: Axes, found: Sizing) -> None:
     style.note(ax, "▲ switching  ● proportional  ■ regulator; larger: more power", y=1.0, dy=24.0, dx=0.0)
 
 
-def _first(ax: Axes, line: LineFound) -> None:
+def _first(ax: Axes, line: LineResult) -> None:
     ax.annotate(
-        f"{line.valve}, {line.tube}", (1e3 * line.mass, 1e3 * (line.to_force or np.nan)), xytext=(-4, 16),
-        textcoords="offset points", fontsize=style.SMALL, color=INK, va="bottom",
+        f"{line.valve}, {line.tube}",
+        (1e3 * line.mass, 1e3 * (line.to_force or np.nan)),
+        xytext=(-4, 16),
+        textcoords="offset points",
+        fontsize=style.SMALL,
+        color=INK,
+        va="bottom",
         arrowprops={"arrowstyle": "-", "color": INK_3, "lw": 0.5, "shrinkA": 0, "shrinkB": 3},
         bbox={"boxstyle": "round,pad=0.1", "fc": PANEL, "ec": "none", "alpha": 0.8},
-    )  # fmt: skip
+    )
 
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -226,15 +271,29 @@ def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
         return
     for design, y in zip(done, values, strict=True):
         ax.plot(
-            [1e3 * design.response], [y], MARKERS[muscles.index(design.muscle) % len(MARKERS)], ms=7.0, zorder=3,
-            mfc=COLOURS["valve"] if design.best else PANEL, mec=COLOURS["valve"], mew=1.0,
-        )  # fmt: skip
+            [1e3 * design.response],
+            [y],
+            MARKERS[muscles.index(design.muscle) % len(MARKERS)],
+            ms=7.0,
+            zorder=3,
+            mfc=COLOURS["valve"] if design.best else PANEL,
+            mec=COLOURS["valve"],
+            mew=1.0,
+        )
     best = sorted((d.response, y) for d, y in zip(done, values, strict=True) if d.best)[:LISTED]
     for i, (x, y) in enumerate(best, 1):
         ax.annotate(
-            str(i), (1e3 * x, y), xytext=(-9, 0), textcoords="offset points", fontsize=style.SMALL, color=INK,
-            fontweight="bold", ha="center", va="center", zorder=4,
-        )  # fmt: skip
+            str(i),
+            (1e3 * x, y),
+            xytext=(-9, 0),
+            textcoords="offset points",
+            fontsize=style.SMALL,
+            color=INK,
+            fontweight="bold",
+            ha="center",
+            va="center",
+            zorder=4,
+        )
     ax.margins(x=0.18, y=0.16)
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: style.number(value)))
@@ -257,7 +316,15 @@ def _front_key(ax: Axes, study: DesignStudy) -> None:
     ]
     handles.append(Line2D([], [], marker="o", ls="", mfc=COLOURS["valve"], mec=COLOURS["valve"], ms=6.0))
     ax.legend(
-        handles, [*muscles, "filled: beaten by none"], loc="lower left", bbox_to_anchor=(-0.02, 1.085),
-        ncols=len(handles), fontsize=style.SMALL, frameon=False, labelcolor=INK_2, borderaxespad=0.0, columnspacing=1.2,
+        handles,
+        [*muscles, "filled: beaten by none"],
+        loc="lower left",
+        bbox_to_anchor=(-0.02, 1.085),
+        ncols=len(handles),
+        fontsize=style.SMALL,
+        frameon=False,
+        labelcolor=INK_2,
+        borderaxespad=0.0,
+        columnspacing=1.2,
         handletextpad=0.3,
-    )  # fmt: skip
+    )

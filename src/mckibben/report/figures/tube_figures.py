@@ -122,9 +122,16 @@ def _key(ax: Axes) -> None:
         *(Line2D([], [], color=INK, ls=DASHES[m], lw=0.9, label=models()[m].title) for m in SHOWN),
     ]
     ax.legend(
-        handles=lines, loc="center", bbox_to_anchor=(0.52, 0.46), frameon=False, handlelength=2.4, handletextpad=0.7,
-        labelspacing=0.55, fontsize=style.SMALL, labelcolor=INK_2,
-    )  # fmt: skip
+        handles=lines,
+        loc="center",
+        bbox_to_anchor=(0.52, 0.46),
+        frameon=False,
+        handlelength=2.4,
+        handletextpad=0.7,
+        labelspacing=0.55,
+        fontsize=style.SMALL,
+        labelcolor=INK_2,
+    )
 
 
 def _limit(study: TubeStudy, thermal: str, accumulator: str, windows: tuple[tuple[int, float, float], ...]) -> float:
@@ -140,9 +147,15 @@ def _limit(study: TubeStudy, thermal: str, accumulator: str, windows: tuple[tupl
 
 
 def _error(
-    ax: Axes, study: TubeStudy, thermal: str, accumulator: str, model: str, index: int, window: tuple[float, float],
+    ax: Axes,
+    study: TubeStudy,
+    thermal: str,
+    accumulator: str,
+    model: str,
+    index: int,
+    window: tuple[float, float],
     limit: float,
-) -> None:  # fmt: skip
+) -> None:
     case = study.cases[thermal, accumulator][index]
     some, time = _part(case, window)
     compared = study.result(thermal, model, accumulator).comparisons[index]
@@ -174,13 +187,25 @@ def _rms(fig: Figure, study: TubeStudy, left: float) -> None:
                 longest = max(longest, rms)
                 filled = accumulator == LARGE
                 ax.barh(
-                    at + up, rms, 0.32, color=COLOURS["pressure"] if filled else PANEL, edgecolor=COLOURS["pressure"],
-                    linewidth=0.8, zorder=3,
-                )  # fmt: skip
+                    at + up,
+                    rms,
+                    0.32,
+                    color=COLOURS["pressure"] if filled else PANEL,
+                    edgecolor=COLOURS["pressure"],
+                    linewidth=0.8,
+                    zorder=3,
+                )
                 ax.annotate(
-                    number(rms, 3), (rms, at + up), (3, 0), textcoords="offset points", va="center_baseline",
-                    fontsize=style.SMALL - 1.0, color=INK_2, bbox=BARE, zorder=5,
-                )  # fmt: skip
+                    number(rms, 3),
+                    (rms, at + up),
+                    (3, 0),
+                    textcoords="offset points",
+                    va="center_baseline",
+                    fontsize=style.SMALL - 1.0,
+                    color=INK_2,
+                    bbox=BARE,
+                    zorder=5,
+                )
             words = thermal.replace("_", " ")
             _beside(ax, words, at, dx=-4, ha="right", color=INK_2)
             at += each

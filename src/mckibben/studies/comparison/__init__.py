@@ -4,8 +4,26 @@ Everything is relative to the muscle: lengths to its rest length L0, tensions to
 the drive to the full one. A pressure set-point over the full pressure is what an activation is to a biological muscle.
 """
 
-from .table import FULL_PRESSURE, PROPERTIES, Column, Property, Row, Subject, Table, compare, subject
+from .table import (
+    FULL_PRESSURE,
+    PROPERTIES,
+    ComparedMuscle,
+    MuscleColumn,
+    MuscleTable,
+    Property,
+    PropertyRow,
+    compare,
+    subject,
+)
 
 __all__ = [
-    "FULL_PRESSURE", "PROPERTIES", "Column", "Property", "Row", "Subject", "Table", "compare", "subject",
-]  # fmt: skip
+    "FULL_PRESSURE",
+    "PROPERTIES",
+    "MuscleColumn",
+    "Property",
+    "PropertyRow",
+    "ComparedMuscle",
+    "MuscleTable",
+    "compare",
+    "subject",
+]

@@ -204,15 +204,25 @@ def _ends(step: PlannedStep, seen: dict[str, Any], rest: float, period: float) -
 def _listed(step: PlannedStep, start: float, end: float) -> dict[str, Any]:
     case = {k: v if isinstance(v, str) else str(v) for k, v in step.case.items()}
     return {
-        "index": step.index, "path": step.path, "label": step.step.label, "case": case, "start": start, "end": end,
-        "ended_by": "time", "recorded": step.record, "sentence": step.step.sentence(),
-    }  # fmt: skip
+        "index": step.index,
+        "path": step.path,
+        "label": step.step.label,
+        "case": case,
+        "start": start,
+        "end": end,
+        "ended_by": "time",
+        "recorded": step.record,
+        "sentence": step.step.sentence(),
+    }
 
 
 _UNITS = {
-    "span": ("m", "length between the anchors"), "tension": ("N", "tension"), "velocity": ("m/s", "rate of the span"),
-    "activation": ("1", "activation"), "drive": ("1", "excitation"),
-}  # fmt: skip
+    "span": ("m", "length between the anchors"),
+    "tension": ("N", "tension"),
+    "velocity": ("m/s", "rate of the span"),
+    "activation": ("1", "activation"),
+    "drive": ("1", "excitation"),
+}
 
 
 def _recording(parts: list[Any], listed: list[dict[str, Any]], protocol: Protocol, name: str, rest: float) -> Recording:
@@ -222,7 +232,12 @@ def _recording(parts: list[Any], listed: list[dict[str, Any]], protocol: Protoco
         for n, (unit, meaning) in _UNITS.items()
     }
     meta = {
-        "title": protocol.title, "protocol": protocol.document(), "digest": protocol.digest, "specimen": name,
-        "rest_length": rest, "steps": listed, "result": "done",
-    }  # fmt: skip
+        "title": protocol.title,
+        "protocol": protocol.document(),
+        "digest": protocol.digest,
+        "specimen": name,
+        "rest_length": rest,
+        "steps": listed,
+        "result": "done",
+    }
     return Recording(time, channels, meta)

@@ -18,7 +18,7 @@ from ...experiments.read import with_values
 from ...recordings import Recording
 from .assisted import Assisted, steady, twitch_of, with_spring
 from .protocols import Curve, normalised, record_of, rig_for
-from .table import Subject
+from .table import ComparedMuscle
 
 # What is free, and the size [SI] from which on it is searched by its logarithm: u = log(1 + p/size).
 FREE = {
@@ -126,9 +126,15 @@ class Search:
             tell(f"search {number} of {draws + 1}, rms so far {np.sqrt(cost / len(CURVES)):.3f}")
             begin = np.clip(first, self.low + inside, self.high - inside)
             found = least_squares(
-                self.residuals, begin, jac=self.slopes, bounds=(self.low, self.high), max_nfev=evaluations,
-                xtol=1e-6, ftol=1e-5, gtol=1e-8,
-            )  # fmt: skip
+                self.residuals,
+                begin,
+                jac=self.slopes,
+                bounds=(self.low, self.high),
+                max_nfev=evaluations,
+                xtol=1e-6,
+                ftol=1e-5,
+                gtol=1e-8,
+            )
             if 2.0 * found.cost < cost:
                 best, cost = found.x, 2.0 * float(found.cost)
         return best
@@ -189,8 +195,8 @@ class Match(NamedTuple):
         rms_simulated: its difference from the target [1]; NaN where it was not run.
     """
 
-    muscle: Subject
-    target: Subject
+    muscle: ComparedMuscle
+    target: ComparedMuscle
     before: Assisted
     after: Assisted
     parameters: tuple[Tuned, ...]
@@ -209,8 +215,8 @@ class Match(NamedTuple):
 
 
 def match(
-    muscle: Subject,
-    target: Subject,
+    muscle: ComparedMuscle,
+    target: ComparedMuscle,
     *,
     records: Mapping[str, Recording] | None = None,
     rig: str | None = None,
@@ -258,16 +264,24 @@ def match(
     best = search.run(draws, evaluations, tell)
     after = search.muscle(best)
     found = Match(
-        muscle, target, before, after, search.tuned(best), search.rms(search.start), search.rms(best), goal.curves,
-        search.curves(search.start), search.curves(best),
-    )  # fmt: skip
+        muscle,
+        target,
+        before,
+        after,
+        search.tuned(best),
+        search.rms(search.start),
+        search.rms(best),
+        goal.curves,
+        search.curves(search.start),
+        search.curves(best),
+    )
     if not simulate:
         return found
     tell(f"{muscle.id} with elements: twitch")
     return simulated(found, rig=on)
 
 
-def goal_of(muscle: Subject, target: Subject, own: Recording, wanted: Recording) -> Goal:
+def goal_of(muscle: ComparedMuscle, target: ComparedMuscle, own: Recording, wanted: Recording) -> Goal:
     """What is to be reached: the target's curves, with the pressure that the muscle's own twitch had."""
     fibre = target.fibre
     assert fibre is not None
@@ -283,13 +297,14 @@ def goal_of(muscle: Subject, target: Subject, own: Recording, wanted: Recording)
     curves = {
         "force_length": (lengths["force_length"], target.tension(lengths["force_length"])),
         "passive": (lengths["passive"], target.tension(lengths["passive"], 0.0)),
-        "force_velocity": (speeds, pull / target.full_tension), "twitch": (time, twitch),
-    }  # fmt: skip
+        "force_velocity": (speeds, pull / target.full_tension),
+        "twitch": (time, twitch),
+    }
     name = "muscle.pressure" if "muscle.pressure" in part else "pressure"
     return Goal(curves, np.asarray(part[name]), part.period, muscle.full)
 
 
-def _bounds(muscle: Subject, before: Assisted, free: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+def _bounds(muscle: ComparedMuscle, before: Assisted, free: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     """As declared; the span at rest within what the braid can take, from its free length on."""
     found = {path: paths.declaration(before, path).bounds for path in free}
     if "rest_span" in found:

@@ -29,7 +29,7 @@ from ...experiments.protocol import Protocol
 from ...experiments.read import build_protocol, parse_protocol, protocol, with_values
 from ...recordings import Channel, Recording
 from ._fibre import fibre_run
-from .table import Column, Subject, law_column
+from .table import ComparedMuscle, MuscleColumn, law_column
 
 RIGS = ("paper", "modern")  # the first that takes all muscles of a comparison
 PULSE = 0.05  # of the twitch: the valve of the paper needs 48 ms to fill the muscle [s]
@@ -59,20 +59,20 @@ class Trials:
     ``passive`` static tension over F0 against L/L0.
     """
 
-    muscle: Subject
+    muscle: ComparedMuscle
     records: Mapping[str, Recording]
     values: Mapping[str, float]
     curves: Mapping[str, Curve]
     notes: tuple[str, ...]
 
-    def column(self) -> Column:
+    def column(self) -> MuscleColumn:
         """The column of the table with these numbers beside those of the law."""
         of_law = law_column(self.muscle)
         values = {**of_law.values, **self.values}
-        return Column(of_law.name, of_law.title, "law and protocols", values, of_law.notes + self.notes)
+        return MuscleColumn(of_law.name, of_law.title, "law and protocols", values, of_law.notes + self.notes)
 
 
-def normalised(name: str, muscle: Subject) -> Protocol:
+def normalised(name: str, muscle: ComparedMuscle) -> Protocol:
     """A protocol in the words of a muscle: full pressure, loads over F0.
 
     Raises:
@@ -86,14 +86,19 @@ def normalised(name: str, muscle: Subject) -> Protocol:
         "isometric-step": {"range": "full", "high": f"{full!r} Pa", "cycles": 1},
         "quick-release": {"pressure": f"{full!r} Pa", "load": f"{LOAD * pull!r} N", "after": "0.3 s"},
         "isokinetic": {
-            "pressure": f"{full!r} Pa", "longest": f"{FROM} L0", "shortest": f"{TO} L0", "rest": "0.3 s",
+            "pressure": f"{full!r} Pa",
+            "longest": f"{FROM} L0",
+            "shortest": f"{TO} L0",
+            "rest": "0.3 s",
             "speed": [f"{v} L0/s" for v in SPEEDS],
         },
         "work-loop": {
-            "shortening": f"{SHORTENING * full!r} Pa", "lengthening": f"{LENGTHENING * full!r} Pa",
-            "frequency": f"{FREQUENCY} Hz", "cycles": CYCLES,
+            "shortening": f"{SHORTENING * full!r} Pa",
+            "lengthening": f"{LENGTHENING * full!r} Pa",
+            "frequency": f"{FREQUENCY} Hz",
+            "cycles": CYCLES,
         },
-    }  # fmt: skip
+    }
     if name not in values:
         raise InputError("protocol", name, f"known are {', '.join(NAMES)}")
     wanted = protocol(name, **values[name])
@@ -118,7 +123,7 @@ def _settling(wanted: Protocol, within: float) -> Protocol:
     return build_protocol(document, where=wanted.name)
 
 
-def rig_for(muscles: Sequence[Subject], names: Sequence[str] = NAMES) -> str:
+def rig_for(muscles: Sequence[ComparedMuscle], names: Sequence[str] = NAMES) -> str:
     """The first of `RIGS` on which the dry run finds nothing for any McKibben muscle; the last where none is."""
     braided = [m for m in muscles if m.unit is not None]
     for name in RIGS[:-1]:
@@ -129,7 +134,7 @@ def rig_for(muscles: Sequence[Subject], names: Sequence[str] = NAMES) -> str:
 
 
 def record_of(
-    muscle: Subject, wanted: Protocol, *, rig: Rig | str = RIGS[0], unit: MuscleUnit | None = None
+    muscle: ComparedMuscle, wanted: Protocol, *, rig: Rig | str = RIGS[0], unit: MuscleUnit | None = None
 ) -> Recording:
     """A protocol done by a muscle, with the channels ``span``, ``tension`` and ``drive``.
 
@@ -154,7 +159,7 @@ def record_of(
 
 
 def trials(
-    muscle: Subject,
+    muscle: ComparedMuscle,
     *,
     rig: Rig | str | None = None,
     names: Sequence[str] = NAMES,
@@ -196,15 +201,16 @@ def trials(
     return Trials(muscle, records, values, curves, tuple(notes))
 
 
-def static_curves(muscle: Subject, points: int = 181) -> dict[str, Curve]:
+def static_curves(muscle: ComparedMuscle, points: int = 181) -> dict[str, Curve]:
     """What needs no protocol: tension against length, fully driven and passive, and stiffness against tension."""
     low, high = (0.55, 1.6) if muscle.fibre is not None else (0.55, muscle.upper_length / muscle.rest_length)
     lengths, drives = np.linspace(low, high, points), np.linspace(0.0, 1.0, 41)
     at = np.full(drives.shape, STIFF_AT)
     return {
-        "force_length": (lengths, muscle.tension(lengths)), "passive": (lengths, muscle.tension(lengths, 0.0)),
+        "force_length": (lengths, muscle.tension(lengths)),
+        "passive": (lengths, muscle.tension(lengths, 0.0)),
         "stiffness": (muscle.tension(at, drives), muscle.stiffness(at, drives)),
-    }  # fmt: skip
+    }
 
 
 def stiffness_at_half(tension: np.ndarray, stiffness: np.ndarray) -> float | None:
@@ -219,17 +225,18 @@ def stiffness_at_half(tension: np.ndarray, stiffness: np.ndarray) -> float | Non
 Read = tuple[dict[str, float], dict[str, Curve], list[str]]
 
 
-def _read_twitch(muscle: Subject, record: Recording) -> Read:
+def _read_twitch(muscle: ComparedMuscle, record: Recording) -> Read:
     start = float(segments(record, "twitch")[0].time[0])
     found = twitch(record, stimulus=start, tension="tension")
     values = {
-        "twitch_tension": found.peak / muscle.full_tension, "twitch_contraction_time": found.contraction_time,
+        "twitch_tension": found.peak / muscle.full_tension,
+        "twitch_contraction_time": found.contraction_time,
         "twitch_half_relaxation_time": found.half_relaxation_time,
-    }  # fmt: skip
+    }
     return values, {"twitch": _against_time(muscle, record, start, record.time[-1])}, []
 
 
-def _read_step(muscle: Subject, record: Recording) -> Read:
+def _read_step(muscle: ComparedMuscle, record: Recording) -> Read:
     steps = segments(record, "steps")[0]
     start = float(steps.time[0])
     near = record.select(start - 0.2, float(steps.time[-1]))
@@ -238,9 +245,12 @@ def _read_step(muscle: Subject, record: Recording) -> Read:
     up, down = (next(r for r in whole if r.rising == way) for way in (True, False))
     half_up, half_down = (next(r for r in half if r.rising == way) for way in (True, False))
     values = {
-        "step_delay": up.delay, "step_rise": up.transition, "step_fall": down.transition,
-        "step_half_rise": half_up.transition, "step_half_fall": half_down.transition,
-    }  # fmt: skip
+        "step_delay": up.delay,
+        "step_rise": up.transition,
+        "step_fall": down.transition,
+        "step_half_rise": half_up.transition,
+        "step_half_fall": half_down.transition,
+    }
     curves = {
         "rise": _against_time(muscle, near, up.command_time, down.command_time - 0.001),
         "fall": _against_time(muscle, near, down.command_time, near.time[-1]),
@@ -248,27 +258,28 @@ def _read_step(muscle: Subject, record: Recording) -> Read:
     return values, curves, [said for r in (up, down) if (said := unsettled(r, "tension"))]
 
 
-def _against_time(muscle: Subject, record: Recording, start: float, end: float) -> Curve:
+def _against_time(muscle: ComparedMuscle, record: Recording, start: float, end: float) -> Curve:
     """Tension over F0 from shortly before a command on; counts and noise of a real cell are averaged a little."""
     part = record.select(start - 0.02, end)
     pull = smoothed(part["tension"], period=part.period, window=_QUICK)
     return part.time - start, pull / muscle.full_tension
 
 
-def _read_release(muscle: Subject, record: Recording) -> Read:
+def _read_release(muscle: ComparedMuscle, record: Recording) -> Read:
     part = segments(record, "release")[0]
     time, length = part.time - part.time[0], part["span"] / muscle.rest_length
     done = float(length[0] - length[-1])
     speed = -smoothed(length, period=part.period, window=WINDOW, derivative=1)
     half = np.flatnonzero(length <= length[0] - 0.5 * done)
     values = {
-        "release_velocity": float(speed.max()), "release_shortening": done,
+        "release_velocity": float(speed.max()),
+        "release_shortening": done,
         "release_half_time": float(time[half[0]]) if done > 0.0 and half.size else float("nan"),
-    }  # fmt: skip
+    }
     return values, {"release": (time, length)}, []
 
 
-def _read_velocity(muscle: Subject, record: Recording) -> Read:
+def _read_velocity(muscle: ComparedMuscle, record: Recording) -> Read:
     """Tension against velocity where the same length is passed, over the static tension there."""
     isometric = float(muscle.tension(AT)) * muscle.full_tension
     parts = segments(record, "shorten")
@@ -287,7 +298,7 @@ def _read_velocity(muscle: Subject, record: Recording) -> Read:
     return values, {"force_velocity": (np.append(0.0, speed), np.append(1.0, pull))}, notes
 
 
-def _read_loop(muscle: Subject, record: Recording) -> Read:
+def _read_loop(muscle: ComparedMuscle, record: Recording) -> Read:
     part = segments(record, "cycles")[0]
     work = loop(part, length="span", tension="tension").work
     last = part.select(part.time[0] + (CYCLES - 1) / FREQUENCY, None)
@@ -301,7 +312,7 @@ def _read_loop(muscle: Subject, record: Recording) -> Read:
     return values, {"work_loop": curve}, []
 
 
-_READ: dict[str, Callable[[Subject, Recording], Read]] = {
+_READ: dict[str, Callable[[ComparedMuscle, Recording], Read]] = {
     "isometric-twitch": _read_twitch,
     "isometric-step": _read_step,
     "quick-release": _read_release,

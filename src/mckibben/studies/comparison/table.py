@@ -37,7 +37,7 @@ LEAST = 0.99  # of the rest length: a muscle that is free there already makes no
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class ComparedMuscle:
     """A muscle in a comparison.
 
     `unit` is a braided muscle and `fibre` a biological one, the other is None; `full` is the drive that counts as 1: a
@@ -82,7 +82,7 @@ class Subject:
 
 def subject(
     what: str | os.PathLike[str] | Specimen, *, pressure: float = FULL_PRESSURE, law: str | None = None
-) -> Subject:
+) -> ComparedMuscle:
     """A muscle from its specimen.
 
     Args:
@@ -100,10 +100,16 @@ def subject(
         raise InputError("pressure", with_unit(pressure, "Pa"), "allowed is above 0 up to 1000 bar gauge")
     if spec.kind == "biological":
         fibre: BiologicalMuscle = from_specimen(spec, law)
-        return Subject(
-            spec, None, fibre, 1.0, float(fibre.rest_length), float(fibre.plateau_end * fibre.rest_length),
-            float(fibre.section_area), "stated",
-        )  # fmt: skip
+        return ComparedMuscle(
+            spec,
+            None,
+            fibre,
+            1.0,
+            float(fibre.rest_length),
+            float(fibre.plateau_end * fibre.rest_length),
+            float(fibre.section_area),
+            "stated",
+        )
     unit = unit_from_specimen(spec, law=law)
     rest = _length(spec, unit, "rest_length")
     upper = _length(spec, unit, "upper_length")
@@ -112,7 +118,7 @@ def subject(
         said = f"{spec.id} pulls nothing at its rest length of {with_unit(rest, 'm')}; allowed is a higher one"
         raise InputError("pressure", with_unit(pressure, "Pa"), said)
     area, area_from = _section(spec, unit, pressure, free)
-    return Subject(spec, unit, None, pressure, rest, upper, area, area_from)
+    return ComparedMuscle(spec, unit, None, pressure, rest, upper, area, area_from)
 
 
 def _length(spec: Specimen, unit: MuscleUnit, name: str) -> float:
@@ -201,7 +207,7 @@ DYNAMIC = (
 PROPERTIES = {p.name: p for p in (*STATIC, *DYNAMIC)}
 
 
-class Column(NamedTuple):
+class MuscleColumn(NamedTuple):
     """One muscle of the table: its properties by name [SI] as far as something tells them, and remarks."""
 
     name: str
@@ -211,7 +217,7 @@ class Column(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-class Row(NamedTuple):
+class PropertyRow(NamedTuple):
     """One property of all columns [SI], None where it is not known, and what is published of biological muscle."""
 
     property: Property
@@ -231,28 +237,28 @@ class Row(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Table:
+class MuscleTable:
     """Columns beside one another; rows are the properties that any of them has, or that are published."""
 
-    columns: tuple[Column, ...]
+    columns: tuple[MuscleColumn, ...]
     published: Mapping[str, PublishedRange]
 
-    def rows(self) -> tuple[Row, ...]:
+    def rows(self) -> tuple[PropertyRow, ...]:
         """Every row that is not empty, in the order of `PROPERTIES`."""
         found = []
         for name, prop in PROPERTIES.items():
             values = tuple(c.values.get(name) for c in self.columns)
             if any(v is not None for v in values) or (name in self.published and prop in STATIC):
-                found.append(Row(prop, values, self.published.get(name)))
+                found.append(PropertyRow(prop, values, self.published.get(name)))
         return tuple(found)
 
 
 def compare(
-    muscles: Iterable[str | os.PathLike[str] | Subject] = (),
+    muscles: Iterable[str | os.PathLike[str] | ComparedMuscle] = (),
     recordings: Sequence[str | os.PathLike[str]] = (),
     *,
     pressure: float = FULL_PRESSURE,
-) -> Table:
+) -> MuscleTable:
     """Table 1 for muscles by their laws, and for recordings given as files.
 
     Args:
@@ -263,32 +269,39 @@ def compare(
     Raises:
         InputError: nothing to compare, or what a muscle or a recording lacks.
     """
-    subjects = [m if isinstance(m, Subject) else subject(m, pressure=pressure) for m in muscles]
+    subjects = [m if isinstance(m, ComparedMuscle) else subject(m, pressure=pressure) for m in muscles]
     columns = [law_column(s) for s in subjects] + [column_of(file) for file in recordings]
     if not columns:
         raise InputError("muscles", "none", "allowed is a specimen's id or file, or a recording")
-    return Table(tuple(columns), published_ranges())
+    return MuscleTable(tuple(columns), published_ranges())
 
 
-def law_column(muscle: Subject) -> Column:
+def law_column(muscle: ComparedMuscle) -> MuscleColumn:
     """Table 1 of one muscle from its law [SI]."""
     values, notes = (_biological if muscle.fibre is not None else _braided)(muscle)
-    return Column(muscle.id, muscle.spec.title, "law", values, notes)
+    return MuscleColumn(muscle.id, muscle.spec.title, "law", values, notes)
 
 
-def _braided(muscle: Subject) -> tuple[dict[str, float], tuple[str, ...]]:
+def _braided(muscle: ComparedMuscle) -> tuple[dict[str, float], tuple[str, ...]]:
     unit = muscle.unit
     assert unit is not None
     area = muscle.section_area
     c = static_characteristics(
-        unit.law, pressure=muscle.full, rest_length=muscle.rest_length, upper_length=muscle.upper_length,
+        unit.law,
+        pressure=muscle.full,
+        rest_length=muscle.rest_length,
+        upper_length=muscle.upper_length,
         section_area=area or 1.0,
-    )  # fmt: skip
+    )
     values = {
-        "rest_length": c.rest_length, "shortest": c.zero_tension_length / c.rest_length,
-        "longest": c.upper_length / c.rest_length, "dynamic_range": c.dynamic_range,
-        "maximum_tension": c.maximum_tension, "stiffness": c.stiffness, "work": c.work,
-    }  # fmt: skip
+        "rest_length": c.rest_length,
+        "shortest": c.zero_tension_length / c.rest_length,
+        "longest": c.upper_length / c.rest_length,
+        "dynamic_range": c.dynamic_range,
+        "maximum_tension": c.maximum_tension,
+        "stiffness": c.stiffness,
+        "work": c.work,
+    }
     notes = []
     if area is not None:
         names = ("section_area", "tension_intensity", "stiffness_intensity", "work_density")
@@ -303,7 +316,7 @@ def _braided(muscle: Subject) -> tuple[dict[str, float], tuple[str, ...]]:
     return values | efficiencies, (*notes, said)
 
 
-def _efficiency(muscle: Subject, friction: float) -> tuple[dict[str, float], str]:
+def _efficiency(muscle: ComparedMuscle, friction: float) -> tuple[dict[str, float], str]:
     """Of quasi-stationary maximal shortening, air from the surroundings and from an accumulator at the threshold."""
     own: dict[str, Any] = {"stretched_length": muscle.upper_length, "friction": friction}
     try:
@@ -319,18 +332,26 @@ def _efficiency(muscle: Subject, friction: float) -> tuple[dict[str, float], str
     return found, "efficiency of quasi-stationary maximal shortening with an ideal compressor"
 
 
-def _biological(muscle: Subject) -> tuple[dict[str, float], tuple[str, ...]]:
+def _biological(muscle: ComparedMuscle) -> tuple[dict[str, float], tuple[str, ...]]:
     fibre, area = muscle.fibre, muscle.section_area
     assert fibre is not None and area is not None
     c = characteristics.comparison(fibre)
     values = {
-        "rest_length": muscle.rest_length, "shortest": c.dynamic_range.shortest, "longest": c.dynamic_range.longest,
-        "dynamic_range": c.dynamic_range.width, "maximum_tension": c.tension_intensity * area,
-        "stiffness": c.stiffness_intensity * area, "work": c.work_density * area, "section_area": area,
-        "tension_intensity": c.tension_intensity, "stiffness_intensity": c.stiffness_intensity,
-        "work_density": c.work_density, "coulomb_friction": 0.0, "maximum_velocity": c.maximum_velocity,
+        "rest_length": muscle.rest_length,
+        "shortest": c.dynamic_range.shortest,
+        "longest": c.dynamic_range.longest,
+        "dynamic_range": c.dynamic_range.width,
+        "maximum_tension": c.tension_intensity * area,
+        "stiffness": c.stiffness_intensity * area,
+        "work": c.work_density * area,
+        "section_area": area,
+        "tension_intensity": c.tension_intensity,
+        "stiffness_intensity": c.stiffness_intensity,
+        "work_density": c.work_density,
+        "coulomb_friction": 0.0,
+        "maximum_velocity": c.maximum_velocity,
         "peak_power_density": c.peak_power_density,
-    }  # fmt: skip
+    }
     sized = [p for p in ("rest_length", "section_area") if muscle.spec.laws[muscle.spec.law][p].inferred]
     return values, ("its size is inferred: compare densities and intensities",) if sized else ()
 
@@ -353,7 +374,7 @@ class _Piece(NamedTuple):
     velocity: float
 
 
-def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = None) -> Column:
+def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = None) -> MuscleColumn:
     """What a recording says of its muscle [SI].
 
     Args:
@@ -375,7 +396,7 @@ def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = No
         raise error if error.where else error.at(where) from None
 
 
-def _column(record: Recording, name: str) -> Column:
+def _column(record: Recording, name: str) -> MuscleColumn:
     length, tension = _channel(record, LENGTHS, "length"), _channel(record, TENSIONS, "tension")
     muscle = _muscle(record)
     rest, area = _rest_length(record, muscle), None if muscle is None else muscle.section_area
@@ -399,7 +420,7 @@ def _column(record: Recording, name: str) -> Column:
     else:
         notes.append("no section is known: nothing per section or volume")
     title = str(record.meta.get("title") or name)
-    return Column(name, title, "recording", values, tuple(notes))
+    return MuscleColumn(name, title, "recording", values, tuple(notes))
 
 
 def _static(record: Recording, length: str, tension: str, rest: float) -> tuple[dict[str, float], list[str]]:
@@ -415,21 +436,25 @@ def _static(record: Recording, length: str, tension: str, rest: float) -> tuple[
     )
     low, high = float(at[first]), float(at[-1])
     found = {
-        "shortest": low / rest, "longest": high / rest, "dynamic_range": (high - low) / rest,
-        "maximum_tension": strongest, "stiffness": float(mean[-1] - mean[first]) / (high - low) * rest,
+        "shortest": low / rest,
+        "longest": high / rest,
+        "dynamic_range": (high - low) / rest,
+        "maximum_tension": strongest,
+        "stiffness": float(mean[-1] - mean[first]) / (high - low) * rest,
         "work": float(np.trapezoid(mean[first:], at[first:])) / rest,
         "coulomb_friction": loop(record, length=length, tension=tension).friction,
-    }  # fmt: skip
+    }
     return found, notes
 
 
 def _per_volume(values: dict[str, float], powers: list[ShorteningPower], area: float, rest: float) -> dict[str, float]:
     size: dict[str, Any] = {"section_area": area, "rest_length": rest}
     found = {
-        "section_area": area, "tension_intensity": values["maximum_tension"] / area,
+        "section_area": area,
+        "tension_intensity": values["maximum_tension"] / area,
         "mean_power_density": power_density(max(p.mean_power for p in powers), **size),
         "peak_power_density": power_density(max(p.peak_power for p in powers), **size),
-    }  # fmt: skip
+    }
     if "stiffness" in values:
         found |= {"stiffness_intensity": values["stiffness"] / area, "work_density": values["work"] / area}
     return found
@@ -440,12 +465,13 @@ def _channel(record: Recording, names: tuple[str, ...], what: str) -> str:
         if name in record:
             return name
     raise InputError(
-        f"channel of {what}", "missing",
+        f"channel of {what}",
+        "missing",
         f"allowed is one of {', '.join(names)}; the recording has {', '.join(record.names()) or 'none'}",
-    )  # fmt: skip
+    )
 
 
-def _muscle(record: Recording) -> Subject | None:
+def _muscle(record: Recording) -> ComparedMuscle | None:
     """The specimen that the recording names, where it is known."""
     name = record.meta.get("specimen")
     if not isinstance(name, str):
@@ -456,13 +482,14 @@ def _muscle(record: Recording) -> Subject | None:
         return None
 
 
-def _rest_length(record: Recording, muscle: Subject | None) -> float:
+def _rest_length(record: Recording, muscle: ComparedMuscle | None) -> float:
     stated = record.meta.get("rest_length", None if muscle is None else muscle.rest_length)
     if isinstance(stated, bool) or not isinstance(stated, int | float) or not 0.0 < stated < 100.0:
         raise InputError(
-            "rest_length", "missing" if stated is None else str(stated),
+            "rest_length",
+            "missing" if stated is None else str(stated),
             "allowed is a length [m] in the meta of the recording, or the id of a known specimen under specimen",
-        )  # fmt: skip
+        )
     return float(stated)
 
 

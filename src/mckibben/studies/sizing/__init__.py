@@ -8,9 +8,9 @@ from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS, INFERRED, LawError, braid_law, error_of_braid, error_of_specimen
 from .candidate import VERDICTS, Candidate, Judged, judged, unit_of
 from .catalogue import of_size, of_sizes, of_specimen, of_specimens
-from .lines import WEIGHED, LineFound, lines_for, rank
-from .requirements import Miss, Wish
-from .size import Sizing, SourceFound, size, sources_for
+from .lines import WEIGHED, LineResult, lines_for, rank
+from .requirements import Requirements, Shortfall
+from .size import Sizing, SourceResult, size, sources_for
 
 __all__ = [
     "BRAID_LAWS",
@@ -21,11 +21,11 @@ __all__ = [
     "Candidate",
     "Judged",
     "LawError",
-    "LineFound",
-    "Miss",
+    "LineResult",
+    "Shortfall",
     "Sizing",
-    "SourceFound",
-    "Wish",
+    "SourceResult",
+    "Requirements",
     "braid_law",
     "design",
     "error_of_braid",

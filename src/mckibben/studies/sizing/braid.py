@@ -23,7 +23,7 @@ from ...muscles import braid
 from ...pneumatics.gas import AIR
 from .braid_law import BRAID_LAWS, LawError, braid_law, error_of_braid, usual
 from .candidate import Candidate
-from .requirements import ALLOWED, Miss, Wish
+from .requirements import ALLOWED, Requirements, Shortfall
 
 # At the long end: below 19.5 degrees the law with wall loses its stiffness, and the nylon muscle works from 20.3 on.
 ANGLES = (np.deg2rad(20.5), np.deg2rad(45.0))
@@ -63,8 +63,8 @@ class Sizes(NamedTuple):
 
 
 def design(
-    wish: Wish, *, law: str = BRAID_LAWS[0], objective: str = "mass", fitting: bool = True
-) -> tuple[Candidate | None, tuple[Miss, ...]]:
+    wish: Requirements, *, law: str = BRAID_LAWS[0], objective: str = "mass", fitting: bool = True
+) -> tuple[Candidate | None, tuple[Shortfall, ...]]:
     """The smallest braid, or what stands in its way.
 
     Args:
@@ -140,7 +140,7 @@ def _ask(law: str, longest: Any, shortest: Any, pressure: Any) -> tuple[Any, ...
 _asked = jax.jit(_ask, static_argnums=0)
 
 
-def sizes_of(shapes: Shapes, wish: Wish, error: LawError) -> Sizes:
+def sizes_of(shapes: Shapes, wish: Requirements, error: LawError) -> Sizes:
     """How large the braids must be for force and stroke; without regard to the space."""
     strength = _strength(shapes, error)
     possible = shapes.sound & (strength > 0.0)
@@ -153,7 +153,7 @@ def _strength(shapes: Shapes, error: LawError) -> np.ndarray:
     return shapes.short_force - (error.share + usual("friction_share")) * shapes.long_force
 
 
-def _sized(shapes: Shapes, wish: Wish, diameter: np.ndarray, possible: np.ndarray) -> Sizes:
+def _sized(shapes: Shapes, wish: Requirements, diameter: np.ndarray, possible: np.ndarray) -> Sizes:
     thread = wish.stroke / (shapes.contraction * np.cos(shapes.angle))
     longest = thread * np.cos(shapes.angle)
     shortest = longest - wish.stroke
@@ -169,7 +169,7 @@ def _sized(shapes: Shapes, wish: Wish, diameter: np.ndarray, possible: np.ndarra
     return Sizes(diameter, thread, contracted, longest + 2.0 * fitting, sheet + ends, air, possible)
 
 
-def _fits(sizes: Sizes, wish: Wish, *, but: str = "") -> np.ndarray:
+def _fits(sizes: Sizes, wish: Requirements, *, but: str = "") -> np.ndarray:
     fits = sizes.possible
     if wish.length is not None and but != "length":
         fits = fits & (sizes.overall <= wish.length)
@@ -178,7 +178,7 @@ def _fits(sizes: Sizes, wish: Wish, *, but: str = "") -> np.ndarray:
     return fits
 
 
-def _built(wish: Wish, law: str, error: LawError, shapes: Shapes, sizes: Sizes, objective: str) -> Candidate:
+def _built(wish: Requirements, law: str, error: LawError, shapes: Shapes, sizes: Sizes, objective: str) -> Candidate:
     one: dict[str, float] = {n: float(v[0, 0]) for n, v in {**shapes._asdict(), **sizes._asdict()}.items()}
     b, d0, angle = one["thread"], one["diameter"], one["angle"]
     longest = b * np.cos(angle)
@@ -217,24 +217,24 @@ def _built(wish: Wish, law: str, error: LawError, shapes: Shapes, sizes: Sizes, 
 # ---- what stands in the way
 
 
-def _misses(wish: Wish, law: str, error: LawError) -> tuple[Miss, ...]:
+def _misses(wish: Requirements, law: str, error: LawError) -> tuple[Shortfall, ...]:
     """Each part of the wish alone: how much of it could be had with all else as wished; the nearest first."""
     angles, contractions = np.linspace(*ANGLES, GRID), np.linspace(*CONTRACTIONS, GRID)
     shapes = shapes_of(law, wish.pressure, angles, contractions)
     found = [
-        Miss("force", wish.force, _most_force(shapes, wish, error)),
-        Miss("stroke", wish.stroke, _edge(wish, law, "stroke", 1e-2)),
-        Miss("pressure", wish.pressure, _edge(wish, law, "pressure", ALLOWED["pressure"][2] / wish.pressure)),
+        Shortfall("force", wish.force, _most_force(shapes, wish, error)),
+        Shortfall("stroke", wish.stroke, _edge(wish, law, "stroke", 1e-2)),
+        Shortfall("pressure", wish.pressure, _edge(wish, law, "pressure", ALLOWED["pressure"][2] / wish.pressure)),
     ]
     sizes = sizes_of(shapes, wish, error)
     for part, has in (("length", sizes.overall), ("diameter", sizes.contracted)):
         if getattr(wish, part) is not None:
             free = has[_fits(sizes, wish, but=part)]
-            found.append(Miss(part, getattr(wish, part), float(free.min()) if free.size else None))
+            found.append(Shortfall(part, getattr(wish, part), float(free.min()) if free.size else None))
     return tuple(sorted(found, key=lambda m: m.change))
 
 
-def _most_force(shapes: Shapes, wish: Wish, error: LawError) -> float | None:
+def _most_force(shapes: Shapes, wish: Requirements, error: LawError) -> float | None:
     """Largest force in the space, with the stroke and the pressure as wished [N]."""
     unit = _sized(shapes, wish, np.ones_like(shapes.angle), shapes.sound)
     longest = unit.thread * np.cos(shapes.angle)
@@ -249,14 +249,14 @@ def _most_force(shapes: Shapes, wish: Wish, error: LawError) -> float | None:
     return float(force.max()) if able.any() else None
 
 
-def frontier(wish: Wish, strokes: np.ndarray, *, law: str = BRAID_LAWS[0]) -> np.ndarray:
+def frontier(wish: Requirements, strokes: np.ndarray, *, law: str = BRAID_LAWS[0]) -> np.ndarray:
     """Largest force that a braid in the wished space promises, over strokes (n,) [m] [N]; zero where none does."""
     angles, contractions = np.linspace(*ANGLES, GRID), np.linspace(*CONTRACTIONS, GRID)
     shapes, error = shapes_of(law, wish.pressure, angles, contractions), error_of_braid(law, wish.pressure)
     return np.array([_most_force(shapes, replace(wish, stroke=float(s)), error) or 0.0 for s in strokes])
 
 
-def _edge(wish: Wish, law: str, part: str, far: float) -> float | None:
+def _edge(wish: Requirements, law: str, part: str, far: float) -> float | None:
     """The value of a part nearest to the wished one with which a braid does it, up to `far` times that; or None."""
 
     def does(value: float) -> bool:

@@ -31,7 +31,7 @@ from ...specimens import Specimen, map_file, specimen
 BRAID_LAWS = ("linear_threshold", "thick_wall", "ideal")
 
 
-class Inferred(NamedTuple):
+class InferredDimension(NamedTuple):
     """A number that no source prints for a braid to be made: value [SI], range, and where it comes from."""
 
     value: float
@@ -39,17 +39,21 @@ class Inferred(NamedTuple):
     note: str
 
 
-INFERRED: dict[str, Inferred] = {
-    "wall_share": Inferred(0.0762 / 1.66, (0.02, 0.1), "wall over the diameter at 90 degrees, of the nylon muscle"),
-    "threshold_pressure": Inferred(0.903e5, (0.3e5, 1.5e5), "Pa; of the nylon muscle"),
-    "threshold_width": Inferred(0.85e5, (0.7e5, 1e5), "Pa; of the nylon muscle"),
-    "passive_pressure": Inferred(392.0 / 0.466e-2, (0.0, 2e5), "Pa; Kp/Kg of the nylon muscle"),
-    "rest_share": Inferred(1.0 / 1.1, (0.85, 1.0), "length at rest over the longest, of the nylon muscle"),
-    "friction_share": Inferred(2.5 / 110.0, (0.01, 0.09), "friction over the largest tension, of the nylon muscle"),
-    "fitting_share": Inferred(1.0, (0.5, 3.0), "length of each fitting over the contracted diameter"),
-    "wall_density": Inferred(1150.0, (950.0, 1300.0), "kg/m3; rubber and nylon"),
-    "fitting_density": Inferred(1400.0, (600.0, 2700.0), "kg/m3; half of a fitting's cylinder is aluminium"),
-    "slenderness": Inferred(4.0, (3.0, 10.0), "least length over diameter, when contracted"),
+INFERRED: dict[str, InferredDimension] = {
+    "wall_share": InferredDimension(
+        0.0762 / 1.66, (0.02, 0.1), "wall over the diameter at 90 degrees, of the nylon muscle"
+    ),
+    "threshold_pressure": InferredDimension(0.903e5, (0.3e5, 1.5e5), "Pa; of the nylon muscle"),
+    "threshold_width": InferredDimension(0.85e5, (0.7e5, 1e5), "Pa; of the nylon muscle"),
+    "passive_pressure": InferredDimension(392.0 / 0.466e-2, (0.0, 2e5), "Pa; Kp/Kg of the nylon muscle"),
+    "rest_share": InferredDimension(1.0 / 1.1, (0.85, 1.0), "length at rest over the longest, of the nylon muscle"),
+    "friction_share": InferredDimension(
+        2.5 / 110.0, (0.01, 0.09), "friction over the largest tension, of the nylon muscle"
+    ),
+    "fitting_share": InferredDimension(1.0, (0.5, 3.0), "length of each fitting over the contracted diameter"),
+    "wall_density": InferredDimension(1150.0, (950.0, 1300.0), "kg/m3; rubber and nylon"),
+    "fitting_density": InferredDimension(1400.0, (600.0, 2700.0), "kg/m3; half of a fitting's cylinder is aluminium"),
+    "slenderness": InferredDimension(4.0, (3.0, 10.0), "least length over diameter, when contracted"),
 }
 
 

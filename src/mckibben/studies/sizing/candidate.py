@@ -19,7 +19,7 @@ from ...muscles.elements import Tendon
 from ...muscles.law import TensionLaw
 from ...pneumatics.gas import AIR
 from .braid_law import LawError
-from .requirements import Wish
+from .requirements import Requirements
 
 VERDICTS = ("yes", "within the error", "no")
 POINTS, REFINED = 256, 4  # lengths among which an end of a stroke is sought, and how often it is refined
@@ -153,7 +153,7 @@ class Ends:
         return self.last_below(0.0, longest)
 
 
-def judged(muscle: Candidate, wish: Wish) -> Judged:
+def judged(muscle: Candidate, wish: Requirements) -> Judged:
     """Put a candidate against a wish."""
     ends = Ends(muscle.law, wish.pressure)
     end = muscle.longest - wish.stroke
@@ -167,19 +167,28 @@ def judged(muscle: Candidate, wish: Wish) -> Judged:
     sure = _margins(muscle, wish, ends, said, error)
     margins = dict(sure)
     for name, limit, has in (
-        ("length", wish.length, muscle.overall_length), ("diameter", wish.diameter, muscle.diameter),
-    ):  # fmt: skip
+        ("length", wish.length, muscle.overall_length),
+        ("diameter", wish.diameter, muscle.diameter),
+    ):
         if limit is not None:
             margins[name] = limit / has - 1.0
     if muscle.rated_pressure is not None:
         margins["pressure"] = muscle.rated_pressure / wish.pressure - 1.0
     return Judged(
-        muscle, said - muscle.friction, said - muscle.friction - error, top, error, passive,
-        (1.0 + sure["stroke"]) * wish.stroke, margins, nominal, air_of_cycle(muscle, wish),
-    )  # fmt: skip
+        muscle,
+        said - muscle.friction,
+        said - muscle.friction - error,
+        top,
+        error,
+        passive,
+        (1.0 + sure["stroke"]) * wish.stroke,
+        margins,
+        nominal,
+        air_of_cycle(muscle, wish),
+    )
 
 
-def _margins(muscle: Candidate, wish: Wish, ends: Ends, said: float, error: float) -> dict[str, float]:
+def _margins(muscle: Candidate, wish: Requirements, ends: Ends, said: float, error: float) -> dict[str, float]:
     deducted = muscle.friction + error
     stroke = muscle.longest - ends.last_below(wish.force + deducted, muscle.longest)
     return {
@@ -188,7 +197,7 @@ def _margins(muscle: Candidate, wish: Wish, ends: Ends, said: float, error: floa
     }
 
 
-def air_of_cycle(muscle: Candidate, wish: Wish, dead: float = 0.0) -> float:
+def air_of_cycle(muscle: Candidate, wish: Requirements, dead: float = 0.0) -> float:
     """Air that a cycle takes from the room: full at the short end, emptied and drawn out again [kg].
 
     Args:

@@ -13,7 +13,7 @@ from ...specimens import Specimen, specimen, specimens
 from ...specimens.parts import CataloguePart, parts
 from .braid_law import error_of_size, error_of_specimen, usual
 from .candidate import Candidate, Ends, judged
-from .requirements import Wish
+from .requirements import Requirements
 
 CUT = 0.01  # in steps of which a fluidic muscle is cut [m]
 SIZE_LAWS = {"DMSP-10-250": "hyperelastic_braid", "DMSP-20-300": "hyperelastic_braid", "festo-10mm": "seated_braid"}
@@ -22,7 +22,7 @@ BORES = ("rest_diameter", "wall_thickness")
 NYLON_WALL = 0.0762e-2  # [m]
 
 
-def of_specimens(wish: Wish) -> list[Candidate]:
+def of_specimens(wish: Requirements) -> list[Candidate]:
     """Every shipped McKibben muscle whose law is known."""
     found = []
     for spec in specimens():
@@ -33,7 +33,7 @@ def of_specimens(wish: Wish) -> list[Candidate]:
     return found
 
 
-def of_specimen(spec: Specimen | str, wish: Wish) -> Candidate | None:
+def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:
     """A specimen as a candidate, by the law of it that errs least; None where no law of it knows its volume."""
     stated = specimen(spec) if isinstance(spec, str) else spec
     laws = {}
@@ -74,12 +74,12 @@ def of_specimen(spec: Specimen | str, wish: Wish) -> Candidate | None:
     )
 
 
-def of_sizes(wish: Wish) -> list[Candidate]:
+def of_sizes(wish: Requirements) -> list[Candidate]:
     """Of every fluidic muscle's bore, the shortest cut that does it; the longest that the space allows where none does."""
     return [one for part in parts("fluidic_muscle") if (one := of_size(part, wish)) is not None]
 
 
-def of_size(part: CataloguePart, wish: Wish) -> Candidate | None:
+def of_size(part: CataloguePart, wish: Requirements) -> Candidate | None:
     """A bore, cut to the wish; None where no cut leaves room for the stroke."""
     v = part.values
     shortest = max(v["shortest_length"], wish.stroke / v["largest_contraction"])
@@ -98,11 +98,11 @@ def of_size(part: CataloguePart, wish: Wish) -> Candidate | None:
     return _cut(part, float(cuts[low]), wish)
 
 
-def _does(part: CataloguePart, length: float, wish: Wish) -> bool:
+def _does(part: CataloguePart, length: float, wish: Requirements) -> bool:
     return judged(_cut(part, length, wish), wish).margins["force"] >= 0.0
 
 
-def _cut(part: CataloguePart, length: float, wish: Wish) -> Candidate:
+def _cut(part: CataloguePart, length: float, wish: Requirements) -> Candidate:
     v, of = part.values, specimen(part.law)
     name = SIZE_LAWS[of.id]
     own = law_from_specimen(of, name)
@@ -138,7 +138,7 @@ def _resized(law: Any, bore: float, length: float) -> tuple[TensionLaw, float]:
     return resized, scale
 
 
-def outer_diameter(law: TensionLaw, wish: Wish, longest: float, wall: float) -> float:
+def outer_diameter(law: TensionLaw, wish: Requirements, longest: float, wall: float) -> float:
     """Outer diameter at the end of the stroke, of a cylinder of the law's volume and a wall [m]."""
     ends = Ends(law, wish.pressure)
     end = max(longest - wish.stroke, ends.free_length(longest))
@@ -146,7 +146,9 @@ def outer_diameter(law: TensionLaw, wish: Wish, longest: float, wall: float) -> 
     return 2.0 * float(np.sqrt(volume / (np.pi * end))) + 2.0 * wall
 
 
-def friction_of(spec: Specimen, law: TensionLaw, longest: float, wish: Wish, range_: CataloguePart | None) -> float:
+def friction_of(
+    spec: Specimen, law: TensionLaw, longest: float, wish: Requirements, range_: CataloguePart | None
+) -> float:
     """Friction that the promised force is less [N]: stated, or a usual share of the largest tension."""
     if "coulomb_friction" in spec.properties and range_ is None:
         return spec.property_si("coulomb_friction", "N")

@@ -34,7 +34,7 @@ from ...specimens import Specimen, specimen, specimen_ids
 from ...specimens.parts import CataloguePart, parts
 from ._circuit import Course, Lane, courses, settled_courses
 from .candidate import Judged, air_of_cycle, unit_of
-from .requirements import Wish
+from .requirements import Requirements
 
 TUBES = ("PU-4x2", "PA-4x2.5", "paper-1/8", "PU-6x4", "PU-8x5")
 LENGTHS = (0.2, 1.0, 2.0)  # that the best valve is also tried with [m]
@@ -49,7 +49,7 @@ Both = tuple[Course, Course]  # of a held muscle: as long as filling takes, and 
 
 
 @dataclass(frozen=True)
-class LineFound:
+class LineResult:
     """One valve and tube for a muscle.
 
     Times [s]; None where it never gets there. Masses [kg], `box` the size of the valve [m^3], `power` electrical [W],
@@ -83,13 +83,13 @@ class LineFound:
 
 def lines_for(
     muscle: Judged,
-    wish: Wish,
+    wish: Requirements,
     *,
     valves: Sequence[str] | None = None,
     tubes: Sequence[str] = TUBES,
     lengths: Sequence[float] | None = None,
     progress: Callable[[str], None] | None = None,
-) -> list[LineFound]:
+) -> list[LineResult]:
     """Every valve with every tube, the best first; speeds for the first of the Pareto-best, and where the wish has one.
 
     Args:
@@ -121,7 +121,7 @@ def lines_for(
 
 
 def _lane(
-    muscle: Judged, wish: Wish, valve: Specimen, tube: CataloguePart, length: float, at: float, **more: float
+    muscle: Judged, wish: Requirements, valve: Specimen, tube: CataloguePart, length: float, at: float, **more: float
 ) -> Lane:
     element = valve_from_specimen(valve)
     regulated = isinstance(element, PressureRegulator)
@@ -132,7 +132,7 @@ def _lane(
     return Lane(unit_of(muscle.muscle), element, pipe, wish.pressure, supply, at, environment=wish.environment, **more)
 
 
-def _held(muscle: Judged, wish: Wish, valve: Specimen, tube: CataloguePart, length: float) -> list[Lane]:
+def _held(muscle: Judged, wish: Requirements, valve: Specimen, tube: CataloguePart, length: float) -> list[Lane]:
     longest = muscle.muscle.longest
     ends = (longest, longest - wish.stroke)
     return [_lane(muscle, wish, valve, tube, length, at) for at in ends]
@@ -140,14 +140,14 @@ def _held(muscle: Judged, wish: Wish, valve: Specimen, tube: CataloguePart, leng
 
 def _found(
     muscle: Judged,
-    wish: Wish,
+    wish: Requirements,
     valve: Specimen,
     tube: CataloguePart,
     length: float,
     long_: Both,
     short: Both,
     lane: Lane,
-) -> LineFound:
+) -> LineResult:
     wanted = wish.force + muscle.muscle.friction + muscle.passive
     rise, fall = _transitions(*long_) if long_[0].sound else (None, None)
     v = tube.values
@@ -159,7 +159,7 @@ def _found(
     passage = lane.valve.fill  # type: ignore[attr-defined]
     absolute = lane.supply + float(wish.environment.pressure_abs)
     busy = None if rise is None or fall is None else rise / 0.8 + fall / 0.8
-    return LineFound(
+    return LineResult(
         valve=valve.id,
         tube=tube.id,
         tube_length=length,
@@ -213,18 +213,25 @@ def _reached(course: Course, wanted: float) -> float | None:
     return _passing(course.time[before], up, wanted, 1.0) if bool((up >= wanted).any()) else None
 
 
-def speeds_of(muscle: Judged, wish: Wish, lines: Sequence[LineFound]) -> list[float]:
+def speeds_of(muscle: Judged, wish: Requirements, lines: Sequence[LineResult]) -> list[float]:
     """Speed up to which each line keeps the wished force at the end of the stroke [m/s]; at most eight times the wished."""
     assert wish.speed is not None
     known = {p.id: p for p in parts("tube")}
     tried = [s * wish.speed for s in SPEEDS]
     lanes = [
         _lane(
-            muscle, wish, specimen(line.valve), known[line.tube], line.tube_length, muscle.muscle.longest,
-            stroke=wish.stroke, speed=v,
+            muscle,
+            wish,
+            specimen(line.valve),
+            known[line.tube],
+            line.tube_length,
+            muscle.muscle.longest,
+            stroke=wish.stroke,
+            speed=v,
         )
-        for line in lines for v in tried
-    ]  # fmt: skip
+        for line in lines
+        for v in tried
+    ]
     done = courses(lanes)
     wanted = wish.force + muscle.muscle.friction + muscle.passive
     found = []
@@ -248,7 +255,7 @@ def _at_end(course: Course, end: float) -> float:
     return float(course.tension[int(np.argmax(course.length <= end + 1e-9 + 1e-6 * end))])
 
 
-def rank(lines: Sequence[LineFound]) -> list[LineFound]:
+def rank(lines: Sequence[LineResult]) -> list[LineResult]:
     """Pareto marks, scores, and the order: what does it and keeps up first, then by score."""
     able = [line for line in lines if line.to_force is not None]
     if not able:

@@ -23,7 +23,7 @@ ALLOWED: dict[str, tuple[str, float, float]] = {
 
 
 @dataclass(frozen=True)
-class Wish:
+class Requirements:
     """A wish; what is None is not asked for.
 
     Attributes:
@@ -68,7 +68,7 @@ class Wish:
 
 
 @dataclass(frozen=True)
-class Miss:
+class Shortfall:
     """A part of a wish that stands in the way, all else as wished: what was asked, and up to or from where it could be had.
 
     `reachable` is None where no value of this part alone would help.

@@ -28,12 +28,12 @@ from . import catalogue
 from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS
 from .candidate import VERDICTS, Candidate, Ends, Judged, judged, ranked
-from .lines import LENGTHS, LineFound, lines_for
-from .requirements import Miss, Wish
+from .lines import LENGTHS, LineResult, lines_for
+from .requirements import Requirements, Shortfall
 
 
 @dataclass(frozen=True)
-class SourceFound:
+class SourceResult:
     """What a gas source gives.
 
     Attributes:
@@ -71,7 +71,7 @@ class SourceFound:
     inferred: tuple[str, ...]
 
 
-def sources_for(muscle: Judged, wish: Wish, line: LineFound | None) -> list[SourceFound]:
+def sources_for(muscle: Judged, wish: Requirements, line: LineResult | None) -> list[SourceResult]:
     """Every shipped source, for the air that the muscle and its line take; those that can do it first, by their energy."""
     air, pressure = (muscle.air, wish.pressure) if line is None else (line.air, line.supply)
     make = {"bottle": _bottle, "compressor": _compressor, "heated": _heated}
@@ -79,17 +79,17 @@ def sources_for(muscle: Judged, wish: Wish, line: LineFound | None) -> list[Sour
     return sorted(found, key=lambda s: (not s.able, s.energy))
 
 
-def _work(wish: Wish) -> float:
+def _work(wish: Requirements) -> float:
     return wish.force * wish.stroke
 
 
-def _isothermal(part: CataloguePart, wish: Wish, pressure: float) -> float:
+def _isothermal(part: CataloguePart, wish: Requirements, pressure: float) -> float:
     """Least work to bring gas from the room to a gauge pressure [J/kg]."""
     room = float(wish.environment.pressure_abs)
     return part.values["gas_constant"] * float(wish.environment.temperature) * math.log1p(pressure / room)
 
 
-def _bottle(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
+def _bottle(part: CataloguePart, muscle: Judged, wish: Requirements, air: float, pressure: float) -> SourceResult:
     v = part.values
     room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
     gas = air * float(AIR.gas_constant) / v["gas_constant"]
@@ -97,15 +97,26 @@ def _bottle(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressur
     cycles = max(0, int((v["filling"] - left) / gas))
     energy = gas * v["filling_work"]
     enough = v["pressure"] > pressure and cycles > 0
-    return SourceFound(
-        part.id, part.title, part.form, energy, gas * _isothermal(part, wish, pressure), None, _work(wish) / energy, gas,
-        cycles, None if wish.frequency is None else cycles / wish.frequency, v["mass"], enough,
+    return SourceResult(
+        part.id,
+        part.title,
+        part.form,
+        energy,
+        gas * _isothermal(part, wish, pressure),
+        None,
+        _work(wish) / energy,
+        gas,
+        cycles,
+        None if wish.frequency is None else cycles / wish.frequency,
+        v["mass"],
+        enough,
         "throttled from its pressure: most of the filling's work is lost" if enough else "empty before a cycle is done",
-        None, tuple(part.inferred()),
-    )  # fmt: skip
+        None,
+        tuple(part.inferred()),
+    )
 
 
-def _compressor(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
+def _compressor(part: CataloguePart, muscle: Judged, wish: Requirements, air: float, pressure: float) -> SourceResult:
     v = part.values
     ideal = air * adiabatic_work(wish, pressure)
     energy = ideal / v["efficiency"]
@@ -115,14 +126,26 @@ def _compressor(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pre
     able = drawn is None or drawn <= v["free_flow"]
     share = "" if drawn is None else f"runs {drawn / v['free_flow']:.0%} of the time"
     run_time = None if cycles is None or wish.frequency is None else cycles / wish.frequency
-    return SourceFound(
-        part.id, part.title, part.form, energy, air * _isothermal(part, wish, pressure), ideal, _work(wish) / energy, air,
-        cycles, run_time, v["mass"], able, share if able else "delivers too little for that frequency",
-        None, tuple(part.inferred()),
-    )  # fmt: skip
+    return SourceResult(
+        part.id,
+        part.title,
+        part.form,
+        energy,
+        air * _isothermal(part, wish, pressure),
+        ideal,
+        _work(wish) / energy,
+        air,
+        cycles,
+        run_time,
+        v["mass"],
+        able,
+        share if able else "delivers too little for that frequency",
+        None,
+        tuple(part.inferred()),
+    )
 
 
-def adiabatic_work(wish: Wish, pressure: float) -> float:
+def adiabatic_work(wish: Requirements, pressure: float) -> float:
     """Work to compress air from the room to a gauge pressure without heat exchange and losses [J/kg]."""
     machine = Compressor(displacement=1e-5, speed=150.0, clearance=0.0, efficiency=1.0)
     room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
@@ -131,7 +154,7 @@ def adiabatic_work(wish: Wish, pressure: float) -> float:
     return float(machine.shaft_power(gas, (), 1.0, 1.0) / flow)
 
 
-def _heated(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressure: float) -> SourceFound:
+def _heated(part: CataloguePart, muscle: Judged, wish: Requirements, air: float, pressure: float) -> SourceResult:
     v, p = part.values, wish.pressure
     room, cold = float(wish.environment.pressure_abs), float(wish.environment.temperature)
     ends = Ends(muscle.muscle.law, p)
@@ -148,13 +171,26 @@ def _heated(part: CataloguePart, muscle: Judged, wish: Wish, air: float, pressur
     if not able:
         least, most = with_unit(low, "Pa", 3), with_unit(reach, "Pa", 2)
         note = f"{hot:.0f} K is needed, {v['hottest']:.0f} K is borne: that makes {most} of {least}"
-    return SourceFound(
-        part.id, part.title, part.form, heat, None, None, _work(wish) / heat, 0.0, None, None, None, able, note, hot,
+    return SourceResult(
+        part.id,
+        part.title,
+        part.form,
+        heat,
+        None,
+        None,
+        _work(wish) / heat,
+        0.0,
+        None,
+        None,
+        None,
+        able,
+        note,
+        hot,
         tuple(part.inferred()),
-    )  # fmt: skip
+    )
 
 
-def piston_cycle(muscle: Judged, wish: Wish, *, accumulator: bool) -> tuple[float, float] | None:
+def piston_cycle(muscle: Judged, wish: Requirements, *, accumulator: bool) -> tuple[float, float] | None:
     """Input and output of the paper's cycle of maximal shortening, quasi-stationary and isothermal [J]; None if it has none.
 
     With an accumulator the air goes back to the threshold of the muscle's law; None where it has no threshold.
@@ -165,9 +201,12 @@ def piston_cycle(muscle: Judged, wish: Wish, *, accumulator: bool) -> tuple[floa
         if accumulator and not 0.0 < back < wish.pressure:
             return None
         between = Conditions(
-            pressure=wish.pressure, stretched_length=muscle.muscle.longest, ambient=wish.environment,
-            exchange_pressure=back, friction=muscle.muscle.friction,
-        )  # fmt: skip
+            pressure=wish.pressure,
+            stretched_length=muscle.muscle.longest,
+            ambient=wish.environment,
+            exchange_pressure=back,
+            friction=muscle.muscle.friction,
+        )
         cycle = energy_cycle(moving, "maximal", between)
     except MckibbenError:
         return None
@@ -193,13 +232,13 @@ class Sizing:
         piston: input and output of the paper's cycle of maximal shortening without and with an accumulator [J].
     """
 
-    wish: Wish
+    wish: Requirements
     muscles: tuple[Judged, ...]
-    misses: tuple[Miss, ...]
+    misses: tuple[Shortfall, ...]
     chosen: Judged
-    lines: tuple[LineFound, ...]
-    lengths: tuple[LineFound, ...]
-    sources: tuple[SourceFound, ...]
+    lines: tuple[LineResult, ...]
+    lengths: tuple[LineResult, ...]
+    sources: tuple[SourceResult, ...]
     piston: dict[str, tuple[float, float] | None]
 
     @property
@@ -223,7 +262,7 @@ class Sizing:
 
 
 def size(
-    wish: Wish,
+    wish: Requirements,
     *,
     law: str = BRAID_LAWS[0],
     muscle: str | None = None,
@@ -245,7 +284,7 @@ def size(
     tell = progress or (lambda _: None)
     tell("braids")
     found: list[Candidate] = []
-    misses: tuple[Miss, ...] = ()
+    misses: tuple[Shortfall, ...] = ()
     for objective in OBJECTIVES:
         one, missing = design(wish, law=law, objective=objective, fitting=not found and not misses)
         if one is None:
@@ -258,14 +297,14 @@ def size(
     found += catalogue.of_sizes(wish)
     order = ranked([judged(one, wish) for one in found])
     chosen = _chosen(order, muscle)
-    best: list[LineFound] = []
-    other: list[LineFound] = []
+    best: list[LineResult] = []
+    other: list[LineResult] = []
     if lines:
         order, chosen, best = _with_lines(order, chosen, muscle is None, wish, tell)
         if best and best[0].to_force is not None:
             other = lines_for(chosen, wish, valves=[best[0].valve], lengths=LENGTHS, progress=tell)
     if wish.speed is not None and chosen.speed is not None and chosen.speed < wish.speed:
-        misses = (*misses, Miss("speed", wish.speed, chosen.speed or None))
+        misses = (*misses, Shortfall("speed", wish.speed, chosen.speed or None))
     line = next((one for one in best if one.to_force is not None), None)
     does = chosen.verdict != VERDICTS[2]  # else there is no work whose energy could be told
     sources = sources_for(chosen, wish, line) if does else []
@@ -275,11 +314,11 @@ def size(
 
 
 def _with_lines(
-    order: list[Judged], chosen: Judged, free: bool, wish: Wish, tell: Progress
-) -> tuple[list[Judged], Judged, list[LineFound]]:
+    order: list[Judged], chosen: Judged, free: bool, wish: Requirements, tell: Progress
+) -> tuple[list[Judged], Judged, list[LineResult]]:
     """Lines of the chosen muscle; where a speed is wished that it does not reach, and we are free, of the next ones."""
     tried = [m for m in order if m.verdict != VERDICTS[2]][:MOST_TRIED] if free else [chosen]
-    fastest, best = chosen, list[LineFound]()
+    fastest, best = chosen, list[LineResult]()
     for one in tried:
         if one.verdict == VERDICTS[2]:
             break

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .... import reproduction
-from ....reproduction.rows import Outcome, Row, Value, all_rows, reproduce_row
+from ....reproduction.rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
 from .. import style
 from ..style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
 
@@ -42,9 +42,14 @@ def panel(height: float, *, wide: float = MIDDLE, beside: float = BESIDE) -> tup
 
 
 def stack(
-    shares: Sequence[float], height: float, *, wide: float = MIDDLE, beside: float = BESIDE, gap: float = 0.34,
+    shares: Sequence[float],
+    height: float,
+    *,
+    wide: float = MIDDLE,
+    beside: float = BESIDE,
+    gap: float = 0.34,
     columns: Sequence[float] = (1.0,),
-) -> tuple[Figure, list[Axes]]:  # fmt: skip
+) -> tuple[Figure, list[Axes]]:
     """A figure with axes below each other, row by row where there are several columns.
 
     Args:
@@ -86,8 +91,15 @@ def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
     other = ax.twinx()
-    other.set_ylabel(words, color=style.colour(quantity), fontweight="bold", fontsize=SMALL + 0.5, rotation=0, ha="right",
-                     va="bottom")  # fmt: skip
+    other.set_ylabel(
+        words,
+        color=style.colour(quantity),
+        fontweight="bold",
+        fontsize=SMALL + 0.5,
+        rotation=0,
+        ha="right",
+        va="bottom",
+    )
     other.yaxis.set_label_coords(1.0, 1.0, transform=ax.transAxes + style.shift(ax, 18, 5))
     other.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
     other.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
@@ -99,13 +111,13 @@ def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
 
 
 @functools.cache
-def outcome(identifier: str) -> Outcome:
+def outcome(identifier: str) -> RowOutcome:
     """A row with ours beside it."""
     assert reproduction
     return reproduce_row(row(identifier))
 
 
-def row(identifier: str) -> Row:
+def row(identifier: str) -> PrintedRow:
     """A row by its name."""
     return next(r for r in all_rows() if r.id == identifier)
 
@@ -117,7 +129,7 @@ def printed(identifier: str) -> float:
     return value
 
 
-class Entry(NamedTuple):
+class NumberEntry(NamedTuple):
     """A line of the numbers: words with their unit, ours and the paper's as text, and what is to be said of it.
 
     `mark` is ``*`` where ours is no prediction, ``†`` where the paper's is a misprint, ``§`` where a difference stays open,
@@ -130,17 +142,17 @@ class Entry(NamedTuple):
     mark: str = ""
 
 
-def entry(words: str, identifier: str, digits: int = 3) -> Entry:
+def entry(words: str, identifier: str, digits: int = 3) -> NumberEntry:
     """The line of a row, with the row's unit after the words."""
     one = outcome(identifier)
     assert one.ours is not None
     unit = unit_words(one.row.unit)
-    return Entry(
+    return NumberEntry(
         f"{words}, {unit}" if unit else words, shown(one.ours, digits), as_printed(one.row.paper), mark(one.row)
     )
 
 
-def mark(of: Row) -> str:
+def mark(of: PrintedRow) -> str:
     """What is to be said of a row, as a sign."""
     if of.expect in ("erratum", "open"):
         return {"erratum": "†", "open": "§"}[of.expect]
@@ -172,7 +184,7 @@ def shown(value: float, digits: int = 3) -> str:
     return number(round(value, digits - 1 - power), max(digits - 1 - power, 0))
 
 
-def numbers(ax: Axes, entries: Sequence[Entry], *, dx: float = 20.0, remarks: Sequence[str] = ()) -> float:
+def numbers(ax: Axes, entries: Sequence[NumberEntry], *, dx: float = 20.0, remarks: Sequence[str] = ()) -> float:
     """Ours and the paper's right of the axes, from their top; returns where they end, below the top [pt].
 
     Args:
@@ -207,10 +219,18 @@ def key(ax: Axes, handles: Sequence[Artist], *, dx: float = 20.0, below: float |
     """What the lines are, right of the axes: at their foot, or so much below their top [pt]."""
     y, drop = (0.0, 0.0) if below is None else (1.0, below)
     ax.figure.legend(
-        handles=list(handles), loc="lower left" if below is None else "upper left", bbox_to_anchor=(1.0, y),
-        bbox_transform=ax.transAxes + style.shift(ax, dx - 3.0, -drop), frameon=False, fontsize=SMALL,
-        labelcolor=INK_2, handlelength=2.6, labelspacing=0.4, borderpad=0.0, borderaxespad=0.0,
-    )  # fmt: skip
+        handles=list(handles),
+        loc="lower left" if below is None else "upper left",
+        bbox_to_anchor=(1.0, y),
+        bbox_transform=ax.transAxes + style.shift(ax, dx - 3.0, -drop),
+        frameon=False,
+        fontsize=SMALL,
+        labelcolor=INK_2,
+        handlelength=2.6,
+        labelspacing=0.4,
+        borderpad=0.0,
+        borderaxespad=0.0,
+    )
 
 
 def sample(words: str, **look: Any) -> Line2D:

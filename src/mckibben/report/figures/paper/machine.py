@@ -15,12 +15,12 @@ from ....pneumatics.tubes.inertial import inertance
 from ....quantities import from_si
 from ....reproduction import part2
 from ....specimens import specimen
-from ....studies.tube_models import AREA, LARGE, PERIOD, SMALL, Result
+from ....studies.tube_models import AREA, LARGE, PERIOD, SMALL, TubeModelResult
 from ....studies.tube_study import QUICK_THERMALS
 from .. import bench_diagram, circuit_diagram, style
 from ..muscle_figures import muscle_drawing
 from ..style import COLOURS, INK, INK_2, INK_3, PANEL, number
-from .common import BESIDE, Entry, as_printed, entry, key, label, numbers, printed, sample, shown, stack, title
+from .common import BESIDE, NumberEntry, as_printed, entry, key, label, numbers, printed, sample, shown, stack, title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,13 +58,16 @@ def geometry(figure: str) -> Figure:
     ax.set_ylim(-3.0, 13.0)
     diameter = threads / (shape.turns * math.pi)
     numbers(
-        ax, [
-            Entry("Thread b, cm", shown(threads, 4) + "‡"), Entry("Turns n", shown(shape.turns, 4) + "‡"),
-            Entry("D₀ = b/(n π), cm", shown(diameter), "1.66"),
-            Entry("Wall tk, cm", shown(float(law.wall_thickness) * CM), "0.0762"),
-            *(Entry(f"θ at {number(v * CM)} cm, °", shown(shape.degrees(v))) for v in lengths),
-        ], remarks=("‡ not printed: inferred from Kg and D₀",),
-    )  # fmt: skip
+        ax,
+        [
+            NumberEntry("Thread b, cm", shown(threads, 4) + "‡"),
+            NumberEntry("Turns n", shown(shape.turns, 4) + "‡"),
+            NumberEntry("D₀ = b/(n π), cm", shown(diameter), "1.66"),
+            NumberEntry("Wall tk, cm", shown(float(law.wall_thickness) * CM), "0.0762"),
+            *(NumberEntry(f"θ at {number(v * CM)} cm, °", shown(shape.degrees(v))) for v in lengths),
+        ],
+        remarks=("‡ not printed: inferred from Kg and D₀",),
+    )
     return fig
 
 
@@ -90,9 +93,12 @@ def _triangle(ax: Axes, shape: BraidShape, length: float, strength: float) -> No
     ax.text(length + 0.35, 0.42 * around, f"n π D = {number(around, 1)} cm", **words | {"ha": "left"})
     slope = math.degrees(math.atan2(around, length))
     ax.text(
-        0.47 * length + 0.45, 0.47 * around - 0.75, f"b = {number(threads)} cm", **words | {"rotation": slope},
+        0.47 * length + 0.45,
+        0.47 * around - 0.75,
+        f"b = {number(threads)} cm",
+        **words | {"rotation": slope},
         rotation_mode="anchor",
-    )  # fmt: skip
+    )
     ax.text(0.5 * length, -2.1, "grey: the same thread at 0.75 L₀", **words | {"fontsize": style.SMALL, "color": INK_3})
 
 
@@ -221,7 +227,7 @@ class Pressures(NamedTuple):
     accumulator: str
     refitted: bool = False
 
-    def result(self) -> Result:
+    def result(self) -> TubeModelResult:
         """From the study."""
         return part2.tube_fits().result(QUICK_THERMALS[0], self.model, self.accumulator, refitted=self.refitted)
 
@@ -254,7 +260,7 @@ def figure_9b() -> Figure:
     return _responses("9b", Pressures("inertial", SMALL), words, [entry("rms", "tube.inertial_rms_3in3")])
 
 
-def _responses(figure: str, shows: Pressures, words: str, entries: list[Entry]) -> Figure:
+def _responses(figure: str, shows: Pressures, words: str, entries: list[NumberEntry]) -> Figure:
     """Pressure in front of the tube, behind it, and as the model has it, on a record of noise and one of steps."""
     fig, axes = stack([1.0, 1.0], 5.6, wide=style.WIDE, beside=3.0, gap=0.5)
     result = shows.result()
@@ -277,30 +283,33 @@ def _responses(figure: str, shows: Pressures, words: str, entries: list[Entry]) 
     first = entry("C", f"tube.capacitance_{'10in3' if large else '3in3'}")
     numbers(axes[0], [first, *_resistances(figure, shows), *entries], remarks=REMARKS)
     key(
-        axes[1], [
+        axes[1],
+        [
             sample("P₁, in front of the tube", **LOOKS["input"]),
             sample("P₂, distributed tube", **LOOKS["reference"]),
             sample("P₂, model", **LOOKS["simulation"]),
         ],
-    )  # fmt: skip
+    )
     return fig
 
 
 REMARKS = (
-    "The paper's numbers are of its own", "pressures, which are not published;", "ours of noise and steps, with the",
+    "The paper's numbers are of its own",
+    "pressures, which are not published;",
+    "ours of noise and steps, with the",
     "distributed tube for the measured P₂.",
-)  # fmt: skip
+)
 
 
-def _resistances(figure: str, shows: Pressures) -> list[Entry]:
+def _resistances(figure: str, shows: Pressures) -> list[NumberEntry]:
     """R1, R2 and L as fitted; where nothing was fitted, those of the large accumulator."""
     fitted = shows if shows.refitted or shows.accumulator == LARGE else shows._replace(accumulator=LARGE)
     result = fitted.result()
     r1 = from_si(result.value("viscous"), "Pa*s/m", "bar*s/cm")
     r2 = from_si(result.value("turbulent"), "Pa*s^2/m^2", "bar*s^2/cm^2")
     both = zip(("R₁, bar s/cm", "R₂, bar s²/cm²"), (r1, r2), PRINTED[figure], strict=True)
-    found = [Entry(words, shown(value), shown(paper)) for words, value, paper in both]
+    found = [NumberEntry(words, shown(value), shown(paper)) for words, value, paper in both]
     if shows.model == "inertial":
         whole = from_si(float(inertance(length=result.value("length"), area=AREA)), "Pa*s^2/kg", "bar*s^2/g")
-        found.append(Entry("L, bar s²/g", shown(whole), as_printed(printed("tube.inertance"))))
+        found.append(NumberEntry("L, bar s²/g", shown(whole), as_printed(printed("tube.inertance"))))
     return found

@@ -10,7 +10,7 @@ import numpy as np
 
 from ....analysis.channels import smoothed, uniform_period
 from ....analysis.loops import paths
-from ....analysis.steps import Step, find_steps, step_responses
+from ....analysis.steps import CommandStep, find_steps, step_responses
 from ....muscles.build import law_from_specimen
 from ....quantities import from_si
 from ....recordings import Recording
@@ -23,7 +23,7 @@ from ..style import COLOURS, INK, INK_2, INK_3, number
 from .common import (
     MARK,
     PRINTED,
-    Entry,
+    NumberEntry,
     entry,
     key,
     numbers,
@@ -53,7 +53,7 @@ HALO = {"boxstyle": "square,pad=0.1", "fc": style.PANEL, "ec": "none", "alpha": 
 DASHED = style.RECORDING_DASHES[1]
 
 
-class Subject(NamedTuple):
+class RecordedMuscle(NamedTuple):
     """A muscle with the stroke and the rig of its loops."""
 
     muscle: str
@@ -61,14 +61,14 @@ class Subject(NamedTuple):
     rig: str = "paper"
 
 
-NYLON, SMALL_RANGE = Subject("nylon", "large"), Subject("nylon", "small")
+NYLON, SMALL_RANGE = RecordedMuscle("nylon", "large"), RecordedMuscle("nylon", "small")
 FIBERGLASS, BRIDGESTONE = (
-    Subject("fiberglass", "fiberglass"),
-    Subject("bridgestone", "bridgestone", loops.MODERN),
+    RecordedMuscle("fiberglass", "fiberglass"),
+    RecordedMuscle("bridgestone", "bridgestone", loops.MODERN),
 )
 
 
-def loops_of(subject: Subject, pressure: str) -> Recording:
+def loops_of(subject: RecordedMuscle, pressure: str) -> Recording:
     """Recorded cycles at a pressure; those that a row needs are the row's."""
     if pressure == FIVE_BAR or subject == NYLON:
         return loops.triangle(subject.muscle, stroke=subject.stroke, rig=subject.rig, pressure=pressure)
@@ -98,12 +98,16 @@ def figure_3a() -> Figure:
     fig, ax, other = _quasi_static("3a", NYLON, "Nylon muscle, 1 Hz, large range")
     _printed_lines(ax, NYLON)
     numbers(
-        ax, [
-            entry("Width, 5 bar", "loop.width"), entry("Height, 5 bar", "loop.height"),
-            entry("Friction", "friction.nylon"), entry("Pressure varies by", "loop.pressure_variation", 2),
+        ax,
+        [
+            entry("Width, 5 bar", "loop.width"),
+            entry("Height, 5 bar", "loop.height"),
+            entry("Friction", "friction.nylon"),
+            entry("Pressure varies by", "loop.pressure_variation", 2),
             entry("Area, 0.25 to 1 Hz", "loop.rate_ratio"),
-        ], dx=DX,
-    )  # fmt: skip
+        ],
+        dx=DX,
+    )
     _key(ax, [sample("paper: eq. 12, 2–5 bar", **PRINTED)])
     return fig
 
@@ -117,11 +121,13 @@ def figure_3b() -> Figure:
     ax.plot(*_mean(large, NYLON), zorder=3, **look)
     ax.set_xlim(-3.6, -1.5)
     numbers(
-        ax, [
+        ax,
+        [
             entry("Width to large range", "loop.small_range_ratio"),
             entry("Rising paths apart", "loop.rising_path_distance", 2),
-        ], dx=DX,
-    )  # fmt: skip
+        ],
+        dx=DX,
+    )
     _key(ax, [sample("large range, 5 bar", **look)], marks=False)
     return fig
 
@@ -140,9 +146,11 @@ def figure_3d() -> Figure:
     """Bridgestone muscle."""
     fig, ax, _ = _quasi_static("3d", BRIDGESTONE, "Bridgestone muscle, 1 Hz")
     numbers(
-        ax, [entry("Width, 5 bar", "loop.width_bridgestone"), entry("Friction", "friction.bridgestone")], dx=DX,
+        ax,
+        [entry("Width, 5 bar", "loop.width_bridgestone"), entry("Friction", "friction.bridgestone")],
+        dx=DX,
         remarks=("With a cell of 1 kN: the paper's", "ends at 100 N."),
-    )  # fmt: skip
+    )
     _key(ax)
     return fig
 
@@ -157,23 +165,26 @@ def both_ranges(figure: str) -> Figure:
         other.plot(*_mean(loops_of(NYLON, pressure), NYLON, "pressure"), color=COLOURS["pressure"], lw=0.8, zorder=2)
         _name(ax, loops_of(NYLON, pressure), NYLON, pressure)
     numbers(
-        ax, [
-            entry("Width, large range", "loop.width"), entry("Height, large range", "loop.height"),
+        ax,
+        [
+            entry("Width, large range", "loop.width"),
+            entry("Height, large range", "loop.height"),
             entry("Width, small to large", "loop.small_range_ratio"),
             entry("Rising paths apart", "loop.rising_path_distance", 2),
             entry("Area, 0.25 to 1 Hz", "loop.rate_ratio"),
-        ], dx=DX,
-    )  # fmt: skip
+        ],
+        dx=DX,
+    )
     _key(ax, [sample("large range", **look)], words="small range")
     return fig
 
 
-def _curve(record: Recording, subject: Subject) -> tuple[np.ndarray, np.ndarray]:
+def _curve(record: Recording, subject: RecordedMuscle) -> tuple[np.ndarray, np.ndarray]:
     """Displacement from L0 [cm] and tension [N]."""
     return (record[SPAN] - rest_length(subject.muscle)) * CM, record[TENSION]
 
 
-def _mean(record: Recording, subject: Subject, channel: str = TENSION) -> tuple[np.ndarray, np.ndarray]:
+def _mean(record: Recording, subject: RecordedMuscle, channel: str = TENSION) -> tuple[np.ndarray, np.ndarray]:
     """The mean cycle, up the rising path and back down the falling one, closed: displacement [cm], and [N] or [bar]."""
     rising, falling = paths(record, length=SPAN, tension=channel)
     low, high = max(rising.length[0], falling.length[0]), min(rising.length[-1], falling.length[-1])
@@ -186,7 +197,7 @@ def _mean(record: Recording, subject: Subject, channel: str = TENSION) -> tuple[
 
 
 def _quasi_static(
-    figure: str, subject: Subject, words: str, *, ends: bool = True, named: bool = True
+    figure: str, subject: RecordedMuscle, words: str, *, ends: bool = True, named: bool = True
 ) -> tuple[Figure, Axes, Axes]:
     """Pairs of curves at six pressures: tension at the left axis, pressure at the right one."""
     fig, ax = panel(4.4, beside=BESIDE)
@@ -216,7 +227,7 @@ def _quasi_static(
     return fig, ax, other
 
 
-def _name(ax: Axes, record: Recording, subject: Subject, pressure: str) -> None:
+def _name(ax: Axes, record: Recording, subject: RecordedMuscle, pressure: str) -> None:
     """The pressure just above the loop, near its right end."""
     x, y = _curve(record, subject)
     near = x > np.quantile(x, 0.9)
@@ -224,12 +235,20 @@ def _name(ax: Axes, record: Recording, subject: Subject, pressure: str) -> None:
         return
     at = float(x[near].mean())
     ax.annotate(
-        pressure, (at, float(y[near].max())), (-10, 3), textcoords="offset points", fontsize=style.SMALL, ha="right",
-        fontweight="bold", color=COLOURS["pressure"], zorder=7, bbox=HALO,
-    )  # fmt: skip
+        pressure,
+        (at, float(y[near].max())),
+        (-10, 3),
+        textcoords="offset points",
+        fontsize=style.SMALL,
+        ha="right",
+        fontweight="bold",
+        color=COLOURS["pressure"],
+        zorder=7,
+        bbox=HALO,
+    )
 
 
-def _printed_lines(ax: Axes, subject: Subject) -> None:
+def _printed_lines(ax: Axes, subject: RecordedMuscle) -> None:
     """The linear law with its printed numbers, above the rounded threshold."""
     law = law_from_specimen(specimen(subject.muscle))
     span = np.linspace(0.75, 1.1, 2) * rest_length(subject.muscle)
@@ -252,7 +271,7 @@ def _key(ax: Axes, more: Sequence[Any] = (), *, marks: bool = True, words: str =
 
 
 @functools.cache
-def sines() -> Mapping[float, tuple[Recording, loops.Sine]]:
+def sines() -> Mapping[float, tuple[Recording, loops.SineLoop]]:
     """Recordings and loops by frequency [Hz]: the twelve of the figure, and the one that reaches 8 L0/s."""
     return {f: (recorded_sine(f), loops.sine(f)) for f in (*loops.FIGURE, loops.FASTEST)}
 
@@ -290,21 +309,26 @@ def figure_4(figure: str = "4") -> Figure:
     style.quantity_axes(low, x=("Peak velocity, L₀/s", None), y=("Width of the loop, cm", "length"))
     found = [
         entry("Spread, corrected", "loop.sine_width_spread", 2),
-        Entry("Spread, raw", shown(loops.spread(raw[:-1]), 2)),
+        NumberEntry("Spread, raw", shown(loops.spread(raw[:-1]), 2)),
         entry("Highest velocity", "loop.max_velocity"),
     ]
     numbers(
-        top, found, remarks=(
-            "Corrected: without the lag of the", "cell's filter. At 40 Hz the inertia of", "the fittings turns the loop.",
+        top,
+        found,
+        remarks=(
+            "Corrected: without the lag of the",
+            "cell's filter. At 40 Hz the inertia of",
+            "the fittings turns the loop.",
             f"Amplitude {loops.AMPLITUDE:g} L₀, {loops.AMPLITUDE * rest * CM:.2f} cm.",
         ),
-    )  # fmt: skip
+    )
     key(
-        low, [
+        low,
+        [
             sample("corrected", marker="^", ms=5.0, **ours("tension", zorder=1)),
             sample("raw, up to 40 Hz", marker="s", ms=4.0, **ours("tension", ls=DASHED, lw=0.8, zorder=1)),
         ],
-    )  # fmt: skip
+    )
     return fig
 
 
@@ -314,8 +338,11 @@ HIGHEST = 5e5  # full scale of the command [Pa]
 WAYS = {True: "Rise", False: "Fall"}
 RANGES = {"full": "-", "half": style.RECORDING_DASHES[1]}
 TIMES = {
-    ("full", True): "rise_full", ("half", True): "rise_half", ("full", False): "fall_full", ("half", False): "fall_half",
-}  # fmt: skip
+    ("full", True): "rise_full",
+    ("half", True): "rise_half",
+    ("full", False): "fall_full",
+    ("half", False): "fall_half",
+}
 
 
 # ---- Fig. 10
@@ -345,16 +372,18 @@ def figure_10() -> Figure:
         style.note(ax, WAYS[rising], x=1.0, ha="right", dy=8.0, color=INK, fontweight="bold")
     title(axes[0], "10", "Nylon muscle at L₀, both ends fixed: steps of full and half range")
     numbers(
-        axes[1], [
+        axes[1],
+        [
             entry("Command to pressure", "isometric.valve_delay", 2),
             entry("Pressure to tension", "isometric.pressure_to_tension", 2),
             entry("Command to tension", "isometric.total_delay", 2),
             *(entry(f"{WAYS[up]}, {name} range", f"isometric.{row}", 2) for (name, up), row in TIMES.items()),
         ],
-    )  # fmt: skip
+    )
     diamond = {name: v for name, v in MARK.items() if name != "zorder"} | {"marker": "D", "ms": 5.0}
     key(
-        axes[1], [
+        axes[1],
+        [
             sample("command, 100 % is 5 bar", color=COLOURS["valve"], lw=style.LINE),
             sample("pressure at the valve", color=COLOURS["pressure"], lw=0.9, ls=(0, (2.2, 1.4))),
             sample("pressure at the muscle", **ours("pressure", zorder=1)),
@@ -362,8 +391,9 @@ def figure_10() -> Figure:
             sample("half range", color=INK_2, lw=0.8),
             printed_key("paper: 90 % or 10 % reached"),
             sample("paper: tension begins", **diamond),
-        ], below=160.0,
-    )  # fmt: skip
+        ],
+        below=160.0,
+    )
     return fig
 
 
@@ -372,7 +402,7 @@ def steps_of(name: str) -> Recording:
     return step_of(recording("isometric-step"), "steps", range=name)
 
 
-def window(record: Recording, rising: bool) -> tuple[Step, Recording]:
+def window(record: Recording, rising: bool) -> tuple[CommandStep, Recording]:
     """The second step that rises or falls, and what was recorded around it, its time counted from the step."""
     step = [s for s in find_steps(record, "valve.command") if (s.after > s.before) == rising][1]
     near = (record.time >= step.time - BEFORE) & (record.time <= step.time + AFTER)
@@ -421,26 +451,33 @@ def figure_11() -> Figure:
     title(axes[0], "11", "Nylon muscle against a controlled tension, pressure a triangle of 0 to 5 bar")
     for ax, (name, words) in zip(axes[1::2], CASES.items(), strict=False):
         numbers(
-            ax, [
-                entry(f"Work, {words}", f"isotonic.work_{name}"), entry("Mean power", f"isotonic.mean_power_{name}"),
+            ax,
+            [
+                entry(f"Work, {words}", f"isotonic.work_{name}"),
+                entry("Mean power", f"isotonic.mean_power_{name}"),
                 entry("Peak power", f"isotonic.peak_power_{name}"),
             ],
-        )  # fmt: skip
+        )
     numbers(
-        axes[5], [
+        axes[5],
+        [
             entry("Tension, rms error", "isotonic.tension_error", 2),
             entry("Mean, per volume", "isotonic.mean_power_density"),
             entry("Peak, per volume", "isotonic.peak_power_density"),
-        ], remarks=("The legend has 1 Hz for both; its", "14 W need 5 Hz. How the velocity", "was taken is not printed."),
-    )  # fmt: skip
+        ],
+        remarks=("The legend has 1 Hz for both; its", "14 W need 5 Hz. How the velocity", "was taken is not printed."),
+    )
     key(
-        axes[7], [
+        axes[7],
+        [
             sample("pressure", **ours("pressure", zorder=1)),
             sample("tension", **ours("tension", ls=style.DASHES["tension"], zorder=1)),
-            sample("shortening", **ours("length", zorder=1)), sample("power", **ours(None, zorder=1)),
-            sample("paper: load, mean power", **PRINTED), sample("paper: peak power", **PRINTED | {"ls": (0, (1.5, 2.0))}),
+            sample("shortening", **ours("length", zorder=1)),
+            sample("power", **ours(None, zorder=1)),
+            sample("paper: load, mean power", **PRINTED),
+            sample("paper: peak power", **PRINTED | {"ls": (0, (1.5, 2.0))}),
         ],
-    )  # fmt: skip
+    )
     return fig
 
 

@@ -20,12 +20,12 @@ from ....quantities import from_si
 from ....reproduction import loops, part1, part4
 from ....specimens import specimen
 from .. import style
-from ..energy_figures import Line, draw_efficiency, draw_piston, draw_tendon, printed_marks
+from ..energy_figures import EfficiencyLine, draw_efficiency, draw_piston, draw_tendon, printed_marks
 from ..style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES
 from .common import (
     MARK,
     PRINTED,
-    Entry,
+    NumberEntry,
     entry,
     key,
     numbers,
@@ -126,7 +126,7 @@ def figure_5b() -> Figure:
     ax.plot([free * CM], [measured], **MARK)
     ax.set_ylim(0.0, 1.55)
     found = float(braid.inner_diameter(free, **shape)) * CM
-    numbers(ax, [Entry("Inside at 0.75 L₀, cm", shown(found), shown(measured, 2))])
+    numbers(ax, [NumberEntry("Inside at 0.75 L₀, cm", shown(found), shown(measured, 2))])
     key(ax, [*handles, printed_key("paper: 5 bar, no load")])
     return fig
 
@@ -145,9 +145,10 @@ def figure_5c() -> Figure:
     diamond = MARK | {"marker": "D", "ms": 5.0}
     ax.plot([rest * CM], [inferred], **diamond)
     numbers(
-        ax, [Entry("Inside at L₀, cm³", shown(found), shown(inferred) + "‡")],
+        ax,
+        [NumberEntry("Inside at L₀, cm³", shown(found), shown(inferred) + "‡")],
         remarks=("‡ inferred from the printed", "   8.86 J of Part IV, not printed"),
-    )  # fmt: skip
+    )
     key(
         ax,
         [
@@ -171,11 +172,16 @@ def figure_5d() -> Figure:
     ends = [np.asarray(law.active_tension(rest, part1.PRESSURE)) / part1.PRESSURE * per_bar for law in laws()]
     free = [float(np.asarray(law.free_length(part1.PRESSURE))) / rest for law in laws()]
     numbers(
-        ax, [
-            *(Entry(f"At L₀, {w} wall, N/bar", shown(float(end))) for w, end in zip(("without", "with"), ends, strict=True)),
-            *(Entry(f"Free, {w} wall, L₀", shown(f)) for w, f in zip(("without", "with"), free, strict=True)),
-        ], remarks=("The measured 0.75 L₀ holds the bladder,", "which these laws leave out."),
-    )  # fmt: skip
+        ax,
+        [
+            *(
+                NumberEntry(f"At L₀, {w} wall, N/bar", shown(float(end)))
+                for w, end in zip(("without", "with"), ends, strict=True)
+            ),
+            *(NumberEntry(f"Free, {w} wall, L₀", shown(f)) for w, f in zip(("without", "with"), free, strict=True)),
+        ],
+        remarks=("The measured 0.75 L₀ holds the bladder,", "which these laws leave out."),
+    )
     key(ax, handles)
     return fig
 
@@ -194,12 +200,14 @@ def figure_5e() -> Figure:
     inside = (at >= low - 1e-9) & (at <= high + 1e-9)
     spans = [f"{100.0 * np.ptp(c[inside]) / c[inside].mean():.0f} %" for c in curves]
     numbers(
-        ax, [
+        ax,
+        [
             entry("Kg", "static.stiffness_per_pressure"),
-            Entry("Spread 10–14 cm, with wall", spans[1]),
-            Entry("the same, without", spans[0]),
-        ], remarks=(f"Kg: slope of dF/dP′ over {len(part1.LENGTHS)} lengths",),
-    )  # fmt: skip
+            NumberEntry("Spread 10–14 cm, with wall", spans[1]),
+            NumberEntry("the same, without", spans[0]),
+        ],
+        remarks=(f"Kg: slope of dF/dP′ over {len(part1.LENGTHS)} lengths",),
+    )
     key(ax, [*handles, sample("paper: constant", **PRINTED | ENDS)])
     return fig
 
@@ -233,13 +241,17 @@ def figure_6a(figure: str = "6a") -> Figure:
     style.quantity_axes(ax, x=("Length, cm", "length"), y=("Tension, N", "tension"))
     title(ax, figure, "Linear model of the nylon muscle at 5 bar (eq. 12a)")
     numbers(
-        ax, [
-            entry("Stiffness", "static.stiffness_5bar", 2), entry("Stiffness", "static.stiffness_5bar_per_length"),
+        ax,
+        [
+            entry("Stiffness", "static.stiffness_5bar", 2),
+            entry("Stiffness", "static.stiffness_5bar_per_length"),
             entry("Tension, 1.1 L₀", "static.max_tension"),
-            entry("No tension", "static.zero_tension_length", 2), entry("Work", "static.work_per_cycle", 2),
-            entry("Pth", "static.threshold_pressure"), entry("Kp", "static.passive_stiffness"),
+            entry("No tension", "static.zero_tension_length", 2),
+            entry("Work", "static.work_per_cycle", 2),
+            entry("Pth", "static.threshold_pressure"),
+            entry("Kp", "static.passive_stiffness"),
         ],
-    )  # fmt: skip
+    )
     key(ax, [*(sample(w, **look | {"zorder": 1}) for w, _, look in terms), printed_key("paper, Table 1")])
     return fig
 
@@ -267,20 +279,27 @@ def figure_6b(figure: str = "6b") -> Figure:
     title(ax, figure, "Eq. 13 through ten points, nylon muscle")
     beside = 34.0
     numbers(
-        ax, [
-            entry("Kg", "static.fit_Kg"), entry("Pa", "static.fit_Pa", 2), entry("Lmin", "static.fit_Lmin"),
-            entry("Fa", "static.fit_Fa"), Entry("rms, N", shown(fit.rms, 2)),
-        ], dx=beside,
-    )  # fmt: skip
+        ax,
+        [
+            entry("Kg", "static.fit_Kg"),
+            entry("Pa", "static.fit_Pa", 2),
+            entry("Lmin", "static.fit_Lmin"),
+            entry("Fa", "static.fit_Fa"),
+            NumberEntry("rms, N", shown(fit.rms, 2)),
+        ],
+        dx=beside,
+    )
     plain = {k: v for k, v in looks.items() if k != "zorder"}
     key(
-        ax, [
+        ax,
+        [
             sample("sampled pressure", marker="x", color=COLOURS["pressure"], ls="none", ms=7.0, mew=1.4),
             sample("sampled tension", marker="+", color=COLOURS["tension"], ls="none", ms=7.0, mew=1.4),
             sample("eq. 13, fitted", **plain),
             printed_key("paper: eq. 13 at " + ", ".join(map(str, levels)) + " bar", line=True),
-        ], dx=beside,
-    )  # fmt: skip
+        ],
+        dx=beside,
+    )
     return fig
 
 
@@ -304,8 +323,11 @@ def figure_12a() -> Figure:
 @style.styled()
 def figure_12b() -> Figure:
     """Tension over length of the maximal cycle."""
-    rows = [("Output", "energy.maximal.output"), ("Ea", "energy.maximal.efficiency"),
-            ("Ea, accumulator", "energy.maximal.efficiency_accumulator")]  # fmt: skip
+    rows = [
+        ("Output", "energy.maximal.output"),
+        ("Ea", "energy.maximal.efficiency"),
+        ("Ea, accumulator", "energy.maximal.efficiency_accumulator"),
+    ]
     return _tendon("12b", _loops("maximal"), "Maximal shortening at constant pressure: muscle", rows)
 
 
@@ -317,48 +339,64 @@ def figure_12c() -> Figure:
     ax.set_ylim(0.0, 80.0)  # without friction and with the accumulator the threshold would come to 100 %
     title(ax, "12c", "Maximal shortening at constant pressure: efficiency Ea", above=ABOVE)
     rows = [
-        ("Ea, 5 bar", "efficiency"), ("Ea, accumulator", "efficiency_accumulator"), ("Largest at", "best_pressure"),
-        ("Zero at", "zero_pressure"), ("Largest Wa/W₁₂", "output_below_W12"),
-    ]  # fmt: skip
+        ("Ea, 5 bar", "efficiency"),
+        ("Ea, accumulator", "efficiency_accumulator"),
+        ("Largest at", "best_pressure"),
+        ("Zero at", "zero_pressure"),
+        ("Largest Wa/W₁₂", "output_below_W12"),
+    ]
     numbers(ax, [entry(words, f"energy.maximal.{name}") for words, name in rows], dx=82.0)
     key(
-        ax, [
-            sample("with 2.5 N of friction", color=INK, lw=style.LINE), sample("without", color=INK, ls=NO_FRICTION),
+        ax,
+        [
+            sample("with 2.5 N of friction", color=INK, lw=style.LINE),
+            sample("without", color=INK, ls=NO_FRICTION),
             sample("volume of the potential", color=INK_3, ls=POTENTIAL),
-        ], dx=82.0,
-    )  # fmt: skip
+        ],
+        dx=82.0,
+    )
     return fig
 
 
-def efficiency_lines() -> list[Line]:
+def efficiency_lines() -> list[EfficiencyLine]:
     """Solid with friction and dashed without, as printed; dotted with friction and the volume of the potential."""
     lines = []
     for volume, friction, dash, colour in (
-        ("paper", True, "-", INK), ("paper", False, NO_FRICTION, INK), ("potential", True, POTENTIAL, INK_3),
-    ):  # fmt: skip
+        ("paper", True, "-", INK),
+        ("paper", False, NO_FRICTION, INK),
+        ("potential", True, POTENTIAL, INK_3),
+    ):
         for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
             muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator, friction=friction)
             low = 1e-3 + float(muscle.threshold())
             at = low + (HIGHEST - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
             words = words if (volume, friction) == ("paper", True) else ""
-            lines.append(Line(words, energy_curve(muscle, "maximal", at, between), dash, colour))
+            lines.append(EfficiencyLine(words, energy_curve(muscle, "maximal", at, between), dash, colour))
     return lines
 
 
 @style.styled()
 def figure_13a() -> Figure:
     """Pressure over volume of the isotonic cycles."""
-    rows = [("EFGH", "energy.isotonic.input"), ("E′FGH′", "energy.isotonic.input_accumulator"),
-            ("EF′GH", "energy.valve.input"), ("E′F′GH′", "energy.valve.input_accumulator")]  # fmt: skip
+    rows = [
+        ("EFGH", "energy.isotonic.input"),
+        ("E′FGH′", "energy.isotonic.input_accumulator"),
+        ("EF′GH", "energy.valve.input"),
+        ("E′F′GH′", "energy.valve.input_accumulator"),
+    ]
     return _piston("13a", _loops("isotonic", "valve"), "Isotonic shortening: compressor", rows)
 
 
 @style.styled()
 def figure_13b() -> Figure:
     """Tension over length of the isotonic cycles."""
-    rows = [("Output", "energy.isotonic.output"), ("Eb", "energy.isotonic.efficiency"),
-            ("Eb, accumulator", "energy.isotonic.efficiency_accumulator"), ("Ec", "energy.valve.efficiency"),
-            ("Ec, accumulator", "energy.valve.efficiency_accumulator")]  # fmt: skip
+    rows = [
+        ("Output", "energy.isotonic.output"),
+        ("Eb", "energy.isotonic.efficiency"),
+        ("Eb, accumulator", "energy.isotonic.efficiency_accumulator"),
+        ("Ec", "energy.valve.efficiency"),
+        ("Ec, accumulator", "energy.valve.efficiency_accumulator"),
+    ]
     return _tendon("13b", _loops("isotonic", "valve"), "Isotonic shortening: muscle", rows)
 
 

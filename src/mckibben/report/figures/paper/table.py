@@ -23,7 +23,7 @@ ROW, HEAD, FOOT = 0.27, 0.95, 0.75  # [inch]
 CM = from_si(1.0, "m", "cm")
 
 
-class Cell(NamedTuple):
+class TableEntry(NamedTuple):
     """Ours and the printed value in words, either empty; a mark as of `Entry`, or ``‡`` for what we took from the paper."""
 
     ours: str = ""
@@ -31,72 +31,82 @@ class Cell(NamedTuple):
     mark: str = ""
 
 
-def cells() -> list[tuple[str, str, tuple[Cell, ...]]]:
+def cells() -> list[tuple[str, str, tuple[TableEntry, ...]]]:
     """The rows in the paper's order: property, unit, and a cell for each muscle and for biological muscle."""
     bio = part1.muscle()
     ends = characteristics.dynamic_range(bio.active_curve)
     top, speed = number(part1.INTENSITY * from_si(1.0, "N/m^2", "N/cm^2")), number(part1.FASTEST)
     each = tuple(MUSCLES)
-    blank = (Cell(), Cell())
+    blank = (TableEntry(), TableEntry())
     return [
-        ("Resting length (L₀)", "cm", (*(_taken(number(_rest(m) * CM)) for m in each), Cell())),
-        ("Dynamic range", "L₀", (*(_range(m) for m in each), Cell(f"{ends.shortest:.3f}–{ends.longest:.3f}", "0.64–1.12"))),
-        ("Maximum tension", "N", (*(_cell(f"table1.{m}.max_tension") for m in each), Cell())),
-        ("Stiffness", "N/L₀", (*(_cell(f"table1.{m}.stiffness") for m in each), Cell())),
-        ("Work per cycle", "N L₀", (*(_cell(f"table1.{m}.work") for m in each), Cell())),
-        ("Cross section area", "cm²", (*(_cell(f"table1.{m}.section_area") for m in each), Cell())),
+        ("Resting length (L₀)", "cm", (*(_taken(number(_rest(m) * CM)) for m in each), TableEntry())),
+        (
+            "Dynamic range",
+            "L₀",
+            (*(_range(m) for m in each), TableEntry(f"{ends.shortest:.3f}–{ends.longest:.3f}", "0.64–1.12")),
+        ),
+        ("Maximum tension", "N", (*(_cell(f"table1.{m}.max_tension") for m in each), TableEntry())),
+        ("Stiffness", "N/L₀", (*(_cell(f"table1.{m}.stiffness") for m in each), TableEntry())),
+        ("Work per cycle", "N L₀", (*(_cell(f"table1.{m}.work") for m in each), TableEntry())),
+        ("Cross section area", "cm²", (*(_cell(f"table1.{m}.section_area") for m in each), TableEntry())),
         ("Tension intensity", "N/cm²", (*(_cell(f"table1.{m}.tension_intensity") for m in each), _taken(top))),
         (
-            "Stiffness intensity", "N/(L₀ cm²)",
+            "Stiffness intensity",
+            "N/(L₀ cm²)",
             (*(_cell(f"table1.{m}.stiffness_intensity") for m in each), _cell("biology.stiffness_intensity")),
         ),
         (
-            "Work density per cycle", "J/cm³",
+            "Work density per cycle",
+            "J/cm³",
             (*(_cell(f"table1.{m}.work_density") for m in each), _cell("biology.work_density")),
         ),
-        ("Coulomb friction", "N", (*(_cell(f"friction.{m}") for m in each), Cell("0", "0"))),
+        ("Coulomb friction", "N", (*(_cell(f"friction.{m}") for m in each), TableEntry("0", "0"))),
         ("Maximum velocity", "L₀/s", (_fastest(), *blank, _taken(f"2–8 or {speed}"))),
-        ("Average power density", "W/cm³", (_cell("isotonic.mean_power_density"), *blank, Cell())),
-        ("Peak power density", "W/cm³", (_cell("isotonic.peak_power_density"), *blank, _cell("biology.peak_power_density"))),
-        ("Energy efficiency", "-", (_efficiency(), *blank, Cell("", "0.2–0.25"))),
-    ]  # fmt: skip
+        ("Average power density", "W/cm³", (_cell("isotonic.mean_power_density"), *blank, TableEntry())),
+        (
+            "Peak power density",
+            "W/cm³",
+            (_cell("isotonic.peak_power_density"), *blank, _cell("biology.peak_power_density")),
+        ),
+        ("Energy efficiency", "-", (_efficiency(), *blank, TableEntry("", "0.2–0.25"))),
+    ]
 
 
 def _rest(muscle: str) -> float:
     return specimen(muscle).property_si("rest_length", "m")
 
 
-def _taken(words: str) -> Cell:
-    return Cell(words, words, "‡")
+def _taken(words: str) -> TableEntry:
+    return TableEntry(words, words, "‡")
 
 
-def _cell(identifier: str, digits: int = 3) -> Cell:
+def _cell(identifier: str, digits: int = 3) -> TableEntry:
     one = outcome(identifier)
     assert one.ours is not None
-    return Cell(shown(one.ours, digits), as_printed(one.row.paper), mark(one.row))
+    return TableEntry(shown(one.ours, digits), as_printed(one.row.paper), mark(one.row))
 
 
-def _range(muscle: str) -> Cell:
+def _range(muscle: str) -> TableEntry:
     """Both ends: ours is where the law pulls no more at 5 bar, and the upper end as given."""
     found = part1.table1(muscle)
     shortest, upper = (v / found.rest_length for v in (found.zero_tension_length, found.upper_length))
     width = outcome(f"table1.{muscle}.dynamic_range").row.paper
     assert isinstance(width, float)
-    return Cell(f"{shortest:.3f}–{upper:.2f}", f"{number(round(upper - width, 3))}–{number(round(upper, 3))}")
+    return TableEntry(f"{shortest:.3f}–{upper:.2f}", f"{number(round(upper - width, 3))}–{number(round(upper, 3))}")
 
 
-def _fastest() -> Cell:
+def _fastest() -> TableEntry:
     """A velocity up to which no viscous friction was seen, so a lower limit."""
     found = _cell("loop.max_velocity", 2)
-    return Cell(f"> {found.ours}", f"> {found.paper}", found.mark)
+    return TableEntry(f"> {found.ours}", f"> {found.paper}", found.mark)
 
 
-def _efficiency() -> Cell:
+def _efficiency() -> TableEntry:
     """From the lowest to the highest efficiency with the accumulator; 0.49 is the misprint of Part IV."""
     low, high = (outcome(f"energy.{name}.efficiency_accumulator") for name in ("valve", "maximal"))
     assert low.ours is not None and high.ours is not None
     words = "–".join(as_printed(o.row.paper) for o in (low, high))
-    return Cell(f"{low.ours:.2f}–{high.ours:.2f}", words, "†")
+    return TableEntry(f"{low.ours:.2f}–{high.ours:.2f}", words, "†")
 
 
 @style.styled()
@@ -135,7 +145,7 @@ def table(figure: str) -> Figure:
     return fig
 
 
-def _write(ax: Axes, x: float, y: float, cell: Cell) -> None:
+def _write(ax: Axes, x: float, y: float, cell: TableEntry) -> None:
     look: dict[str, Any] = {"fontsize": SMALL, "va": "center_baseline"}
     paper = f"({cell.paper})" if cell.paper else ""
     if not cell.ours:
@@ -144,6 +154,12 @@ def _write(ax: Axes, x: float, y: float, cell: Cell) -> None:
     first = ax.text(x, y, cell.ours + cell.mark.replace("†", ""), color=INK, fontweight="bold", **look)
     colour = CAUTION if cell.mark == "†" else INK_2
     ax.annotate(
-        paper + ("†" if cell.mark == "†" else ""), (1.0, 0.0), xycoords=first, xytext=(6, 0), textcoords="offset points",
-        va="bottom", fontsize=SMALL, color=colour,
-    )  # fmt: skip
+        paper + ("†" if cell.mark == "†" else ""),
+        (1.0, 0.0),
+        xycoords=first,
+        xytext=(6, 0),
+        textcoords="offset points",
+        va="bottom",
+        fontsize=SMALL,
+        color=colour,
+    )

@@ -11,8 +11,8 @@ from typing import Any
 
 from ....assembly.circuit_file import CircuitPlan
 from ....report.figures import circuit_diagram, style
-from ....report.figures.circuit_diagram import Plan
-from ....report.figures.circuit_symbols import Box, Mark
+from ....report.figures.circuit_diagram import DiagramPlan
+from ....report.figures.circuit_symbols import Box, Stroke
 from .edit import PARTS
 
 TOKENS = {
@@ -78,7 +78,7 @@ def _colour(name: str) -> str:
     return f"var({TOKENS[name]})" if name in TOKENS else "none" if name == "none" else "var(--ink)"
 
 
-def _mark(mark: Mark) -> str:
+def _mark(mark: Stroke) -> str:
     dash = f' stroke-dasharray="{" ".join(f"{d * mark.width:.1f}" for d in mark.dash)}"' if mark.dash else ""
     return (
         f'<path d="{_path(mark.path.vertices, mark.path.codes)}" fill="{_colour(mark.fill)}" '
@@ -96,7 +96,7 @@ def _text(text: Any) -> str:
     )
 
 
-def _nets(plan: CircuitPlan, drawn: Plan, chosen: str) -> list[str]:
+def _nets(plan: CircuitPlan, drawn: DiagramPlan, chosen: str) -> list[str]:
     """The lines of each node, with a wide one beneath that is easy to drop on."""
     found = []
     for name, net in drawn.nets.items():
@@ -111,7 +111,7 @@ def _nets(plan: CircuitPlan, drawn: Plan, chosen: str) -> list[str]:
     return found
 
 
-def _sensors(drawn: Plan, boxes: Mapping[str, Box], sensors: Sequence[str], flows: Sequence[str]) -> list[str]:
+def _sensors(drawn: DiagramPlan, boxes: Mapping[str, Box], sensors: Sequence[str], flows: Sequence[str]) -> list[str]:
     y = -drawn.box.y1 - 18.0
     found = []
     signs = pressure_signs(sensors)

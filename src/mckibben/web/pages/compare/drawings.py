@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....quantities import from_si, with_unit
-from ....studies.comparison import Column, Subject, Table
-from ....studies.comparison.table import Row
+from ....studies.comparison import ComparedMuscle, MuscleColumn, MuscleTable
+from ....studies.comparison.table import PropertyRow
 from ...charts import Axis, Chart, Line
 from . import jobs
 
@@ -27,7 +27,7 @@ def number(value: float | None) -> str:
     return shown.replace("-", "\N{MINUS SIGN}")
 
 
-def bar(row: Row, i: int, largest: float, paper: float | None, living: bool) -> str:
+def bar(row: PropertyRow, i: int, largest: float, paper: float | None, living: bool) -> str:
     """A cell: the number, a bar on the row's own scale, the paper's value as a tick and in words, or the published range."""
     value = row.shown()[i]
     ends = row.shown_range()
@@ -63,7 +63,7 @@ def _within(share: float, most: float = 100.0) -> float:
     return min(max(share, 0.0), most) if share == share else 0.0
 
 
-def published(row: Row) -> str:
+def published(row: PropertyRow) -> str:
     """The published range of biological muscle, in words and with its sources."""
     ends, p = row.shown_range(), row.published
     if ends is None or p is None:
@@ -73,7 +73,7 @@ def published(row: Row) -> str:
     return f'<span title="published: {more}">{words}</span>'
 
 
-def range_bar(one: Column, low: float, high: float, paper: float | None) -> str:
+def range_bar(one: MuscleColumn, low: float, high: float, paper: float | None) -> str:
     """The dynamic range as a bar from the shortest to the longest length."""
     ends = [jobs.value_of(one, n) for n in ("shortest", "longest")]
     if ends[0] is None or ends[1] is None:
@@ -92,7 +92,7 @@ def range_bar(one: Column, low: float, high: float, paper: float | None) -> str:
     )
 
 
-def largest_of(row: Row, papers: Sequence[float | None]) -> float:
+def largest_of(row: PropertyRow, papers: Sequence[float | None]) -> float:
     """The end of a row's scale."""
     ends = row.shown_range()
     known = [v for v in (*row.shown(), *papers) if v is not None and v == v]
@@ -100,7 +100,7 @@ def largest_of(row: Row, papers: Sequence[float | None]) -> float:
     return 1.1 * (max(found, ends[1]) if ends is not None and found and ends[1] < 1.5 * found else found)
 
 
-def surface_markup(one: Subject, letter: str, found: jobs.Surface | None, scale: dict[str, float]) -> str:
+def surface_markup(one: ComparedMuscle, letter: str, found: jobs.Surface | None, scale: dict[str, float]) -> str:
     """The place of a surface, which the browser draws."""
     if found is None:
         return '<p class="small dim">Nothing tells its section: no tension per section.</p>'
@@ -124,7 +124,7 @@ def surface_markup(one: Subject, letter: str, found: jobs.Surface | None, scale:
     )
 
 
-def velocity_chart(muscles: Sequence[tuple[str, Subject]]) -> Chart:
+def velocity_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart:
     """Tension over its largest against shortening velocity; circles are runs of the machine."""
     lines = []
     for letter, one in muscles:
@@ -148,7 +148,7 @@ def velocity_chart(muscles: Sequence[tuple[str, Subject]]) -> Chart:
     )  # fmt: skip
 
 
-def step_chart(muscles: Sequence[tuple[str, Subject]]) -> Chart | None:
+def step_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart | None:
     """The isometric step of every muscle that ran it: up, and down again after the rise; None where none did."""
     lines = []
     for letter, one in muscles:
@@ -192,7 +192,7 @@ def loops_chart(loops: Sequence[tuple[str, tuple[np.ndarray, np.ndarray]]]) -> C
     )  # fmt: skip
 
 
-def efficiencies(found: Table, letters: Sequence[str], ours: bool) -> str:
+def efficiencies(found: MuscleTable, letters: Sequence[str], ours: bool) -> str:
     """Bars of the efficiencies with what is published, and the misprint where its muscle is shown."""
     rows: list[tuple[str, float, float]] = []
     for letter, one in zip(letters, found.columns, strict=True):
@@ -246,7 +246,7 @@ def efficiencies(found: Table, letters: Sequence[str], ours: bool) -> str:
     )
 
 
-def sizes(one: Subject) -> str:
+def sizes(one: ComparedMuscle) -> str:
     """How long a muscle is at rest and fully shortened, in words."""
     shortest = float(jobs.column(one).values["shortest"]) * one.rest_length
     return f"{with_unit(one.rest_length, 'm', 3)} at rest, {with_unit(shortest, 'm', 3)} fully shortened"

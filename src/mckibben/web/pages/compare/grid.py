@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....quantities import from_si
-from ....studies.comparison import Column, Subject
+from ....studies.comparison import ComparedMuscle, MuscleColumn
 from ...bench import drawing
 from ...widgets import box, button, raw, refused, text
 from . import drawings, jobs
@@ -25,7 +25,7 @@ class ComparisonGrid:
         columns: word of the link, column, muscle where it is one by its law, and why there is no column.
     """
 
-    def __init__(self, face: ComparePage, columns: list[tuple[str, Column | None, Subject | None, str]]) -> None:
+    def __init__(self, face: ComparePage, columns: list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]]) -> None:
         self.face, self.columns = face, columns
 
     def show(self, surfaces: dict[str, Any]) -> None:
@@ -47,7 +47,7 @@ class ComparisonGrid:
                 self._surfaces(columns, surfaces)
             self._rows(columns)
 
-    def _head(self, letter: str, name: str, column: Column | None, one: Subject | None) -> None:
+    def _head(self, letter: str, name: str, column: MuscleColumn | None, one: ComparedMuscle | None) -> None:
         with box("div", "ch"):
             text("span", letter, "ab")
             title = one.spec.title if one is not None else Path(name).stem

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....errors import InputError
-from ....studies.comparison import PROPERTIES, Column, Subject, Table, subject
+from ....studies.comparison import PROPERTIES, ComparedMuscle, MuscleColumn, MuscleTable, subject
 from ....studies.comparison.protocols import Trials, trials
-from ....studies.comparison.table import LENGTHS, TENSIONS, Row, column_of, law_column
+from ....studies.comparison.table import LENGTHS, TENSIONS, PropertyRow, column_of, law_column
 from ...reader import read_outside
 
 FIRST = ("nylon", "fiberglass", "bridgestone", "fast-fibre")
@@ -43,44 +43,44 @@ def _once(key: Any, make: Callable[[], Any]) -> Any:
         return _kept[key]
 
 
-def subject_of(what: str | Path, pressure: float) -> Subject:
+def subject_of(what: str | Path, pressure: float) -> ComparedMuscle:
     """A muscle at a full pressure [Pa]; what was asked for once is kept while its file stays as it is."""
     stamp = what.stat().st_mtime_ns if isinstance(what, Path) else 0
-    found: Subject = _once(("subject", str(what), stamp, pressure), lambda: subject(what, pressure=pressure))
+    found: ComparedMuscle = _once(("subject", str(what), stamp, pressure), lambda: subject(what, pressure=pressure))
     return found
 
 
-def column(one: Subject) -> Column:
+def column(one: ComparedMuscle) -> MuscleColumn:
     """Table 1 of a muscle by its law."""
-    found: Column = _once(("column", one.spec.where, one.id, one.full), lambda: law_column(one))
+    found: MuscleColumn = _once(("column", one.spec.where, one.id, one.full), lambda: law_column(one))
     return found
 
 
-def recorded(path: Path) -> Column:
+def recorded(path: Path) -> MuscleColumn:
     """Table 1 of a recording."""
-    found: Column = _once(("recording", str(path), path.stat().st_mtime_ns), lambda: column_of(path))
+    found: MuscleColumn = _once(("recording", str(path), path.stat().st_mtime_ns), lambda: column_of(path))
     return found
 
 
-def run_of(one: Subject, name: str) -> Trials:
+def run_of(one: ComparedMuscle, name: str) -> Trials:
     """One protocol on one muscle, on the machine that takes it."""
     found: Trials = _once(("run", one.spec.where, one.id, one.full, name), lambda: trials(one, names=(name,)))
     return found
 
 
-def run_known(one: Subject, name: str) -> Trials | None:
+def run_known(one: ComparedMuscle, name: str) -> Trials | None:
     """The same where it was run before."""
     return _kept.get(("run", one.spec.where, one.id, one.full, name))
 
 
-def table(columns: Sequence[Column]) -> Table:
+def table(columns: Sequence[MuscleColumn]) -> MuscleTable:
     """Columns beside what is published of biological muscle."""
     from ....specimens.published import published_ranges
 
-    return Table(tuple(columns), published_ranges())
+    return MuscleTable(tuple(columns), published_ranges())
 
 
-def with_runs(one: Subject, of_law: Column) -> Column:
+def with_runs(one: ComparedMuscle, of_law: MuscleColumn) -> MuscleColumn:
     """The column of a law with what its protocols told."""
     values, notes, kind = dict(of_law.values), of_law.notes, of_law.kind
     for name in PROTOCOLS:
@@ -88,7 +88,7 @@ def with_runs(one: Subject, of_law: Column) -> Column:
         if found is not None:
             values |= found.values
             notes, kind = notes + tuple(n for n in found.notes if n not in notes), "law and protocols"
-    return Column(of_law.name, of_law.title, kind, values, notes)
+    return MuscleColumn(of_law.name, of_law.title, kind, values, notes)
 
 
 class Surface(NamedTuple):
@@ -99,7 +99,7 @@ class Surface(NamedTuple):
     tension: np.ndarray
 
 
-def surface(one: Subject) -> Surface | None:
+def surface(one: ComparedMuscle) -> Surface | None:
     """Of a muscle from where it is free, fully driven, to its longest working length; None without a section."""
     if one.section_area is None:
         return None
@@ -110,7 +110,7 @@ def surface(one: Subject) -> Surface | None:
     return Surface(lengths, drives, pull)
 
 
-def over_velocity(one: Subject) -> tuple[np.ndarray, np.ndarray]:
+def over_velocity(one: ComparedMuscle) -> tuple[np.ndarray, np.ndarray]:
     """Tension over F0 at the rest length while shortening steadily [L0/s], by the law with friction and viscosity."""
     speeds = np.linspace(0.0, FASTEST, 101)
     if one.fibre is not None:
@@ -160,7 +160,7 @@ def loop_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return found
 
 
-def exported(found: Table) -> bytes:
+def exported(found: MuscleTable) -> bytes:
     """The table as CSV, every digit; the published range of biological muscle at the end."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -182,13 +182,13 @@ def exported(found: Table) -> bytes:
     return out.getvalue().encode()
 
 
-def shown_rows(found: Table) -> list[Row]:
+def shown_rows(found: MuscleTable) -> list[PropertyRow]:
     """The rows that are drawn as lines; the ends of the dynamic range stand in one of them, efficiencies at the side."""
     apart = ("shortest", "longest", "efficiency", "efficiency_accumulator")
     return [r for r in found.rows() if r.property.name not in apart]
 
 
-def value_of(one: Column, name: str) -> float | None:
+def value_of(one: MuscleColumn, name: str) -> float | None:
     """A value of a column in the unit of its property."""
     value = one.values.get(name)
     return None if value is None or value != value else PROPERTIES[name].shown(value)

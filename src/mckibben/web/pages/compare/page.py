@@ -10,7 +10,7 @@ from ....errors import InputError, MckibbenError
 from ....muscles.plausible import pressure_caution
 from ....quantities import Quantity, parse, with_unit
 from ....specimens import specimen
-from ....studies.comparison import FULL_PRESSURE, Column, Subject
+from ....studies.comparison import FULL_PRESSURE, ComparedMuscle, MuscleColumn
 from ... import forms
 from ...elements import page_document
 from ...laboratory import Laboratory
@@ -40,7 +40,7 @@ class ComparePage:
         self.recordings = _words(view["recordings"])[: jobs.MOST] if "recordings" in view else self._newest()
         self.pressure, self.said = FULL_PRESSURE, ""
         self.cancelled, self.number, self.gone = False, 0, False
-        self.subjects: dict[str, Subject] = {}
+        self.subjects: dict[str, ComparedMuscle] = {}
         if "pressure" in view:
             try:
                 self.pressure = parse(view["pressure"], "Pa", field="pressure")
@@ -162,7 +162,7 @@ class ComparePage:
         """What a word of the link stands for: a specimen that ships, or a file of the visitor's own."""
         return self.lab.specimens.found(name) if name.endswith(".toml") else name.replace("/", "").replace("\\", "")
 
-    def _subjects(self, pressure: float) -> dict[str, Subject]:
+    def _subjects(self, pressure: float) -> dict[str, ComparedMuscle]:
         return {n: jobs.subject_of(self.path(n), pressure) for n in self.muscles}
 
     def renew(self) -> None:
@@ -211,9 +211,9 @@ class ComparePage:
         except MckibbenError:
             pass  # said in its column
 
-    def _computed(self) -> tuple[list[tuple[str, Column | None, Subject | None, str]], dict[str, Any]]:
+    def _computed(self) -> tuple[list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]], dict[str, Any]]:
         """Every column with its muscle, or why there is none; and the curves."""
-        columns: list[tuple[str, Column | None, Subject | None, str]] = []
+        columns: list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]] = []
         biological = self.values == "recordings"
         for name in self.recordings if biological else []:
             try:
@@ -241,7 +241,9 @@ class ComparePage:
 
     # ---- what is shown
 
-    def _show(self, columns: list[tuple[str, Column | None, Subject | None, str]], more: dict[str, Any]) -> None:
+    def _show(
+        self, columns: list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]], more: dict[str, Any]
+    ) -> None:
         self.main.clear()
         known = [c for _, c, _, _ in columns if c is not None]
         self.table = jobs.table(known)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ....analysis.energy_accounts import CycleEnergy, EnergyAccount, Part, energy_account
+from ....analysis.energy_accounts import CycleEnergy, EnergyAccount, EnergyPart, energy_account
 from ....errors import InputError
 from ....quantities import with_unit
 from ....recordings import read_recording
@@ -100,7 +100,7 @@ def flow_document(found: EnergyAccount, part: str, accumulator: float | None) ->
     }  # fmt: skip
 
 
-def _row(part: Part, supply: float) -> dict[str, Any]:
+def _row(part: EnergyPart, supply: float) -> dict[str, Any]:
     known = math.isfinite(part.value)
     return {
         "side": SIDES[part.side], "name": part.name.replace("_", " "), "value": part.value if known else None,

@@ -7,7 +7,7 @@ from typing import Any
 from ....report.paper_figures import CONFERENCE, FIGURES, PaperFigure
 from ....report.reproduction_report import PARTS, difference, printed
 from ....report.words import minus, significant, unit_text
-from ....reproduction import Outcome, Row
+from ....reproduction import PrintedRow, RowOutcome
 from ....reproduction.rows import KINDS, accepted_band, headline, kind_of, needs_recording, said_of
 from .state import Reproduction
 
@@ -30,7 +30,7 @@ def fixed_document() -> dict[str, Any]:
     }
 
 
-def _row(row: Row) -> dict[str, Any]:
+def _row(row: PrintedRow) -> dict[str, Any]:
     first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
     what = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
     figures = [f.id for f in FIGURES.values() if row.id in f.rows]
@@ -41,7 +41,7 @@ def _row(row: Row) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def outcome_document(outcome: Outcome) -> dict[str, Any]:
+def outcome_document(outcome: RowOutcome) -> dict[str, Any]:
     """What was computed of a row; ``place`` is ours on its tolerance, from -1 to 1 between the ends."""
     row, ours = outcome.row, outcome.ours
     found: dict[str, Any] = {"kind": kind_of(outcome).key, "note": said(outcome.note)}

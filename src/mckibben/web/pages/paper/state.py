@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from ....errors import InputError
 from ....report.paper_figures import FIGURES, PaperFigure, figure
-from ....reproduction import Outcome
+from ....reproduction import RowOutcome
 from ....reproduction.rows import all_rows, needs_recording
 from .jobs import STOPPED, WorkerProcess
 
@@ -36,7 +36,7 @@ class Reproduction:
         place = tempfile.mkdtemp(prefix="mckibben-paper-")
         weakref.finalize(self, shutil.rmtree, place, ignore_errors=True)
         self.rows = {row.id: row for row in all_rows()}
-        self.outcomes: dict[str, Outcome] = {}
+        self.outcomes: dict[str, RowOutcome] = {}
         self.failed: dict[str, str] = {}
         self.pictures: dict[str, PaperPicture] = {}
         self.refused: dict[str, str] = {}  # figure: why it was not drawn
@@ -173,7 +173,7 @@ class Reproduction:
             InputError: it cannot be written; says why.
         """
         with self._lock:
-            outcomes = [self.outcomes.get(r.id) or Outcome(r, None, None, r.note) for r in self.rows.values()]
+            outcomes = [self.outcomes.get(r.id) or RowOutcome(r, None, None, r.note) for r in self.rows.values()]
             figures = [f.id for f in FIGURES.values() if self.ready(f)]
         found: list[bytes] = []
         why: list[str] = []
