@@ -99,12 +99,12 @@ def test_run_prints_one_object_and_writes_what_is_asked(run, tmp_path):
 
 
 def test_run_shows_a_person_words_with_units(run):
-    code, out, _ = run("run", TANK, "--set", "run.duration=0.1 s")
+    code, out, err = run("run", TANK, "--set", "run.duration=0.1 s")
     assert code == 0
     assert "tank.pressure" in out
     assert "bar" in out
     assert "Balance: mass" in out
-    assert "Warning: tank.pressure has not settled at the end of the run" in out
+    assert "caution: tank.pressure has not settled at the end of the run" in err
     assert "The run reached its end." in out
 
 

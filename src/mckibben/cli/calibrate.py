@@ -32,23 +32,33 @@ if TYPE_CHECKING:
 
 _FAULT = "rig.sensors.tension.offset='3 N'"
 Simulate = Annotated[
-    bool, typer.Option("--simulate", help="Simulated sensors are put to each true value; nobody is asked.")
+    bool, typer.Option("--simulate", help="Apply each true value to simulated sensors instead of asking a person.")
 ]
-Change = Annotated[list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help=f"A value of the rig: {_FAULT}.")]
-Seed = Annotated[int, typer.Option(min=0, help="Of the simulated noise and of the errors of the reference.")]
-Samples = Annotated[int, typer.Option(metavar="N", help="Averaged at each point.")]
+Change = Annotated[
+    list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help=f"Change a value of the rig, such as {_FAULT}.")
+]
+Seed = Annotated[int, typer.Option(min=0, help="Random seed for sensor noise and reference errors.")]
+Samples = Annotated[int, typer.Option(metavar="N", help="Number of samples averaged at each point.")]
 Sensor = Annotated[str, typer.Option(help="Serial number or name of the sensor.")]
-Name = Annotated[str, typer.Option("--reference", help="What it is compared with, such as 'M1 masses'.")]
+Name = Annotated[str, typer.Option("--reference", help="Name of the reference, such as 'M1 masses'.")]
 Valid = Annotated[
-    str | None, typer.Option("--valid-for", metavar="TIME", help="Such as '365 day'; for ever if left out.")
+    str | None,
+    typer.Option(
+        "--valid-for", metavar="TIME", help="Validity of the calibration, such as '365 day'; unlimited by default."
+    ),
 ]
-Out = Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Where to; what it has of others is kept.")]
-Channels = Annotated[str, typer.Option("--channel", metavar="A,B", help="Channels, parted by commas.")]
+Out = Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Output file; entries of other channels are kept.")]
+Channels = Annotated[str, typer.Option("--channel", metavar="A,B", help="Channels to calibrate, separated by commas.")]
 Own = Annotated[
-    str | None, typer.Option("--uncertainty", metavar="VALUE", help="Standard, of each value of the reference.")
+    str | None, typer.Option("--uncertainty", metavar="VALUE", help="Standard uncertainty of each reference value.")
 ]
 Scale = Annotated[
-    str, typer.Option("--scale-uncertainty", metavar="SHARE", help="Standard, of all values alike: '0.02 %'.")
+    str,
+    typer.Option(
+        "--scale-uncertainty",
+        metavar="SHARE",
+        help="Standard uncertainty of a scale factor common to all reference values, such as '0.02 %'.",
+    ),
 ]
 
 
@@ -79,13 +89,16 @@ def zero(
 
 def weights(
     rig: RigName,
-    masses: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, such as '0 kg,1 kg,5 kg'.")],
+    masses: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more masses, such as '0 kg,1 kg,5 kg'.")],
     uncertainty: Own = None,
     gravity: Annotated[
-        str | None, typer.Option(metavar="VALUE", help="Where the cell is; if left out, standard to 0.15 %.")
+        str | None,
+        typer.Option(metavar="VALUE", help="Local acceleration of gravity; by default the standard value to 0.15 %."),
     ] = None,
-    gravity_uncertainty: Annotated[str | None, typer.Option(metavar="VALUE", help="Standard, of --gravity.")] = None,
-    channel: Annotated[str, typer.Option("--channel", help="The load cell.")] = "tension",
+    gravity_uncertainty: Annotated[
+        str | None, typer.Option(metavar="VALUE", help="Standard uncertainty of --gravity.")
+    ] = None,
+    channel: Annotated[str, typer.Option("--channel", help="Name of the load cell's channel.")] = "tension",
     machine: On = None,
     simulate: Simulate = False,
     change: Change = None,
@@ -120,7 +133,9 @@ def weights(
 
 def pressure(
     rig: RigName,
-    pressures: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, gauge, such as '0 bar,3 bar,6 bar'.")],
+    pressures: Annotated[
+        str, typer.Option(metavar="A,B,..", help="Two or more gauge pressures, such as '0 bar,3 bar,6 bar'.")
+    ],
     uncertainty: Own = None,
     scale_uncertainty: Scale = "0 %",
     channel: Channels = "pressure",
@@ -145,7 +160,7 @@ def pressure(
 
 def encoder(
     rig: RigName,
-    travels: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more, such as '0 mm,50 mm'.")],
+    travels: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more travels, such as '0 mm,50 mm'.")],
     uncertainty: Own = None,
     scale_uncertainty: Scale = "0 %",
     machine: On = None,
@@ -174,9 +189,11 @@ def skew(
     rig: RigName,
     channel: Channels = "pressure,tension",
     frequency: Annotated[
-        str, typer.Option(metavar="VALUE", help="Of the sine; of a sweep, at its beginning.")
+        str, typer.Option(metavar="VALUE", help="Frequency of the sine, or of a sweep at its beginning.")
     ] = "20 Hz",
-    to: Annotated[str | None, typer.Option(metavar="VALUE", help="Of a linear sweep, at the last sample.")] = None,
+    to: Annotated[
+        str | None, typer.Option(metavar="VALUE", help="Frequency of a linear sweep at the last sample.")
+    ] = None,
     machine: On = None,
     simulate: Simulate = False,
     change: Change = None,

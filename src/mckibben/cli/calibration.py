@@ -26,7 +26,8 @@ UNITS = {"gain": "1", "skew": "s"}  # that of the channel for the rest
 
 def show(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A calibration, .toml, or a recording that carries one.")
+        Path,
+        typer.Argument(metavar="FILE", help="Calibration file (.toml), or a recording that carries a calibration."),
     ],
     as_json: Json = False,
 ) -> None:
@@ -65,10 +66,10 @@ def show(
 
 
 def apply(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="With or without a calibration.")],
-    out: Annotated[Path, typer.Option(metavar="FILE.nc|.csv", help="Where to.")],
-    calibration: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="What is applied.")] = None,
-    off: Annotated[bool, typer.Option("--off", help="Take the calibration off that the recording carries.")] = False,
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording, with or without a calibration.")],
+    out: Annotated[Path, typer.Option(metavar="FILE.nc|.csv", help="Recording file to write.")],
+    calibration: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Calibration file to apply.")] = None,
+    off: Annotated[bool, typer.Option("--off", help="Remove the calibration that the recording carries.")] = False,
     skew: Annotated[bool, typer.Option("--skew", help="Also shift the channels by their skews.")] = False,
     as_json: Json = False,
 ) -> None:

@@ -24,11 +24,16 @@ REST_LENGTH = 0.14  # of the muscle for which a duration is told [m]
 _EXAMPLE = "pressure='1 bar, 3 bar'"
 
 Name = Annotated[
-    str | None, typer.Argument(metavar="[NAME]", help="A shipped protocol or a .toml file; all shipped where left out.")
+    str | None,
+    typer.Argument(metavar="[NAME]", help="Name of a shipped protocol, or a .toml file; without it all are listed."),
 ]
 Values = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="PARAMETER=VALUE", help=f"Other values, several by ', ' or ';', such as {_EXAMPLE}."),
+    typer.Option(
+        "--set",
+        metavar="PARAMETER=VALUE",
+        help=f"Change a parameter; several values separated by ', ' or ';', such as {_EXAMPLE}.",
+    ),
 ]
 
 
@@ -47,7 +52,9 @@ def list_muscles(as_json: Json = False) -> None:
 def protocols(
     name: Name = None,
     change: Values = None,
-    toml: Annotated[bool, typer.Option("--toml", help="Print the text of its file, and nothing else.")] = False,
+    toml: Annotated[
+        bool, typer.Option("--toml", help="Print the text of the protocol's file, and nothing else.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """List the protocols, or describe one of them with all its numbers."""

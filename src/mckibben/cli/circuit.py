@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..recordings.recording import Recording
 
 
-File = Annotated[Path, typer.Argument(metavar="FILE.toml", help="The circuit, its signals and its run.")]
+File = Annotated[Path, typer.Argument(metavar="FILE.toml", help="Circuit file with its signals and its run.")]
 Change = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Replace a value, such as elements.tube.length='2 m'."),
@@ -42,7 +42,9 @@ Change = Annotated[
 def show(
     file: File,
     change: Change = None,
-    svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Draw the circuit.")] = None,
+    svg: Annotated[
+        Path | None, typer.Option(metavar="FILE.svg", help="Draw the circuit into this SVG or PNG file.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Describe a circuit, its fastest mode, and the method with which a run begins."""
@@ -89,7 +91,7 @@ def show(
 def run(
     file: File,
     change: Change = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording into this file.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw the run into this SVG or PNG file.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -220,25 +222,31 @@ def _print(recording: Recording) -> None:
         f"{meta['message']} Balance: mass {meta['balance']['mass']:.1e}, energy {meta['balance']['energy']:.1e} "
         f"of what went through. Method {method}, step {meta['step'] * 1e6:g} us."
     )
-    for warning in meta.get("warnings", ()):
-        typer.echo(f"Warning: {warning}.")
+    caution(*meta.get("warnings", ()))
 
 
 def fit(
     file: File,
-    records: Annotated[list[Path], typer.Argument(metavar="RECORD..", help="Recordings, or measured CSV tables.")],
+    records: Annotated[
+        list[Path], typer.Argument(metavar="RECORD..", help="Recordings, or measured CSV tables, to fit to.")
+    ],
     free: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="PATH", help="Parameter to fit, such as elements.tube.friction_scale; * stands for several."
+            metavar="PATH",
+            help="Parameter to fit, such as elements.tube.friction_scale; * matches several; repeatable.",
         ),
     ] = None,
     predict: Annotated[
-        list[Path] | None, typer.Option(metavar="RECORD", help="Record to predict with what was fitted.")
+        list[Path] | None,
+        typer.Option(metavar="RECORD", help="Record to predict with the fitted parameters; repeatable."),
     ] = None,
-    start: Annotated[list[str] | None, typer.Option(metavar="PATH=VALUE", help="First guess of a parameter.")] = None,
+    start: Annotated[
+        list[str] | None, typer.Option(metavar="PATH=VALUE", help="Initial value of a free parameter; repeatable.")
+    ] = None,
     column: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="Which column is tank.pressure, time, ...")
+        list[str] | None,
+        typer.Option(metavar="NAME=COLUMN", help="Column that holds tank.pressure, time, ...; repeatable."),
     ] = None,
     unit: Annotated[
         list[str] | None, typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none.")

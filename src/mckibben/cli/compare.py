@@ -23,18 +23,20 @@ from ._terminal import Json, caution, print_json, table, told, writable
 
 def compare_muscles(
     muscles: Annotated[
-        list[str] | None, typer.Argument(metavar="ID ID ..", help="Specimens by id, or .toml files of them.")
+        list[str] | None, typer.Argument(metavar="ID ID ..", help="Ids of specimens, or .toml files of them.")
     ] = None,
     recording: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="A recording as a further column; may be repeated."),
+        typer.Option(metavar="FILE", help="Recording to show as a further column; repeatable."),
     ] = None,
     pressure: Annotated[
         str, typer.Option(help="Gauge pressure that counts as the full drive of McKibben muscles.")
     ] = "5 bar",
     protocols: Annotated[
         bool,
-        typer.Option("--protocols", help="Also run twitch, step, release, force-velocity and work loop on each."),
+        typer.Option(
+            "--protocols", help="Also run twitch, step, release, force-velocity and work loop on each muscle."
+        ),
     ] = False,
     match: Annotated[
         str | None,
@@ -44,7 +46,7 @@ def compare_muscles(
     ] = None,
     rig: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="Test machine of the protocols; the paper's where its range allows."),
+        typer.Option(metavar="NAME|FILE", help="Rig for the protocols; by default the paper's where its range allows."),
     ] = None,
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw what was computed, normalised, .svg or .png.")

@@ -36,22 +36,26 @@ def console(
     muscle: Muscle,
     rig: RigName = "paper",
     script: Annotated[
-        Path | None, typer.Option("--script", metavar="FILE", help="Commands, one per line; # begins a comment.")
+        Path | None,
+        typer.Option("--script", metavar="FILE", help="Script with one command per line; # begins a comment."),
     ] = None,
     machine: On = None,
     calibration: CalibrationFile = None,
     span: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Where the muscle is mounted; at its rest length if not said.")
+        str | None,
+        typer.Option(metavar="LENGTH", help="Span at which the muscle is mounted; by default its rest length."),
     ] = None,
-    plumbing: Annotated[str | None, typer.Option(help="A way to join the rig's pneumatic parts.")] = None,
-    rate: Annotated[str | None, typer.Option(metavar="RATE", help="Samples per second, such as '1 kHz'.")] = None,
+    plumbing: Annotated[
+        str | None, typer.Option(help="Name of the plumbing that joins the rig's pneumatic parts.")
+    ] = None,
+    rate: Annotated[str | None, typer.Option(metavar="RATE", help="Sample rate, such as '1 kHz'.")] = None,
     as_fast_as_it_goes: Annotated[
         bool,
         typer.Option(
-            "--as-fast-as-it-goes", help="Simulated time goes only while something runs or waits, and then fast."
+            "--as-fast-as-it-goes", help="Advance simulated time only while commands are pending, as fast as possible."
         ),
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of the simulated sensors' noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed for sensor noise.")] = 0,
 ) -> None:
     """Operate a test machine, simulated or real, at a prompt, by a script or a pipe."""
     check_connection(machine)

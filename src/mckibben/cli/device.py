@@ -24,10 +24,18 @@ def device(
     muscle: Muscle,
     rig: RigName = "paper",
     change: Change = None,
-    plumbing: Annotated[str | None, typer.Option(help="A way to join the rig's pneumatic parts.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise: same seed, same bits.")] = 0,
-    port: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the name of the port into a file.")] = None,
-    seconds: Annotated[float | None, typer.Option("--for", metavar="SECONDS", help="End by itself.")] = None,
+    plumbing: Annotated[
+        str | None, typer.Option(help="Name of the plumbing that joins the rig's pneumatic parts.")
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Random seed for sensor noise; equal seeds give equal recordings.")
+    ] = 0,
+    port: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="File into which the name of the port is written.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option("--for", metavar="SECONDS", help="End after this number of seconds.")
+    ] = None,
 ) -> None:
     """Serve a simulated test machine on a virtual serial port.
 

@@ -52,10 +52,11 @@ class CycleRequest(NamedTuple):
 
 
 def energy(
-    name: Annotated[str, typer.Argument(metavar="SPECIMEN", help="Specimen id or .toml file.")],
+    name: Annotated[str, typer.Argument(metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")],
     pressure: Annotated[str, typer.Option(help="Gauge pressure of the supply, such as '5 bar'.")],
     cycle: Annotated[
-        list[str] | None, typer.Option("--cycle", help="maximal, isotonic or valve; all three where left out.")
+        list[str] | None,
+        typer.Option("--cycle", help="Cycle to compute: maximal, isotonic or valve; repeatable, all three by default."),
     ] = None,
     accumulator: Annotated[
         bool, typer.Option("--accumulator", help="Exchange air with an accumulator at the threshold pressure.")
@@ -63,24 +64,28 @@ def energy(
     accumulator_pressure: Annotated[
         str | None, typer.Option(help="Exchange air with an accumulator at this gauge pressure.")
     ] = None,
-    no_friction: Annotated[bool, typer.Option("--no-friction", help="Leave friction out.")] = False,
+    no_friction: Annotated[bool, typer.Option("--no-friction", help="Compute the cycles without friction.")] = False,
     friction: Annotated[
-        str | None, typer.Option(help="Coulomb friction while shortening; as the specimen states it where left out.")
+        str | None, typer.Option(help="Coulomb friction while shortening; by default as the specimen states it.")
     ] = None,
     reading: Annotated[
         str, typer.Option(help="Where friction acts in the isotonic cycles: printed (output only) or throughout.")
     ] = "printed",
     volume: Annotated[
-        str | None, typer.Option(help="paper (eq. 38b) or potential (the law's own); paper where the law has it.")
+        str | None,
+        typer.Option(
+            help="Gas volume: paper (eq. 38b) or potential (the law's own); paper by default where the law has it."
+        ),
     ] = None,
     stretched: Annotated[
-        str | None, typer.Option(help="Length at which cycles begin; the upper working length where left out.")
+        str | None, typer.Option(help="Length at which cycles begin; by default the upper working length.")
     ] = None,
-    ambient: Annotated[str | None, typer.Option(help="Absolute pressure of the surroundings.")] = None,
-    law: Annotated[str | None, typer.Option("--law", help="Law to use, where the specimen states several.")] = None,
+    ambient: Annotated[str | None, typer.Option(help="Absolute pressure of the surroundings, such as '1 bar'.")] = None,
+    law: Annotated[str | None, typer.Option("--law", help="Law to use instead of the specimen's default.")] = None,
     change: Set = None,
     curve: Annotated[
-        bool, typer.Option("--curve", help="Also over the pressure, from the threshold to twice it.")
+        bool,
+        typer.Option("--curve", help="Also compute efficiency over pressure, from the threshold to twice --pressure."),
     ] = False,
     figure: Annotated[
         Path | None, typer.Option("--figure", help="Draw the loops, or with --curve the efficiency: SVG or PNG file.")

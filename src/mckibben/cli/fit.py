@@ -29,19 +29,19 @@ def fit(
     files: Annotated[
         list[str],
         typer.Argument(
-            metavar="FILE..", help="CSV, MAT, TDMS tables, specimens that ship with a map, or a .toml of constraints."
+            metavar="FILE..",
+            help="CSV, MAT or TDMS tables, specimens that ship with a force map, or a .toml file of constraints.",
         ),
     ],
-    law: Annotated[
-        list[str] | None, typer.Option("--law", help="Law to fit; repeat for several. All where left out.")
-    ] = None,
+    law: Annotated[list[str] | None, typer.Option("--law", help="Law to fit; repeatable, all laws by default.")] = None,
     rest_length: Annotated[str | None, typer.Option(help="Rest length of the muscle, such as '300 mm'.")] = None,
     like: Annotated[
         str | None, typer.Option(metavar="SPECIMEN", help="Take known dimensions from this specimen.")
     ] = None,
     change: Set = None,
     column: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=COLUMN", help="Which column is length, pressure, ...; - for none.")
+        list[str] | None,
+        typer.Option(metavar="NAME=COLUMN", help="Column that holds length, pressure, ...; - for none; repeatable."),
     ] = None,
     unit: Annotated[
         list[str] | None,
@@ -53,13 +53,15 @@ def fit(
     ] = None,
     slack: Annotated[bool, typer.Option(help="Use slack points to say where a law may not pull.")] = True,
     train_below: Annotated[
-        str | None, typer.Option(help="Also train up to this gauge pressure and predict above it.")
+        str | None, typer.Option(help="Also fit up to this gauge pressure and predict the points above it.")
     ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a report with figures, .html or .pdf.")
     ] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw laws and ranking into this SVG or PNG file.")] = None,
-    save: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Save the fitted laws as a specimen.")] = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Save the fitted laws as a specimen file.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Fit tension laws to a measured table of length, pressure and tension, and rank them."""

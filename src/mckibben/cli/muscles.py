@@ -18,15 +18,18 @@ from ..report.figures import muscle_figures, style
 from ..specimens import Specimen, SpecimenNumber, specimen, specimens
 from ._terminal import Json, Set, assignments, caution, chosen_law, print_json, table, writable
 
-Name = Annotated[str, typer.Argument(metavar="SPECIMEN_OR_LAW", help="Specimen id, .toml file, or the name of a law.")]
-Law = Annotated[str | None, typer.Option("--law", help="Law to use, where the specimen states several.")]
+Name = Annotated[
+    str,
+    typer.Argument(metavar="SPECIMEN_OR_LAW", help="Id of a specimen, the .toml file of one, or the name of a law."),
+]
+Law = Annotated[str | None, typer.Option("--law", help="Law to use instead of the specimen's default.")]
 
 
 def show(
-    name: Annotated[str, typer.Argument(metavar="SPECIMEN", help="Specimen id or .toml file.")],
+    name: Annotated[str, typer.Argument(metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")],
     law: Law = None,
     figure: Annotated[
-        Path | None, typer.Option("--figure", help="Also draw its curves into this SVG or PNG file.")
+        Path | None, typer.Option("--figure", help="Draw the muscle's curves into this SVG or PNG file.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -67,7 +70,7 @@ def tension(
     name: Name,
     length: Annotated[str, typer.Option(help="Distance between the anchors, such as '12 cm'.")],
     pressure: Annotated[str | None, typer.Option(help="Gauge pressure, such as '5 bar'.")] = None,
-    activation: Annotated[str | None, typer.Option(help="Activation of a biological muscle, 0 to 1.")] = None,
+    activation: Annotated[str | None, typer.Option(help="Activation of a biological muscle, between 0 and 1.")] = None,
     wanted: Annotated[
         str | None, typer.Option("--for", help="Find the lowest pressure for this tension instead.")
     ] = None,

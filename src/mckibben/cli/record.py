@@ -21,7 +21,7 @@ from ._terminal import Json, options_named, pairs, print_json, table, writable
 SENTENCE = 280  # characters of a protocol's sentence that a person is shown
 STEPS = 40  # rows of steps that a person is shown
 
-File = Annotated[Path, typer.Argument(metavar="FILE", help="A recording of mckibben: .nc, .csv, .mcap.")]
+File = Annotated[Path, typer.Argument(metavar="FILE", help="Recording of mckibben (.nc, .csv or .mcap).")]
 
 
 def show(file: File, as_json: Json = False) -> None:
@@ -35,18 +35,21 @@ def show(file: File, as_json: Json = False) -> None:
 
 def plot(
     file: File,
-    out: Annotated[Path, typer.Option(metavar="PICTURE", help="An .svg, .png or .pdf file.")],
-    channels: Annotated[str | None, typer.Option(metavar="A,B", help="Channels to draw, parted by commas.")] = None,
+    out: Annotated[Path, typer.Option(metavar="PICTURE", help="Picture file to write (.svg, .png or .pdf).")],
+    channels: Annotated[str | None, typer.Option(metavar="A,B", help="Channels to draw, separated by commas.")] = None,
     against: Annotated[
         str | None, typer.Option(metavar="CHANNEL", help="Draw over this channel instead of time, such as span.")
     ] = None,
-    label: Annotated[str | None, typer.Option(help="Only steps of this label.")] = None,
+    label: Annotated[str | None, typer.Option(help="Draw only steps with this label.")] = None,
     case: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Only steps of this case, such as pressure='5 bar'.")
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Draw only steps of this case, such as pressure='5 bar'; repeatable."),
     ] = None,
-    start: Annotated[str | None, typer.Option("--from", metavar="TIME", help="From this time on [s].")] = None,
-    end: Annotated[str | None, typer.Option("--to", metavar="TIME", help="Up to this time [s].")] = None,
-    title: Annotated[str | None, typer.Option(help="Instead of the recording's own title.")] = None,
+    start: Annotated[
+        str | None, typer.Option("--from", metavar="TIME", help="Time from which on samples are used.")
+    ] = None,
+    end: Annotated[str | None, typer.Option("--to", metavar="TIME", help="Time up to which samples are used.")] = None,
+    title: Annotated[str | None, typer.Option(help="Title of the figure; by default the recording's own.")] = None,
     as_json: Json = False,
 ) -> None:
     """Draw a recording over time, or one channel over another."""
@@ -250,21 +253,28 @@ def _shortened(text: str) -> str:
     return text if len(text) <= SENTENCE else text[:SENTENCE].rsplit(" ", 1)[0] + " ..."
 
 
-_READ = ".nc, .csv, .txt, .mcap, .mat, .tdms or .parquet; recordings, logs, tables of others."
+_READ = (
+    "File to read: a recording, a log or a table of another program (.nc, .csv, .txt, .mcap, .mat, .tdms, .parquet)."
+)
 
 
 def convert_file(
     source: Annotated[Path, typer.Argument(metavar="IN", help=_READ)],
-    target: Annotated[Path, typer.Argument(metavar="OUT", help=".nc, .csv, .mcap, .mat, .tdms or .parquet.")],
+    target: Annotated[
+        Path, typer.Argument(metavar="OUT", help="File to write (.nc, .csv, .mcap, .mat, .tdms or .parquet).")
+    ],
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=COLUMN", help="Which column is tank.pressure, time, ..; then only these are read."),
+        typer.Option(
+            metavar="NAME=COLUMN", help="Column that holds tank.pressure, time, ..; only these columns are then read."
+        ),
     ] = None,
     unit: Annotated[
-        list[str] | None, typer.Option(metavar="COLUMN=UNIT", help="Unit of a column of which the file says none.")
+        list[str] | None,
+        typer.Option(metavar="COLUMN=UNIT", help="Unit of a column for which the file states none; repeatable."),
     ] = None,
     period: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Interval of the samples, where the file has no time.")
+        str | None, typer.Option(metavar="TIME", help="Sample interval of a file without a time column.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -288,9 +298,12 @@ def convert_file(
 
 
 def repair(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of a bench, .mcap, cut off or damaged.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of a bench (.mcap) that is cut off or damaged.")],
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Where to, .nc or .csv; beside the log, .nc, where left out.")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Recording file to write (.nc or .csv); by default a .nc file beside the log."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:

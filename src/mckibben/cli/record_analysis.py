@@ -33,15 +33,18 @@ End = Annotated[str | None, typer.Option("--to", metavar="TIME", help="Time up t
 
 def energy(
     file: File,
-    figure: Annotated[Path | None, typer.Option(metavar="PICTURE", help="An .svg, .png or .pdf file.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="PICTURE", help="Picture file to write (.svg, .png or .pdf).")
+    ] = None,
     start: Start = None,
     end: End = None,
     measured: Annotated[bool, typer.Option("--measured", help="Estimate from measured channels alone.")] = False,
     muscle: Annotated[
-        str | None, typer.Option(metavar="SPECIMEN", help="Whose law gives the volume, with measured channels.")
+        str | None, typer.Option(metavar="SPECIMEN", help="Specimen whose law gives the volume for measured channels.")
     ] = None,
     accumulator: Annotated[
-        str | None, typer.Option(metavar="PRESSURE", help="What an exhaust accumulator at it would save [gauge].")
+        str | None,
+        typer.Option(metavar="PRESSURE", help="Gauge pressure of an exhaust accumulator whose saving is computed."),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -122,7 +125,7 @@ def _print(account: EnergyAccount) -> None:
 
 def report(
     file: File,
-    out: Annotated[Path, typer.Option(metavar="REPORT", help="An .html or .pdf file.")],
+    out: Annotated[Path, typer.Option(metavar="REPORT", help="Report file to write (.html or .pdf).")],
     as_json: Json = False,
 ) -> None:
     """Write a report of a recording: figures, balances, parameters, references."""
@@ -142,7 +145,7 @@ def frequency(
     target: Annotated[str, typer.Option("--output", metavar="CHANNEL", help="Channel that answers, such as tension.")],
     resolution: Annotated[
         str | None,
-        typer.Option(metavar="FREQUENCY", help="Distance of the frequencies; an eighth of what is possible."),
+        typer.Option(metavar="FREQUENCY", help="Spacing of the frequencies; by default eight over the duration."),
     ] = None,
     sines: Annotated[
         str | None,

@@ -29,13 +29,18 @@ GAP = "  "
 
 
 def reproduce_papers(
-    part: Annotated[str | None, typer.Option(help="Only one part: I, II, III, IV or discussion.")] = None,
+    part: Annotated[str | None, typer.Option(help="Compute only this part: I, II, III, IV or discussion.")] = None,
     row: Annotated[
-        list[str] | None, typer.Option("--row", help="Only rows whose name begins so, such as table1.nylon.")
+        list[str] | None,
+        typer.Option("--row", help="Compute only rows whose name begins like this, such as table1.nylon; repeatable."),
     ] = None,
     figure: Annotated[
         list[str] | None,
-        typer.Option("--figure", metavar="ID", help="Only this figure and its rows, such as 3a; drawn into --out."),
+        typer.Option(
+            "--figure",
+            metavar="ID",
+            help="Compute only this figure and its rows, such as 3a, and draw it into --out; repeatable.",
+        ),
     ] = None,
     report: Annotated[
         list[Path] | None,
@@ -43,11 +48,13 @@ def reproduce_papers(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Write both reports there; with --figure the figures as SVG files."),
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for both reports, or with --figure for the figures as SVG files."
+        ),
     ] = None,
     pdf: Annotated[bool, typer.Option(help="Write the PDF report beside the HTML one into --out.")] = True,
     recordings: Annotated[
-        bool, typer.Option(help="Leave out what needs recordings of the test machine, which take minutes.")
+        bool, typer.Option(help="Leave out rows that need recordings of the test machine, which take minutes.")
     ] = True,
     as_json: Json = False,
 ) -> None:

@@ -33,25 +33,30 @@ if TYPE_CHECKING:
 PARTS = 1000  # of a progress bar
 _EXAMPLE = "pressure='5 bar', rig.plumbing.direct.tube.length='1 m' or muscle.law.passive_stiffness='3 N/cm'"
 
-Protocol = Annotated[str, typer.Argument(metavar="PROTOCOL", help="A shipped protocol or a .toml file.")]
-Muscle = Annotated[str, typer.Option("--muscle", metavar="ID", help="A specimen, or a .toml file of one.")]
-RigName = Annotated[str, typer.Option("--rig", metavar="NAME|FILE", help="paper, modern, or a .toml file.")]
+Protocol = Annotated[str, typer.Argument(metavar="PROTOCOL", help="Name of a shipped protocol, or a .toml file.")]
+Muscle = Annotated[str, typer.Option("--muscle", metavar="ID", help="Id of a specimen, or the .toml file of one.")]
+RigName = Annotated[
+    str, typer.Option("--rig", metavar="NAME|FILE", help="Rig of the test machine: paper, modern, or a .toml file.")
+]
 Change = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
         metavar="PATH=VALUE",
-        help=f"A value of the protocol (several by ', ' or ';'), of rig.* or muscle.*: {_EXAMPLE}.",
+        help=f"Change a value of the protocol (several separated by ', ' or ';'), of rig.* or of muscle.*: {_EXAMPLE}.",
     ),
 ]
 On = Annotated[
     str | None,
     typer.Option(
-        "--on", metavar="MACHINE", help="A real machine: serial:/dev/ttyACM0, or daq (wired as the rig says)."
+        "--on",
+        metavar="MACHINE",
+        help="Run on a real machine: serial:/dev/ttyACM0, or daq (wired as the rig file says).",
     ),
 ]
 CalibrationFile = Annotated[
-    Path | None, typer.Option("--calibration", metavar="FILE.toml", help="Applied to the measured channels.")
+    Path | None,
+    typer.Option("--calibration", metavar="FILE.toml", help="Calibration that is applied to the measured channels."),
 ]
 
 
@@ -60,29 +65,32 @@ def run_protocol(
     muscle: Muscle,
     rig: RigName = "paper",
     change: Change = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording into this file.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw the measured channels into this SVG, PNG or PDF.")] = None,
-    plumbing: Annotated[str | None, typer.Option(help="A way to join the rig's pneumatic parts.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise: same seed, same bits.")] = 0,
-    step: Annotated[str, typer.Option(metavar="TIME", help="Largest step of the physics.")] = "50 us",
+    plumbing: Annotated[
+        str | None, typer.Option(help="Name of the plumbing that joins the rig's pneumatic parts.")
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Random seed for sensor noise; equal seeds give equal recordings.")
+    ] = 0,
+    step: Annotated[str, typer.Option(metavar="TIME", help="Largest time step of the physics.")] = "50 us",
     accept_saturation: Annotated[
-        bool, typer.Option("--accept-saturation", help="Go on where only the load cell's range would be exceeded.")
+        bool, typer.Option("--accept-saturation", help="Run although the load cell's range will be exceeded.")
     ] = False,
-    dry: Annotated[
-        bool, typer.Option("--dry-run", help="Only say what would be done, and what speaks against it.")
-    ] = False,
-    real_time: Annotated[
-        bool, typer.Option("--real-time", help="The simulated machine by the wall clock, as a real one would go.")
-    ] = False,
+    dry: Annotated[bool, typer.Option("--dry-run", help="Report violations without moving anything.")] = False,
+    real_time: Annotated[bool, typer.Option("--real-time", help="Run the simulation in real time.")] = False,
     machine: On = None,
     lock_step: Annotated[
-        bool, typer.Option("--lock-step", help="A simulated device waits for every command, instead of its own clock.")
+        bool,
+        typer.Option(
+            "--lock-step", help="Let a simulated device wait for every command instead of following its own clock."
+        ),
     ] = False,
     log: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE.mcap",
-            help="A log that survives whatever ends this program; by the wall clock, beside --out if not given.",
+            help="Crash-safe log; runs in real time write one beside --out by default.",
         ),
     ] = None,
     calibration: CalibrationFile = None,

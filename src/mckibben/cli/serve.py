@@ -19,17 +19,24 @@ NEEDED = ("starlette", "uvicorn", "websockets")
 
 def serve_screen(
     host: Annotated[
-        str, typer.Option(help="Address to listen on; with another than this machine's own others can reach it.")
+        str, typer.Option(help="Address to listen on; any other than the default can be reached from other machines.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Its port; 0 for a free one.")] = 8080,
-    show: Annotated[bool, typer.Option("--open/--no-open", help="Open a browser.")] = True,
-    folder: Annotated[Path, typer.Option(metavar="FOLDER", help="Where recordings are kept.")] = Path("recordings"),
-    muscle: Annotated[str, typer.Option(metavar="ID", help="On the bench at first.")] = "nylon",
-    rig: Annotated[str, typer.Option(metavar="NAME|FILE", help="At first; that of a real machine.")] = "paper",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 chooses a free one.")] = 8080,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the screen in a browser.")] = True,
+    folder: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder in which recordings are kept.")] = Path(
+        "recordings"
+    ),
+    muscle: Annotated[str, typer.Option(metavar="ID", help="Muscle mounted at start-up.")] = "nylon",
+    rig: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="Rig at start-up; for a real machine its own rig file.")
+    ] = "paper",
     calibration: CalibrationFile = None,
     machine: On = None,
     lock_step: Annotated[
-        bool, typer.Option("--lock-step", help="A simulated device waits for every command, instead of its own clock.")
+        bool,
+        typer.Option(
+            "--lock-step", help="Let a simulated device wait for every command instead of following its own clock."
+        ),
     ] = False,
 ) -> None:
     """Serve the laboratory's screen to a browser on this machine.

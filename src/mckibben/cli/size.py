@@ -32,12 +32,12 @@ def size_muscle(
         str, typer.Option(metavar="NAME", help="Law of the braids: linear_threshold, thick_wall or ideal.")
     ] = "linear_threshold",
     muscle: Annotated[
-        str | None, typer.Option(metavar="ID", help="Candidate for which valves and sources are looked for.")
+        str | None, typer.Option(metavar="ID", help="Candidate muscle for which valves and gas sources are sought.")
     ] = None,
     no_lines: Annotated[
         bool, typer.Option("--no-lines", help="Leave out valves and tubes, which are simulated.")
     ] = False,
-    top: Annotated[int, typer.Option(help="How many rows of each table.")] = TOP,
+    top: Annotated[int, typer.Option(help="Number of rows shown of each table.")] = TOP,
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw force over stroke, and the lines, .svg or .png.")
     ] = None,

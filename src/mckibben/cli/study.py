@@ -33,7 +33,9 @@ if TYPE_CHECKING:
 
 
 def study_tube(
-    quick: Annotated[bool, typer.Option("--quick", help="One seed and the reference with wall heat only.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Use one seed, and the reference with wall heat only.")
+    ] = False,
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the models and their errors, .svg or .png.")
     ] = None,
@@ -59,13 +61,18 @@ def study_tube(
 
 
 def study_robot(
-    trials: Annotated[list[Path], typer.Argument(metavar="FOLDER..", help="Trials to fit, a folder each.")],
+    trials: Annotated[list[Path], typer.Argument(metavar="FOLDER..", help="Folders of the trials to fit, one each.")],
     predict: Annotated[
-        list[Path] | None, typer.Option(metavar="FOLDER", help="Trial to predict with what was fitted.")
+        list[Path] | None,
+        typer.Option(metavar="FOLDER", help="Trial to predict with the fitted parameters; repeatable."),
     ] = None,
-    free: Annotated[list[str] | None, typer.Option(metavar="PATH", help="Parameter to fit, instead of all 19.")] = None,
-    evaluations: Annotated[int, typer.Option(help="Most evaluations of the circuit.", min=1)] = 40,
-    figure: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw measured and predicted.")] = None,
+    free: Annotated[
+        list[str] | None, typer.Option(metavar="PATH", help="Parameter to fit instead of all 19; repeatable.")
+    ] = None,
+    evaluations: Annotated[int, typer.Option(help="Largest number of evaluations of the circuit.", min=1)] = 40,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw measured and predicted pressures (.svg or .png).")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Fit the air of a jumping robot to some of its jumps, and predict the others."""
@@ -87,7 +94,9 @@ def study_loops(
     ],
     friction: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Friction to try: maxwell_slip, dahl, bouc_wen; the last two if left out."),
+        typer.Option(
+            metavar="NAME", help="Friction model to try: maxwell_slip, dahl or bouc_wen; by default the last two."
+        ),
     ] = None,
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw loop, width and creep, .svg or .png.")
@@ -114,15 +123,17 @@ def study_loops(
 def study_validation(
     data: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Folder of measured data; MCKIBBEN_DATA names it where left out."),
+        typer.Option(metavar="FOLDER", help="Folder of measured data; by default the one that MCKIBBEN_DATA names."),
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Data set, such as DMSP-20-300, loops or robot; all where left out."),
+        typer.Option(metavar="NAME", help="Data set, such as DMSP-20-300, loops or robot; repeatable, all by default."),
     ] = None,
-    law: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Law to fit; all where left out.")] = None,
+    law: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Law to fit; repeatable, all laws by default.")
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE.md", help="Write the page of the documentation, a figure beside it.")
+        Path | None, typer.Option(metavar="FILE.md", help="Write the documentation page, with its figure beside it.")
     ] = None,
     as_json: Json = False,
 ) -> None:

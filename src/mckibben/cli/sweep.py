@@ -22,17 +22,21 @@ PARTS = 1000  # of the progress bar
 
 
 def sweep(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="What is varied, and what is kept of it.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; goes on where it stopped.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.toml", help="Sweep file with the variants and the outputs to keep.")
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of the results; an interrupted sweep resumes from it.")
+    ],
     scheduler: Annotated[
         str,
         typer.Option(
             metavar="dask|processes|serial|ADDRESS",
-            help="Dask on this machine, a pool of processes, this process, or a Dask scheduler such as tcp://host:8786.",
+            help="Where variants run: Dask or a pool of processes on this machine, this process, or a Dask scheduler such as tcp://host:8786.",
         ),
     ] = "dask",
-    workers: Annotated[int, typer.Option(min=0, help="Processes on this machine; 0 for one per core.")] = 0,
-    dry: Annotated[bool, typer.Option("--dry-run", help="Only say what would be run.")] = False,
+    workers: Annotated[int, typer.Option(min=0, help="Number of processes on this machine; 0 for one per core.")] = 0,
+    dry: Annotated[bool, typer.Option("--dry-run", help="Report what would be run, without running it.")] = False,
     as_json: Json = False,
 ) -> None:
     """Run a protocol on many variants of a rig and a muscle; resumable, results in zarr."""

@@ -25,7 +25,7 @@ from ....engine.native import EngineFunction, compile_function
 from ....engine.rates import RK4_LIMIT
 from ....errors import ConvergenceError, InputError, MckibbenError
 from ....pneumatics import AIR
-from ....pneumatics.balance import Balance, balance
+from ....pneumatics.balance import RunBalance, balance
 from ....pneumatics.circuit import Circuit
 from ....pneumatics.gas import REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ....pneumatics.tubes import LinearTube
@@ -169,7 +169,7 @@ def _outputs(circuit: Any, signals: Any, pressures: Any, temperature: Any, *, pe
     return kept[2], state, carry[0], carry[2]
 
 
-def accounts(plan: CircuitPlan, done: CircuitResponse) -> Balance:
+def accounts(plan: CircuitPlan, done: CircuitResponse) -> RunBalance:
     """How well mass and energy of a response balance, over what went through."""
     signals, count = plan.inputs(), plan.samples
     first = {n: s.at(0, 0.0, plan.period) for n, s in signals.items()}

@@ -25,7 +25,9 @@ class ComparisonGrid:
         columns: word of the link, column, muscle where it is one by its law, and why there is no column.
     """
 
-    def __init__(self, face: ComparePage, columns: list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]]) -> None:
+    def __init__(
+        self, face: ComparePage, columns: list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]]
+    ) -> None:
         self.face, self.columns = face, columns
 
     def show(self, surfaces: dict[str, Any]) -> None:

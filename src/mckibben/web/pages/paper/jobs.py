@@ -27,7 +27,7 @@ from ....reproduction.recorded import PAUSE, Folder
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-    from ....reproduction import Outcome
+    from ....reproduction import RowOutcome
 
 THUMB = 168  # width of a small picture [px]
 OFTEN = 0.25  # least time between two words on how far it is [s]
@@ -103,7 +103,7 @@ def _figure(line: Connection, said: _Teller, name: str) -> None:
 
 
 def _report(
-    line: Connection, said: _Teller, ending: str, outcomes: list[Outcome], figures: list[str], left_out: str
+    line: Connection, said: _Teller, ending: str, outcomes: list[RowOutcome], figures: list[str], left_out: str
 ) -> None:
     """Write the report of the command line."""
     from ....report.document_pdf import compiler
