@@ -101,6 +101,7 @@ def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_besid
         page.locator(".map select[aria-label^='What']").nth(i).select_option(what)
         page.wait_for_url(f"**{what}**")
     page.wait_for_selector("text=way is no unit")
+    assert page.locator(".map .field.bad select[aria-invalid=true]").count() == 1  # the column that is to blame
     page.locator("select[aria-label='Unit of Length']").select_option("m")
     page.wait_for_selector("text=load is no unit")
     page.locator("select[aria-label='Unit of Tension']").select_option("N")

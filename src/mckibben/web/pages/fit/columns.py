@@ -62,7 +62,9 @@ def mapping(asked: FitRequest, look: TablePreview, change: Change, wrong: InputE
                             else _which(asked, what, column, look, change)
                         )
                         if blamed and blamed in (column, what):
-                            one.classed("bad")
+                            one.set(aria_invalid="true")
+                            if one.parent is not None:
+                                one.parent.classed("bad")
             with box("tr"):
                 for column, what in shown:
                     with box("th"):

@@ -59,7 +59,10 @@ def imported(path: Path, name: str, target: Path, columns: Mapping[str, str], un
     try:
         read = read_any(path, columns=places or None, units=dict(units) or None, period=step)
     except MckibbenError as error:
-        raise MckibbenError(f"{said_of(error, path, name).rstrip('.')}.{_hint(error)}") from None
+        sentence = f"{said_of(error, path, name).rstrip('.')}.{_hint(error)}"
+        if isinstance(error, InputError):  # it keeps the field that is to blame
+            raise error.changed(where=None, sentence=sentence) from None
+        raise MckibbenError(sentence) from None
     if path.suffix.lower() in (".nc", ".mcap") and not read.recording.meta.get("source"):
         return ImportedFile(True, read.remarks)
     meta = {"title": name if read.recording.meta.get("title") == path.name else read.recording.meta.get("title")}
