@@ -139,5 +139,5 @@ def test_toml_and_json_are_parsed_in_one_place():
         "documents.py",
         "engine/programs.py",  # its own words, just written
         "recordings/_isolation.py",  # from a process that it has started
-        "batch/distribute.py",  # likewise, and between machines of one cluster
+        "batch/workers.py",  # likewise, and between machines of one cluster
     }

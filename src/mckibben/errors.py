@@ -50,7 +50,8 @@ def compose_sentence(field: str, value: object, allowed: str) -> str:
     if allowed in ("no such file", "no such folder"):
         kind = allowed.removeprefix("no such ")
         owner = "" if name in ("file", "folder") or not name.isalpha() else f"{name} "
-        return _capital(f"{owner}{kind} not found: {_short(str(value))}")
+        path = str(value)
+        return _capital(f"{owner}{kind} not found: {_short(path if path == path.strip() else repr(path))}")
     if value == "unknown":
         return f"Unknown field {name!r}. {hint}{_capital(allowed)}".rstrip()
     if value in STATES and allowed.startswith("known are "):

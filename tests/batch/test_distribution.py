@@ -93,6 +93,6 @@ def test_an_unknown_way_is_refused(way, count, said):
 
 def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
     monkeypatch.setattr("mckibben.batch.workers.PATIENCE", 1.0)
-    with pytest.raises(InputError, match="tcp://127.0.0.1:9'; no Dask scheduler answered"):
+    with pytest.raises(InputError, match="tcp://127.0.0.1:9': no Dask scheduler answered"):
         with Workers("tcp://127.0.0.1:9").open():
             pass

@@ -100,7 +100,9 @@ def test_an_empty_collection_says_so(keep) -> None:
     chunks = Chunks(PERIOD, KINDS)
     if keep is not None:
         chunks.add(*chunk(0, 5), keep)
-    with pytest.raises(InputError, match="recording is empty; no sample was kept; must be a run that records") as error:
+    with pytest.raises(
+        InputError, match="recording is empty: no sample was kept; it must be a run that records"
+    ) as error:
         chunks.recording()
     assert "\n" not in str(error.value)
 

@@ -229,6 +229,10 @@ COMMANDS = {
     }),
     "circuit show": ("circuit show @toml:circuit.toml", {"--set": "pair", "--svg": "picture"}),
     "circuit run": ("circuit run @toml:circuit.toml", {"--set": "pair", "--out": "out", "--figure": "picture"}),
+    "circuit frequency": ("circuit frequency @toml:circuit.toml --input time --output tank.pressure_abs", {
+        "--input": "name", "--output": "name", "--at": "time", "--from": "number", "--to": "number", "--set": "pair",
+        "--figure": "picture",
+    }),
     "circuit fit": ("circuit fit @toml:circuit.toml @table:tank.csv --free elements.tube.length", {
         "--free": "name", "--predict": "name", "--start": "pair", "--column": "pair", "--unit": "pair", "--set": "pair",
         "--figure": "picture",
@@ -242,6 +246,13 @@ COMMANDS = {
     }),
     "record energy": ("record energy @record:record.nc", {
         "--figure": "picture", "--from": "moment", "--to": "moment", "--muscle": "specimen", "--accumulator": "amount",
+    }),
+    "record frequency": ("record frequency @record:record.nc --input pressure --output tension", {
+        "--input": "name", "--output": "name", "--resolution": "number", "--sines": "number", "--from": "moment",
+        "--to": "moment", "--figure": "picture",
+    }),
+    "record repeatability": ("record repeatability @record:record.nc", {
+        "--channel": "name", "--drive": "name", "--from": "moment", "--to": "moment", "--figure": "picture",
     }),
     "record repair": ("record repair @record:record.mcap --out @out:r.nc", {}),
     "record report": ("record report @record:record.nc --out @report:r.html", {}),
@@ -310,7 +321,9 @@ def verdict(code, out, err, option, value):
         return "output"
     name = value.removeprefix("serial:").partition("=")[0] or value
     shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in name)[:12] if value.strip() else repr(value)
-    return "" if option in err or shown in err or (not value and "'.'" in err) else "unnamed"
+    folder = name.rpartition("/")[0]  # what is missing may be the folder that a file would lie in
+    named = option in err or shown in err or (not value and "'.'" in err)
+    return "" if named or (folder and f"/{folder}" in err) else "unnamed"
 
 
 def tried(files, monkeypatch, capsys, command, share):

@@ -105,7 +105,10 @@ def bad(row: int, line: str) -> str:
         (bad(5, "0.003,2.0"), "each once"),
         (bad(5, "0.004,nan"), "row 6"),
         (bad(0, "time [s],tank.pressure"), "no unit"),
-        (bad(0, "time [s],tnak.pressure [bar]"), "none to compare; must be tank.pressure"),
+        (
+            bad(0, "time [s],tnak.pressure [bar]"),
+            "No channel of the record can be compared with tank.pressure; it has tnak.pressure",
+        ),
         (bad(0, "time [s],tank.pressure [V]"), "must be values in Pa"),
         ("", "empty"),
     ],

@@ -104,3 +104,10 @@ def test_runs_that_are_equal_repeat_exactly_and_others_by_what_they_differ(run, 
 def test_what_is_wrong_ends_with_one_line_and_2(run, words, says):
     code, out, err = run(*words)
     assert (code, out, err.count("\n")) == (2, "", 1) and says in err
+
+
+def test_a_signal_is_varied_by_the_name_that_the_file_gives_it(run):
+    """Exact: it is the same input."""
+    codes, answers = zip(*(run("circuit", "frequency", TUBE, "--input", n, *NAMES[2:], "--json")[:2]
+                           for n in ("pressure", "regulator.pressure")), strict=True)  # fmt: skip
+    assert codes == (0, 0) and answers[0] == answers[1] and max(json.loads(answers[0])["magnitude"]) > 0.9

@@ -76,17 +76,17 @@ def said(capsys, full, monkeypatch):
 @pytest.mark.parametrize("ending", ["nc", "csv", "mcap", "mat", "tdms", "parquet"])
 def test_a_recording_is_written_whole_or_not_at_all(said, record, full, ending, size):
     err = said("record", "convert", record, full / f"r.{ending}", size=size)
-    assert f"'{full / f'r.{ending}'}'; it cannot be written (File too large)" in err
+    assert f"'{full / f'r.{ending}'}': it cannot be written (File too large)" in err
 
 
 @pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
 def test_a_figure_is_written_whole_or_not_at_all(said, record, full, ending):
     err = said("record", "plot", record, "--out", full / f"f.{ending}")
-    assert f"f.{ending}'; it cannot be written (File too large)" in err
+    assert f"f.{ending}': it cannot be written (File too large)" in err
 
 
 def test_a_report_is_written_whole_or_not_at_all(said, record, full):
-    assert "r.html'; it cannot be written (File too large)" in said(
+    assert "r.html': it cannot be written (File too large)" in said(
         "record", "report", record, "--out", full / "r.html"
     )
 
@@ -106,9 +106,9 @@ def test_files_are_written_through_the_two_functions_that_leave_no_half():
         "cli/console.py",  # the history of what was typed
         "documents.py",
         "recordings/live_log.py",  # a log keeps what it has
-        "recordings/matlab.py",  # called by write_whole
-        "recordings/parquet.py",  # nowhere: what polars says
-        "web/pages/paper/worker.py",  # into memory
+        "recordings/_matlab.py",  # called by write_whole
+        "recordings/_parquet.py",  # nowhere: what polars says
+        "web/pages/paper/jobs.py",  # into memory
         "web/server.py",  # what opens the browser: a file of the session's own
     }
 

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from rubbing_systems import PERIOD, per_lane, rubbing
 
-from lowered_systems import PERIOD, per_lane, rubbing
 from mckibben.assembly.build import single_muscle, unit_from_specimen
 from mckibben.assembly.loads import Plate
 from mckibben.components.system import System

@@ -2,8 +2,8 @@
 
 import jax.numpy as jnp
 import numpy as np
+from rubbing_systems import positions, rubbing
 
-from lowered_systems import positions, rubbing
 from mckibben.engine.prediction import prediction
 
 SAMPLES, INNER = 40, 4

@@ -101,9 +101,9 @@ def test_a_trial_refuses_what_is_no_record() -> None:
     ("free", "start", "says"),
     [
         ([], {}, "at least one parameter"),
-        (["elements.tube.resistence"], {}, "known are elements.tube.resistance"),
+        (["elements.tube.resistence"], {}, "Known are elements.tube.resistance"),
         (["elements.tub*.lenght"], {}, "elements.tub*.lenght"),
-        (["signals.pp.delay"], {}, "known are signals.p.delay"),
+        (["signals.pp.delay"], {}, "Known are signals.p.delay"),
         ([FREE, "elements.*.resistance"], {}, "is free already, by elements.tube.resistance"),
         (["*"], {}, "one value cannot be"),
         ([FREE], {"nodes.tank.size": 1e-4}, f"it is not free; free are {FREE}"),
@@ -177,13 +177,13 @@ def test_a_record_finds_its_places_by_name(plan) -> None:
 @pytest.mark.parametrize(
     ("units", "options", "says"),
     [
-        ({"tnak__pressure": "Pa"}, {}, ("none to compare", "tank.pressure", "tnak.pressure")),
-        ({"supply__pressure": "Pa"}, {}, ("none to compare",)),
+        ({"tnak__pressure": "Pa"}, {}, ("No channel of the record can be compared", "tank.pressure", "tnak.pressure")),
+        ({"supply__pressure": "Pa"}, {}, ("No channel of the record can be compared",)),
         ({"tank__pressure": "V"}, {}, ("tank.pressure", "in V", "must be values in Pa")),
         ({"tank__pressure": "Pa", "open": "V"}, {}, ("open", "in V", "values in 1")),
         ({"tank__pressure": "Pa", "valve__command": "Pa"}, {}, ("valve.command", "values in 1")),
         ({"p1": "Pa"}, {"measured": {"tank": "p2"}}, ("p2", "the record has p1")),
-        ({"p1": "Pa"}, {"measured": {"tnak": "p1"}}, ("no", "tank")),
+        ({"p1": "Pa"}, {"measured": {"tnak": "p1"}}, ("No channel", "tank")),
         ({"tank__pressure": "Pa", "u": "1"}, {"inputs": {"opne": "u"}}, ("opne", "known are open, wish")),
         (
             {"tank__pressure": "Pa", "u": "V"},

@@ -6,6 +6,7 @@ import jax
 import numpy as np
 import pytest
 
+from mckibben.cli.fit import ranking_json, show_ranking
 from mckibben.errors import InputError
 from mckibben.identification import fit, rank
 from mckibben.identification.fit import INDIFFERENT, bound_of, degenerate_words
@@ -93,9 +94,9 @@ def test_command_report_and_page_name_what_is_not_counted(fits, capsys) -> None:
     study = Study(
         title="ideal braid", specimen=None, points=order[0].points, fits=order, published=[], skipped={},
     )  # fmt: skip
-    fit.show(study)
+    show_ranking(study)
     printed = capsys.readouterr().out
     assert "wall_thickness at its bound" in printed and "is not counted" in printed
-    assert [f["at_bound"] for f in fit.as_json(study)["fits"]] == [[], ["wall_thickness"]]
+    assert [f["at_bound"] for f in ranking_json(study)["fits"]] == [[], ["wall_thickness"]]
     assert any("counts 2 of 3 parameters" in s for s in cautions_of(order[1], 100.0))
     assert [row["degenerate"] for row in results._rows(study)] == ["", "wall_thickness at its bound"]

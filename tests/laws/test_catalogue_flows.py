@@ -135,7 +135,7 @@ def test_a_size_is_stated_exactly_once(words, says):
 
 
 def test_a_tube_says_what_a_part_with_a_nominal_flow_is():
-    with pytest.raises(InputError, match="a tube is stated by its length and bore; .* is an orifice"):
+    with pytest.raises(InputError, match="A tube is stated by its length and bore; .* is an orifice"):
         build_element("lumped_tube", {"nominal_flow": "100 l/min"})
 
 

@@ -33,7 +33,7 @@ def every_figure(study: Study) -> dict[str, Figure]:
     shape = braid_of(law)
     assert shape is not None
     x = np.concatenate([np.linspace(0, 0.01, 20), np.linspace(0.01, 0, 20)])
-    loop = muscle_figures.Loop(x, 1e3 * x + np.sign(np.gradient(x)), "whole")
+    loop = muscle_figures.DrawnLoop(x, 1e3 * x + np.sign(np.gradient(x)), "whole")
     figures = {
         "curves": fit_figures.tension_curves(best, study.points),
         "residuals": fit_figures.residuals(best),

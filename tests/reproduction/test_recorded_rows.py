@@ -141,7 +141,9 @@ def test_spread_is_relative_to_the_mean():
 
 def test_a_note_that_was_found_is_shown_beside_the_row(monkeypatch):
     row = next(r for r in all_rows() if r.id == "friction.lubricated")
-    monkeypatch.setitem(rows._WAYS, row.id, rows.Way(lambda: ComputedValue(0.91, "found"), "1", "static", False))
+    monkeypatch.setitem(
+        rows._WAYS, row.id, rows.Computation(lambda: ComputedValue(0.91, "found"), "1", "static", False)
+    )
     outcome = reproduce_row(row)
     assert (outcome.ours, outcome.ok, outcome.note) == (0.91, True, "static; found")
 

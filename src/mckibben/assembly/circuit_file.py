@@ -125,6 +125,12 @@ class CircuitPlan:
         """Every signal at all samples, in its SI unit, (samples + 1,)."""
         return {name: s.waveform.at(self.times) for name, s in self.signals.items()}
 
+    def inputs_of(self, signal: str) -> list[str]:
+        """Names of the inputs of the circuit that a signal of the file sets; the name itself where it is an input."""
+        ends = {"1": "stroke", "Pa": "pressure", "m": "length"}
+        nodes = [(name, node) for name, node in self.nodes.items() if node.signal == signal]
+        return [f"{name}.{ends['m' if node.law is not None else node.unit]}" for name, node in nodes] or [signal]
+
     def inputs(
         self, times: Any = None, given: Mapping[str, Any] | None = None, sensed: bool = False
     ) -> dict[str, Signal]:

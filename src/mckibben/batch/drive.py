@@ -58,7 +58,7 @@ def run_sweep(
     Args:
         sweep: what to run.
         out: folder.
-        workers: where; a DaskTeam cluster on this machine where left out.
+        workers: where; a Dask cluster on this machine where left out.
         progress: told how far it is.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Blocks of variants on one process, on several, or on a DaskTeam cluster; whatever becomes of a worker, no block is lost.
+"""Blocks of variants on one process, on several, or on a Dask cluster; whatever becomes of a worker, no block is lost.
 
 The caller gets results one after the other and writes them; workers write nothing, so that nothing is written twice. A
 block whose worker dies is given to another one, a few times: then it is the block that kills them.
@@ -91,7 +91,7 @@ class Workers:
     """Where blocks are run.
 
     Attributes:
-        way: one of `WAYS`, or the address of a DaskTeam scheduler, such as ``tcp://node1:8786``.
+        way: one of `WAYS`, or the address of a Dask scheduler, such as ``tcp://node1:8786``.
         count: of worker processes on this machine; as many as cores where 0.
     """
 
@@ -198,7 +198,7 @@ class ProcessTeam(WorkerTeam):
 
 
 class DaskTeam(WorkerTeam):
-    """The workers of a DaskTeam cluster."""
+    """The workers of a Dask cluster."""
 
     def __init__(self, client: Any) -> None:
         self.client = client
@@ -241,7 +241,7 @@ class DaskTeam(WorkerTeam):
 
 
 def _dask_libraries() -> tuple[Any, Any]:
-    use, instead = "Sweeps on DaskTeam need", "--scheduler processes does without it"
+    use, instead = "Sweeps on Dask need", "--scheduler processes does without it"
     return library("dask", use, instead=instead), library("distributed", use, instead=instead)
 
 
@@ -259,7 +259,7 @@ def _client(way: str, count: int) -> Iterator[Any]:
                 client = distributed.Client(way, timeout=PATIENCE)
             except (OSError, ValueError, TimeoutError):
                 raise InputError(
-                    "--scheduler", way, f"no DaskTeam scheduler answered there within {PATIENCE:g} s"
+                    "--scheduler", way, f"no Dask scheduler answered there within {PATIENCE:g} s"
                 ) from None
             with client:
                 yield client

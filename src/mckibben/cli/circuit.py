@@ -399,6 +399,10 @@ def frequency(
             "--at", at, f"must be between 0 s and {with_unit(plan.duration, 's')}, the duration of the run"
         )
     inputs = {name: s.at(round(time / plan.period), 0.0, plan.period) for name, s in plan.inputs().items()}
+    driven = plan.inputs_of(source)
+    if len(driven) > 1:
+        raise InputError("--input", source, f"it drives {' and '.join(driven)}; name one of them")
+    (source,) = driven
     state, memory = plan.initial()
     with told("settling"):
         rest = settle(plan.circuit, state, memory, inputs).state

@@ -183,7 +183,7 @@ def matching(pattern: str, circuit: Circuit, signals: Iterable[str]) -> tuple[st
     found = tuple(path for path in units if fnmatch.fnmatchcase(path, pattern))
     if not found:
         near = difflib.get_close_matches(pattern, units, n=3) or sorted(units)
-        raise InputError("free", pattern, f"no such parameter; known are {', '.join(near)}")
+        raise InputError("free", pattern, f"known are {', '.join(near)}")
     different = [path for path in found if units[path] != units[found[0]]]
     if different:
         told = f"one value cannot be {found[0]} [{units[found[0]]}] and {different[0]} [{units[different[0]]}]"
@@ -246,7 +246,9 @@ def trial_from_record(
     }
     if not compared:
         known = ", ".join(f"{node}.pressure" for node in plan.circuit.chambers)
-        raise InputError("channels", ", ".join(record.names()), f"none to compare; allowed are {known}", where=name)
+        names = ", ".join(record.names())
+        sentence = f"No channel of the record can be compared with {known}; it has {names}"
+        raise InputError("channels", names, f"known are {known}", where=name, sentence=sentence)
     if measured:
         for node in measured:
             if node not in plan.circuit.chambers:

@@ -7,9 +7,15 @@ from typing import Any, NamedTuple
 
 from .circuit import Circuit
 
+LEAST = 1e-6  # of what is stored
+
 
 class RunBalance(NamedTuple):
-    """Closure of a run: what is missing, over what went through; zero is perfect."""
+    """Closure of a run: what is missing, over what went through; zero is perfect.
+
+    Where next to nothing went through, it is over `LEAST` of what is stored, so that a circuit at rest shows the rounding
+    of its stored energy and not a ratio of two roundings.
+    """
 
     mass: float
     energy: float
@@ -29,6 +35,6 @@ def balance(circuit: Circuit, start: Any, end: Any, first: Any, last: Any, integ
     (m0, u0), (m1, u1) = (map(float, circuit.stored(*at)) for at in ((start, first), (end, last)))
     entered = float(integrals["enthalpy"]) + float(integrals["heat"]) - float(integrals["work"])
     entered += float(integrals["shaft"])
-    mass = abs(m1 - m0 - float(integrals["mass"])) / max(float(integrals["mass_turnover"]), 1e-30)
-    energy = abs(u1 - u0 - entered) / max(float(integrals["enthalpy_turnover"]), 1e-30)
+    mass = abs(m1 - m0 - float(integrals["mass"])) / max(float(integrals["mass_turnover"]), LEAST * abs(m1), 1e-30)
+    energy = abs(u1 - u0 - entered) / max(float(integrals["enthalpy_turnover"]), LEAST * abs(u1), 1e-30)
     return RunBalance(mass, energy)

@@ -22,6 +22,8 @@ from collections.abc import Callable, Coroutine
 from contextvars import ContextVar
 from typing import Any, Self
 
+from ..documents import parse_json
+
 LOGGER = logging.getLogger(__name__)
 AWAY = 30.0  # time for which a page that lost its line finds its document again [s]
 MOST_BATCHES = 500  # of operations, that are kept for a page that lost its line
@@ -315,7 +317,7 @@ class PageDocument:
         from starlette.websockets import WebSocketDisconnect
 
         try:
-            seen = int(json.loads(await socket.receive_text()).get("seen", 0))
+            seen = int(parse_json(await socket.receive_text()).get("seen", 0))
         except (WebSocketDisconnect, ValueError, TypeError, AttributeError):
             return
         first = self._batches[0][0] if self._batches else self._sent + 1
@@ -348,9 +350,9 @@ class PageDocument:
         while True:
             text = await socket.receive_text()
             try:
-                message = json.loads(text) if len(text) <= LONGEST_EVENT else {}
+                message = parse_json(text) if len(text) <= LONGEST_EVENT else {}
                 number, event, value = message["event"]
-            except (ValueError, TypeError, KeyError, RecursionError):
+            except (ValueError, TypeError, KeyError):
                 continue
             element = self.elements.get(number) if isinstance(number, int) else None
             handler = None if element is None else element.handler(str(event))

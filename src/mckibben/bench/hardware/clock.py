@@ -46,6 +46,7 @@ class Clock:
 
     @speed.setter
     def speed(self, speed: float | None) -> None:
+        """Go on at another speed from now on."""
         with self._changed:
             self._speed, self._due = speed, None
             self._changed.notify_all()

@@ -151,6 +151,7 @@ class Session:
 
     @speed.setter
     def speed(self, speed: float) -> None:
+        """Go on at another speed from now on."""
         self._speed = speed
         if not self._alone:
             self.clock.speed = speed

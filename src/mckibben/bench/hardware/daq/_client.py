@@ -87,7 +87,7 @@ class Complaints:
 def _line(message: str) -> str:
     """A message of the driver in one line, without what is told elsewhere."""
     parts = [" ".join(p.split()) for p in message.splitlines()]
-    kept = [p for p in parts if p and not p.startswith(("DaqTask Name:", "Status Code:"))]
+    kept = [p for p in parts if p and not p.startswith(("Task Name:", "Status Code:"))]
     closed = [p if p.endswith((".", ":", ",")) else f"{p}," for p in kept]
     return " ".join(closed).rstrip(".,")
 

@@ -179,7 +179,7 @@ TEXTS = {
     NO_DEVICE: "Device identifier is invalid.",
     NO_CHANNEL: "Physical channel specified does not exist on this device.",
     NO_ROUTE: "Specified route cannot be satisfied, because the hardware does not support it.",
-    NO_TASK: "DaqTask specified is invalid or does not exist.",
+    NO_TASK: "Task specified is invalid or does not exist.",
     BAD_VALUE: "Requested value is not a supported value for this property.",
     RESERVED: "The specified resource is reserved.",
     NOT_STARTED: "Write cannot be performed when the task is not started and auto start is false.",
@@ -211,7 +211,7 @@ def answers(call: Callable[[Calls, Any], dict[str, Any]]) -> Any:
             found = call(self, request)
         except CardError as error:
             task = request.task.name if hasattr(request, "task") else ""
-            parts = [TEXTS[error.code], error.text, f"DaqTask Name: {task}", f"Status Code: {error.code}"]
+            parts = [TEXTS[error.code], error.text, f"Task Name: {task}", f"Status Code: {error.code}"]
             context.set_trailing_metadata((("ni-error", str(error.code)),))
             context.abort(self.grpc.StatusCode.UNKNOWN, "\n\n".join(p for p in parts if p))
         return getattr(self.messages, f"{name}Response")(**found)
