@@ -35,7 +35,7 @@ import jax
 import numpy as np
 
 import lanewise
-from lanewise import Leaf, Program, cache, lower
+from lanewise import Leaf, Program, cache
 
 from ..components import Module
 from . import step
@@ -236,7 +236,7 @@ def lower_or_load(function: Callable[..., Any], *examples: Any, title: str = "")
     known = None if name is None else _known(f"{name}.program")
     if known is not None:
         return known
-    program, tree = lower(function, *examples, title=title)
+    program, tree = lanewise.lower(function, *examples, title=title)
     if name is not None:
         _keep(f"{name}.program", program, tree)
     return program, tree

@@ -1,8 +1,23 @@
 """Parameters from measured data: problem, fit, uncertainty, model choice. A file is enough; no bench is needed."""
 
-from .circuit_fit import CircuitFit, fit_circuit
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
 from .fit import Fit, evaluate, fit, fit_all, rank
-from .trial import Trial
 from .uncertainty import Estimate
 
+if TYPE_CHECKING:
+    from .circuit_fit import CircuitFit, fit_circuit
+    from .trial import Trial
+
 __all__ = ["CircuitFit", "Estimate", "Fit", "Trial", "evaluate", "fit", "fit_all", "fit_circuit", "rank"]
+_MODULES = {"CircuitFit": "circuit_fit", "Trial": "trial", "fit_circuit": "circuit_fit"}  # a fit of a law needs no circuit
+
+
+def __getattr__(name: str) -> object:
+    """Load the fit of circuits when it is first used."""
+    if name in _MODULES:
+        return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
