@@ -13,7 +13,11 @@ if TYPE_CHECKING:
     from .trial import Trial
 
 __all__ = ["CircuitFit", "Estimate", "Fit", "Trial", "evaluate", "fit", "fit_all", "fit_circuit", "rank"]
-_MODULES = {"CircuitFit": "circuit_fit", "Trial": "trial", "fit_circuit": "circuit_fit"}  # a fit of a law needs no circuit
+_MODULES = {
+    "CircuitFit": "circuit_fit",
+    "Trial": "trial",
+    "fit_circuit": "circuit_fit",
+}  # a fit of a law needs no circuit
 
 
 def __getattr__(name: str) -> object:
