@@ -20,14 +20,14 @@ from mckibben.quantities import Quantity
 from mckibben.web.bench import drawing
 from mckibben.web.bench.dry import dry_run
 from mckibben.web.bench.faces import changed, faces
-from mckibben.web.charts import Axis, Chart, Line, thinned
+from mckibben.web.charts import Axis, Chart, ChartLine, thinned
 from mckibben.web.control import AFTER, HOLD, Control
 from mckibben.web.forms import accept
 from mckibben.web.guard import CROWDED, SOCKETS, SOCKETS_EACH, Guard
 from mckibben.web.identity import KEPT as KEPT_PAGES
 from mckibben.web.identity import PageRegistry
 from mckibben.web.laboratory import Laboratory
-from mckibben.web.live import Line as SocketLine
+from mckibben.web.live import PageConnection
 from mckibben.web.server import leading_to
 from mckibben.web.shelf import Shelf, plain
 from mckibben.web.stream import CHANNELS, Stream, unpacked
@@ -463,7 +463,7 @@ def test_a_long_line_is_thinned_without_its_extremes():
     y[54_321] = 9.0
     short = thinned(x, y)
     assert len(short[0]) <= 4000 and short[1].max() == 9.0 and short[0][0] == 0.0 and short[0][-1] == 10.0
-    document = Chart("n", "s", Axis("x"), Axis("y"), [Line([0.0, 1.0], [np.nan, 1.0], "<b>")]).document()
+    document = Chart("n", "s", Axis("x"), Axis("y"), [ChartLine([0.0, 1.0], [np.nan, 1.0], "<b>")]).document()
     assert document["lines"][0]["y"] == [None, 1.0]
 
 
@@ -531,7 +531,7 @@ def test_what_a_page_draws_after_it_wanted_a_stop_lets_the_machine_go_no_further
             told.append(samples)
 
     async def go():
-        line = SocketLine(Socket(), Stopping(), "a page")
+        line = PageConnection(Socket(), Stopping(), "a page")
         heard = asyncio.create_task(line._hear())
         while len(told) < 2:
             await asyncio.sleep(0.01)

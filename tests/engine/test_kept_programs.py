@@ -47,8 +47,8 @@ def folder(tmp_path, monkeypatch):
 def lowered(monkeypatch):
     """How often something was lowered."""
     times = []
-    real = programs.lower
-    monkeypatch.setattr(programs, "lower", lambda *a, **k: times.append(1) or real(*a, **k))
+    real = lanewise.lower
+    monkeypatch.setattr(lanewise, "lower", lambda *a, **k: times.append(1) or real(*a, **k))
     return times
 
 

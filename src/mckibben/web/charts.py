@@ -43,7 +43,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Line:
+class ChartLine:
     """One line or cloud of points; the x need not rise, so that it can be a loop.
 
     Attributes:
@@ -99,7 +99,7 @@ class Chart:
     summary: str
     x: Axis
     y: Axis
-    lines: Sequence[Line]
+    lines: Sequence[ChartLine]
     marks: Sequence[Mark] = field(default_factory=tuple)
     height: int = 280
 

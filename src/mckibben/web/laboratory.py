@@ -25,7 +25,7 @@ FRESH = 0.04  # time for which a status is the same for all pages, where nothing
 FREE = ("emergency_stop", "stop", "ask_control", "undo", "toast", "status")  # actions of any page, in control or not
 
 
-class Machine(Protocol):
+class PageMachine(Protocol):
     """What a laboratory asks of its test machine; `bench.Bench` is it."""
 
     stream: Stream
@@ -71,7 +71,7 @@ class Laboratory:
     """
 
     def __init__(
-        self, folder: Path, machine: Callable[[Laboratory], Machine], clock: Callable[[], float] = time.monotonic
+        self, folder: Path, machine: Callable[[Laboratory], PageMachine], clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.recordings = Shelf(folder, RECORDINGS)
         self.uploads = Shelf(folder / "uploads", UPLOADS)

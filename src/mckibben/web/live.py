@@ -37,7 +37,7 @@ class Lines:
 
     def __init__(self, lab: Laboratory, served: dict[str, str]) -> None:
         self.lab, self.served, self.registry = lab, served, PageRegistry()
-        self._open: dict[str, Line] = {}
+        self._open: dict[str, PageConnection] = {}
         self._ending: set[asyncio.Task[None]] = set()
 
     async def run(self, socket: Any) -> None:
@@ -52,7 +52,7 @@ class Lines:
         except WebSocketDisconnect:
             return
         page, secret = self.registry.admit(str(hello.get("secret", ""))[:100])
-        line = Line(socket, self.lab, page, lambda: self.registry.confirm(page))
+        line = PageConnection(socket, self.lab, page, lambda: self.registry.confirm(page))
         line.remember(hello)
         before, self._open[page] = self._open.get(page), line
         if before is not None:  # a line that the page lost, of which the server has not heard
@@ -72,7 +72,7 @@ class Lines:
         return self.lab.saved_before(str(hello.get("file") or ""))
 
 
-class Line:
+class PageConnection:
     """One page that is connected.
 
     Args:

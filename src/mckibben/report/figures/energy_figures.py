@@ -419,7 +419,7 @@ LOOKS: dict[str, tuple[str, str]] = {
 LEAST = 5e-4  # share of the whole below which a stream is told and not drawn
 
 
-class ExergyStream(NamedTuple):
+class DrawnStream(NamedTuple):
     """One stream, above zero [J]; `key` says what it is, `words` what it is called."""
 
     key: str
@@ -430,8 +430,8 @@ class ExergyStream(NamedTuple):
 class Streams(NamedTuple):
     """What enters on the left and leaves on the right; both sums are the same."""
 
-    into: tuple[ExergyStream, ...]
-    out: tuple[ExergyStream, ...]
+    into: tuple[DrawnStream, ...]
+    out: tuple[DrawnStream, ...]
 
     @property
     def whole(self) -> float:
@@ -441,8 +441,8 @@ class Streams(NamedTuple):
 
 def streams(account: EnergyAccount) -> tuple[Streams, Streams]:
     """Of the gas and of the muscle; a part that is negative stands on the other side, its size unchanged."""
-    gas: tuple[list[ExergyStream], list[ExergyStream]] = ([], [])
-    muscle: tuple[list[ExergyStream], list[ExergyStream]] = ([], [])
+    gas: tuple[list[DrawnStream], list[DrawnStream]] = ([], [])
+    muscle: tuple[list[DrawnStream], list[DrawnStream]] = ([], [])
     work = 0.0
     for part in account.parts:
         inside = part.name in MUSCLE
@@ -453,9 +453,9 @@ def streams(account: EnergyAccount) -> tuple[Streams, Streams]:
         if part.value:
             words = "the friction's springs" if (part.name, part.side) == ("friction", "stored") else WORDS[part.name]
             back = forward is (part.side == "into") and part.name in BACK
-            sides[forward].append(ExergyStream(part.name, BACK[part.name] if back else words, abs(part.value)))
+            sides[forward].append(DrawnStream(part.name, BACK[part.name] if back else words, abs(part.value)))
     if work:
-        passed = ExergyStream(IN_MUSCLE, IN_MUSCLE if work > 0.0 else BACK_TO_GAS, abs(work))
+        passed = DrawnStream(IN_MUSCLE, IN_MUSCLE if work > 0.0 else BACK_TO_GAS, abs(work))
         gas[work > 0.0].append(passed)
         muscle[work < 0.0].append(passed)
     return Streams(*map(tuple, gas)), Streams(*map(tuple, muscle))
@@ -523,7 +523,7 @@ def _draw(ax: Axes, found: Streams, supply: float) -> float:
     return float(box.height / (1.08 * height))
 
 
-def _ribbon(ax: Axes, ends: tuple[float, float, float, float], one: ExergyStream) -> None:
+def _ribbon(ax: Axes, ends: tuple[float, float, float, float], one: DrawnStream) -> None:
     """A stream from (x, y) to (x, y), its lower edge."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
@@ -543,7 +543,7 @@ def _ribbon(ax: Axes, ends: tuple[float, float, float, float], one: ExergyStream
     ax.add_patch(PathPatch(path, hatch=hatch or None, **outline))
 
 
-def _label(ax: Axes, x: float, y: float, one: ExergyStream, supply: float, side: str) -> None:
+def _label(ax: Axes, x: float, y: float, one: DrawnStream, supply: float, side: str) -> None:
     digits = int(np.clip(2 - np.floor(np.log10(one.value)), 0, 5))
     share = 100.0 * one.value / supply if supply > 0.0 else 0.0
     told = f"  {number(share, 1 if share > 1.0 else 2)} %" if share >= 0.01 else ""

@@ -8,7 +8,7 @@ import numpy as np
 
 from ....quantities import from_si, shown_unit, with_unit
 from ....recordings import Recording
-from ...charts import Axis, Chart, Line, Mark
+from ...charts import Axis, Chart, ChartLine, Mark
 from ...widgets import box, raw, text
 from . import diagram, edit, response
 from .diagram import pressure_signs
@@ -31,13 +31,13 @@ def pressure_chart(desk: CircuitState, answer: CircuitAnswer) -> Chart:
     record, found = answer.record, answer.numbers
     time, signs = _ms(record), pressure_signs(desk.sensors)
     lines = [
-        Line(time, from_si(1.0, "Pa", "bar") * values, response.MODELS[kind], dash=DASHES[kind], width=1.25)
+        ChartLine(time, from_si(1.0, "Pa", "bar") * values, response.MODELS[kind], dash=DASHES[kind], width=1.25)
         for kind, values in answer.models.items()
     ]
     for node in sorted(desk.sensors, key=lambda n: n == desk.read):
         heavy = 2.75 if node == desk.read else 1.25
         values = from_si(1.0, "Pa", "bar") * record[f"{node}.pressure"]
-        lines.append(Line(time, values, f"{signs[node]} {node.replace('_', ' ')}", "pressure", width=heavy))
+        lines.append(ChartLine(time, values, f"{signs[node]} {node.replace('_', ' ')}", "pressure", width=heavy))
     marks, reached = [], None
     if found.settled and found.transition is not None and found.delay is not None:
         reached = found.command_time + found.delay + found.transition
@@ -61,7 +61,9 @@ def flow_chart(desk: CircuitState, record: Recording) -> Chart:
     for i, name in enumerate(desk.flows):
         sign = "q" if len(desk.flows) == 1 else f"q{i + 1}"
         values = response.litres(record[response.flow_channel(desk.plan, name)])
-        lines.append(Line(_ms(record), values, f"{sign} {name}", "flow", dash="ABCD"[i % 4] if i else "", width=2.0))
+        lines.append(
+            ChartLine(_ms(record), values, f"{sign} {name}", "flow", dash="ABCD"[i % 4] if i else "", width=2.0)
+        )
     summary = f"Flow of {', '.join(desk.flows)} as a volume of reference air"
     return Chart("Flow", summary, Axis("Time", "ms"), Axis("Flow", "L/min", "flow"), lines, height=150)
 
@@ -109,10 +111,10 @@ def sweep_chart(found: response.ValueSweep) -> None:
     with box("div", "sweep"):
         text("h3", f"Time to 90 % if its {word} were another")
         now = float(np.interp(found.now, found.values, found.rises))
-        lines = [Line(x, y, width=2.0)]
+        lines = [ChartLine(x, y, width=2.0)]
         if np.isfinite(now):
             here = [from_si(found.now, found.unit, unit)]
-            lines.append(Line(here, [from_si(now, "s", "ms")], points=True, line=False))
+            lines.append(ChartLine(here, [from_si(now, "s", "ms")], points=True, line=False))
         Chart(
             f"Rise over {word}", f"Time to 90 % for {len(x)} values of {word}", Axis(word.capitalize(), unit, low=0.0),
             Axis("Time to 90 %", "ms", low=0.0), lines, height=130,

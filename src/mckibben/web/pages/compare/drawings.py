@@ -11,7 +11,7 @@ import numpy as np
 from ....quantities import from_si, with_unit
 from ....studies.comparison import ComparedMuscle, MuscleColumn, MuscleTable
 from ....studies.comparison.table import PropertyRow
-from ...charts import Axis, Chart, Line
+from ...charts import Axis, Chart, ChartLine
 from . import jobs
 
 LETTERS = "ABCDEFGH"
@@ -132,12 +132,14 @@ def velocity_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart:
         braided = one.fibre is None
         name = f"{letter} {one.id}"
         lines.append(
-            Line(x, y, name, "tension" if braided else "", dash=DASHES.get(letter, ""), width=2.25 if braided else 1.5)
+            ChartLine(
+                x, y, name, "tension" if braided else "", dash=DASHES.get(letter, ""), width=2.25 if braided else 1.5
+            )
         )
         ran = jobs.run_known(one, "isokinetic")
         if ran is not None and "force_velocity" in ran.curves:
             lines.append(
-                Line(*ran.curves["force_velocity"], quantity="tension" if braided else "", line=False, points=True)
+                ChartLine(*ran.curves["force_velocity"], quantity="tension" if braided else "", line=False, points=True)
             )
     summary = "Tension while shortening steadily at the rest length, fully driven, over that at rest: by the laws" + (
         ", and as circles or triangles where the machine ran"
@@ -157,7 +159,7 @@ def step_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart | None:
             continue
         braided = one.fibre is None
         time, pull = _joined(ran.curves["rise"], ran.curves["fall"])
-        lines.append(Line(time, pull, f"{letter} {one.id}", "tension" if braided else "", dash=DASHES.get(letter, ""),
+        lines.append(ChartLine(time, pull, f"{letter} {one.id}", "tension" if braided else "", dash=DASHES.get(letter, ""),
                           width=2.25 if braided else 1.5))  # fmt: skip
     if not lines:
         return None
@@ -184,7 +186,8 @@ def _joined(rise: jobs.Any, fall: jobs.Any) -> tuple[np.ndarray, np.ndarray]:
 def loops_chart(loops: Sequence[tuple[str, tuple[np.ndarray, np.ndarray]]]) -> Chart:
     """Tension over length of recordings."""
     lines = [
-        Line(from_si(1.0, "m", "cm") * x, y, name, "tension", dash=DASHES.get(name[:1], "")) for name, (x, y) in loops
+        ChartLine(from_si(1.0, "m", "cm") * x, y, name, "tension", dash=DASHES.get(name[:1], ""))
+        for name, (x, y) in loops
     ]
     return Chart(
         "Recordings", "Tension over length as recorded", Axis("Length", "cm", "length"),

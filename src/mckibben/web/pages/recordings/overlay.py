@@ -12,7 +12,7 @@ import numpy as np
 
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si
-from ...charts import Axis, Chart, Line, Mark
+from ...charts import Axis, Chart, ChartLine, Mark
 from .listing import LETTERS
 from .state import channel, places
 
@@ -205,17 +205,17 @@ def _others(parts: Sequence[OverlaidPart]) -> Chart | str:
     if not name:
         return "Nothing was recorded beside the time."
     values, axis = part.record[name], Axis(name, part.record.unit(name))
-    line = Line(*_with_gaps(part.record.time - part.begins, values), label=part.letter)
+    line = ChartLine(*_with_gaps(part.record.time - part.begins, values), label=part.letter)
     return Chart(name, f"{name} of {part.name} against time.", Axis("time", "s"), axis, [line], height=HIGH)
 
 
-def _line(part: OverlaidPart, x: Any, y: Any, what: str, lettered: bool, **more: Any) -> Line:
-    return Line(
+def _line(part: OverlaidPart, x: Any, y: Any, what: str, lettered: bool, **more: Any) -> ChartLine:
+    return ChartLine(
         x, y, label=part.letter if lettered else "", quantity=what, dash=part.letter if lettered else "", **more
     )
 
 
-def _loop(part: OverlaidPart, x: np.ndarray, y: np.ndarray, lettered: bool) -> Line:
+def _loop(part: OverlaidPart, x: np.ndarray, y: np.ndarray, lettered: bool) -> ChartLine:
     return _line(part, x, y, "tension", lettered, width=2.25 if part.letter == LETTERS[0] else 2.0)
 
 
