@@ -91,7 +91,7 @@ CALLS: dict[str, list[Call]] = {
     ],
     "protocols": [Call()],
     "run": [
-        Call((*BENCH, "--set", "cycles=1", "--out", "loop.nc", "--figure", "loop.svg"), ["loop.nc", "loop.svg"]),
+        Call((*BENCH, "--set", "cycles=3", "--out", "loop.nc", "--figure", "loop.svg"), ["loop.nc", "loop.svg"]),
         needs("serial", *BENCH, "--on", "serial:/dev/ttyACM0"),
         needs("daq", *BENCH, "--on", "daq"),
     ],
