@@ -52,7 +52,7 @@ def parameters(_: Path) -> str:
         "Creep": {"maxwell_chain": MaxwellChain, "kelvin_voigt_chain": KelvinVoigtChain},
         "Elements": {"passive_spring": PassiveSpring, "viscous": Viscous, "tendon": Tendon},
         "Biological muscle": {"biological": BiologicalMuscle},
-        "Pneumatic elements": {"passage (of every valve)": Orifice, "drive (of switching valves)": Solenoid} | ELEMENTS,
+        "Pneumatic elements": {"passage (of every valve)": Orifice, "drive (of switching valves)": Solenoid, **ELEMENTS},
         "Volumes and heat": {
             "volume": FixedVolume,
             "compliant": CompliantVolume,
