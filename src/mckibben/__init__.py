@@ -1,44 +1,84 @@
-"""mckibben: a laboratory for McKibben pneumatic artificial muscles.
+"""McKibben pneumatic artificial muscles: laws, air, test bench, identification, reports.
 
-The verbs of the command line are functions here; importing the package is light, heavy libraries load on first use.
+    import mckibben as mk
+
+Everything a user needs hangs on this one name; `PUBLIC` lists it in groups. The import is light: the module behind a name is
+loaded when the name is first used.
 """
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from .bench.run import run
-    from .identification.fit import fit, fit_all
-    from .muscles import law
-    from .recordings import read_force_map
-    from .reproduction import reproduce
-    from .specimens import specimen
+    from .bench.run import prepare as prepare
+    from .bench.run import run as run
+    from .errors import InputError as InputError
+    from .errors import MckibbenError as MckibbenError
+    from .identification.fit import Fit as Fit
+    from .identification.fit import fit as fit
+    from .identification.fit import fit_all as fit_all
+    from .muscles import Muscle as Muscle
+    from .muscles import TensionLaw as TensionLaw
+    from .muscles import law as law
+    from .quantities import quantity as quantity
+    from .recordings import ForceMap as ForceMap
+    from .recordings import Recording as Recording
+    from .recordings import read_force_map as read_force_map
+    from .recordings import read_recording as read_recording
+    from .reproduction import reproduce as reproduce
+    from .specimens import Specimen as Specimen
+    from .specimens import specimen as specimen
 
-_HOMES = {
-    "specimen": "specimens",
-    "law": "muscles",
-    "read_force_map": "recordings",
-    "fit": "identification",
-    "fit_all": "identification",
-    "reproduce": "reproduction",
-    "run": "bench.run",
+# The public names by subject, each with the module that it is loaded from when it is first used: "module:name" where it has
+# another name there. Type checkers read the same names above.
+PUBLIC: dict[str, dict[str, str]] = {
+    "Muscles and laws": {
+        "Muscle": "muscles",
+        "TensionLaw": "muscles",
+        "law": "muscles",
+        "quantity": "quantities",
+        "Specimen": "specimens",
+        "specimen": "specimens",
+    },
+    "Measured data": {
+        "ForceMap": "recordings",
+        "read_force_map": "recordings",
+        "Fit": "identification",
+        "fit": "identification",
+        "fit_all": "identification",
+    },
+    "Experiments": {
+        "prepare": "bench.run",
+        "run": "bench.run",
+        "Recording": "recordings",
+        "read_recording": "recordings",
+    },
+    "Questions": {
+        "reproduce": "reproduction",
+    },
+    "Errors": {
+        "InputError": "errors",
+        "MckibbenError": "errors",
+    },
 }
-__all__ = ["__version__", "fit", "fit_all", "law", "read_force_map", "reproduce", "run", "specimen"]
+_SOURCES = {name: source for group in PUBLIC.values() for name, source in group.items()}
+__all__ = ["__version__", *_SOURCES]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:
-    """Load a verb's room when it is first used."""
-    if name in _HOMES:
-        import importlib
-
-        # `import mckibben.reproduction` would shadow nothing: the verbs and the rooms have different names.
-        return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    """Load the module behind a public name when the name is first used."""
+    if name not in _SOURCES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, _, attribute = _SOURCES[name].partition(":")
+    value = getattr(importlib.import_module(f".{module}", __name__), attribute or name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:
-    """The verbs, for completion."""
+    """The public names, for completion."""
     return sorted(__all__)

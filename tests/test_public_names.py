@@ -1,0 +1,39 @@
+"""The public names: what hangs on `import mckibben`."""
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mckibben
+
+# Libraries that take longer to load than `import mckibben` may: all of them wait until they are used.
+HEAVY = ("jax", "matplotlib", "numpy", "pint", "scipy", "tomlkit", "typer", "xarray")
+
+
+@pytest.mark.parametrize("name", [name for names in mckibben.PUBLIC.values() for name in names])
+def test_a_public_name_is_the_object_of_its_module(name):
+    module, _, attribute = mckibben._SOURCES[name].partition(":")
+    assert getattr(mckibben, name) is getattr(importlib.import_module(f"mckibben.{module}"), attribute or name)
+
+
+def test_type_checkers_read_the_same_names_as_those_that_are_loaded():
+    tree = ast.parse(Path(mckibben.__file__).read_text(encoding="utf-8"))
+    (guarded,) = (node for node in tree.body if isinstance(node, ast.If))
+    imported = [name.asname for node in guarded.body if isinstance(node, ast.ImportFrom) for name in node.names]
+    assert sorted(imported) == sorted(mckibben._SOURCES)
+
+
+def test_completion_lists_the_public_names_and_others_are_refused():
+    assert set(dir(mckibben)) == {"__version__", *mckibben._SOURCES}
+    with pytest.raises(AttributeError, match="no attribute 'tension'"):
+        _ = mckibben.tension
+
+
+def test_the_import_loads_no_heavy_library():
+    code = f"import mckibben, sys; print(*[name for name in {HEAVY!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
