@@ -1,6 +1,7 @@
 """Habits of the house that no other test would miss: declarations, sources, sizes, imports."""
 
 import ast
+import builtins
 import functools
 import importlib
 import math
@@ -131,6 +132,28 @@ def test_every_module_class_and_public_function_says_what_it_is() -> None:
             and ast.get_docstring(node) is None
         ]
     assert not silent, silent
+
+
+@pytest.mark.parametrize("folder", [PACKAGE, COMPILER], ids=["mckibben", "lanewise"])
+def test_docstrings_raise_only_errors_that_exist(folder: Path) -> None:
+    """Every error named under "Raises:" is a builtin one or a class of the same distribution."""
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(folder.rglob("*.py"))}
+    nodes = [(path, node) for path, tree in trees.items() for node in ast.walk(tree)]
+    classes = {node.name for _, node in nodes if isinstance(node, ast.ClassDef)}
+    documented = [
+        (f"{path.relative_to(folder)}:{node.name}", error)
+        for path, node in nodes
+        if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+        for error in _documented_errors(ast.get_docstring(node) or "")
+    ]
+    assert documented
+    assert not [f"{where}: {error}" for where, error in documented if error not in classes | set(dir(builtins))]
+
+
+def _documented_errors(docstring: str) -> list[str]:
+    """Names of the section "Raises:", whose entries are indented by four spaces and their continuations by more."""
+    section = re.search(r"^Raises:\n((?: {4}.*\n?|\n(?= ))+)", docstring, flags=re.MULTILINE)
+    return re.findall(r"^ {4}([\w.]+):", section[1], flags=re.MULTILINE) if section else []
 
 
 def _is_public(node: Any, tree: ast.Module) -> bool:

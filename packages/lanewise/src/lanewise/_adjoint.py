@@ -327,7 +327,7 @@ def adjoint(program: Program, places: Sequence[int], *, most: int = MOST) -> Pro
         shape; and whose results are those of the program and the derivative by each of the places.
 
     Raises:
-        InputError: an argument that is no real number.
+        ArgumentError: an argument that is no real number.
         LoweringError: a loop whose trips are counted only when it runs, or a program that adds to memory.
     """
     check(program, places)

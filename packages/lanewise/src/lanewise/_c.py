@@ -96,7 +96,7 @@ def make_groups(
     """The structs of a program; an argument or result without numbers has none.
 
     Raises:
-        InputError: see `to_c`.
+        ArgumentError: see `to_c`.
     """
     _identifier("name", name)
     before = _parts("arguments", program.arguments, arguments, "argument")
@@ -201,7 +201,7 @@ def to_c(
         The text of ``NAME.c`` and ``NAME.h`` by file name.
 
     Raises:
-        InputError: a name that C cannot have, names that are not as many as the arguments or results, an argument that is
+        ArgumentError: a name that C cannot have, names that are not as many as the arguments or results, an argument that is
             replaced by a result of other members, or values of other shapes.
     """
     groups = make_groups(program, name, arguments, results)

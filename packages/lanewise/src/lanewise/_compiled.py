@@ -99,7 +99,7 @@ class CompiledFunction:
             threads: of the native engine, at most; all cores where left out.
 
         Raises:
-            InputError: the trees are not like the examples.
+            ArgumentError: the trees are not like the examples.
         """
         if jax.tree.structure(trees) != self._structure:
             raise ArgumentError("arguments", "arguments must be trees like the examples")

@@ -439,7 +439,7 @@ def tangents(program: Program, places: Sequence[int], count: int) -> Program:
         carries nothing.
 
     Raises:
-        InputError: an argument that is no real number, or no direction.
+        ArgumentError: an argument that is no real number, or no direction.
     """
     check(program, places)
     if count < 1:

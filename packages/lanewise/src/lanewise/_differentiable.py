@@ -56,7 +56,7 @@ def differentiable(
         A function of trees like the examples, for JAX.
 
     Raises:
-        InputError: an unknown engine; when called, trees that are not like the examples.
+        ArgumentError: an unknown engine; when called, trees that are not like the examples.
         LoweringError: with ``native``, an operation that no kernel can do; when differentiated, a derivative of a
             derivative, or backwards through a loop whose trips are counted only when it runs.
         UnavailableError: with ``native``, if LLVM cannot be loaded.

@@ -235,7 +235,7 @@ class GpuKernel(Kernel):
         """How many lanes fit at a time.
 
         Raises:
-            InputError: if not a single one does.
+            ArgumentError: if not a single one does.
         """
         each = self.places.per_lane + self.scratch
         room = int(SHARE * _gpu_driver.free_memory()) - self.places.fixed
@@ -338,8 +338,8 @@ def to_gpu(program: Program, *, device: int = 0, most: int | None = None) -> Gpu
         most: lanes at a time, at most; as many as fit its memory where left out.
 
     Raises:
-        MissingDataError: no driver, no GPU, or one that is too old; says which in one line.
-        InputError: there is no such device.
+        UnavailableError: no driver, no GPU, or one that is too old; says which in one line.
+        ArgumentError: there is no such device.
     """
     found = _gpu_driver.devices()
     if not 0 <= device < len(found):

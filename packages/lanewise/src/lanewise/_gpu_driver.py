@@ -88,8 +88,8 @@ def call(name: str, *values: object) -> None:
     """A call of the driver.
 
     Raises:
-        MissingDataError: if there is no driver, or it finds no GPU.
-        MckibbenError: if the call fails; says why in the driver's words.
+        UnavailableError: if there is no driver, or it finds no GPU.
+        DriverError: if the call fails; says why in the driver's words.
     """
     library = _driver()
     code = getattr(library, name)(*values)
@@ -101,7 +101,7 @@ def devices() -> list[Device]:
     """All GPUs of this machine.
 
     Raises:
-        MissingDataError: if there is no driver, or it finds none; says which in one line.
+        UnavailableError: if there is no driver, or it finds none; says which in one line.
     """
     count, number, major, minor = c_int(), c_int(), c_int(), c_int()
     call("cuDeviceGetCount", byref(count))

@@ -49,7 +49,7 @@ def llvm() -> Any:
     """The binding of llvmlite, ready to compile.
 
     Raises:
-        MissingDataError: if it is not installed.
+        UnavailableError: if it is not installed.
     """
     try:
         import llvmlite.binding as binding

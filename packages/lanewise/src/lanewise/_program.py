@@ -71,7 +71,7 @@ def deserialise(data: bytes, where: str) -> tuple[Graph, dict[str, Any]]:
     """The graph, and what was saved with it.
 
     Raises:
-        InputError: if it is not such a file, or of another schema.
+        ArgumentError: if it is not such a file, or of another schema.
     """
     try:
         content = json.loads(zlib.decompress(data))
@@ -274,7 +274,7 @@ class Program:
         """Write it to a file.
 
         Raises:
-            InputError: it cannot be written.
+            ArgumentError: it cannot be written.
         """
         _write_whole(Path(path), self.serialised)
 
@@ -283,7 +283,7 @@ class Program:
         """Read it from a file, which is to be trusted as a program is: what it does when it is run is machine code.
 
         Raises:
-            InputError: if there is none, or it is no program of this release's schema.
+            ArgumentError: if there is none, or it is no program of this release's schema.
         """
         try:
             data = Path(path).read_bytes()
@@ -398,7 +398,7 @@ class Program:
             The results by name, with the lanes as last axis.
 
         Raises:
-            InputError: an argument is missing, unknown, or of another shape.
+            ArgumentError: an argument is missing, unknown, or of another shape.
         """
         if isinstance(arguments, Mapping):
             values = self._ordered(arguments)

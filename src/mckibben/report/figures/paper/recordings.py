@@ -15,7 +15,7 @@ from ....muscles.build import law_from_specimen
 from ....quantities import from_si
 from ....recordings import Recording
 from ....reproduction import loops, shortening
-from ....reproduction.loops import recorded_sines as recorded_sine
+from ....reproduction.loops import recorded_sines
 from ....reproduction.recorded import FIVE_BAR, SPAN, TENSION, recording, step_of
 from ....specimens import specimen
 from .. import style
@@ -273,7 +273,7 @@ def _key(ax: Axes, more: Sequence[Any] = (), *, marks: bool = True, words: str =
 @functools.cache
 def sines() -> Mapping[float, tuple[Recording, loops.SineLoop]]:
     """Recordings and loops by frequency [Hz]: the twelve of the figure, and the one that reaches 8 L0/s."""
-    return {f: (recorded_sine(f), loops.sine(f)) for f in (*loops.FIGURE, loops.FASTEST)}
+    return {f: (recorded_sines(f), loops.sine(f)) for f in (*loops.FIGURE, loops.FASTEST)}
 
 
 @style.styled()
