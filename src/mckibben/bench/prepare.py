@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from ..assembly.build import unit_from_specimen
@@ -21,7 +20,7 @@ from ..experiments.dry_run import Estimate, Finding, check_plan
 from ..experiments.plan import PlannedStep, ProtocolPlan
 from ..experiments.protocol import Protocol
 from ..experiments.read import shipped
-from ..muscles.law import TensionLaw
+from ..muscles.law import compiled_tension
 from ..specimens import Specimen, specimen
 from .rig import Rig
 from .rig_file import rig as rig_of
@@ -274,15 +273,10 @@ def expected(unit: MuscleUnit) -> Estimate:
         for first in range(0, flat.shape[1], PIECE):
             piece = flat[:, first : first + PIECE]
             padded = np.pad(piece, ((0, 0), (0, PIECE - piece.shape[1])), mode="edge")
-            parts.append(np.asarray(_tension(unit.law, *padded))[: piece.shape[1]])
+            parts.append(np.asarray(compiled_tension(unit.law, *padded))[: piece.shape[1]])
         return np.concatenate(parts).reshape(spans.shape)
 
     return tension
-
-
-@jax.jit
-def _tension(law: TensionLaw, span: Any, pressure: Any) -> Any:
-    return law.tension(span, pressure)
 
 
 def _rest_length(unit: MuscleUnit, spec: Specimen | None) -> float:

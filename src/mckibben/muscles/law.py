@@ -172,7 +172,7 @@ class TensionLaw(Module):
         if not (np.isfinite(tension) and tension >= 0.0):
             raise InputError("tension", f"{tension:.6g} N", "must be 0 N or more")
         grid = np.linspace(0.0, highest, 1001)
-        given = np.asarray(_tension(self, float(span), grid)) - tension
+        given = np.asarray(compiled_tension(self, float(span), grid)) - tension
         met = np.flatnonzero(np.abs(given) <= 1e-9 * max(tension, 1.0))
         if met.size and np.all(given[: met[0]] < 0.0):
             return float(grid[met[0]])  # on a grid point, to the rounding in which two compilations differ
@@ -184,7 +184,7 @@ class TensionLaw(Module):
                 f"{with_unit(highest, 'Pa')}: the muscle pulls with {low:.4g} to {high:.4g} N there"
             )
         i = int(crossings[0])
-        excess = lambda p: float(_tension(self, float(span), p)) - tension  # noqa: E731
+        excess = lambda p: float(compiled_tension(self, float(span), p)) - tension  # noqa: E731
         return float(brentq(excess, grid[i], grid[i + 1], xtol=1e-6, rtol=1e-14))
 
     def _braid_length(self, span: Scalar, pressure: Scalar) -> Scalar:
@@ -194,7 +194,8 @@ class TensionLaw(Module):
 
 
 @jax.jit
-def _tension(law: TensionLaw, span: Any, pressure: Any) -> Scalar:
+def compiled_tension(law: TensionLaw, span: Any, pressure: Any) -> Scalar:
+    """Return `TensionLaw.tension` [N]; compiled once for each kind of law and each shape of its arguments."""
     return law.tension(span, pressure)
 
 

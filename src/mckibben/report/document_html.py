@@ -35,11 +35,10 @@ from .blocks import (
     plain,
     printable,
 )
+from .figures.colours import LIGHT, style_sheet
 from .figures.style import inline_svg
 
 WIDTH, HEIGHT, HALF = 120, 14, 48  # of the picture, and of its scale from 0 to 1 [px]
-# Of the house: ink for what is ours, grey for what is allowed; names are the page's own properties.
-_COLOURS = {"ink": "#14181b", "edge": "#7a817b", "rule": "#d9dcd7"}
 
 
 def gauge_svg(gauge: Gauge, *, recoloured: bool = False) -> str:
@@ -49,7 +48,8 @@ def gauge_svg(gauge: Gauge, *, recoloured: bool = False) -> str:
         gauge: what it shows.
         recoloured: in the colours of the page around it, light or dark.
     """
-    colour = {k: f"var(--{k})" if recoloured else v for k, v in _COLOURS.items()}
+    # ink for our value, grey for the permitted range
+    colour = {name: f"var(--{name})" if recoloured else LIGHT[name] for name in ("ink", "edge", "rule")}
     parts = []
     if gauge.band is not None:
         low, high = (_x(max(-1.0, min(1.0, end))) for end in gauge.band)
@@ -121,12 +121,12 @@ def page(document: Document) -> str:
         lstrip_blocks=True,
     )
     writer = _Writer(document)
-    style = (resources.files(__package__) / "templates" / "document.css").read_text(encoding="utf-8")
+    rules = (resources.files(__package__) / "templates" / "document.css").read_text(encoding="utf-8")
     anchors = document.anchors()
     return environment.get_template("document.html.j2").render(
         title=printable(document.title),
         lead=writer.text(document.lead),
-        style=Markup(style),
+        style=Markup(style_sheet("screen") + rules),
         contents=[(a, printable(s.title)) for a, s in zip(anchors, document.sections, strict=True)],
         sections=[
             (anchor, printable(s.title), writer.blocks(s.blocks))

@@ -38,7 +38,7 @@ from .blocks import (
     printable,
 )
 from .document_html import gauge_svg
-from .figures.style import to_svg
+from .figures.style import PANEL, to_svg
 
 if TYPE_CHECKING:
     from .document import Document
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 SMALLEST, LARGEST = 6.2, 8.2  # type of tables [pt]
 FULL = 7  # columns that stand in the largest type
-_PANEL, _PAPER = "#fcfcfa", "#ffffff"  # a figure stands on paper, not on a panel of the screen
+PAPER = "#ffffff"  # of the printed page, which takes the place of the panel behind a figure
 WIDEST = 11.5  # figure across an upright page [inch]; there type of 8 pt still has 4.8 pt
 FOOT = 90  # signs of the title at the foot of a page
 
@@ -209,7 +209,7 @@ class _Writer:
     def _(self, block: Figure) -> Iterator[str]:
         picture = block.picture
         if not isinstance(picture, bytes):
-            picture = to_svg(picture).replace(_PANEL, _PAPER).encode()
+            picture = to_svg(picture).replace(PANEL, PAPER).encode()
         name = self._kept(_wrapped(picture) if picture.startswith(b"\x89PNG") else picture)
         caption = self.text(block.caption) if block.caption else "none"
         yield f"#drawn({quoted(name)}, {quoted(block.alt)}, {caption}){_label(block.anchor)}"

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from importlib import resources
 from typing import Any, NamedTuple
 
+from ..report.figures.colours import style_sheet
 from .elements import PageDocument, page_document
 
 TITLE = "McKibben muscle laboratory"
@@ -91,7 +92,7 @@ def _head(sheets: tuple[str, ...], scripts: tuple[str, ...]) -> str:
         'const t=new URLSearchParams(location.search).get("theme")??sessionStorage.getItem("mckibben-theme");'
         'if(t==="dark"||t==="light")document.documentElement.dataset.theme=t'
     )
-    return f"<script>{early}</script>{''.join(found)}"
+    return f"<script>{early}</script><style>{style_sheet()}</style>{''.join(found)}"
 
 
 def _mark(page: Page) -> str:

@@ -1,6 +1,6 @@
 """How every figure looks: colours, type, markers, dashes, axes, labels at line ends, and how it becomes a file.
 
-Colour is data: five colours mean five quantities, the same as on the laboratory's screen, and each has its own marker
+Colour is data: five colours mean five quantities, the same as in the web interface, and each has its own marker
 and dash, so that a figure reads in greyscale too. Whatever is derived (laws, specimens, angles, ratios) is ink.
 
 Figures are plain ``matplotlib.figure.Figure`` objects; pyplot is never imported, for it takes a second to load and
@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...documents import write_text, write_whole
+from .colours import LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,10 +31,10 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
 
-INK, INK_2, INK_3 = "#14181b", "#454d51", "#5c6468"
-PANEL, GRID, RULE, SUNKEN = "#fcfcfa", "#e6e8e4", "#d9dcd7", "#e9ebe7"
-CAUTION = "#8a5a00"
-COLOURS = {"pressure": "#1f5ce0", "tension": "#a34700", "length": "#00735c", "flow": "#6a1b84", "valve": "#353e47"}
+INK, INK_2, INK_3 = LIGHT["ink"], LIGHT["ink-2"], LIGHT["ink-3"]
+PANEL, GRID, RULE, SUNKEN = LIGHT["panel"], LIGHT["grid"], LIGHT["rule"], LIGHT["sunken"]
+CAUTION = LIGHT["caution"]
+COLOURS = {quantity: LIGHT[f"q-{quantity}"] for quantity in ("pressure", "tension", "length", "flow", "valve")}
 MARKERS = {"pressure": "o", "tension": "^", "length": "s", "flow": "D", "valve": "v"}
 # Dashes in multiples of the line width, for quantities that share axes.
 DASHES: dict[str, Any] = {

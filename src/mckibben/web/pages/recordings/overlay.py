@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -146,6 +145,7 @@ def less_the_law(parts: Sequence[OverlaidPart]) -> Chart | str:
 def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
     """Length [cm], and tension less the law at the recorded length and pressure [N]."""
     from ....muscles.build import law_from_specimen
+    from ....muscles.law import compiled_tension
     from ....report.origins import known_specimen
 
     spec = known_specimen(part.record.meta)
@@ -161,17 +161,7 @@ def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
             raise InputError(what, "not recorded", "a law needs length, pressure and tension")
     law = law_from_specimen(spec)
     length, pressure, tension = (part.record[names[w]] for w in ("length", "pressure", "tension"))
-    return from_si(1.0, "m", "cm") * length, tension - np.asarray(_tension()(law, length, pressure))
-
-
-@functools.cache
-def _tension() -> Any:
-    from ....components import jit_arrays
-
-    def force(law: Any, length: Any, pressure: Any) -> Any:
-        return law.tension(length, pressure)
-
-    return jit_arrays(force)
+    return from_si(1.0, "m", "cm") * length, tension - np.asarray(compiled_tension(law, length, pressure))
 
 
 def over_time(parts: Sequence[OverlaidPart], what: str, height: int) -> Chart | None:

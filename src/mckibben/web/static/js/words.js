@@ -41,7 +41,7 @@ export const Q = {
   valve: { name: 'Valve', sign: 'u', unit: '%', places: 0, mark: 'v', dash: [9, 3, 2, 3] }
 }
 const known = new Map(); let style = null
-/** The value of a token of tokens.css in the theme of now. */
+/** The value of a custom property, such as a colour, in the present theme. */
 export function token (name) {
   let value = known.get(name)
   if (value === undefined) {
