@@ -1,4 +1,4 @@
-"""Which papers a run rests on: keys are collected where they are used, and printed at the end of a report."""
+"""Citations of a run: keys are collected where papers are used, and printed at the end of a report."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def bibtex(keys: Iterable[str]) -> str:
 
 
 def reference(key: str) -> str:
-    """One reference as a line of text."""
+    """Format one reference as a line of text."""
     entry = _entry(key)
     parts = [_authors(_field(entry, "author")), f"({_field(entry, 'year')})", _field(entry, "title")]
     place = (

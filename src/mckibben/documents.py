@@ -162,7 +162,7 @@ def own_path(path: str, where: str | os.PathLike[str]) -> str:
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[Path], object], *, field: str = "file") -> Path:
-    """Let `write` make a file beside its place, and move it there when it is complete and on the disk.
+    """Write a file atomically: `write` fills a temporary file, which is moved into place when it is complete on the disk.
 
     A reader never meets half a file, and what stood there stays until then.
 
@@ -217,15 +217,15 @@ class ErrorKeepingFile(io.RawIOBase):
         self.error: OSError | None = None
 
     def readable(self) -> bool:
-        """It is."""
+        """Return True."""
         return True
 
     def writable(self) -> bool:
-        """It is."""
+        """Return True."""
         return True
 
     def seekable(self) -> bool:
-        """It is."""
+        """Return True."""
         return True
 
     def write(self, data: Any) -> int:
@@ -243,7 +243,7 @@ class ErrorKeepingFile(io.RawIOBase):
         return len(view)
 
     def readinto(self, buffer: Any) -> int:
-        """What stands there; zeros where writing failed."""
+        """Read bytes; zeros where writing failed."""
         view = memoryview(buffer).cast("B")
         view[:] = bytes(len(view))
         self._file.seek(self._at)

@@ -1,4 +1,4 @@
-"""Every error raised on purpose.
+"""All errors that the package raises on purpose.
 
 All of them carry one clear sentence for a person. `InputError` means that the caller's input is wrong (the command line
 exits with 2); the others name a state that the laboratory could not bring about.
@@ -152,19 +152,19 @@ class InputError(MckibbenError, ValueError):
         super().__init__(place + (sentence or compose_sentence(field, value, allowed)))
 
     def at(self, where: str) -> InputError:
-        """The same complaint with the place it comes from, the outermost first."""
+        """Return the error with its source, such as a file, the outermost first."""
         place = f"{where}: {self.where}" if self.where else where
         return self.changed(where=place)
 
     def changed(self, **parts: Any) -> InputError:
-        """The same complaint with some of its parts replaced."""
+        """Return the error with some of its parts replaced."""
         names = ("field", "value", "allowed", "where", "sentence", "remedy")
         kept = {name: getattr(self, name) for name in names} | parts
         return InputError(kept.pop("field"), kept.pop("value"), kept.pop("allowed"), **kept)
 
 
 class MissingLibraryError(InputError):
-    """What was asked for needs a library that comes with an extra and is not installed; says which, and how to get it."""
+    """A library of an extra is not installed; the message states which, and how to install it."""
 
     def __init__(self, purpose: str, library: str, extra: str, *, instead: str = "", where: str | None = None) -> None:
         self.purpose, self.library, self.extra, self.instead = purpose, library, extra, instead
@@ -173,7 +173,7 @@ class MissingLibraryError(InputError):
         self.args = (f"{where}: " * bool(where) + sentence + (f"; {instead}" if instead else ""),)
 
     def at(self, where: str) -> MissingLibraryError:
-        """The same complaint with the place it comes from, the outermost first."""
+        """Return the error with its source, the outermost first."""
         place = f"{where}: {self.where}" if self.where else where
         return MissingLibraryError(self.purpose, self.library, self.extra, instead=self.instead, where=place)
 
@@ -187,7 +187,7 @@ class MissingParametersError(InputError):
 
 
 class UnreachableError(MckibbenError):
-    """No state satisfies the wish, for example a tension that no allowed pressure gives."""
+    """No state satisfies the request, for example a tension that no allowed pressure gives."""
 
 
 class NoVolumeError(MckibbenError):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Term(NamedTuple):
-    """One physical term: symbol as printed, SI unit, the sign convention if there is one, and what it means."""
+    """A physical term: printed symbol, SI unit, sign convention if there is one, and meaning."""
 
     symbol: str
     unit: str

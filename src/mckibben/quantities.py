@@ -1,4 +1,4 @@
-"""One declaration per physical parameter, and the only place where units are words.
+"""Declarations of physical parameters, and conversion of units from and to text.
 
 A parameter is declared once, as a field of the type that owns it::
 
@@ -116,7 +116,7 @@ def as_array(value: Any) -> Any:
 
 
 def declared(owner: Any) -> dict[str, Quantity]:
-    """Every declared parameter of a type or an instance, by field name, in order."""
+    """Declared parameters of a type or an instance, by field name, in order."""
     return {f.name: f.metadata["quantity"] for f in dataclasses.fields(owner) if "quantity" in f.metadata}
 
 

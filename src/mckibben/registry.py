@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 @functools.cache
 def plugins(group: str) -> dict[str, Any]:
-    """What installed packages add to a group, by name, loaded.
+    """Load what installed packages add to a group, by name.
 
     Raises:
         InputError: an entry point names what cannot be imported.
@@ -42,7 +42,7 @@ def plugins(group: str) -> dict[str, Any]:
 
 @functools.cache
 def _entry_points() -> tuple[Any, ...]:
-    """Every entry point of the laboratory's groups; looking through all installed packages takes some milliseconds."""
+    """Entry points of the package's groups; searching all installed packages takes some milliseconds."""
     from importlib.metadata import distributions
 
     every = (point for package in distributions() for point in package.entry_points)

@@ -1,4 +1,4 @@
-"""One reader and one writer of tables: a type declares its fields once, and its tables of words follow from that.
+"""Reading and writing of tables: a type declares its fields once, and its tables of text follow from that.
 
     @dataclass(frozen=True, kw_only=True)
     class Counter:
@@ -126,7 +126,7 @@ class FileTable:
         return FileTable.of(self.values.get(key, {}), self.field(key), self.where)
 
     def tables(self, key: str, pattern: str = NAME) -> Iterator[tuple[str, FileTable]]:
-        """Every named table below a key."""
+        """Iterate over the named tables below a key."""
         below = self.table(key)
         for name in below.values:
             if not re.fullmatch(pattern, name):
@@ -134,7 +134,7 @@ class FileTable:
             yield name, below.table(name)
 
     def listed(self, key: str) -> tuple[FileTable, ...]:
-        """Every table of the list below a key, their places counted from 1."""
+        """Tables of the list below a key, their places counted from 1."""
         raw = self.values.get(key, [])
         if not isinstance(raw, list | tuple):
             raise self.fail(key, raw, f"must be a list of tables, [[{key}]]")
@@ -145,7 +145,7 @@ class FileTable:
         return dataclasses.replace(self, values=values)
 
     def without(self, *keys: str) -> FileTable:
-        """The same table without some keys."""
+        """Return the table without some keys."""
         return self.derived({k: v for k, v in self.values.items() if k not in keys})
 
 
@@ -171,12 +171,12 @@ class FrozenTable(Mapping[str, Any]):
         return f"FrozenTable({self.plain()!r})"
 
     def plain(self) -> dict[str, Any]:
-        """The same as dicts and lists."""
+        """Convert to dicts and lists."""
         return {k: thawed(v) for k, v in self._values.items()}
 
 
 def frozen(value: Any) -> Any:
-    """Words as immutable values: tables as `FrozenTable`, lists as tuples."""
+    """Convert to immutable values: tables to `FrozenTable`, lists to tuples."""
     if isinstance(value, Mapping):
         return FrozenTable(value)
     return tuple(frozen(v) for v in value) if isinstance(value, list | tuple) else value
@@ -191,7 +191,7 @@ def thawed(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a value stands, and what its reader has to know.
+    """Place of a value in a file, and the context that its reader needs.
 
     Attributes:
         field: dotted path.
@@ -229,7 +229,7 @@ class Place:
 
 @dataclass(frozen=True)
 class FieldType:
-    """How the words of a field become its value, and the value words again.
+    """Conversion of a field from and to text.
 
     Attributes:
         read: makes the value [SI] of what stands at a place.
@@ -484,7 +484,7 @@ def _place(table: FileTable, key: str, units: Mapping[str, str], bare: bool, fil
 
 
 def _implied(f: dataclasses.Field[Any]) -> FieldType | None:
-    """How a field without a declaration of this module is read: by its quantity, or by its plain type."""
+    """Field type of a field that declares none: by its quantity, or by its plain type."""
     if "quantity" in f.metadata:
         q = f.metadata["quantity"]
         return FieldType(functools.partial(_read_quantity, q), lambda value, place: place.words(value, q.unit), q.doc)

@@ -1,4 +1,4 @@
-"""What a recording says of its machine by its resolved parameters: room, gas, and muscles, rebuilt from the file alone."""
+"""The machine of a recording, rebuilt from its resolved parameters: environment, gas, and muscles."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class RecordedMachine:
 
     @property
     def gas(self) -> Gas:
-        """What flows."""
+        """Working gas."""
         return Gas(**self.below("circuit.gas"))
 
     def muscles(self) -> list[str]:

@@ -34,7 +34,7 @@ class LinearFit(NamedTuple):
         return Interval(float(value), float(value) - half, float(value) + half)
 
     def coefficient(self, index: int) -> Interval:
-        """Interval of one coefficient."""
+        """Estimate one coefficient with its interval."""
         return self.interval(float(self.values[index]), np.eye(len(self.values))[index])
 
 

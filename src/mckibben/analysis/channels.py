@@ -1,4 +1,4 @@
-"""What every analysis asks of a recording first: finite channels, a uniform clock, arguments in their range."""
+"""Checks common to all analyses of recordings: finite channels, a uniform clock, arguments in range."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def smoothed(values: np.ndarray, *, period: float, window: float, derivative: in
 
 
 class Saturation(NamedTuple):
-    """What part of a channel stood at an end of its range."""
+    """Share of a channel's samples at the ends of its range."""
 
     share: float  # of the samples [1]
     low: int  # samples at the lower end

@@ -19,7 +19,7 @@ from ..muscles.law import TensionLaw
 
 
 class StaticCharacteristics(NamedTuple):
-    """One column of Table 1 [SI]; lengths and stiffness also over the rest length L0."""
+    """A column of Table 1 [SI]; lengths and stiffness also over the rest length L0."""
 
     rest_length: float  # [m]
     zero_tension_length: float  # [m]
@@ -99,7 +99,7 @@ class DynamicRange(NamedTuple):
         return self.longest - self.shortest
 
     def rounded(self, decimals: int = 2) -> DynamicRange:
-        """With ends as they would be printed; halves go to the even digit."""
+        """Return a copy with the ends rounded as in print; halves go to the even digit."""
         step = Decimal(1).scaleb(-decimals)
         # Nine decimals first: what the search leaves in the last bits must not decide a tie.
         ends = (Decimal(f"{end:.9f}").quantize(step, ROUND_HALF_EVEN) for end in self)
@@ -107,7 +107,7 @@ class DynamicRange(NamedTuple):
 
 
 class PeakPower(NamedTuple):
-    """Where shortening yields the most power."""
+    """Largest power of shortening, and the conditions at which it occurs."""
 
     fraction: float  # power over Fmax vmax [1]
     relative_velocity: float  # shortening velocity over vmax [1]
@@ -223,7 +223,7 @@ def peak_power_density(muscle: BiologicalMuscle, *, fraction: float | None = Non
 
 
 def comparison(muscle: BiologicalMuscle) -> BiologicalCharacteristics:
-    """What Table 1 says about biological muscle, computed for one [SI]."""
+    """Compute the rows of Table 1 for a biological muscle [SI]."""
     ends = dynamic_range(muscle.active_curve)
     intensity = float(muscle.maximum_tension_intensity)
     return BiologicalCharacteristics(

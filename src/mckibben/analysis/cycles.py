@@ -1,4 +1,4 @@
-"""Where the cycles of a driven channel begin, turn and end.
+"""Start, turning points and end of the cycles of a driven channel.
 
 A channel turns where it has crossed from the lowest quarter of its range into the highest and back: an excursion. The turn
 is the extreme sample of its excursion, the middle one where several are equal. So noise below half the range makes no
@@ -126,7 +126,7 @@ def cycle_frequency(time: np.ndarray, values: np.ndarray, *, what: str = "drive"
 
 
 def _crossing(time: np.ndarray, values: np.ndarray) -> float:
-    """When a monotone part passes the middle between its ends [s]."""
+    """Time at which a monotone part passes the middle between its ends [s]."""
     first, last = values[0], values[-1]
     share = (values - first) / (last - first)
     near = np.flatnonzero(np.abs(share - 0.5) <= 0.15)

@@ -1,4 +1,4 @@
-"""Where the exergy of a run went: supply, valve, tube, dead volume, exhaust, friction, shaft work, and all between.
+"""Exergy accounts of runs: supply, valve, tube, dead volume, exhaust, friction, shaft work, and others.
 
     supply + machines + walls = valve + tube + dead volume + exhaust + leak + mixing + heat + friction + viscous
                                 + shaft work + gain of what is stored + remainder
@@ -180,7 +180,7 @@ UNKNOWN = ("tube", "mixing", "heat", "leak", "friction", "viscous")
 
 
 class _Known(NamedTuple):
-    """What the estimate stands on."""
+    """Basis of the estimate."""
 
     law: TensionLaw
     dead: DeadState
@@ -189,7 +189,7 @@ class _Known(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """One stretch: arrays (n,) [SI] and its cycles of the mass."""
+    """A section of a recording: arrays (n,) [SI] and its cycles of the mass."""
 
     time: np.ndarray
     pressure_abs: np.ndarray
@@ -369,7 +369,7 @@ def _gained(piece: _Piece, first: int, last: int, given: _Known) -> float:
 def _caught_in_cycles(
     pairs: list[tuple[_Piece, Cycle]], cycles: tuple[CycleEnergy, ...], given: _Known, pressure_abs: float
 ) -> tuple[float, float, float, float]:
-    """Of the muscle's own air, what is there before its pressure has fallen to that of the accumulator."""
+    """Part of the muscle's own air that remains until its pressure has fallen to that of the accumulator."""
     air = 0.0
     for piece, c in pairs:
         below = np.flatnonzero(piece.pressure_abs[c.turn : c.end + 1] <= pressure_abs)

@@ -1,4 +1,4 @@
-"""What an account of energy is made of: parts with their origin, cycles, and what an accumulator would save."""
+"""Parts of an energy account: values with their origin, cycles, and the possible saving by an accumulator."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ STORED_FRICTION = "gain of the friction's own springs"
 
 
 class EnergyPart(NamedTuple):
-    """One line of an account.
+    """A line of an account.
 
     Attributes:
         name: such as ``valve``.
@@ -57,12 +57,12 @@ class EnergyPart(NamedTuple):
 
     @property
     def meaning(self) -> str:
-        """One phrase for a person."""
+        """Explanation in one phrase."""
         return STORED_FRICTION if (self.name, self.side) == ("friction", "stored") else MEANINGS.get(self.name, "")
 
 
 class CycleEnergy(NamedTuple):
-    """One cycle, from samples; works and exergies in [J].
+    """Energies of one cycle, from samples; works and exergies in [J].
 
     Attributes:
         start: [s].
@@ -91,7 +91,7 @@ class CycleEnergy(NamedTuple):
 
 
 class Saving(NamedTuple):
-    """What an accumulator at a pressure would keep of the exhaust: an upper bound, for it never fills and never throttles.
+    """Exergy of the exhaust that an accumulator could keep: an upper bound, since it never fills and never throttles.
 
     Attributes:
         pressure: gauge, of the accumulator [Pa].
@@ -156,11 +156,11 @@ class EnergyAccount:
 
     @property
     def remainder(self) -> float:
-        """What came in and is nowhere [J]."""
+        """Input that no part accounts for [J]."""
         return self.value("remainder")
 
     def document(self) -> dict[str, Any]:
-        """As a file or a program takes it: works and exergies in [J], air in [kg]."""
+        """Account as a JSON document: works and exergies in [J], air in [kg]."""
 
         def told(parts: tuple[EnergyPart, ...]) -> list[dict[str, Any]]:
             return [{**p._asdict(), "meaning": p.meaning} for p in parts]
@@ -190,7 +190,7 @@ class EnergyAccount:
         return {name: work / value if value > 0.0 else float("nan") for name, value in below.items()}
 
     def saved_by_accumulator(self, pressure: float) -> Saving:
-        """What an exhaust accumulator at a gauge pressure [Pa] would save at most, of what was recorded.
+        """Upper bound of the saving by an exhaust accumulator at a gauge pressure [Pa], for the recorded run.
 
         Raises:
             InputError: if the pressure is not above the room's.

@@ -52,7 +52,7 @@ class FrequencyResponse(NamedTuple):
 
 
 def linear_response(model: LinearModel, source: str, target: str, frequencies: np.ndarray) -> FrequencyResponse:
-    """Of a linear model, from one of its inputs to one of its outputs.
+    """Compute the response of a linear model, from one of its inputs to one of its outputs.
 
     Args:
         model: from `assembly.linearise`.
@@ -72,7 +72,7 @@ def frequency_response(
     resolution: float | None = None,
     band: tuple[float, float] | None = None,
 ) -> FrequencyResponse:
-    """From a chirp, noise or many sines: Hann windows, overlapping by three quarters, each less its straight trend.
+    """Estimate a response from a chirp, noise or many sines: detrended Hann windows that overlap by three quarters.
 
     Args:
         record: on a uniform clock.
@@ -131,7 +131,7 @@ def frequency_response(
 def sine_response(
     record: Recording, frequencies: Sequence[float] | np.ndarray, *, source: str, response: str
 ) -> FrequencyResponse:
-    """At the frequencies of one or many sines, by least squares of sines in both channels with mean and trend.
+    """Estimate a response at the frequencies of sines, by least squares in both channels with mean and trend.
 
     Exact for any length of record and any clock once the transient has gone. The coherence is the share of the output's
     motion that all sines together explain, the same at every frequency.

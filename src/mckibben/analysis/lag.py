@@ -1,4 +1,4 @@
-"""How far one record runs ahead of another."""
+"""Time lag between two records."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def time_lead(first: np.ndarray, second: np.ndarray, *, period: float, longest: 
 
 
 def _correlation(a: np.ndarray, b: np.ndarray, shift: int) -> float:
-    """Of a(t) with b(t + shift), over what both cover."""
+    """Correlation of a(t) with b(t + shift), over their common time."""
     u, v = (a[: len(a) - shift], b[shift:]) if shift >= 0 else (a[-shift:], b[:shift])
     u, v = u - u.mean(), v - v.mean()
     size = np.sqrt((u @ u) * (v @ v))
@@ -70,7 +70,7 @@ def _correlation(a: np.ndarray, b: np.ndarray, shift: int) -> float:
 
 
 class FilterEffect(NamedTuple):
-    """What a first-order low-pass does to a sine."""
+    """Gain and delay of a first-order low-pass for a sine."""
 
     phase: float  # [rad], negative
     gain: float  # [1]
@@ -140,7 +140,7 @@ def unfiltered(
 
 
 def channel_lag(record: Recording, *, late: str, early: str, longest: float = 0.1) -> Lead:
-    """By how much a channel comes after another that shows the same [s], by cross-correlation.
+    """Determine the delay of a channel behind another of the same shape [s], by cross-correlation.
 
     Args:
         record: on a uniform clock.

@@ -69,7 +69,7 @@ class TensionPath(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """Both paths of one cycle."""
+    """The two paths of a cycle."""
 
     rising: TensionPath
     falling: TensionPath
@@ -130,7 +130,7 @@ class PathDistance(NamedTuple):
 
 
 def path_distance(first: TensionPath, second: TensionPath, *, trim: float = 0.05, points: int = 51) -> PathDistance:
-    """How far two paths, such as the rising ones of two recordings, lie apart.
+    """Distance between two paths, such as the rising ones of two recordings.
 
     Args:
         first: one path.
@@ -191,7 +191,7 @@ class TensionLoop(NamedTuple):
 
 
 class LoopRatio(NamedTuple):
-    """One loop over another [1]."""
+    """Ratios of one loop to another [1]."""
 
     width: float
     height: float
@@ -283,7 +283,7 @@ def loop_ratio(part: TensionLoop, whole: TensionLoop) -> LoopRatio:
 
 
 class Variation(NamedTuple):
-    """How far a channel that should be constant moves within the cycles [its unit]."""
+    """Variation of a nominally constant channel within the cycles [its unit]."""
 
     largest: float  # largest less smallest, the worst cycle
     around_mean: float  # largest distance from the mean of the cycle, the worst cycle

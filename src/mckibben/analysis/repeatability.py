@@ -1,4 +1,4 @@
-"""How well the same is measured again: from cycle to cycle, from run to run, and over a set of numbers."""
+"""Repeatability: of cycles, of runs, and of a set of numbers."""
 
 from __future__ import annotations
 

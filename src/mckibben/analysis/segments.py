@@ -68,7 +68,7 @@ def chosen_steps(record: Recording, label: str | None, case: Mapping[str, Any]) 
 
 
 def cases(record: Recording) -> list[dict[str, str]]:
-    """Every case of the recorded steps once, in the order in which it was done: the words of each name.
+    """Cases of the recorded steps without repetition, in order of execution: the words of each name.
 
     Raises:
         InputError: the recording has no steps.
@@ -136,7 +136,10 @@ def same_amount(a: Any, b: Any) -> bool:
 
 
 def amount_of(words: str) -> tuple[float, str, str]:
-    """Words in an order that a person expects: the number in SI, the words, and the SI unit; no amounts come first."""
+    """Key that sorts words as a person expects: the number in SI, the words, the SI unit.
+
+    Words without a number come first.
+    """
     found = _amount(words)
     if found is None:
         return -math.inf, words, ""

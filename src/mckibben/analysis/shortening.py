@@ -104,7 +104,7 @@ def work_between(length: np.ndarray, tension: np.ndarray) -> float:
 
 
 class TensionError(NamedTuple):
-    """How far a controlled tension was off its set-point."""
+    """Deviation of a controlled tension from its set-point."""
 
     rms: float  # over the full cycles [N]
     relative_rms: float  # over the set-point [1]
@@ -206,7 +206,7 @@ def _hill(velocity: np.ndarray | float, f0: float, vmax: float, curvature: float
 
 
 def fit_hill(velocity: np.ndarray, tension: np.ndarray, *, confidence: float = 0.95) -> HillFit:
-    """Hill's hyperbola by least squares of the tension.
+    """Fit Hill's hyperbola by least squares of the tension.
 
     It starts from the hyperbola multiplied out, F v = (F0 b) - a v - b F, which is linear, and searches logarithms, so
     that all numbers stay positive. Intervals are to first order in those logarithms: never negative, not symmetric.

@@ -41,7 +41,7 @@ _NOISE = 4.0
 
 
 class CommandStep(NamedTuple):
-    """One step of a command: when, from where, to where [unit of the command], and where the next begins [s]."""
+    """A step of a command: time, values before and after [unit of the command], and time of the next step [s]."""
 
     time: float
     before: float
@@ -50,7 +50,7 @@ class CommandStep(NamedTuple):
 
 
 class StepResponse(NamedTuple):
-    """What a channel did after one step of the command."""
+    """Response of a channel to one step of the command."""
 
     command_time: float  # [s]
     onset: float  # [s], on the clock of the recording
@@ -254,13 +254,13 @@ def unsettled_at_end(record: Recording, channels: Sequence[str], since: float) -
 
 
 def _between(time: np.ndarray, share: np.ndarray, after: int, level: float) -> float:
-    """When the straight line from the sample before `after` to it passes a level [s]."""
+    """Time at which the line from the sample before `after` to it passes a level [s]."""
     low, high = share[after - 1], share[after]
     return float(time[after - 1] + (level - low) / (high - low) * (time[after] - time[after - 1]))
 
 
 class IsometricTiming(NamedTuple):
-    """One step of the command as it comes through: valve, pressure, tension [s]."""
+    """Delays of one command step along the chain of valve, pressure and tension [s]."""
 
     valve_delay: float  # command to onset of the pressure
     pressure_to_tension: float  # onset of the pressure to onset of the tension
@@ -304,7 +304,7 @@ _NEAR_PEAK = 0.85
 
 
 class Twitch(NamedTuple):
-    """One twitch [SI]."""
+    """A twitch [SI]."""
 
     rest: float  # tension before [N]
     peak: float  # tension above rest [N]

@@ -18,7 +18,7 @@ LEAST = 1e-6  # [J]; of less work than this, rounding of what is stored is all t
 
 
 class Accounts(NamedTuple):
-    """What is missing in each account, over what went through; zero is perfect.
+    """Relative errors of each balance, over the throughput; zero is perfect.
 
     Attributes:
         mass: of gas, over the mass that crossed the border; over the mass at the start where that is more.
@@ -97,7 +97,7 @@ def accounts(
 
 
 class _Held(NamedTuple):
-    """What a machine has in a state.
+    """Contents of a machine in one state.
 
     Attributes:
         mass: of all gas [kg].

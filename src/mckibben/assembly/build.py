@@ -116,7 +116,7 @@ def unit_from_specimen(
 
 
 class AirLine(NamedTuple):
-    """What lies between the supply and one muscle; what is left out is `INFERRED`.
+    """Components between the supply and one muscle; omitted ones are `INFERRED`.
 
     Attributes:
         valve: an element with the ports supply, work and exhaust, driven by the signal ``<muscle>.valve``; or two
@@ -219,7 +219,7 @@ def single_muscle(
     environment: Environment | None = None,
     **line: Any,
 ) -> Machine:
-    """One muscle, which the load calls by whatever one name it holds; the other arguments are those of `AirLine`."""
+    """Build a machine of one muscle, under the name that the load gives it; for other arguments see `AirLine`."""
     names = load.muscles()
     if len(names) != 1:
         raise InputError("load", ", ".join(names), "it must hold one muscle", where="single muscle")
@@ -238,7 +238,7 @@ def antagonist_pair(
     environment: Environment | None = None,
     **line: Any,
 ) -> Machine:
-    """Two muscles ``flexor`` and ``extensor`` around a joint.
+    """Build a machine of two muscles, ``flexor`` and ``extensor``, around a joint.
 
     Args:
         flexor: turns the joint to positive angles.

@@ -72,7 +72,7 @@ class PlannedSignal:
 
 @dataclass(frozen=True)
 class CircuitPlan:
-    """What `read_circuit` makes of a file; immutable.
+    """A circuit with its signals and settings, from `read_circuit`; immutable.
 
     Attributes:
         title: of the circuit.
@@ -113,7 +113,7 @@ class CircuitPlan:
 
     @property
     def times(self) -> np.ndarray:
-        """Of the samples [s], (samples + 1,)."""
+        """Times of the samples [s], (samples + 1,)."""
         return self.period * np.arange(self.samples + 1)
 
     @property
@@ -122,7 +122,7 @@ class CircuitPlan:
         return {name: self.nodes[name].start for name in self.circuit.chambers}
 
     def values(self) -> dict[str, np.ndarray]:
-        """Every signal at all samples, in its SI unit, (samples + 1,)."""
+        """Values of every signal at all samples, in its SI unit, (samples + 1,)."""
         return {name: s.waveform.at(self.times) for name, s in self.signals.items()}
 
     def inputs_of(self, signal: str) -> list[str]:
@@ -134,7 +134,7 @@ class CircuitPlan:
     def inputs(
         self, times: Any = None, given: Mapping[str, Any] | None = None, sensed: bool = False
     ) -> dict[str, Signal]:
-        """What the circuit is driven by, commands with dead time included; ready for `integrate`.
+        """Input signals of the circuit, including delayed commands; ready for `integrate`.
 
         Args:
             times: of the samples, instead of the plan's own [s].
@@ -183,11 +183,11 @@ class CircuitPlan:
 
     @property
     def owner(self) -> dict[str, Any]:
-        """What the declared parameters are addressed in."""
+        """Root objects of the dotted paths of declared parameters."""
         return {"nodes": self.circuit.nodes, "elements": self.circuit.elements, "gas": self.circuit.gas}
 
     def change(self, changes: Mapping[str, str | float]) -> CircuitPlan:
-        """The same plan with other values.
+        """Return a plan with other values.
 
         A key of the file is replaced there, and all that follows from it is built anew: a tube of another length has another
         loss. A parameter that no key states is replaced in what was built.
@@ -211,7 +211,7 @@ class CircuitPlan:
         return build_plan(document, where=self.where, digest=self.digest).overridden(overrides)
 
     def overridden(self, values: Mapping[str, Any]) -> CircuitPlan:
-        """With declared parameters replaced in what was built [SI]; they may be traced."""
+        """Return a plan with parameters of the built circuit replaced [SI]; the values may be traced."""
         for path in values:
             paths.declaration(self.owner, path)
         return replace(self, circuit=paths.put(self.circuit, values), overrides=self.overrides | dict(values))
@@ -237,7 +237,7 @@ def leaves(document: Any, prefix: str = "") -> Iterator[str]:
 
 
 def has(document: Any, path: str) -> bool:
-    """Whether a document states something at a dotted path; parts of a list are counted from 1."""
+    """Whether a document contains a dotted path; items of a list are counted from 1."""
     for part in path.split("."):
         if isinstance(document, list) and part.isdigit() and 1 <= int(part) <= len(document):
             document = document[int(part) - 1]

@@ -64,7 +64,7 @@ class PlannedNode:
 
 
 def read_node(name: str, entry: FileTable, room: Environment) -> PlannedNode:
-    """One node of a kind.
+    """Read one node.
 
     Raises:
         InputError: names file, dotted path, value and what is allowed.
@@ -212,7 +212,7 @@ def check_length(law: TensionLaw, length: float, field: str, where: str) -> None
 
 
 def _heat(entry: FileTable, room: Environment) -> tuple[HeatModel, str]:
-    """How a volume exchanges heat, and that in words."""
+    """Read the heat transfer of a volume: the model and its description."""
     raw: Any = entry.values.get("heat", "isothermal")
     if isinstance(raw, Mapping):
         table = entry.table("heat")
@@ -249,7 +249,7 @@ class PlannedBranch(NamedTuple):
 
 
 def read_branch(entry: FileTable, nodes: Sequence[str]) -> PlannedBranch:
-    """One element of a kind, joined to nodes.
+    """Read one element and the nodes that it connects.
 
     Raises:
         InputError: names file, dotted path, value and what is allowed.
@@ -294,7 +294,7 @@ FIT_KEYS = ("free", "start", "columns", "units", "pressure_zero")
 
 @dataclass(frozen=True)
 class FitTable:
-    """What the file says of a fit; the command line adds to it."""
+    """The table ``fit`` of a circuit file; the command line adds to it."""
 
     free: tuple[str, ...] = ()
     start: dict[str, str | float] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Where the exergy and the energy of a run went, part by part, from its independent integrals and its end states.
+"""Exergy and energy balances of a run, part by part, from independent integrals and end states.
 
 Exergy is measured against the room. Its ledger ends where the load begins: what the muscles did there is ``shaft_work``, and
 `Load` says what became of it. Every part is an integral or a difference of end states; what is left is a remainder.
@@ -22,7 +22,7 @@ SAME = 1e-9  # share by which a reservoir's pressure may be off the room's
 
 
 class StoredChange(NamedTuple):
-    """What end states say [J].
+    """Change of stored energies between end states [J].
 
     Attributes:
         gas: gain of internal energy of the gas.
@@ -48,7 +48,7 @@ class StoredChange(NamedTuple):
 
 
 class ExergyLedger(NamedTuple):
-    """What came in, what went out, and by how much more is stored, by name [J]; errors are compared to `throughput`."""
+    """Exergy input, output and increase of storage, by name [J]; errors are relative to `throughput`."""
 
     into: dict[str, float]
     out: dict[str, float]
@@ -57,11 +57,11 @@ class ExergyLedger(NamedTuple):
 
     @property
     def remainder(self) -> float:
-        """What came in and is nowhere [J]."""
+        """Input that no part accounts for [J]."""
         return sum(self.into.values()) - sum(self.out.values()) - sum(self.stored.values())
 
     def plus(self, other: ExergyLedger) -> ExergyLedger:
-        """Both together."""
+        """Return the sum of both ledgers."""
         into, out, stored = (
             {k: a.get(k, 0.0) + b.get(k, 0.0) for k in {**a, **b}}
             for a, b in ((self.into, other.into), (self.out, other.out), (self.stored, other.stored))
@@ -69,7 +69,7 @@ class ExergyLedger(NamedTuple):
         return ExergyLedger(into, out, stored, self.throughput + other.throughput)
 
     def document(self) -> dict[str, Any]:
-        """As a recording keeps it."""
+        """Ledger as a table of a recording's metadata."""
         return {**self._asdict(), "remainder": self.remainder}
 
 
@@ -92,7 +92,7 @@ class ExergyBalance:
     compressor: Mapping[str, float]
 
     def plus(self, other: ExergyBalance) -> ExergyBalance:
-        """Both together."""
+        """Return the sum of both balances."""
         work = {k: v + other.compressor[k] for k, v in self.compressor.items()}
         return ExergyBalance(
             self.exergy.plus(other.exergy), self.energy.plus(other.energy), self.load.plus(other.load),
@@ -191,7 +191,7 @@ def _supplies(machine: Machine, flow: Mapping[str, float]) -> tuple[float, dict[
 
 
 def document(machine: Machine, parts: Sequence[ExergyBalance]) -> dict[str, Any]:
-    """As a recording keeps it, with what is needed to find the parts again in its channels.
+    """Balances as tables of a recording's metadata, with what is needed to find the parts again in its channels.
 
     Args:
         machine: the last one.

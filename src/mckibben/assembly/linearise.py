@@ -40,7 +40,7 @@ class Names(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """One real mode, or a pair of complex ones: natural frequency [Hz], damping over critical [1], eigenvalue [1/s]."""
+    """A real mode, or a pair of complex ones: natural frequency [Hz], damping over critical [1], eigenvalue [1/s]."""
 
     frequency: float
     damping: float
@@ -57,7 +57,7 @@ class LinearModel(NamedTuple):
     names: Names
 
     def eigenvalues(self) -> np.ndarray:
-        """All of them [1/s], the slowest first."""
+        """All eigenvalues [1/s], the slowest first."""
         values = np.linalg.eigvals(self.A)
         return np.asarray(values[np.argsort(np.abs(values))])
 

@@ -26,7 +26,7 @@ ALONE = "muscle"  # name of the muscle of such a part
 
 
 class Machine(System):
-    """What moves: use `Machine.of`, which checks that its parts fit.
+    """Muscles, circuit and load as one state equation; create it by `Machine.of`, which checks that its parts fit.
 
     The circuit's node of a muscle has the muscle's name; its volume is that of the muscle's own law, and its length, the
     signal ``<muscle>.length``, comes from the state here. All other inputs are signals by name.
@@ -186,7 +186,7 @@ class Machine(System):
         return Machine(Circuit(nodes, elements, ends, circuit.gas), {ALONE: self.units[muscle]}, load, self.environment)
 
     def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
-        """One for each muscle where they are independent and many."""
+        """Parts for each muscle, if the muscles are independent and many."""
         made = []
         for muscle, names in self.names_by_part().items():
             part = self._part(muscle, names)
@@ -207,7 +207,7 @@ class Machine(System):
         return made
 
     def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
-        """The same, unchecked, so that all of it may be traced."""
+        """State and memory at rest, without checks, so that all of it may be traced."""
         load = self.load.initial()
         spans = self.load.spans(load, inputs)
         ambient = self.environment.pressure_abs
@@ -312,7 +312,7 @@ class Machine(System):
         return jnp.stack(bounds).max()
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
-        """Of the circuit, of each muscle, and of the load.
+        """Outputs of the circuit, of each muscle, and of the load.
 
         A muscle has its span, length and their rates, tension at its end and at the load, friction, gauge pressure, volume
         and whether it is slack (1 or 0).

@@ -56,7 +56,7 @@ class MusclePath(NamedTuple):
 
 
 class MuscleUnit(Module):
-    """One muscle as part of a machine; immutable."""
+    """A muscle as part of a machine; immutable."""
 
     law: TensionLaw
     tendon: Tendon
@@ -76,7 +76,7 @@ class MuscleUnit(Module):
         return {name: part for name, part in both.items() if part is not None}
 
     def initial_memory(self) -> dict[str, MuscleLedger]:
-        """Every element relaxed, nothing taken yet."""
+        """Memory with every element relaxed and zero accounts."""
         zero = jnp.zeros(())
         states = {name: part.initial() for name, part in self.parts.items()}
         if self.wrap is not None:
@@ -88,7 +88,7 @@ class MuscleUnit(Module):
         return self.tendon.force(span - state.length, span_velocity - state.velocity)
 
     def load_tension(self, memory: dict[str, MuscleLedger], tension: Any) -> Scalar:
-        """What the load feels of it behind the bone [N]."""
+        """Tension that acts on the load, behind the bone [N]."""
         return tension if self.wrap is None else tension + self.wrap.force(memory["wrap"].state)
 
     def memory_force(self, memory: dict[str, MuscleLedger], state: UnitState, pressure: Any) -> Scalar:

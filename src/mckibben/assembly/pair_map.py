@@ -1,4 +1,4 @@
-"""Which two gauge pressures hold an antagonist pair at an angle with a stiffness: balance and stiffness, inverted.
+"""Gauge pressures that hold an antagonist pair at an angle with a stiffness: balance and stiffness, inverted.
 
     M(q, c + d, c - d) = 0,   K(q, c + d, c - d) = K*          c common to both muscles, d the difference
 
@@ -37,7 +37,7 @@ LEFT = 1e-6  # share of the moments that may be left unbalanced
 
 
 class PairPoint(NamedTuple):
-    """What holds a pair: common pressure, half the difference [Pa], moment per difference [N m/Pa], stiffness [N m/rad]."""
+    """State of a pair: common pressure, half the difference [Pa], moment per difference [N m/Pa], stiffness [N m/rad]."""
 
     common: Scalar
     difference: Scalar

@@ -37,7 +37,7 @@ def sentence(plan: CircuitPlan) -> str:
 
 
 def run_sentence(plan: CircuitPlan) -> str:
-    """What drives it and for how long, such as ``open: pulse ..; for 2 s at 1 kHz, step 50 us``."""
+    """Describe signals and duration, such as ``open: pulse ..; for 2 s at 1 kHz, step 50 us``."""
     driven = [f"{name}: {s.waveform.sentence(s.unit)}" for name, s in plan.signals.items()]
     rate = 1.0 / plan.period
     shown = f"{rate / 1e3:.6g} kHz" if rate >= 999.5 else f"{rate:.6g} Hz"

@@ -33,7 +33,7 @@ class Wrap(Module):
     )
 
     def initial(self) -> Scalar:
-        """No deflection, shape (1,) [m]."""
+        """State without deflection, shape (1,) [m]."""
         return jnp.zeros(1)
 
     def ratio(self) -> Scalar:
@@ -48,7 +48,7 @@ class Wrap(Module):
         return advanced(self.stiffness, state, dx, jnp.minimum(jnp.maximum(state + dx, low), high))
 
     def force(self, state: Scalar) -> Scalar:
-        """What the bone adds to the tension [N], positive when it opposes lengthening."""
+        """Force that the bone adds to the tension [N], positive when it opposes lengthening."""
         return contact_force(self.stiffness, state)
 
     def stored_energy(self, state: Scalar) -> Scalar:

@@ -18,7 +18,7 @@ Progress = Callable[[float, int], None]  # variants that are done, of all
 
 
 class SweepReport(NamedTuple):
-    """What became of a sweep.
+    """Result of a sweep.
 
     Attributes:
         runs: variants with a result.

@@ -1,4 +1,4 @@
-"""The one place where functions over lanes are compiled and called.
+"""Compilation and calls of functions over lanes.
 
 A lane is the machine and its software of one variant: arrays of a tree whose structure all lanes share. What is equal in all
 lanes is passed once. Two pure functions are mapped over the lanes: the beginning of a part, and a chunk of its samples,
@@ -29,12 +29,12 @@ class PlantWithoutAccounts(InstrumentedPlant):
     """A machine of which nobody asks the balances: three times as fast without their integrals."""
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """None."""
+        """Return no integrands."""
         return {}
 
 
 class ChunkResult(NamedTuple):
-    """Of a chunk, for every lane: what decides how it goes on, and the samples that are asked for.
+    """Result of a chunk, for every lane: the state that decides how it continues, and the requested samples.
 
     Attributes:
         fastest: bound of the fastest mode [1/s].
@@ -56,7 +56,7 @@ class ChunkResult(NamedTuple):
 
 
 class KernelKey(NamedTuple):
-    """What one compiled function is made for.
+    """Properties on which a compiled function depends.
 
     Attributes:
         structure: of the tree of a lane's part.
@@ -122,7 +122,7 @@ class LaneKernels:
         self._by_xla = jax.jit(self._all, static_argnums=(6,))
 
     def begin(self, leaves: Sequence[Any], row: Any, width: int) -> sampled.Carry:
-        """Every lane, `width` of them, at the first sample of the part."""
+        """Put `width` lanes at the first sample of the part."""
         found: sampled.Carry = jax.tree.map(np.asarray, self._begin(tuple(leaves), row, np.arange(width)))
         return found
 
@@ -187,7 +187,7 @@ class LaneKernels:
     def _counted_lane(
         self, leaves: Any, sums: RunningTotals, done: ChunkPhysics, period: Any
     ) -> tuple[RunningTotals, ChunkResult]:
-        """What is made of the samples of a chunk of one lane."""
+        """Update the outputs of one lane by the samples of a chunk."""
         windows, kind, shown = self.tree(leaves)["windows"], self.kind, done.shown
         new, counted = count_samples(sums, shown, kind.every)
         look = ChunkSamples(done.channels, shown)
@@ -236,7 +236,7 @@ def _tree(kind: KernelKey, leaves: Sequence[Any]) -> dict[str, Any]:
 
 
 def _told(seen: sampled.SampleResult) -> dict[str, Any]:
-    """What a sentence about a sample needs."""
+    """Values for a sentence about a sample."""
     measured = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
     return {
         n: jnp.asarray(v, float) for n, v in {**measured, **{k: seen.shown[k] for k in ("velocity", "step")}}.items()
@@ -250,7 +250,7 @@ def named(seen: sampled.SampleResult, names: Sequence[str]) -> dict[str, Any]:
 
 
 def channels_of(seen: sampled.SampleResult) -> Mapping[str, Any]:
-    """Every channel of a sample, as `bench.run` names them."""
+    """All channels of a sample, named as `bench.run` does."""
     found = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
     found |= {n: v for n, v in seen.shown.items() if n.startswith("command.")}
     found |= {channels.INPUTS[n]: v for n, v in seen.commands.items()}
@@ -259,7 +259,7 @@ def channels_of(seen: sampled.SampleResult) -> Mapping[str, Any]:
 
 
 def at_rest(plant: InstrumentedPlant, software: Any, pressure: Any, depth: int, row: Any) -> sampled.Carry:
-    """What goes into the first sample of a part, where a gauge pressure [Pa] has lasted; as `bench.segment` begins one.
+    """State at the first sample of a part, after a gauge pressure [Pa] has lasted; as `bench.segment` begins one.
 
     Args:
         plant: the machine behind its converters.

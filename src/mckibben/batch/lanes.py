@@ -37,7 +37,7 @@ STEPS = 64  # of a part, to which the tables of windows are padded, or 16 times 
 
 
 class LaneStructure(NamedTuple):
-    """What lanes of one compiled function have in common and no array holds.
+    """Properties that lanes of one compiled function share and that are not arrays.
 
     Attributes:
         structures: of the trees of every part.
@@ -110,7 +110,7 @@ def build(factory: RunFactory, values: Mapping[str, Any]) -> BuiltVariant:
 
 
 def _trimmed(software: BenchSoftware, part: RunSegment) -> BenchSoftware:
-    """With tables of set-points as long as the part needs, for there may be one for every lane."""
+    """Cut tables of set-points to the length of the part, since every lane may need its own."""
     size = 1024
     while size < sum(s.count for s in part.steps):
         size *= 2
@@ -121,7 +121,7 @@ def _trimmed(software: BenchSoftware, part: RunSegment) -> BenchSoftware:
 
 
 def _windows(factory: RunFactory, part: RunSegment) -> dict[str, np.ndarray]:
-    """Of every output, at which steps of the part it looks (steps,)."""
+    """Windows of every output: the steps of the part in which it is evaluated (steps,)."""
     size = STEPS
     while size < len(part.steps):
         size *= 16
@@ -137,7 +137,10 @@ Places = tuple[tuple[int, int], ...]  # part and number of each array that a par
 
 
 def places(one: BuiltVariant, a: float, other: BuiltVariant, b: float) -> Places | None:
-    """Where a parameter stands that is `a` in one variant and `b` in another; None where it does more than stand there."""
+    """Positions in the arrays of a parameter that is `a` in one variant and `b` in another.
+
+    None if it also changes structure.
+    """
     if one.fixed != other.fixed or one.guard != other.guard:
         return None
     found = []
@@ -162,7 +165,7 @@ def _same(x: np.ndarray, y: np.ndarray) -> bool:
 
 
 class VariantLane(NamedTuple):
-    """One variant that may run: its row, the template it is made from, and its arrays where they were written."""
+    """One variant that may run: its row, the template it is made from, and its arrays as far as they were set."""
 
     row: int
     built: BuiltVariant
@@ -182,7 +185,7 @@ class LaneGroup(NamedTuple):
 
 
 class VariantFamily:
-    """All variants of one structure, and what is known of their parameters."""
+    """All variants of one structure, and the known positions of their parameters."""
 
     def __init__(self, fixed: LaneStructure) -> None:
         self.fixed = fixed
@@ -236,7 +239,7 @@ class LanePlanner:
         self.apart: set[str] = set()  # paths that do more than stand in a tree: every value is built for real
 
     def plan(self, variants: Variants) -> tuple[dict[int, str], list[LaneGroup]]:
-        """What is wrong with some variants, by row, and the groups of the others."""
+        """Group the variants; return the errors of invalid ones by row, and the groups of the others."""
         while True:
             before = len(self.apart)
             refused, groups = self._plan(variants)
@@ -387,7 +390,7 @@ def _against(findings: Sequence[Any]) -> str:
 
 
 def _doubtful(family: VariantFamily, built: BuiltVariant, lanes: Sequence[VariantLane]) -> np.ndarray:
-    """Which lanes the dry run itself has to judge (lanes,): all, unless a tension is all that the muscle decides."""
+    """Mask of the lanes that need a dry run (lanes,): all, unless only a tension depends on the muscle."""
     plan, limits = built.bench.plan, built.bench.rig.limits(built.bench.layout)
     machine = built.machines[0]
     simple = MUSCLE in machine.units and all(

@@ -1,4 +1,4 @@
-"""All lanes of a group from the first sample to the last, chunk by chunk, each with steps that its own rates allow.
+"""Integration of all lanes of a group, chunk by chunk, with step sizes that the rates of the group permit.
 
 The decisions are those of `engine.sampled.advance`, lane by lane: every chunk is tried with the usual steps; lanes whose
 modes are too fast for them do it again with shorter ones or by the stiff method, among themselves. A lane that fails leaves
@@ -23,7 +23,7 @@ LEAST_LANES = 8  # of a call: fewer cost as much
 
 
 class LaneFailure(NamedTuple):
-    """What became of a lane that did not reach its end."""
+    """Failure of a lane: code, time and reason."""
 
     outcome: VariantOutcome
     message: str
@@ -60,11 +60,11 @@ class NoiseRows:
         self.draws = draws
 
     def first(self) -> Any:
-        """Of a sample without noise."""
+        """Row of a sample without noise."""
         return self.draws[0].first()
 
     def next(self) -> Any:
-        """Of the next chunk."""
+        """Rows of the next chunk."""
         every = [d.next() for d in self.draws]
         return every[0] if len(every) == 1 else jax.tree.map(lambda *x: np.stack(x), *every)
 
@@ -73,7 +73,7 @@ def part(
     kernels: LaneKernels, leaves: Sequence[np.ndarray], sums: RunningTotals, rows: NoiseRows, *,
     period: float, inner: int, tell: Callable[[float], None],
 ) -> MarchedPart:  # fmt: skip
-    """One part of every lane.
+    """Run one part of the protocol in every lane.
 
     Args:
         kernels: compiled functions.

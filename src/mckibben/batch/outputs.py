@@ -1,4 +1,4 @@
-"""What is kept of every variant: a result code, numbers made of channels or of the engine's accounts, or whole channels.
+"""Outputs of every variant: a result code, numbers from channels or from the engine's accounts, or whole channels.
 
 Channels are those that a recording of `mckibben run` has, and only samples that it would keep count. In the sweep file:
 
@@ -46,7 +46,7 @@ TIME = "time"
 
 
 class Output(NamedTuple):
-    """One result of every variant.
+    """Definition of one output of every variant.
 
     Attributes:
         name: of the array in the store.
@@ -125,7 +125,7 @@ def wanted(outputs: Iterable[Output]) -> tuple[str, ...]:
 
 
 def document(outputs: Iterable[Output]) -> dict[str, Mapping[str, Any]]:
-    """As a store keeps it."""
+    """Convert outputs to a JSON document for a store."""
     return {o.name: {k: v for k, v in o._asdict().items() if k != "name" and v not in ("",)} for o in outputs}
 
 
@@ -145,7 +145,7 @@ class VariantOutcome(enum.IntEnum):
 
     @property
     def sentence(self) -> str:
-        """What it means, without the numbers of a lane."""
+        """Meaning of the code, without the numbers of a lane."""
         return SENTENCES[self]
 
 
@@ -171,7 +171,7 @@ FAR = 1 << 40  # samples since the last one that counted, where none did
 
 
 class RunningTotals(NamedTuple):
-    """What is known of a lane so far.
+    """Intermediate values of a lane's outputs.
 
     Attributes:
         going: whether its part has not ended (bool).
@@ -196,7 +196,7 @@ class ChunkSamples(NamedTuple):
 
 
 class CountedSamples(NamedTuple):
-    """Which samples of a chunk count.
+    """Selection of the samples of a chunk that count.
 
     Attributes:
         used: how many were used.
@@ -224,7 +224,7 @@ def start_totals(outputs: tuple[Output, ...], after_stop: int) -> RunningTotals:
 
 
 def count_samples(totals: RunningTotals, shown: Mapping[str, Any], every: int) -> tuple[RunningTotals, CountedSamples]:
-    """Which samples of a chunk count, and the totals with their number."""
+    """Select the samples of a chunk that count, and update their number in the totals."""
     size = shown["running"].shape[0]
     place = jnp.arange(size)
     used = jnp.where(totals.going, jnp.sum(shown["running"]), 0)
@@ -330,7 +330,7 @@ def final_values(one: Output, sums: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def time_to(one: Output, time: np.ndarray, values: np.ndarray) -> float:
-    """When a share of the way from the first value to the last is passed for the first time, from the first sample [s].
+    """Time from the first sample until a share of the change from first to last value is first passed [s].
 
     Passings lie between samples by a straight line; NaN where the values end where they begin.
 

@@ -72,7 +72,7 @@ def of_fit(fit: Fit, count: int, *, seed: int = 0, prefix: str = "muscle.law.") 
 def of_json(
     path: str | os.PathLike[str], law: str, count: int, known: Callable[[str], Setting], *, seed: int = 0
 ) -> Variants:
-    """The same from what ``mckibben fit --json`` printed: intervals, without the correlations.
+    """Draw variants from the output of ``mckibben fit --json``: intervals, without correlations.
 
     Args:
         path: of the file.

@@ -26,7 +26,7 @@ Tell = Callable[[float], None]  # told the share of the work that is done
 
 
 class Results(NamedTuple):
-    """What became of some variants.
+    """Outputs of some variants.
 
     Attributes:
         code: result codes (n,).
@@ -66,7 +66,7 @@ class Runner:
         self._kernels: list[LaneKernels] = []
 
     def run(self, variants: Variants, tell: Tell = lambda _: None) -> Results:
-        """All of them; a bad one never raises."""
+        """Run all variants; an invalid one is reported in its result and never raises."""
         count = len(variants)
         code, duration = np.full(count, int(VariantOutcome.REFUSED), np.int8), np.zeros(count)
         message = [""] * count
@@ -107,7 +107,7 @@ class Runner:
 
 
 class _Piece:
-    """One group of lanes, run from begin to end."""
+    """One group of lanes, run from start to end."""
 
     def __init__(self, runner: Runner, group: LaneGroup, tell: Tell) -> None:
         lanes = group.lanes
@@ -151,7 +151,7 @@ class _Piece:
     def _take(
         self, kernels: LaneKernels, leaves: Sequence[np.ndarray], part: int, found: MarchedPart, offset: np.ndarray
     ) -> None:
-        """What a part adds: codes, sentences, samples, integrals and balances."""
+        """Add the results of a part: codes, sentences, samples, integrals and balances."""
         for lane in range(len(self.lanes)):
             if self.code[lane]:
                 continue
@@ -168,7 +168,7 @@ class _Piece:
                 self._account(kernels, _lane(leaves, kernels.kind.shared, lane), lane, found)
 
     def _why(self, kernels: LaneKernels, leaves: Any, part: int, lane: int, found: MarchedPart) -> str:
-        """Why the machine stopped, as `bench.run` says it."""
+        """Describe why a machine stopped, in the words of `bench.run`."""
         stop = found.stopped[lane]
         if stop["code"] > 0:
             watch = kernels.tree(leaves)["software"].interlocks
@@ -243,7 +243,7 @@ class _Piece:
 
 
 class _Ended(NamedTuple):
-    """What the accounts need of a run."""
+    """State at the end of a run, for the accounts."""
 
     state: Any
     memory: Any

@@ -1,4 +1,4 @@
-"""What all variants of a batch share, and how one of them becomes a bench, as ``mckibben run --set`` would prepare it.
+"""Shared parts of all variants of a batch, and the run of one variant, as ``mckibben run --set`` would prepare it.
 
 A template holds what it needs of files (rig, specimens, protocol), so that it can be sent to another machine.
 """
@@ -32,7 +32,7 @@ KEPT = 32  # rigs and protocols that a process remembers, half a megabyte each
 
 @dataclass(frozen=True, kw_only=True)
 class RunTemplate:
-    """All that does not differ between variants, and the files that any of them needs.
+    """Everything that is equal in all variants, and the files that any of them needs.
 
     Attributes:
         protocol: what to do.
@@ -63,7 +63,7 @@ class RunTemplate:
     accept_saturation: bool = False
 
     def setting(self, path: str, *, where: str | None = None) -> Setting:
-        """What a path names, of the protocol, the first rig and the first muscle."""
+        """Find the setting of a dotted path in the protocol, the first rig or the first muscle."""
         return setting(path, self.protocol, self.first_rig, self.first_unit, where=where)
 
     @functools.cached_property

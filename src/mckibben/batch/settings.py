@@ -1,4 +1,4 @@
-"""What a dotted path of a sweep names, as ``mckibben run --set`` knows it, and its values as numbers or words.
+"""Settings of a sweep: dotted paths as of ``mckibben run --set``, with values as numbers or words.
 
 | path | what it is |
 |---|---|
@@ -32,7 +32,7 @@ _OF_CHANNEL = ("low", "high", "offset", "noise")  # in the unit of the channel, 
 
 
 class Setting(NamedTuple):
-    """One path: its SI unit, empty where its values are words, and its declaration where it has one."""
+    """One path: its SI unit, empty for words, and its declaration if it has one."""
 
     path: str
     unit: str = ""
@@ -85,7 +85,7 @@ class Setting(NamedTuple):
 
 
 def setting(path: str, protocol: Protocol, rig: Rig, unit: Any, *, where: str | None = None) -> Setting:
-    """What a path names.
+    """Find the setting of a dotted path.
 
     Args:
         path: dotted.

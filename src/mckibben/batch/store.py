@@ -45,7 +45,7 @@ class ResultStore:
 
     @property
     def path(self) -> Path:
-        """Of the zarr group."""
+        """Path of the zarr group."""
         return self.folder / NAME
 
     def codes(self) -> np.ndarray:
@@ -210,7 +210,7 @@ def zarr_library() -> Any:
 
 
 def _size(sweep: Sweep) -> float:
-    """What the results take on the disk at most, without whole channels [bytes]."""
+    """Largest size of the results on the disk, without whole channels [bytes]."""
     columns = len(sweep.variants.columns) + len(sweep.template.outputs)
     return len(sweep.variants) * (8.0 * columns + 100.0) + 1e5
 

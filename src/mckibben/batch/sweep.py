@@ -65,7 +65,7 @@ class Sweep:
         return told.hexdigest()
 
     def document(self) -> dict[str, Any]:
-        """What the variants share, as a store keeps it."""
+        """Shared properties of the variants as a JSON document."""
         template = self.template
         return {
             "schema": SCHEMA, "title": self.title, "protocol": template.protocol.document(), "muscle": template.muscle,
@@ -166,5 +166,5 @@ def blocks(count: int, size: int) -> Iterator[slice]:
 
 
 def codes_of(codes: np.ndarray) -> dict[str, int]:
-    """How many variants have each result code, by its name."""
+    """Count the variants by result code, by its name."""
     return {VariantOutcome(c).name.lower(): int(n) for c, n in zip(*np.unique(codes, return_counts=True), strict=True)}

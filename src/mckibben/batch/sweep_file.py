@@ -213,7 +213,7 @@ def _posterior(top: FileTable, known: Any, folder: Path) -> Variants | None:
 
 
 def _with_files(template: RunTemplate, variants: Variants, folder: Path, where: str) -> RunTemplate:
-    """With every muscle and rig that a variant names, as they stand in their files now."""
+    """Add the files of every muscle and rig that a variant names, in their present state."""
     specimens, rigs = dict(template.specimens), dict(template.rigs)
     for path, read in (("muscle", lambda n: specimens.setdefault(n, specimen(_found(n, folder)))),
                        ("rig", lambda n: rigs.setdefault(n, dict(rig_of(_found(n, folder)).document)))):  # fmt: skip

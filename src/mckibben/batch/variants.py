@@ -31,11 +31,11 @@ class Variants:
         return Variants({path: values[part] for path, values in self.columns.items()})
 
     def row(self, index: int) -> dict[str, Any]:
-        """One variant: the value of every path."""
+        """Return one variant: the value of every path."""
         return {path: v[index] if v.dtype == object else float(v[index]) for path, v in self.columns.items()}
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """All of them, in order."""
+        """Iterate over all variants, in order."""
         return (self.row(i) for i in range(len(self)))
 
 
@@ -49,7 +49,7 @@ def column(values: Sequence[Any]) -> np.ndarray:
 
 
 def grid(axes: Mapping[str, Sequence[Any]]) -> Variants:
-    """Every combination of the values of each path; the last path varies fastest."""
+    """Combine the values of all paths in every way; the last path varies fastest."""
     columns = [column(list(values)) for values in axes.values()]
     counts = [len(c) for c in columns]
     _few(int(np.prod(counts, dtype=object)) if counts else 1)
@@ -106,7 +106,7 @@ def listed(rows: Sequence[Mapping[str, Any]]) -> Variants:
 
 
 def crossed(*parts: Variants) -> Variants:
-    """Every variant of each part with every one of the others; the last part varies fastest.
+    """Combine every variant of each part with every variant of the others; the last part varies fastest.
 
     Raises:
         InputError: if two parts vary the same path.

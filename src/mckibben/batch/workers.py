@@ -31,14 +31,14 @@ GATHERED = 300.0  # until a result that is there has come, or else is asked for 
 
 
 class BlockWork(Protocol):
-    """What a worker does with a block; it is sent with each, for the worker may be a new one."""
+    """Work on a block of variants; it is sent with each block, since the worker may be a new one."""
 
     def run(self, block: VariantBlock, tell: Tell = ...) -> Results:
         """The results of a block."""
 
     @property
     def name(self) -> str:
-        """Of the work, the same for all its blocks."""
+        """Name of the work, equal for all its blocks."""
 
 
 class SweepJob(NamedTuple):
@@ -88,7 +88,7 @@ _one_at_a_time = threading.Lock()
 
 @dataclass
 class Workers:
-    """Where blocks are run.
+    """Choice of the workers on which blocks are run.
 
     Attributes:
         way: one of `WAYS`, or the address of a Dask scheduler, such as ``tcp://node1:8786``.
@@ -152,10 +152,10 @@ class WorkerTeam:
 
 
 class SerialTeam(WorkerTeam):
-    """In this process."""
+    """Workers in this process, one block after the other."""
 
     def run(self, work: BlockWork, blocks: Sequence[VariantBlock], tell: Tell) -> Iterator[Done]:
-        """As `WorkerTeam.run`."""
+        """Run the blocks, see `WorkerTeam.run`."""
         return ((block, work.run(block, tell)) for block in blocks)
 
 
@@ -166,7 +166,7 @@ class ProcessTeam(WorkerTeam):
         self.size = size
 
     def run(self, work: BlockWork, blocks: Sequence[VariantBlock], tell: Tell) -> Iterator[Done]:
-        """As `WorkerTeam.run`."""
+        """Run the blocks, see `WorkerTeam.run`."""
         import multiprocessing
         from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 
@@ -205,7 +205,7 @@ class DaskTeam(WorkerTeam):
         self.size = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
 
     def run(self, work: BlockWork, blocks: Sequence[VariantBlock], tell: Tell) -> Iterator[Done]:
-        """As `WorkerTeam.run`."""
+        """Run the blocks, see `WorkerTeam.run`."""
         from distributed import as_completed
         from distributed.scheduler import KilledWorker
 
@@ -304,10 +304,10 @@ def _deadly(block: VariantBlock) -> str:
 
 
 def _quiet() -> None:
-    """Ctrl-C is for the process that waits for the workers."""
+    """Ignore Ctrl-C in a worker; the process that waits for the workers handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def cores() -> int:
-    """That this process may use."""
+    """Number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

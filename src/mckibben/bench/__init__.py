@@ -1,1 +1,1 @@
-"""Where it happens: circuits, rigs and the runs on them."""
+"""Test rigs, simulated and real, and the runs on them and on circuits."""

@@ -38,16 +38,16 @@ class Window(Module):
     first: Any = field(converter=jnp.asarray)
 
     def at(self, index: Any, share: Any, period: Any) -> Any:
-        """As for the signal."""
+        """Value at a sample, as in `signals.Signal`."""
         return self.whole.at(self.first + index, share, period)
 
     def within(self, index: Any, begin: Any, end: Any, share: Any, period: Any) -> Any:
-        """As for the signal."""
+        """Times within a step at which the signal changes, as in `signals.Signal`."""
         return self.whole.within(self.first + index, begin, end, share, period)
 
 
 def chunks(plan: CircuitPlan) -> int:
-    """In how many parts a run goes: how often `run_circuit` tells of its progress."""
+    """Number of parts in which a run is computed, hence of progress reports by `run_circuit`."""
     return len(_edges(plan)) - 1
 
 
@@ -140,7 +140,7 @@ def _record(
 
 
 def _unsettled(plan: CircuitPlan, record: Recording) -> list[str]:
-    """What is still under way at the end of a run whose signals keep still from some time on, or that has none."""
+    """Describe what still changes at the end of a run although its signals have been constant for some time."""
     if not {s.waveform.kind for s in plan.signals.values()} <= STILL:
         return []
     changes = [np.flatnonzero(np.diff(record[n])) for n in plan.signals]

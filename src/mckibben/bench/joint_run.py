@@ -61,7 +61,7 @@ class JointStand:
         )  # fmt: skip
 
     def with_gains(self, **gains: float) -> JointStand:
-        """The same with other gains of the controller, by name."""
+        """Return a copy with other controller gains, by name."""
         return dataclasses.replace(self, control=self.control.replace(**gains))
 
 
@@ -217,7 +217,7 @@ def _first(stand: JointStand, begin: Mapping[str, float]) -> dict[str, float]:
 
 
 def _rows(set_points: Mapping[str, np.ndarray], chance: np.random.Generator, count: int) -> dict[str, Any]:
-    """What every sample brings, up to the end of the last chunk; there the last set-points stay."""
+    """External inputs of every sample up to the end of the last chunk, where the last set-points stay."""
     whole = CHUNK * math.ceil(count / CHUNK)
     names = list(PRESSURES.values())
     draws = dict(zip(names, chance.standard_normal((len(names), whole)), strict=True))

@@ -60,7 +60,7 @@ LENGTH = Quantity("m", (1e-3, 100.0), "span that the frame takes", "", (0.05, 1.
 
 
 def rig_names() -> list[str]:
-    """Of the rigs that ship with the package, sorted."""
+    """Names of the rigs that ship with the package, sorted."""
     folder = resources.files(__package__) / "rigs"
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
@@ -206,7 +206,7 @@ def _heat(entry: FileTable, room: Environment) -> HeatModel:
 
 
 def _hands(top: FileTable, layouts: tuple[str, ...]) -> tuple[OperatorAction, ...]:
-    """What a person can be asked for; the plumbing that is joined then is one of the file."""
+    """Read the actions that an operator can be asked for; plumbing that is connected then must be one of the file."""
     hands = []
     for table in top.listed("hands"):
         if "plumbing" in table:
@@ -255,5 +255,5 @@ def _plain(text: str) -> Any:
 
 @functools.cache
 def shipped_rigs() -> dict[str, Rig]:
-    """All rigs that ship with the package."""
+    """Load all rigs that ship with the package."""
     return {name: rig(name) for name in rig_names()}

@@ -38,7 +38,7 @@ OWN = "place"  # of a software's state, what belongs to its own set-points
 
 
 class Lateness(NamedTuple):
-    """How a loop kept its deadlines.
+    """Lateness of the samples of a loop.
 
     Attributes:
         samples: all of them; none is left out, a late one is made up for as fast as it goes.
@@ -215,7 +215,7 @@ class SampleLoop:
         return self._thread is not None and self._thread.is_alive()
 
     def renew(self) -> None:
-        """Let the software begin anew at the next sample, at rest where the machine is."""
+        """Restart the software at the next sample, at rest at the present state of the machine."""
         self._fresh.set()
 
     def _run(self) -> None:
@@ -286,7 +286,7 @@ class SampleLoop:
     # ---- what others see of it
 
     def number(self, name: str) -> float:
-        """What the software showed at the newest sample, by name [SI]."""
+        """Value that the software reported at the newest sample, by name [SI]."""
         return float(self.shown[self._think.index(4, name)])
 
     @property

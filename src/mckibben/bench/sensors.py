@@ -22,7 +22,7 @@ TrueValue = Callable[[Any, Any, Any, Any], Scalar]
 
 @dataclass(frozen=True, kw_only=True)
 class SensorKind:
-    """What a sensor measures.
+    """A kind of sensor: the quantity it measures, and where.
 
     Attributes:
         unit: SI unit of its channel.
@@ -52,7 +52,7 @@ def _port_pressure(plant: Any, state: Any, memory: Any, inputs: Any) -> Scalar:
 
 
 def _load_tension(plant: Any, state: Any, memory: Any, inputs: Any) -> Scalar:
-    """At the load, behind whatever the muscle lies over."""
+    """Tension at the load, beyond any surface that the muscle lies over."""
     if not plant.machine.units:
         return jnp.zeros(())
     _, _, felt = plant.machine.pulls(state, memory, inputs)
@@ -80,5 +80,5 @@ SENSORS: Registry[SensorKind] = Registry(
 
 
 def sensor_units(names: Iterable[str]) -> dict[str, str]:
-    """SI units of the channels of sensors."""
+    """SI units of the channels, by sensor."""
     return {name: SENSORS[name].unit for name in names}

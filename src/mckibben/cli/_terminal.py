@@ -1,4 +1,4 @@
-"""Words at the edge: options shared by commands, values with units, JSON and tables."""
+"""Input and output of the commands: shared options, values with units, JSON and tables."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Set = Annotated[
 
 
 def print_json(value: dict[str, Any]) -> None:
-    """One JSON object on standard output; a number that is not finite becomes null."""
+    """Print one JSON object on standard output; a number that is not finite becomes null."""
     typer.echo(json.dumps(_clean(value), ensure_ascii=False))
 
 

@@ -253,7 +253,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *where: Any, 
 
 
 def _keep_compilations() -> None:
-    """Let a command find what an earlier one compiled; ``JAX_COMPILATION_CACHE_DIR`` says another place, or none.
+    """Let commands reuse earlier compilations; ``JAX_COMPILATION_CACHE_DIR`` sets another folder, or none.
 
     They are machine code: a folder that others can change is not used.
     """

@@ -253,7 +253,7 @@ def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[Calibrati
 
 @contextmanager
 def _source(wanted: _Wanted, rig: Rig, reference: Reference | None) -> Iterator[tuple[Source, Ask, Any]]:
-    """Where the readings come from, who brings the points about, and who is told of those that are refused."""
+    """Open the source of readings, the operator who sets the points, and a function that reports refused points."""
     if wanted.simulate:
         if wanted.machine is not None:
             raise InputError("--on", wanted.machine, "allowed without --simulate")
@@ -289,7 +289,7 @@ def ask_person(task: OperatorTask) -> float | None:
 
 
 def tell_person(error: InputError) -> None:
-    """Say that a point was refused; it is asked for again."""
+    """Report that a point was refused; it is asked for again."""
     typer.echo(f"mckibben: {error}; once more", err=True)
 
 

@@ -113,7 +113,7 @@ def apply(
 
 
 def say_outcome(whole: Calibration, found: CalibrationOutcome, out: Path | None, notes: list[str]) -> dict[str, Any]:
-    """What a session found, for a program."""
+    """Convert the result of a session to JSON."""
     now = _now()
     points = {
         name: [
@@ -135,7 +135,7 @@ def say_outcome(whole: Calibration, found: CalibrationOutcome, out: Path | None,
 
 
 def print_outcome(whole: Calibration, found: CalibrationOutcome, out: Path | None, notes: list[str]) -> None:
-    """What a session found, for a person."""
+    """Print the result of a session."""
     rows = []
     for name, some in found.points.items():
         unit = found.corrections[name].unit

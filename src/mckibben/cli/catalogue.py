@@ -168,7 +168,7 @@ def _parameter(protocol: Protocol, p: ProtocolParameter) -> dict[str, Any]:
 
 
 def _values(protocol: Protocol, p: ProtocolParameter) -> list[Any]:
-    """Its own values, or those that a choice gives it."""
+    """Values of a parameter: its own, or those that a choice assigns to it."""
     return list(p.values or dict.fromkeys(case[p.name] for case in protocol.cases()))
 
 

@@ -119,7 +119,7 @@ def run(
 
 
 def _cautions(plan: CircuitPlan, recording: Recording) -> list[str | None]:
-    """What is to be said of the highest pressure that each muscle took."""
+    """Cautions about the highest pressure of each muscle."""
     found = []
     for name, node in plan.nodes.items():
         if node.law is not None:

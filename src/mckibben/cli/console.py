@@ -158,13 +158,13 @@ def _said(error: Exception) -> str:
 
 
 def _tell(console: Console, answer: str) -> None:
-    """What the machine said meanwhile, and the answer."""
+    """Print the messages of the machine, then the answer."""
     for line in [*console.news(), *([answer] if answer else [])]:
         typer.echo(line)
 
 
 def _at_a_prompt(console: Console) -> None:
-    """Until somebody leaves; Ctrl-C stops what goes on, else it clears the line; Ctrl-D leaves."""
+    """Run the prompt until the user leaves. Ctrl-C stops the running command, or else clears the line; Ctrl-D leaves."""
     from prompt_toolkit import PromptSession
     from prompt_toolkit.completion import Completer, Completion
     from prompt_toolkit.history import FileHistory, InMemoryHistory
@@ -205,7 +205,7 @@ def _mounted(console: Console) -> str:
 
 
 def _do(console: Console, line: str) -> None:
-    """One command; what is wrong is said, and the prompt comes back."""
+    """Execute one command; an error is printed and the prompt returns."""
     try:
         with console.session.button.on_signals(), _bar(console, line):
             answer = console.execute(line)
@@ -217,7 +217,7 @@ def _do(console: Console, line: str) -> None:
 
 @contextmanager
 def _bar(console: Console, line: str) -> Iterator[None]:
-    """How far it is, where something runs."""
+    """Show a progress bar during a run."""
     if not line.split() or line.split()[0].lower() != "run":
         yield
         return

@@ -41,7 +41,7 @@ CURVE_POINTS = 91
 
 
 class CycleRequest(NamedTuple):
-    """One call, resolved: the specimen, its law's name, the muscle under each volume, and the conditions."""
+    """The options of one call, resolved: specimen, name of its law, the muscle under each volume, and conditions."""
 
     spec: Specimen
     law: str
@@ -170,7 +170,7 @@ def _conditions(
 
 
 def _stretched(spec: Specimen, muscle: CycleMuscle, text: str | None) -> float:
-    """The length at which cycles begin [m], below that of the threads wherever the specimen states one."""
+    """Length at the start of cycles [m], below that of the threads if the specimen states it."""
     if text is None:
         return stretched_length(spec, muscle)
     length = parse(text, "m", field="--stretched")

@@ -104,7 +104,7 @@ def fit(
 
 
 def _cautions(points: ForceMap, spec: Specimen | None) -> list[str]:
-    """What is to be minded of a table: pressures beyond those that muscles take, and rows that were left out."""
+    """Cautions about a table: pressures above those of muscles, and rows that were left out."""
     said = pressure_caution(float(points.pressure.max()), spec)
     return caution(*(None if s is None else f"{points.name}: {s}" for s in (*points.remarks, said)))
 
@@ -183,7 +183,7 @@ def ranking_json(study: Any) -> dict[str, Any]:
 
 
 def fit_json(f: Fit) -> dict[str, Any]:
-    """One fit as the object of the CLI's contract."""
+    """Convert one fit to the JSON object of `mckibben fit --json`."""
     import numpy as np
 
     known = {

@@ -182,7 +182,7 @@ def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
 
 
 def placeholder(unit: str) -> str:
-    """What stands for a value that a person has to give: ``'.. cm'``."""
+    """Placeholder of a value that the user has to give: ``'.. cm'``."""
     return ".." if unit == "1" else f"'.. {shown_unit(unit)}'"
 
 

@@ -243,7 +243,7 @@ def _time(seconds: float) -> str:
 
 
 def _named(value: Any) -> str:
-    """What a table of the meta is called, or the word itself."""
+    """Name of a table of the metadata, or the text itself."""
     if isinstance(value, Mapping):
         return str(next((value[key] for key in ("title", "name", "id", "text") if value.get(key)), ", ".join(value)))
     return str(value)

@@ -83,7 +83,7 @@ def reproduce_papers(
 
 
 def _places(report: list[Path] | None, out: Path | None, *, pdf: bool, figures_only: bool) -> list[Path]:
-    """Where reports go; refused before minutes of work are done, and before a folder is made."""
+    """Paths of the reports; checked before minutes of computation, and before a folder is made."""
     named = [checked_place(path, field="--report") for path in report or []]
     names = [] if out is None or figures_only else [name for name in REPORTS if pdf or not name.endswith(".pdf")]
     if any(name.endswith(".pdf") for name in names):

@@ -205,7 +205,7 @@ def _run(bench: PreparedRun, advance: Any, button: EmergencyStop, **where: Any) 
 
 
 def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
-    """What the dry run found; the exit code is 2 if that is anything."""
+    """Print the result of the dry run; the exit code is 2 if it has findings."""
     found: list[Finding] = list(bench.findings)
     if as_json and dry:
         keys = ("step", "path", "case", "field", "value", "allowed", "sentence")

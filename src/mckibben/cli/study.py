@@ -246,7 +246,7 @@ HALVES = ("first", "second")
 
 
 def loops_json(found: LoopStudy) -> dict[str, Any]:
-    """Everything of the study in SI units."""
+    """Convert the study to JSON, in SI units."""
     return {
         "width_holds": found.width_holds,
         "order_holds": not found.swapped,
@@ -322,7 +322,7 @@ def show_loops(found: LoopStudy) -> None:
 
 
 def limits(found: LoopStudy) -> list[str]:
-    """What cannot be predicted from these records, a sentence each."""
+    """Limits of what these records can predict, a sentence each."""
     said = []
     outside = [w for w in found.widths if not w.middle]
     if outside:
@@ -463,7 +463,7 @@ def write_page(found: Validation, path: Path) -> list[Path]:
 
 
 def validation_json(found: Validation) -> dict[str, Any]:
-    """Everything in SI units."""
+    """Convert the validation to JSON, in SI units."""
     return {
         "static": [_static_json(r) for r in found.static],
         "loops": loops_json(found.loops) if found.loops else None,
@@ -492,7 +492,7 @@ def _static_json(r: StaticResult) -> dict[str, Any]:
 
 
 def show_validation(found: Validation) -> None:
-    """One table per data set, then loops and jumps, then what was not at hand."""
+    """Print one table per data set, then loops and jumps, then the missing data."""
     for r in found.static:
         rows = [_row(f, r.points.largest) for f in r.fits]
         rows += [

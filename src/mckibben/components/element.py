@@ -1,4 +1,4 @@
-"""What a force element with memory and one without must offer.
+"""Interfaces of force elements with and without memory.
 
 All of them pull like the muscle does: a force is positive when it opposes lengthening. An element without memory
 knows its length and velocity; one with memory is advanced along a straight piece of path, half a step of the
@@ -98,4 +98,4 @@ class Hysteresis(MemoryElement):
 
     @abc.abstractmethod
     def lubricated(self, factor: float = 0.9) -> Hysteresis:
-        """The same friction with its limit scaled by a factor; 0.9 is what three lubricants did to the nylon muscle."""
+        """Return the friction with its limit scaled by a factor; 0.9 holds for three lubricants on the nylon muscle."""

@@ -1,4 +1,4 @@
-"""What a pneumatic element must offer to the circuit it stands in, and what it sees of the nodes at its ports."""
+"""Interface of pneumatic elements in a circuit, and the gas states at their ports."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class FlowElement(Module):
         return ()
 
     def settled(self, command: Any) -> Any:
-        """The same after a command has lasted; None where nothing is known of it, as without a signal."""
+        """Return the element after a command has lasted; None if it is unknown, such as without a signal."""
         return self.initial()
 
     def initial_memory(self, gas: Gases) -> Any:
-        """Its memory at rest, such as the position of a plunger with friction; empty where it has none."""
+        """Memory at rest, such as the position of a plunger with friction; empty if there is none."""
         return ()
 
     @abc.abstractmethod
@@ -78,7 +78,7 @@ class FlowElement(Module):
         return None
 
     def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
-        """What else a recording shows of the element, such as its opening [SI]."""
+        """Further recorded outputs of the element, such as its opening [SI]."""
         return {}
 
 

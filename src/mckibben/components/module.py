@@ -107,7 +107,7 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
         return f"{type(self).__name__}({shown})"
 
     def replace(self, **changes: Any) -> Any:
-        """A copy with some fields changed, checked like a new one."""
+        """Return a copy with some fields changed, checked like a new one."""
         return dataclasses.replace(self, **changes)
 
 
@@ -168,7 +168,7 @@ class BoundMethod(Module):
     __self__: Module
 
     def __call__(self, *args: Any, **options: Any) -> Any:
-        """What the method returns."""
+        """Call the method."""
         return self.__func__(self.__self__, *args, **options)
 
 

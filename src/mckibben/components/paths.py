@@ -12,7 +12,7 @@ from .module import Module
 
 
 def parameters(owner: Any, prefix: str = "") -> Iterator[tuple[str, Quantity]]:
-    """Every declared parameter below an object as (dotted path, declaration)."""
+    """Iterate over the declared parameters below an object as (dotted path, declaration)."""
     if isinstance(owner, Mapping):
         for name, value in owner.items():
             yield from parameters(value, f"{prefix}{name}.")

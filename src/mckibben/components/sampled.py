@@ -1,4 +1,4 @@
-"""What acts once per sample: a machine that can be measured, and the software that commands it."""
+"""Interfaces of sampled systems: a machine with measurements, and the software that commands it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Plant(System):
 
     @abc.abstractmethod
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
-        """The signals, and beside them the late ones of parts that have dead time."""
+        """Signals of the machine, with delayed ones for parts that have dead time."""
 
 
 class Software(Module):
@@ -44,4 +44,4 @@ class Software(Module):
     def step(
         self, state: Any, measured: Mapping[str, Any], row: Any, dt: Any
     ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
-        """One sample: the new state, the commands by name [SI], and what a recording shows of it."""
+        """Compute one sample: the new state, the commands by name [SI], and values to record."""

@@ -1,4 +1,4 @@
-"""What the engine integrates: a state equation, with memory beside it where there is friction."""
+"""Interface of systems to integrate: a state equation, with memory beside it for friction."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class System(Module):
 
     @abc.abstractmethod
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
-        """What a recording shows, by name [SI]."""
+        """Recorded outputs, by name [SI]."""
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
         """The signals, and beside them the late ones of parts that have dead time; none of a system without such parts.
@@ -67,13 +67,10 @@ class System(Module):
         return dict(signals)
 
     def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
-        """A bound of the fastest mode that the system can have near a state [1/s].
+        """Upper bound of the fastest rate that the system can have near a state [1/s].
 
         Zero where the modes at the samples tell enough. A run may cross a steep zone between two samples, again and again.
         """
-        return jnp.zeros(())
-
-    def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
         """The parts that can be integrated side by side; empty where each acts on the others, or where they are few."""
         return []
 

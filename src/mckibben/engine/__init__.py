@@ -18,7 +18,7 @@ _PLACES = {"fastest_rate": "rates", "Signal": "signals", "held": "signals", "ram
 
 
 def __getattr__(name: str) -> Any:
-    """What `__all__` names, from the module that has it."""
+    """Load the names of `__all__` from their modules on first use."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(importlib.import_module(f"{__name__}.{_PLACES.get(name, 'integration')}"), name)

@@ -35,7 +35,7 @@ PROBES = 256  # states at which the rates are examined
 
 
 class Result(enum.Enum):
-    """What became of a run."""
+    """Result code of a run."""
 
     DONE = "The run reached its end."
     NOT_FINITE = "A state is not finite any more; a parameter or an input is far out of range."
@@ -45,7 +45,7 @@ class Result(enum.Enum):
 
 
 class Run(NamedTuple):
-    """What a run produced.
+    """Result of a run.
 
     Attributes:
         time: of the samples [s], (samples + 1,).

@@ -63,7 +63,7 @@ class Packed:
         return int(structure.num_leaves)
 
     def index(self, index: int, name: str) -> int:
-        """Where a named number of a result, a table of single numbers, stands in its vector."""
+        """Position of a named number of a result, a table of single numbers, in its vector."""
         structure: Any = self._structures[index]
         places = jax.tree.unflatten(structure, list(range(structure.num_leaves)))
         return int(places[name])

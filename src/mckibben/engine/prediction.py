@@ -17,7 +17,7 @@ _known: dict[Any, Any] = {}
 
 
 class Prediction(NamedTuple):
-    """What is predicted for values (n,), an array, and its derivatives by them, with an axis (n,) behind."""
+    """Predictions for values (n,), an array, and their derivatives, with an axis (n,) behind."""
 
     predict: Callable[[np.ndarray], np.ndarray]
     slopes: Callable[[np.ndarray], np.ndarray]

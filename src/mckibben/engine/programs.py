@@ -69,7 +69,7 @@ def program_key(function: Callable[..., Any], examples: Sequence[Any]) -> str | 
 
 @functools.cache
 def base() -> bytes:
-    """What every key depends on: sources and versions."""
+    """Part of every key that depends on sources and versions only."""
     digest = hashlib.sha256()
     versions = (sys.version, jax.__version__, np.__version__)
     for text in versions:
@@ -83,7 +83,7 @@ def base() -> bytes:
 
 
 def sources(folder: str) -> list[str]:
-    """All Python files below a folder, in one order."""
+    """All Python files below a folder, in a fixed order."""
     found: list[str] = []
     for entry in os.scandir(folder):
         if entry.is_dir(follow_symlinks=False):
@@ -121,7 +121,7 @@ class _Name:
             raise UnnamedError
 
     def static(self, value: Any) -> None:
-        """What is part of a function or of a structure: its value."""
+        """Add a constant of a function or structure to the key."""
         if isinstance(value, PLAIN):
             self.word(type(value).__name__, value)
         elif isinstance(value, Module):

@@ -1,4 +1,4 @@
-"""How fast a system's own modes are, and therefore which method and step are safe.
+"""Rates of a system's modes, and the method and step that they permit.
 
 Conservation does not show an unstable step that a saturation hides: the largest eigenvalue of the Jacobian does.
 """

@@ -28,7 +28,7 @@ MOST_SPLIT = 8  # parts of a step up to which Runge-Kutta is cheaper than the st
 
 
 class Carry(NamedTuple):
-    """Everything that goes from one sample to the next.
+    """State that is passed from one sample to the next.
 
     Attributes:
         state: of the plant.
@@ -46,7 +46,7 @@ class Carry(NamedTuple):
 
 
 class SampleResult(NamedTuple):
-    """What one sample gave: true, measured, commanded and shown.
+    """Result of a sample: true, measured, commanded and reported values.
 
     Attributes:
         outputs: of the plant, true.
@@ -68,7 +68,7 @@ class SampleResult(NamedTuple):
 def begin(
     plant: Plant, software: Software, start: tuple[Any, Any], commands: Mapping[str, float], row: Any, depth: int
 ) -> Carry:
-    """What goes into the first sample.
+    """State at the first sample.
 
     Args:
         plant: the machine.
@@ -88,7 +88,7 @@ def with_software(plant: Plant, software: Software, carry: Carry, row: Any) -> C
 
 
 def rest(plant: Plant, start: tuple[Any, Any], commands: Mapping[str, float], depth: int) -> Carry:
-    """What goes into the first sample of a machine that something else commands; see `begin`."""
+    """State at the first sample of a machine that is commanded from outside; see `begin`."""
     history = {name: jnp.full((depth,), value) for name, value in plant.convert(commands).items()}
     now = _inputs(plant, history, 0.0, 1.0, 1.0)
     sums = zero_integrals(plant, *start, now)
@@ -104,7 +104,7 @@ class Observation(NamedTuple):
 
 
 def observe(plant: Plant, carry: Carry, row: Any, *, period: Any, latency: Any) -> tuple[dict[str, Any], Observation]:
-    """What the software measures at a sample, and what a recording shows of the plant."""
+    """Measure a sample: values for the software, and values of the plant to record."""
     now = _inputs(plant, carry.history, latency, 1.0, period)
     finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((carry.state, carry.memory))]).all()
     look = Observation(
@@ -139,7 +139,7 @@ def act(
 def sample(
     plant: Plant, software: Software, carry: Carry, row: Any, *, period: Any, inner: Any, latency: Any, stiff: bool
 ) -> tuple[Carry, SampleResult]:
-    """One sample, and the physics until the next one.
+    """Compute one sample, and the physics until the next one.
 
     Args:
         plant: the machine.
@@ -171,7 +171,7 @@ def march(
 
 
 class Steps(NamedTuple):
-    """How samples are integrated: each usual step in so many parts, and whether by the stiff method."""
+    """Integration steps: number of parts of each usual step, and whether by the stiff method."""
 
     split: int = 1
     stiff: bool = False
@@ -181,7 +181,7 @@ class Steps(NamedTuple):
         return fastest * usual / self.split <= (ROS2_LIMIT if self.stiff else RK4_LIMIT) * (1.0 + 1e-9)
 
     def shorter(self, fastest: float, usual: float) -> Steps | None:
-        """What to try after these, for a mode that may be unknown (not finite); None where no step is short enough."""
+        """Shorter steps to try next, for a mode that may be unknown (not finite); None if no step is short enough."""
         known = math.isfinite(fastest)
         if self.split >= (MOST_PARTS if known else MOST_BLIND):
             return None

@@ -15,7 +15,7 @@ from .native import EngineFunction, compile_function
 
 
 class Split(NamedTuple):
-    """Where the numbers of each part stand among those of the whole.
+    """Positions of the numbers of each part among those of the whole.
 
     Attributes:
         example: the first part, (system, state, memory, signals).

@@ -11,14 +11,14 @@ from ..quantities import as_array
 
 
 class Value(NamedTuple):
-    """What a system sees of a signal: its value, and its rate of change [1/s] (zero while held)."""
+    """Value of a signal and its rate of change [1/s] (zero while held)."""
 
     value: Scalar
     rate: Scalar
 
 
 class Signal(Module):
-    """One value per sample, shape (samples + 1,) or (samples + 1, ...); the last one ends the last interval.
+    """A sampled signal, shape (samples + 1,) or (samples + 1, ...); the last value ends the last interval.
 
     A delay [s] need not be a whole number of samples; before its first value a signal has that value. A straight signal is
     differentiable by its delay, a held one is not.
@@ -39,7 +39,7 @@ class Signal(Module):
         return self._between(jnp.maximum(index, 0), jnp.where(before, share + 1.0, share), period, index >= 0)
 
     def within(self, index: Any, begin: Any, end: Any, share: Any, period: Any) -> Value:
-        """What a step from `begin` to `end`, shares of the interval at `index`, sees at a share of itself.
+        """Value at a share of a step from `begin` to `end`, themselves shares of the interval at `index`.
 
         A held signal that is late by a part of a sample may jump inside the step. All stages then see its mean over the
         step, which keeps the second order; at the instant itself, some stages would see the old value and some the new one.
@@ -67,7 +67,7 @@ class Signal(Module):
         return Value(begin + moved * share, moved / period)
 
     def delayed(self, delay: Any) -> Signal:
-        """The same signal later by a time [s]."""
+        """Return the signal delayed by a time [s]."""
         before = 0.0 if self.delay is None else self.delay
         return Signal(self.values, self.straight, jnp.asarray(before + delay, float))
 

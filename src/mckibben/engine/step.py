@@ -1,4 +1,4 @@
-"""One step of the integration, the only place where one is taken.
+"""Integration steps; no other module takes one.
 
 Without memory: the classical Runge-Kutta method, order 4 on smooth problems. With memory (friction): symmetric splitting.
 The memory is advanced through the first half of the step, the continuous state is stepped with the memory held, and the
@@ -59,7 +59,7 @@ def advance_memory_of(system: System, memory: Any, start: Moment, end: Moment, d
 
 
 def axpy(a: Any, x: Any, y: Any) -> Any:
-    """Two trees as y + a x."""
+    """Add two trees: y + a x."""
     return jax.tree.map(lambda u, v: v + a * u, x, y)
 
 

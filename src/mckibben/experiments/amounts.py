@@ -30,7 +30,7 @@ class Amount:
         return self.value * rest_length if self.unit in RELATIVE else self.value
 
     def sentence(self) -> str:
-        """As a person reads it."""
+        """Format the amount for a person."""
         return words(self.value, self.unit)
 
 

@@ -1,4 +1,4 @@
-"""What the valve or the motor does in a step: follow a waveform, ramp to a value, isolate the muscle, and others.
+"""Commands of valve and motor in a step: follow a waveform, ramp to a value, isolate the muscle, and others.
 
 A command is one class: how its words are read, what the rig must have for it, its set-points, and its sentence. An installed
 package adds one by an entry point of the group ``mckibben.steps``.
@@ -47,7 +47,10 @@ class Deferred:
 
 @dataclass(frozen=True)
 class Reach:
-    """Where a set-point or the span lies, as far as it is known beforehand [SI]; `low` equals `high` where it is certain."""
+    """Range in which a set-point or the span lies, as far as it is known in advance [SI].
+
+    `low` equals `high` if it is certain.
+    """
 
     low: float
     high: float
@@ -87,7 +90,7 @@ class StepClock:
 
 
 class Command(abc.ABC):
-    """One way to drive a channel in a step."""
+    """A way to drive a channel in a step."""
 
     digest_name: ClassVar[str]  # under which the hash of a protocol knows it; never changes
 
@@ -107,18 +110,18 @@ class Command(abc.ABC):
 
     @abc.abstractmethod
     def set_points(self, before: Reach, clock: StepClock) -> SetPoints:
-        """Its set-points, where the channel is `before` the step [SI]."""
+        """Set-points, for a channel that is `before` the step [SI]."""
 
     @abc.abstractmethod
     def sentence(self, channel: str) -> str:
-        """It in words, with all its numbers."""
+        """Describe the command, with all its numbers."""
 
     def duration(self, start: Reach, rest_length: float) -> float | None:
         """Time that it takes by itself from a start [s]; NaN where that is not known, None where the step decides."""
         return None
 
     def target(self, rest_length: float) -> float | None:
-        """Where it goes whatever the start is [SI]; None where its set-points say that."""
+        """Final value, independent of the start [SI]; None if only the set-points determine it."""
         return None
 
     def check(self, step: ProtocolStep) -> None:  # noqa: B027 - most go together with any step
@@ -179,7 +182,7 @@ class Follow(Command):
         return known_set_points(values[:-1], float(values[-1] if self.waveform.straight else values[-2]), clock)
 
     def sentence(self, channel: str) -> str:
-        """Such as ``span as triangle from 0.75 L0 to 1 L0 at 1 Hz``, ``pressure 5 bar``."""
+        """Describe the command, such as ``span as triangle from 0.75 L0 to 1 L0 at 1 Hz``, ``pressure 5 bar``."""
         if self.mixed is not None:
             return f"{channel} as {table_words(self.mixed, self.unit)}"
         joint = "" if isinstance(self.waveform, Constant) else "as "
@@ -247,7 +250,7 @@ class RampTo(Command):
         return known_set_points(values[:-1], end, clock)
 
     def sentence(self, channel: str) -> str:
-        """Such as ``pressure to 5 bar in 1 s``."""
+        """Describe the command, such as ``pressure to 5 bar in 1 s``."""
         way = f"at {self.speed.sentence()}" if self.speed is not None else f"in {time_words(self.seconds or 0.0)}"
         return f"{channel} to {self.to.sentence()} {way}"
 
@@ -325,7 +328,7 @@ class DirectionDependent(Command):
         return PointTable(times=tuple(times), values=tuple(values))
 
     def sentence(self, channel: str) -> str:
-        """Such as ``pressure 5 bar while it shortens and 1 bar while it lengthens, in ramps of 20 ms``."""
+        """Describe it as ``pressure 5 bar while it shortens and 1 bar while it lengthens, in ramps of 20 ms``."""
         high, low = Amount(self.shortening, "Pa").sentence(), Amount(self.lengthening, "Pa").sentence()
         early = f", {time_words(self.lead)} early" if self.lead else ""
         return f"{channel} {high} while it shortens and {low} while it lengthens{early}, in ramps of {time_words(self.ramp)}"
@@ -352,12 +355,12 @@ class Isolate(Command):
         return frozenset(("shut-off",))
 
     def set_points(self, before: Reach, clock: StepClock) -> SetPoints:
-        """None; the pressure may leak to that of the room meanwhile."""
+        """No set-points; the pressure may leak towards that of the atmosphere."""
         leaked = Reach(min(0.0, before.low), max(0.0, before.high))
         return SetPoints(None, leaked, leaked)
 
     def sentence(self, channel: str) -> str:
-        """Such as ``pressure shut off``."""
+        """Describe the command, such as ``pressure shut off``."""
         return f"{channel} shut off"
 
 
@@ -412,7 +415,7 @@ def _fixed(values: np.ndarray) -> np.ndarray:
 
 
 def _shortening(motion: Waveform) -> tuple[float, float, float]:
-    """When a motion first begins to shorten within its first cycle [s], the share of the cycle it does, the period [s]."""
+    """Time at which shortening first begins within a cycle [s], its share of the cycle, and the period [s]."""
     if isinstance(motion, Triangle):
         period = 1.0 / motion.frequency
         return motion.rising * period, 1.0 - motion.rising, period

@@ -95,13 +95,13 @@ class Violation(NamedTuple):
     said: str = ""
 
     def text(self) -> str:
-        """As a sentence without its place."""
+        """Sentence without its place."""
         return self.said or compose_sentence(self.field, self.value, self.allowed)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong, in words.
+    """A violation found by the dry run.
 
     `step` is its number in the plan (0: the whole protocol), `path` its place in the protocol, `case` what was varied,
     `field` what is wrong, with its value and what is allowed.
@@ -124,7 +124,7 @@ def dry_run(
     start_span: float | None = None,
     muscle_estimate: Estimate | None = None,
 ) -> list[Finding]:
-    """All that is wrong with a protocol on a rig; nothing moves, and an empty list means that it may start.
+    """Check a protocol against the limits of a rig without moving anything; an empty list permits the start.
 
     Args:
         protocol: what to do.
@@ -141,7 +141,7 @@ def dry_run(
 
 
 def check_plan(plan: ProtocolPlan, limits: Limits, muscle_estimate: Estimate | None = None) -> list[Finding]:
-    """The same for a plan; each thing is named once for a place and a case, however often it is repeated."""
+    """Check a plan; each violation is reported once per place and case, however often it is repeated."""
     findings = [_finding(None, f) for f in _whole(plan, limits)]
     seen: dict[str, Finding] = {}
     for step in plan.steps:
@@ -232,7 +232,7 @@ def check_lengths(protocol: Protocol, limits: Limits, rest_length: float) -> Non
 
 
 def _check_pressure(step: PlannedStep, limits: Limits, dt: float) -> Iterator[Violation]:
-    """Everything wrong with the pressure of a step."""
+    """Violations by the pressure of a step."""
     command = step.step.pressure
     if step.pressure is None or command is None:
         return  # what is kept was judged where it was set
@@ -298,7 +298,7 @@ def _rate(limits: Limits) -> str:
 def _check_motion(
     step: PlannedStep, limits: Limits, dt: float, estimate: Estimate | None, rest_length: float
 ) -> Iterator[Violation]:
-    """Everything wrong with the span and the velocity of a step."""
+    """Violations by the span and the velocity of a step."""
     if step.mode == "tension" or (step.mode == "span" and step.step.motor is None and step.index > 1):
         return  # what is kept was judged where it was set
     low, high = limits.span
@@ -347,7 +347,7 @@ def _uncertain(step: PlannedStep, line: Deferred, limits: Limits, estimate: Esti
 
 
 def _check_tension_control(step: PlannedStep, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:
-    """Everything wrong with the force that the motor shall hold."""
+    """Violations by the force that the motor shall hold."""
     if step.mode != "tension" or not isinstance(step.motor, np.ndarray):
         return
     reach = Reach(float(step.motor.min()), float(step.motor.max()))
@@ -466,7 +466,7 @@ def _check_until(
 
 
 def _reach(step: PlannedStep, plan: ProtocolPlan, limits: Limits, estimate: Estimate | None) -> tuple[Reach, str]:
-    """Where the channel of a step's test can be, and by what."""
+    """Range of the channel that a step's condition tests, and its cause."""
     assert step.until is not None
     channel = step.until.channel
     if channel == "pressure":

@@ -23,7 +23,7 @@ LONGEST = 20_000_000  # samples
 
 @dataclass(frozen=True, eq=False)
 class PlannedStep:
-    """One step of the plan.
+    """A step of the plan.
 
     `index` counts from 1, `path` is its place in the protocol; `start` and `count` are samples, the latest and the most
     where a test may end a step early. `pressure` [Pa] and `motor` [unit of `mode`] are set-points of shape (count,), or
@@ -49,7 +49,7 @@ class PlannedStep:
 
     @property
     def until(self) -> Until | None:
-        """What ends it early."""
+        """Condition that ends the step early."""
         return self.step.until
 
     @property
@@ -65,7 +65,7 @@ class PlannedStep:
 
 @dataclass(frozen=True, eq=False)
 class ProtocolPlan:
-    """All steps on the sample clock; `sample_rate` [1/s], `rest_length` of the muscle [m]."""
+    """Steps on the sample clock; `sample_rate` [1/s], `rest_length` of the muscle [m]."""
 
     protocol: Protocol
     rest_length: float
@@ -78,7 +78,7 @@ class ProtocolPlan:
 
     @property
     def samples(self) -> int:
-        """All of them, the most that it may take."""
+        """Number of samples, at most."""
         return sum(s.count for s in self.steps)
 
     @property
@@ -113,7 +113,7 @@ def expand(protocol: Protocol, *, rest_length: float, start_span: float | None =
 
 
 class _State:
-    """Where the set-points are between two steps."""
+    """Set-points between two steps."""
 
     def __init__(self, rest_length: float, dt: float, pressure: Reach, span: Reach) -> None:
         self.rest, self.dt = rest_length, dt
@@ -156,7 +156,7 @@ class _State:
         return max(lines) if stated is None else stated
 
     def _span(self, mode: str, motor: SetPoints, step: ProtocolStep) -> tuple[Reach, Reach]:
-        """Where the span goes in a step, and where it is afterwards."""
+        """Range of the span during and after a step."""
         if mode == "span":
             return motor.reach, motor.after
         if mode == "tension" or not isinstance(motor.values, np.ndarray):

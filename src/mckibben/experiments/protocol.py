@@ -37,7 +37,7 @@ class ProtocolParameter:
     note: str = ""
 
     def table(self) -> dict[str, Any]:
-        """As the table of a file."""
+        """Return the parameter as a table of a file."""
         out: dict[str, Any] = {"unit": self.unit}
         if self.values:
             out["value"] = _few(self.values)
@@ -68,7 +68,7 @@ class ProtocolChoice:
         return dict(dict(self.options)[option])
 
     def table(self) -> dict[str, Any]:
-        """As the table of a file."""
+        """Return the choice as a table of a file."""
         out: dict[str, Any] = {"value": _few(self.values)}
         if self.about:
             out["about"] = self.about
@@ -82,7 +82,7 @@ class ProtocolChoice:
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
-    """What is done to a muscle: `first` once, then `steps` for every case and repeat, then `last`.
+    """An experiment on a muscle: `first` once, then `steps` for every case and repeat, then `last`.
 
     A case is one value of every parameter and choice. `needs` are sensors and parts that a rig must have beside those that
     the steps ask for. `sample_rate` [1/s].
@@ -108,7 +108,7 @@ class Protocol:
         return {c.name: c.values for c in self.choices} | {p.name: p.values for p in self.parameters}
 
     def cases(self) -> list[dict[str, Any]]:
-        """Every case in the order in which it is done: the value of each name."""
+        """Cases in the order in which they are run: the value of each name."""
         varied = {name: values for name, values in self.variables().items() if values}
         listed = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
         cases = [self._with_choices(case) for _ in range(self.repeat) for case in listed]
@@ -147,7 +147,7 @@ class Protocol:
         return protocol_sentence(self)
 
     def document(self) -> dict[str, Any]:
-        """As tables of words: what `read.build_protocol` takes, and what is saved with a recording."""
+        """Return the protocol as tables of text, which `read.build_protocol` takes and recordings contain."""
         out: dict[str, Any] = {"schema": SCHEMA, "name": self.name, "title": self.title}
         for key in ("source", "note", "order", "seed", "repeat"):
             if getattr(self, key) != type(self).__dataclass_fields__[key].default:
@@ -166,7 +166,7 @@ class Protocol:
         return out
 
     def toml(self) -> str:
-        """As the text of a file."""
+        """Return the protocol as the text of a file."""
         import tomlkit
 
         return tomlkit.dumps(self.document())

@@ -89,7 +89,7 @@ def build_protocol(document: Mapping[str, Any], *, where: str) -> Protocol:
 
 
 def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | None = None) -> Protocol:
-    """The same protocol with other values of its parameters, choices and settings.
+    """Return a protocol with other values of its parameters, choices and settings.
 
     Args:
         protocol: what is changed.
@@ -156,7 +156,7 @@ def checked(protocol: Protocol, where: str | None) -> Protocol:
 
 
 def _check_choices(protocol: Protocol, where: str | None) -> None:
-    """What choices set are parameters, and values that these allow."""
+    """Check that choices set parameters, to values that these allow."""
     parameters = {p.name: p for p in protocol.parameters}
     for c in protocol.choices:
         for option, sets in c.options:
@@ -281,13 +281,13 @@ def _needs(top: FileTable) -> tuple[str, ...]:
 
 
 def protocol_names() -> list[str]:
-    """Of all shipped protocols, sorted."""
+    """Names of all shipped protocols, sorted."""
     folder = resources.files(__package__) / "protocols"
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
 def shipped(name: str, *, where: str | None = None) -> Protocol:
-    """One of them as it ships.
+    """Load a shipped protocol unchanged.
 
     Raises:
         InputError: if there is none of that name.
@@ -299,7 +299,7 @@ def shipped(name: str, *, where: str | None = None) -> Protocol:
 
 
 def protocol(name: str, **values: Any) -> Protocol:
-    """One of them with other values of its parameters, such as ``protocol("quasi-static", pressure="5 bar")``.
+    """Load a shipped protocol with values of its parameters, such as ``protocol("quasi-static", pressure="5 bar")``.
 
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.

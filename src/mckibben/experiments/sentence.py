@@ -42,7 +42,7 @@ def protocol_sentence(protocol: Protocol) -> str:
 
 
 def clauses(protocol: Protocol) -> list[tuple[str, str]]:
-    """Every step or group in words, with its dotted path such as ``steps.2``, in the order in which they are done."""
+    """Describe every step or group, with its dotted path such as ``steps.2``, in the order in which they are run."""
     cases = protocol.cases()
     varied, found = _varied(cases), []
     for section, case in (("first", cases[0]), ("steps", _told(protocol, cases[0])), ("last", cases[-1])):

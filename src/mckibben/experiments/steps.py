@@ -26,7 +26,7 @@ def _read_until(raw: Any, place: Place) -> Until:
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolStep:
-    """One step. A channel without a command keeps its last set-point; `mode` says what the motor controls.
+    """A step. A channel without a command keeps its last set-point; `mode` states what the motor controls.
 
     It ends after `duration` [s] or `cycles` of its waveform, or earlier by `until`; with neither it lasts as long as its
     lines. `otherwise` says what follows when a test did not come true within the time: ``stop`` or ``go on``. `ask` is
@@ -46,7 +46,7 @@ class ProtocolStep:
     record: bool = True
 
     def commands(self) -> Iterator[tuple[str, Command]]:
-        """Every command with its channel."""
+        """Iterate over the commands with their channels."""
         if self.pressure is not None:
             yield "pressure", self.pressure
         if self.motor is not None and self.mode is not None:
@@ -64,7 +64,7 @@ class ProtocolStep:
         return found
 
     def frequency(self) -> float | None:
-        """Of its periodic waveform, the motor's first [1/s]."""
+        """Frequency of the periodic waveform, the motor's first [1/s]."""
         for command in (self.motor, self.pressure):
             if isinstance(command, Follow):
                 rate = getattr(command.waveform, "frequency", None)
@@ -78,7 +78,7 @@ class ProtocolStep:
         return self.duration if self.cycles is None or rate is None else self.cycles / rate
 
     def sentence(self) -> str:
-        """In words, with all its numbers."""
+        """Describe the step, with all its numbers."""
         said = [f"ask to {self.ask}"] if self.ask else []
         said += [command.sentence(channel) for channel, command in self.commands()]
         if self.until is not None:
@@ -127,12 +127,12 @@ def bind(
 
 
 def repeats(entry: FileTable) -> int:
-    """How often a step or a group is done; once where it is not said."""
+    """Number of repeats of a step or group; once by default."""
     return entry.whole("repeat", 0, 100_000, 1)
 
 
 def substituted(value: Any, case: Mapping[str, Any], path: str, where: str | None) -> Any:
-    """Words with the values of their ``$names``; a list of steps is left for later."""
+    """Replace ``$names`` by their values; a list of steps is left for later."""
     if isinstance(value, Mapping):
         return {k: v if k == "steps" else substituted(v, case, f"{path}.{k}", where) for k, v in value.items()}
     if isinstance(value, tuple | list):
@@ -148,7 +148,7 @@ def substituted(value: Any, case: Mapping[str, Any], path: str, where: str | Non
 
 
 def names_in(value: Any) -> set[str]:
-    """All parameters that words refer to."""
+    """Names of all parameters that a value refers to."""
     if isinstance(value, Mapping):
         return set().union(*(names_in(v) for v in value.values())) if value else set()
     if isinstance(value, tuple | list):

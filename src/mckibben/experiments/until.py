@@ -1,4 +1,4 @@
-"""What ends a step before its time: a test on measured channels, in words and as a pure step on the sample clock.
+"""Conditions that end a step early: tests of measured channels, as text and as a pure function on the sample clock.
 
 tension >= 60 N
 span <= 0.8 L0 for 10 ms
@@ -31,7 +31,7 @@ START = (float("inf"), 0.0)  # the state before the first sample
 
 @dataclass(frozen=True)
 class Until:
-    """One test on one measured channel.
+    """A test of one measured channel.
 
     ``kind`` is ``>=`` or ``<=`` (a threshold), ``settled`` (it has stayed within `amount` of where it was when it last left
     that band) or ``close`` (within `amount` of its set-point). It holds once it was true for `lasting` [s] without a break.
@@ -47,7 +47,7 @@ class Until:
         return START
 
     def step(self, state: Any, measured: Mapping[str, Any], command: Any, dt: float, rest_length: float) -> Any:
-        """One sample later: the new state, and whether the step ends; see `advance`.
+        """Advance by one sample; return the new state, and whether the step ends; see `advance`.
 
         Args:
             state: of `start` or of the sample before.
@@ -60,7 +60,7 @@ class Until:
         return advance(KINDS.index(self.kind), state, measured[self.channel], limit, self.lasting, command, dt)
 
     def sentence(self) -> str:
-        """In words."""
+        """Describe the test."""
         lasting = f" for {time_words(self.lasting)}" if self.lasting else ""
         if self.kind == "settled":
             return f"{self.channel} settled within {self.amount.sentence()}{lasting}"
@@ -70,7 +70,9 @@ class Until:
 
 
 def advance(kind: Any, state: Any, x: Any, limit: Any, lasting: Any, command: Any, dt: Any) -> Any:
-    """One sample of a test: the new state, and whether it holds. Straight-line; for floats, arrays and traces.
+    """Advance a test by one sample; return the new state, and whether it holds.
+
+    Straight-line; for floats, arrays and traces.
 
     Args:
         kind: index into `KINDS`.

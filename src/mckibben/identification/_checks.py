@@ -1,4 +1,4 @@
-"""What a least-squares fit must have done before its numbers are worth anything.
+"""Checks that a least-squares fit has converged to a usable solution.
 
 A solver reports success as soon as it can go no further, also where it never moved because the derivatives that it was given
 say that nothing changes. Such a fit returns its first guesses, with intervals, and looks like a finding.

@@ -64,7 +64,7 @@ class CircuitProblem:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the free parameters, in order."""
+        """Names of the free parameters, in order."""
         return tuple(self.paths)
 
     def logarithmic(self, i: int) -> bool:
@@ -82,7 +82,7 @@ class CircuitProblem:
             return float(self.size[i] * (np.exp(x) if self.logarithmic(i) else x))
 
     def values(self, x: np.ndarray) -> list[float]:
-        """All of them."""
+        """Values of all parameters."""
         return [self.value(i, v) for i, v in enumerate(x)]
 
     @property
@@ -97,7 +97,7 @@ class CircuitProblem:
         return both[:, 0], both[:, 1]
 
     def residual(self, x: np.ndarray) -> np.ndarray:
-        """All predictions less what was measured [SI], finite also where a run fails."""
+        """Predictions minus measurements [SI], finite also where a run fails."""
         values = np.asarray(self.values(x))
         off = [
             m.predict(values) - np.stack(list(t.measured.values()))
@@ -171,7 +171,7 @@ HALVINGS = 4  # of the step, before a run with fitted parameters is given up
 
 
 class ChannelError(NamedTuple):
-    """How a predicted channel compares with the measured one [SI]."""
+    """Errors of a predicted channel [SI]."""
 
     trial: str
     channel: str

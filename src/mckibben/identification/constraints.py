@@ -24,7 +24,7 @@ KINDS = {"tension": "N", "stiffness": "N/m", "free_length": "m", "volume": "m^3"
 
 
 class Constraint(NamedTuple):
-    """One printed number.
+    """A printed number to be met.
 
     Attributes:
         what: ``tension``, ``stiffness``, ``free_length`` or ``volume``.
@@ -39,7 +39,7 @@ class Constraint(NamedTuple):
     length: float | None = None
 
     def of(self, law: TensionLaw) -> Any:
-        """The same number according to a law [SI]."""
+        """Value of the number according to a law [SI]."""
         if self.what == "free_length":
             return law.free_length(self.pressure)
         formula = {"tension": law.braid_tension, "stiffness": law.braid_stiffness, "volume": law.braid_volume}[

@@ -30,7 +30,7 @@ FEWEST = 8
 
 @dataclass(frozen=True)
 class CreepFit(PartialFit):
-    """What is known of the creep after a step; errors in metres of stroke, prediction less measurement."""
+    """Result of a fit of creep after a step; errors in metres of stroke, prediction less measurement."""
 
     law: str
     amplitudes: tuple[Estimate, ...]  # a_i [m], signed

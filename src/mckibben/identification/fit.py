@@ -31,8 +31,8 @@ RESOLUTION = 1e-6
 INDIFFERENT = 2.0
 
 
-class Errors:
-    """What is made of errors of the tension [N]."""
+class ErrorMeasures:
+    """Measures of the errors of a predicted tension [N], mixed into classes that have them as `error`."""
 
     error: np.ndarray
 
@@ -48,8 +48,8 @@ class Errors:
 
 
 @dataclass(frozen=True)
-class Fit(Errors):
-    """What is known of one law after a fit; errors in newton, of the tension that a sensor would see.
+class Fit(ErrorMeasures):
+    """Result of a fit of one law; errors in newton, of the tension that a sensor would measure.
 
     Attributes:
         law: its name.
@@ -112,7 +112,7 @@ class Fit(Errors):
 
 
 @dataclass(frozen=True)
-class Holdout(Errors):
+class Holdout(ErrorMeasures):
     """Errors on points that a separate fit was not shown [N]."""
 
     what: str
@@ -239,7 +239,7 @@ def rank(fits: Iterable[Fit]) -> list[Fit]:
 
 
 def degenerate_words(fit: Fit) -> list[str]:
-    """What is to be said of the parameters that were counted out of the criterion, one phrase each."""
+    """Describe the parameters that do not count in the criterion, one phrase each."""
     return [f"{name} at its bound" for name in fit.at_bound] + [f"{name} not in the data" for name in fit.not_contained]
 
 

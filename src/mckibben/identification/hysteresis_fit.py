@@ -88,7 +88,7 @@ SEED, SHAKEN, SHAKE = 1, 6, 0.3
 
 @dataclass(frozen=True)
 class LoopFit(PartialFit):
-    """What is known of a friction after a fit to a loop; errors in metres of stroke, prediction less measurement."""
+    """Result of a fit of friction to a loop; errors in metres of stroke, prediction less measurement."""
 
     model: str
     law: bool
@@ -208,7 +208,7 @@ def fit_loops(record: PathRecord, *, models: Iterable[str] = SMOOTH, **options: 
 def _parameters(
     record: PathRecord, model: str, law: TensionLaw | None, known: dict[str, float], knots: int
 ) -> tuple[dict[str, Free], dict[str, float]]:
-    """What is free, and what is fixed, by name."""
+    """Free and fixed parameters, by name."""
     every = dict(MODELS[model][1])
     settled = {"spring": 0.0, "pressure_zero": 0.0} if law is not None else {}
     if law is not None:

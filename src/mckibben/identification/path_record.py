@@ -46,7 +46,7 @@ class PathRecord:
             raise InputError("pressure", "no turning point", "a loop rises and falls", where=self.name)
 
     def with_stroke(self, stroke: np.ndarray) -> PathRecord:
-        """The same path of pressure with another stroke [m]."""
+        """Return the path of pressure with another stroke [m]."""
         return replace(self, stroke=stroke)
 
     @property

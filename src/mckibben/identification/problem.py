@@ -1,4 +1,4 @@
-"""One identification problem: a law, what is known of it, what is free, the points to meet; and its solution.
+"""Identification problem: a law, its known and free parameters, the data; and its solution.
 
 The solution is a bounded least squares from many starting points, with derivatives by automatic differentiation.
 """
@@ -138,7 +138,7 @@ class Problem:
 
 
 def _freed(kind: type[TensionLaw], given: Mapping[str, Any], points: ForceMap) -> tuple[str, ...]:
-    """What a law frees by default.
+    """Parameters of a law that are free by default.
 
     A dimension that nobody gave is freed in place of what it would make redundant; a parameter that so few lengths cannot
     show is not.

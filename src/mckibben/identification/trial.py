@@ -1,4 +1,4 @@
-"""One measured run of a circuit: what drove it, what was recorded, its prediction, and how a recording becomes one."""
+"""Measured runs of a circuit: input signals, records, and predictions."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ def matching(pattern: str, circuit: Circuit, signals: Iterable[str]) -> tuple[st
 
 
 def expand(patterns: Iterable[str], trial: Trial) -> dict[str, tuple[str, ...]]:
-    """The dotted paths of every pattern; one value serves all paths of a pattern.
+    """Expand patterns to dotted paths; one value serves all paths of a pattern.
 
     Raises:
         InputError: for a pattern that matches nothing, and for a path that two patterns match.

@@ -1,4 +1,4 @@
-"""How far the data fix each parameter, and how good a fit is: intervals, correlations, Akaike's criterion, errors."""
+"""Uncertainty of parameters and quality of fits: intervals, correlations, Akaike's criterion, errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a muscle is: braid, tension laws, friction with memory, passive elements, biological muscle."""
+"""Muscle models: braid, tension laws, friction with memory, passive elements, biological muscle."""
 
 from .build import build_law as law
 from .build import from_specimen, law_from_specimen

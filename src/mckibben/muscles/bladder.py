@@ -1,4 +1,4 @@
-"""Where the gas of a braided muscle lives: the bladder, and from its threshold on the braid.
+"""Gas volume of a braided muscle: of the bladder, and from its threshold on of the braid.
 
 Below the threshold pressure the bladder bounds the gas, so the volume does not depend on the length; above it the braid
 does. Slices of the bladder reach the braid each at its own threshold, spread over ``threshold_width``. Tension and

@@ -20,13 +20,13 @@ SMALLEST_SINE = 1e-3
 
 
 class BraidShape(NamedTuple):
-    """What says a braid: length of one thread [m] and its turns [1]."""
+    """Dimensions of a braid: length of one thread [m] and its turns [1]."""
 
     thread_length: Any
     turns: Any
 
     def diameter(self, length: float) -> float:
-        """At a length [m]; a plain number."""
+        """Diameter at a length [m]; a plain number."""
         return float(diameter(length, thread_length=self.thread_length, turns=self.turns))
 
     def degrees(self, length: float) -> float:

@@ -92,7 +92,7 @@ def required_fields(kind: type[TensionLaw]) -> list[str]:
 
 
 def law_names() -> list[str]:
-    """All tension laws by name."""
+    """Names of all tension laws."""
     return list(LAWS)
 
 

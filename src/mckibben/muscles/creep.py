@@ -54,7 +54,7 @@ class MaxwellChain(MemoryElement):
         return cls(stiffness=jnp.asarray(stiffness, float) / elements * np.ones(elements), time_constant=times)
 
     def initial(self) -> Scalar:
-        """Fully relaxed, shape (elements,) [m]."""
+        """Fully relaxed state, shape (elements,) [m]."""
         return jnp.zeros(jnp.broadcast_shapes(self.stiffness.shape, self.time_constant.shape, (1,)))
 
     def advance(
@@ -101,7 +101,7 @@ class KelvinVoigtChain(Module):
         return cls(compliance=jnp.asarray(compliance, float) / elements * np.ones(elements), time_constant=times)
 
     def initial(self) -> Scalar:
-        """No extension, shape (elements,) [m]."""
+        """State without extension, shape (elements,) [m]."""
         return jnp.zeros(jnp.broadcast_shapes(self.compliance.shape, self.time_constant.shape, (1,)))
 
     def advance(self, state: Scalar, force: Any, *, duration: Any) -> Advanced:

@@ -52,7 +52,7 @@ class Viscous(ForceElement):
         return self.damping * jnp.asarray(velocity, float) + 0.0 * jnp.asarray(length)
 
     def stored_energy(self, length: Any) -> Scalar:
-        """None [J]."""
+        """Stored energy, zero [J]."""
         return 0.0 * jnp.asarray(length, float)
 
 
@@ -119,7 +119,7 @@ class Series(Module):
     mass: Scalar = quantity("kg", (1e-6, 1e3), "mass of each node, shape (elements - 1,)", symbol="m", default=0.02)
 
     def initial(self, lengths: Any) -> SeriesState:
-        """At rest, given the lengths of all elements but the last, shape (..., elements - 1) [m]."""
+        """State at rest, given the lengths of all elements but the last, shape (..., elements - 1) [m]."""
         position = jnp.cumsum(jnp.asarray(lengths, float), axis=-1)
         return SeriesState(position, jnp.zeros_like(position))
 

@@ -1,4 +1,4 @@
-"""What a tension law is: two formulas, from which tension, volume, stiffness and free length follow for all laws alike.
+"""Interface of tension laws: two formulas, from which tension, volume, stiffness and free length follow for all laws.
 
 A law gives the tension of the empty braid, ``elastic_tension(L)``, and the gas energy ``gas_energy(L, P')``. Then
 
@@ -23,7 +23,7 @@ from ..quantities import with_unit
 
 
 class LawState(NamedTuple):
-    """Everything a law says at one span and pressure; arrays broadcast alike."""
+    """State of a law at one span and pressure; arrays broadcast alike."""
 
     tension: Scalar  # [N], >= 0
     passive: Scalar  # [N], signed, without gas
@@ -115,7 +115,7 @@ class TensionLaw(Module):
         return jnp.where(taut, self.braid_stiffness(span, pressure), 0.0)
 
     def state(self, span: Any, pressure: Any) -> LawState:
-        """All of the above at once."""
+        """Evaluate the complete state."""
         span, pressure = _together(span, pressure)
         passive, active = self.elastic_tension(span), self.active_tension(span, pressure)
         taut, overstretched = passive + active > 0.0, self.overstretched(span)

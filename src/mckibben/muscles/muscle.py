@@ -11,7 +11,7 @@ from .law import TensionLaw
 
 
 class Muscle(Module):
-    """What a specimen is made of; immutable."""
+    """The components of a specimen; immutable."""
 
     law: TensionLaw
     friction: Hysteresis | None = None

@@ -1,4 +1,4 @@
-"""What a pressure or a length of a muscle can be: sentences on values that no muscle takes, which stop nothing.
+"""Plausibility of pressures and lengths: cautions about unusual values, which stop nothing.
 
 A law gives a tension at any pressure and length. What lies beyond the pressures that muscles are made for is said, and a
 value that can only be a slip names the unit that was probably meant.
@@ -31,7 +31,7 @@ def highest_pressure(spec: Specimen | None = None) -> tuple[float, str]:
 
 
 def pressure_caution(pressure: float, spec: Specimen | None = None, *, text: str | None = None) -> str | None:
-    """What is to be said of a gauge pressure that a muscle is to take [Pa]; None where it is usual.
+    """Caution about an unusual gauge pressure for a muscle [Pa]; None if it is usual.
 
     Args:
         pressure: gauge [Pa].
@@ -57,7 +57,7 @@ def likely_pressure(text: str) -> str:
 
 
 def length_caution(length: float, longest: float, *, text: str | None = None, name: str = "length") -> str | None:
-    """What is to be said of a length of a muscle [m] far outside of those that its law is made for; None where it is not.
+    """Caution about a length of a muscle [m] far outside the range of its law; None if it is within.
 
     No muscle shortens to half of its longest length.
 

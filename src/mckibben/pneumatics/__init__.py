@@ -1,4 +1,4 @@
-"""What air does: gas, orifices, valves, tubes, volumes, and the circuit that joins them."""
+"""Pneumatics: gas, orifices, valves, tubes, volumes, and circuits of them."""
 
 from .gas import AIR, Gas
 

@@ -196,7 +196,7 @@ def _state_flow(spec: Specimen, given: dict[str, float], effective: bool, passag
 
 
 def known_keys(kind: str) -> dict[str, Quantity]:
-    """Every key that an element can be stated by, with its declaration; other names of a key stand behind it."""
+    """Keys of an element, with their declarations; other names of a key stand behind it."""
     known = dict(declared(ELEMENTS[kind]))
     if is_driven(kind):
         known |= declared(Solenoid)
@@ -240,7 +240,7 @@ def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[st
 
 
 def _unknown(kind: str, key: str, known: Mapping[str, Quantity]) -> str:
-    """What is allowed instead of an unknown key."""
+    """Describe the keys that are allowed instead of an unknown one."""
     own = f"{kind} has {', '.join(known)}"
     if kind.endswith("_tube") and canonical(key) in SIZES:
         return f"a tube is stated by its length and bore; a part that a catalogue states by {key} is an orifice; {own}"
@@ -284,7 +284,7 @@ def _one(
     owner: Any, ways: tuple[SizeStatement, ...], given: Mapping[str, float], prefix: str, where: str | None,
     parts: Any = None,
 ) -> Any:  # fmt: skip
-    """One thing by its own fields, or by the way whose keys are given; what is missing or does not go together is named."""
+    """Build an object from its own fields, or from another set of keys; missing or conflicting keys raise an error."""
     fields = declared(owner)
     if owner is Orifice:
         sizes.one_size(given, prefix, where)

@@ -25,7 +25,7 @@ from .volume import Chamber, Reservoir, volume_of
 
 
 class Branch(NamedTuple):
-    """One element, the nodes at its ports in the element's order, and the signal that drives it."""
+    """An element, the nodes at its ports in the element's order, and the signal that drives it."""
 
     element: FlowElement
     ports: tuple[str, ...]
@@ -75,7 +75,7 @@ class Circuit(System):
         return self.at_rest(pressures, _Fixed(inputs or {}), temperature)
 
     def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any], temperature: Any = 293.15) -> Any:
-        """The same, unchecked, so that pressures may be traced, and with inputs as the engine gives them."""
+        """State and memory at rest, without checks, so that pressures may be traced; inputs as the engine gives them."""
         values = {name: jnp.asarray(pressures[name], float) for name in self.chambers}
         masses = {
             name: self.gas.mass(p, self._volume(name, p, inputs).value, temperature) for name, p in values.items()
@@ -124,11 +124,11 @@ class Circuit(System):
         return {"mass": masses, "pressure": pressures, "elements": elements}
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """What crosses the border: mass [kg/s], enthalpy, heat, work on moving walls, and of machines on the gas [W]."""
+        """Flows across the boundary: mass [kg/s], enthalpy, heat, work on moving walls, and of machines on the gas [W]."""
         return self.crossing(self.passing(state, memory, inputs))
 
     def crossing(self, now: Passing) -> dict[str, Scalar]:
-        """The same, of a moment that is known."""
+        """Flows across the boundary, from known flows."""
         out: dict[str, Any] = {
             "mass": 0.0,
             "enthalpy": 0.0,
@@ -151,7 +151,7 @@ class Circuit(System):
         return {name: jnp.asarray(value) for name, value in out.items()}
 
     def passing(self, state: Any, memory: Any, inputs: Any) -> Passing:
-        """All that the accounts need of a moment: gas, volumes, what flows where, and heat."""
+        """Quantities of a moment for the accounts: gas, volumes, flows and heat."""
         seen, volumes = self._gas_states(state, inputs), self.volumes(state, inputs)
         streams = self._streams(state, memory, seen, inputs)
         inflow, added = self._inflows(streams, seen)
@@ -160,11 +160,11 @@ class Circuit(System):
         return Passing(seen, volumes, streams, inflow, added, pressure_rates, heat)
 
     def volumes(self, state: Any, inputs: Any) -> dict[str, VolumeState]:
-        """Of every chamber."""
+        """Volumes of the chambers."""
         return {name: self._volume(name, state["pressure"][name], inputs) for name in self.chambers}
 
     def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
-        """Every element's memory after the gas at its ports has changed."""
+        """Advance the memory of every element after the gas at its ports has changed."""
         if not memory:
             return {}
         before, after = self._gas_states(*start), self._gas_states(*end)
@@ -261,7 +261,7 @@ class Circuit(System):
         return volume._replace(value=volume.value + self.inner_volume(name))
 
     def inner_volume(self, name: str) -> Scalar:
-        """What the elements at a node add to its volume [m^3]."""
+        """Volume that the elements at a node add to it [m^3]."""
         # By name: a tree that was taken apart and put together has its tables sorted.
         own = [
             inner
@@ -296,7 +296,7 @@ class Circuit(System):
     def _inflows(
         self, streams: Mapping[str, ExergyStream], seen: dict[str, GasState]
     ) -> tuple[dict[str, Inflow], Scalar]:
-        """What enters each node, and what machines add to the gas on its way [W]."""
+        """Inflow of each node, and power that machines add to the gas on its way [W]."""
         mass: dict[str, Any] = {name: 0.0 for name in self.nodes}
         enthalpy: dict[str, Any] = {name: 0.0 for name in self.nodes}
         total: Any = jnp.zeros(())

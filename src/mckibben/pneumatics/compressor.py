@@ -27,7 +27,7 @@ from .gas import AIR, Gas
 
 
 class Compressor(FlowElement):
-    """From intake to outlet; its memory is the pressure switch, 1 closed and 0 open.
+    """A compressor from intake to outlet; its memory is the pressure switch, 1 closed and 0 open.
 
     A command, where a signal gives one, is the switch of the motor: above 0.5 it runs if the pressure switch lets it.
     """
@@ -102,7 +102,7 @@ class Compressor(FlowElement):
         return flow * self.gas.cp * gas[0].temperature * jnp.where(rise > 0.0, rise, 0.0) / self.efficiency
 
     def heating(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
-        """What the gas keeps of the shaft's power [W]."""
+        """Part of the shaft's power that heats the gas [W]."""
         return ((1.0 - self.aftercooling) * self.shaft_power(gas, state, memory, command),)
 
     def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:

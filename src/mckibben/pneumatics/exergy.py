@@ -1,4 +1,4 @@
-"""Where the exergy of the gas in a circuit goes, at one moment: its rates beside those of mass and energy.
+"""Rates of exergy in a circuit at one moment, beside those of mass and energy.
 
     b(P, T) = cp (T - T0) - T0 s,   s = cp ln(T/T0) - R ln(P/P0)                       of flowing gas [J/kg]
     A       = V (P/(gamma - 1) + P0) - m (T0 s + cp T0)                                 of gas in a volume [J]
@@ -73,7 +73,7 @@ class Passing(NamedTuple):
 
 
 def path_name(element: FlowElement, name: str, path: tuple[int, int]) -> str:
-    """What a path is called: like its element where that has one, else with both ports."""
+    """Name of a path: that of its element if it has only one path, else with both ports."""
     i, j = path
     return name if len(element.paths) == 1 else f"{name}.{element.ports[i]}_to_{element.ports[j]}"
 
@@ -171,7 +171,7 @@ def exergies(circuit: Circuit, now: Passing, room: Environment) -> dict[str, Sca
 
 
 def _on_a_path(circuit: Circuit, stream: ExergyStream, seen: Mapping[str, Seen], dead: DeadState) -> dict[str, Scalar]:
-    """What is throttled on a path, mixed at its end, enters from a reservoir, or is thrown away [W]."""
+    """Exergy rates of a path: throttling, mixing at its end, inflow from a reservoir, and discharge [W]."""
     (a, b), flow = stream.ends, stream.flow
     ahead, size = flow >= 0.0, jnp.abs(flow)
     taken = given = Seen(*(jnp.where(ahead, *both) for both in zip(seen[a], seen[b], strict=True)))
@@ -233,7 +233,7 @@ def lines_of(circuit: Circuit) -> list[frozenset[str]]:
 
 
 def kind_of(element: FlowElement) -> str:
-    """What an element is to the account: tube, leak, machine, or valve."""
+    """Kind of an element in the account: tube, leak, machine, or valve."""
     if isinstance(element, tuple(TUBES.values())):
         return "tube"
     if isinstance(element, Leak):
@@ -248,7 +248,7 @@ def role_of(circuit: Circuit, element: str, ends: tuple[str, str]) -> str:
 
 
 def paths_of(circuit: Circuit) -> dict[str, tuple[str, tuple[str, str]]]:
-    """Of every path: its element, and the nodes at its ends."""
+    """Element of every path, and the nodes at its ends."""
     return {
         path_name(e, name, (i, j)): (name, (circuit.ends[name][0][i], circuit.ends[name][0][j]))
         for name, e in circuit.elements.items()

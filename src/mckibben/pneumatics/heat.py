@@ -1,4 +1,4 @@
-"""How the gas in a volume exchanges heat: isothermal, polytropic, adiabatic, or with a wall.
+"""Heat transfer of the gas in a volume: isothermal, polytropic, adiabatic, or with a wall.
 
 Every node keeps mass and pressure; the temperature follows from the gas law. With V(L, P') a moving volume,
 
@@ -32,7 +32,7 @@ class VolumeState(NamedTuple):
 
 
 class Inflow(NamedTuple):
-    """What enters a volume: mass [kg/s] and enthalpy [W]."""
+    """Flow into a volume: mass [kg/s] and enthalpy [W]."""
 
     mass: Scalar
     enthalpy: Scalar
@@ -99,5 +99,5 @@ class WallHeat(HeatModel):
 
 
 def adiabatic() -> WallHeat:
-    """No heat at all."""
+    """Return a wall without heat transfer."""
     return WallHeat(conductance=0.0)

@@ -49,7 +49,7 @@ DISCHARGE = Quantity("1", (0.01, 1.0), "discharge coefficient", "Cd", (0.6, 0.95
 
 @dataclasses.dataclass(frozen=True)
 class SizeStatement:
-    """One way to state an element besides by its own fields: what it needs, what it may have, and what makes it."""
+    """A way to state an element other than by its fields: required keys, optional keys, and the conversion."""
 
     needs: Mapping[str, Quantity]
     may: Mapping[str, Quantity]

@@ -1,4 +1,4 @@
-"""What a network must be before anything flows: closed at every node, driven, and without supplies in short circuit."""
+"""Checks of a network's topology: closed at every node, driven, and without short-circuited supplies."""
 
 from __future__ import annotations
 

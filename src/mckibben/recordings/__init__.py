@@ -1,4 +1,4 @@
-"""What happened: measured and simulated data, and how they are read and stored."""
+"""Recordings: measured and simulated data, their formats and storage."""
 
 from ._text_records import read_record
 from .files import convert, read_any, read_recording, write

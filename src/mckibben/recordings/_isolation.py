@@ -37,7 +37,7 @@ sys.stdout.buffer.write(pickle.dumps(found))
 
 
 def seal(path: Path) -> None:
-    """Put a seal at the end of a file."""
+    """Append a seal to a file."""
     digest = _digest(path, os.path.getsize(path))
     with open(path, "ab") as stream:
         stream.write(MARK + digest)

@@ -143,7 +143,7 @@ def _checked(path: Path) -> bool:
 
 
 def _leaves(found: Mapping[str, Any], before: str, depth: int) -> list[tuple[str, Any]]:
-    """Everything that is no struct, under its dotted name."""
+    """All values that are no structs, under their dotted names."""
     leaves: list[tuple[str, Any]] = []
     for key, value in found.items():
         if key.startswith("__"):

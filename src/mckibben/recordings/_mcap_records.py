@@ -169,7 +169,7 @@ def _unpacked(compression: bytes, packed: bytes, size: int) -> bytes | None:
 
 
 class Topic(NamedTuple):
-    """What a channel record says: its number, that of its schema, its name, the encoding of its messages, and the rest."""
+    """Content of a channel record: its number, that of its schema, its name, the encoding of its messages, and the rest."""
 
     number: int
     schema: int
@@ -179,7 +179,7 @@ class Topic(NamedTuple):
 
 
 class MessageSchema(NamedTuple):
-    """What a schema record says: its number, name, encoding and text."""
+    """Content of a schema record: its number, name, encoding and text."""
 
     number: int
     name: str

@@ -68,7 +68,7 @@ def _text(value: str, path: str) -> str:
 
 
 def to_json(meta: Mapping[str, Any], *, ascii_only: bool = False) -> str:
-    """One line of standard JSON."""
+    """Format the metadata as one line of standard JSON."""
     return json.dumps(_marked(meta), ensure_ascii=ascii_only, allow_nan=False)
 
 

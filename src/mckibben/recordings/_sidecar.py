@@ -1,4 +1,4 @@
-"""What a foreign format has no field for, as one line of JSON beside the numbers: names, units, kinds, meanings, the meta.
+"""Metadata that a foreign format has no field for, as one line of JSON: names, units, kinds, meanings.
 
 MCAP, MATLAB, TDMS and Parquet files of mckibben carry it; with it they give back exactly what was saved. It reads
 ``{"schema": 1, "channels": [{"name": .., "unit": .., "kind": .., "meaning": ..}, ..], "meta": {..}}``.

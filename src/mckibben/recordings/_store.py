@@ -39,7 +39,7 @@ class Variable(NamedTuple):
 
 
 class NetCDF(NamedTuple):
-    """What a netCDF file has."""
+    """Content of a netCDF file."""
 
     variables: dict[str, Variable]
     attrs: dict[str, Any]

@@ -183,6 +183,6 @@ def _check_alive(channels: Mapping[str, Channel], where: str) -> None:
 def _source(
     path: str | Path, sources: Mapping[str, ColumnSource], units: Mapping[str, str], zero: float | Mapping[str, float]
 ) -> dict[str, Any]:
-    """Where the channels come from, for the meta."""
+    """Origin of the channels, for the metadata."""
     columns = {name: {"column": c.label, "unit": units.get(name) or c.unit} for name, c in sources.items()}
     return {"file": Path(path).name, "columns": columns, "pressure_zero": zero}

@@ -60,7 +60,7 @@ def _read_date(raw: Any, place: Place) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Where a number comes from.
+    """Origin of a number.
 
     Attributes:
         method: such as ``weights``.
@@ -82,7 +82,7 @@ class Origin:
 
     @property
     def expires(self) -> datetime.datetime | None:
-        """When it does, in UTC; None where it never does."""
+        """Time of expiry, in UTC; None if it never expires."""
         if math.isinf(self.valid_for):
             return None
         try:
@@ -93,7 +93,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class CorrectionTerm:
-    """One number of a correction, its standard uncertainty with the degrees of freedom of that, and its origin.
+    """A number of a correction, its standard uncertainty with degrees of freedom, and its origin.
 
     The uncertainty is NaN, and the origin None, where nobody determined it.
     """
@@ -111,7 +111,7 @@ class CorrectionTerm:
 
 @dataclass(frozen=True, kw_only=True)
 class Correction:
-    """Of one channel.
+    """Correction of a channel.
 
     Attributes:
         unit: SI unit of the channel.
@@ -128,17 +128,17 @@ class Correction:
     linearity: float = schema.number("channel", (0.0, 1e9), default=math.nan)
 
     def term(self, name: str) -> CorrectionTerm:
-        """One of `TERMS`, as it is without a calibration where nobody determined it."""
+        """One of `TERMS`; the neutral value if it was never determined."""
         return self.terms.get(name, CorrectionTerm(TERMS[name][0]))
 
     @property
     def gain(self) -> float:
-        """True over indicated [1]."""
+        """Ratio of true to indicated values [1]."""
         return self.term("gain").value
 
     @property
     def zero(self) -> float:
-        """What is indicated at nothing [unit]."""
+        """Indication at a true value of zero [unit]."""
         return self.term("zero").value
 
     @property
@@ -147,7 +147,7 @@ class Correction:
         return self.term("skew").value
 
     def true(self, indicated: Any) -> Any:
-        """True values of indicated ones [unit]."""
+        """Convert indicated values to true ones [unit]."""
         return self.gain * (indicated - self.zero)
 
     def indicated(self, true: Any) -> Any:
@@ -166,7 +166,7 @@ class Correction:
         return tuple(n for n, end in ends.items() if end is not None and moment(now) > end)
 
     def updated(self, found: Correction) -> Correction:
-        """With what another one determined; a sensor by another name takes nothing over from the one before it.
+        """Update by newly determined terms; a sensor by another name inherits nothing.
 
         Raises:
             InputError: if the unit differs.
@@ -185,14 +185,14 @@ class Correction:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """Of the channels of a rig, with the date of its last change in ISO 8601."""
+    """Corrections of the channels of a rig, with the date of the last change in ISO 8601."""
 
     rig: str = schema.entry(_read_line)
     created: str = schema.entry(_read_date)
     corrections: Mapping[str, Correction] = field(default_factory=dict)
 
     def correction(self, channel: str) -> Correction:
-        """That of a channel.
+        """Correction of a channel.
 
         Raises:
             InputError: if it is not calibrated.
@@ -203,7 +203,7 @@ class Calibration:
         return self.corrections[channel]
 
     def apply(self, channel: str, indicated: Any) -> Any:
-        """True values of a channel for indicated ones [its unit]."""
+        """Convert indicated values of a channel to true ones [its unit]."""
         return self.correction(channel).true(indicated)
 
     def indicated(self, channel: str, true: Any) -> Any:
@@ -211,14 +211,14 @@ class Calibration:
         return self.correction(channel).indicated(true)
 
     def updated(self, found: Mapping[str, Correction], date: str) -> Calibration:
-        """With what was determined at a date; other channels, and other terms of the same sensor, are kept."""
+        """Update by terms determined at a date; other channels, and other terms of the same sensor, are kept."""
         kept = dict(self.corrections)
         for name, one in found.items():
             kept[name] = kept[name].updated(one) if name in kept else one
         return Calibration(rig=self.rig, created=date, corrections=kept)
 
     def expired(self, now: Moment) -> tuple[str, ...]:
-        """One sentence for each channel of which something is older than its validity."""
+        """Sentences for the channels of which a term is older than its validity."""
         said = []
         for name, one in self.corrections.items():
             over = one.expired(now)
@@ -233,13 +233,13 @@ class Calibration:
         return tuple(said)
 
     def plain(self) -> dict[str, Any]:
-        """As a table of JSON's own types, in SI: what `read_plain` takes."""
+        """Return the calibration as a table of JSON's own types, in SI, which `read_plain` takes."""
         channels = {name: correction_table(one, bare=True) for name, one in self.corrections.items()}
         return {"schema": SCHEMA, "rig": self.rig, "created": self.created, "channels": channels}
 
 
 def coverage(degrees: float, confidence: float = 0.95) -> float:
-    """By how many standard uncertainties an interval reaches to either side: Student's t."""
+    """Coverage factor of an interval: Student's t."""
     from scipy import stats
 
     share = 0.5 + confidence / 2.0

@@ -34,7 +34,7 @@ _SUFFIXED = ("bara", "barg", "mbara", "mbarg", "psia", "psig")
 
 
 class ColumnSource(NamedTuple):
-    """Where a channel is found: number from 0, the words for complaints, its unit, absolute or gauge where that is said."""
+    """Source of a channel: column number from 0, name for messages, unit, and absolute or gauge if stated."""
 
     at: int
     label: str

@@ -44,7 +44,7 @@ class ForceMap:
 
     @property
     def taut(self) -> np.ndarray:
-        """Which points carry tension, bool (n,)."""
+        """Mask of the points that carry tension, bool (n,)."""
         return self.tension > 0.0
 
     @property
@@ -73,7 +73,7 @@ class ForceMap:
         return ForceMap(name=name or self.name, remarks=self.remarks, **some)  # type: ignore[arg-type]
 
     def with_rest_length(self, rest_length: float) -> ForceMap:
-        """The same with one rest length for all points [m]."""
+        """Return a copy with one rest length for all points [m]."""
         return replace(self, rest_length=np.full(len(self), float(rest_length)))
 
     @property

@@ -69,7 +69,7 @@ class ImportResult(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class FileFormat:
-    """One kind of file.
+    """A file format.
 
     Attributes:
         title: its name in the plural, for sentences, such as ``"TDMS files"``.

@@ -277,7 +277,7 @@ def _schema(channels: Mapping[str, Channel]) -> str:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Let the disk know that the file is there; where folders cannot be opened (Windows) this is not needed."""
+    """Make the folder entry durable; where folders cannot be opened (Windows) this is not needed."""
     try:
         number = os.open(folder, os.O_RDONLY)
     except OSError:

@@ -212,7 +212,7 @@ def _is_among(new: Any, old: Any) -> bool:
 
 
 def _in_order(parts: list[np.ndarray], width: int) -> tuple[np.ndarray, int]:
-    """All samples (n, width) of the right width whose time increases, and how many others there were."""
+    """Samples (n, width) of the right width whose time increases, and the number of others."""
     fitting = [part for part in parts if part.shape[1] == width]
     rows = np.concatenate(fitting) if fitting else np.empty((0, width))
     time = np.where(np.isfinite(rows[:, 1]), rows[:, 1], -np.inf)

@@ -1,4 +1,4 @@
-"""Another calibration for a recording that is there: back to what the converters counted, and forth again.
+"""Recalibration of recordings: from corrected values back to indicated ones, and to another calibration.
 
     indicated = low + n q,   n = round((indicated - low)/q)        of the meta's ``converters``: low, high, bits
     travel = n r                                                   of the meta's ``encoder``: resolution, mounted
@@ -29,7 +29,7 @@ NONE = Correction(unit="1")
 
 
 class Indicated(NamedTuple):
-    """What a channel indicated.
+    """Indicated values of a channel.
 
     Attributes:
         values: (n,) [unit of the channel]; of an encoder the travel since it was zeroed.
@@ -57,7 +57,7 @@ def carried(recording: Recording) -> Calibration | None:
 
 
 def indicated(recording: Recording, channel: str) -> Indicated:
-    """What a channel of a recording indicated, with or without a calibration in its meta.
+    """Recover the indicated values of a channel, with or without a calibration in its metadata.
 
     Raises:
         InputError: there is no such channel; or an encoder was calibrated, and the meta does not say where it was zeroed.
@@ -83,7 +83,7 @@ def indicated(recording: Recording, channel: str) -> Indicated:
 
 
 def saturated(recording: Recording, channel: str) -> np.ndarray:
-    """Which samples of a channel stood at an end of their converter (n,), whatever calibration was applied since.
+    """Mask of the samples at an end of their converter (n,), regardless of later calibrations.
 
     The lower end of a range that begins at nothing is none. A sample that was shifted in time counts where one that it is
     interpolated from does.
@@ -183,7 +183,7 @@ def _check(recording: Recording, calibration: Calibration | None, old: Calibrati
 
 
 def _grid(recording: Recording, channel: str) -> tuple[Any, float, float | None, bool, float | None]:
-    """What is added to a travel, value of count nothing, value per count, whether nothing is an end, and the last count."""
+    """Offset of a travel, value at count zero, value per count, whether zero is an end, and the last count."""
     converters, encoder = recording.meta.get("converters"), recording.meta.get("encoder")
     one = converters.get(channel) if isinstance(converters, Mapping) else None
     if one is not None:

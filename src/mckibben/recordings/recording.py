@@ -35,7 +35,7 @@ _NAME = re.compile(r"\w[^/\\\[\],;\"#]*")
 
 
 class Note(NamedTuple):
-    """One note: time of the recording [s], and words."""
+    """A note: time of the recording [s], and text."""
 
     time: float
     text: str
@@ -59,7 +59,7 @@ def notes_of(meta: Mapping[str, Any]) -> list[Note]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Channel:
-    """One quantity over the time of a recording.
+    """A quantity over the time of a recording.
 
     Args:
         values: float64 (n,), copied and read-only; NaN is allowed and means that nothing is known there.
@@ -100,7 +100,7 @@ class Channel:
         return f"Channel({len(self)} values, unit={self.unit!r}, kind={self.kind!r}, meaning={self.meaning!r})"
 
     def with_values(self, values: ArrayLike) -> Channel:
-        """The same quantity with other values (n,) [unit]."""
+        """Return a copy with other values (n,) [unit]."""
         return Channel(np.asarray(values), self.unit, self.kind, self.meaning)
 
 
@@ -213,15 +213,15 @@ class Recording:
         return Recording(self.time, {name: self._channel(name) for name in names}, self.meta)
 
     def with_channels(self, channels: Mapping[str, Channel]) -> Recording:
-        """The same with channels added or replaced."""
+        """Return a copy with channels added or replaced."""
         return Recording(self.time, {**self.channels, **channels}, self.meta)
 
     def with_meta(self, meta: Mapping[str, Any] | None = None, /, **more: Any) -> Recording:
-        """The same with keys of the meta added or replaced."""
+        """Return a copy with metadata added or replaced."""
         return Recording(self.time, self.channels, {**self.meta, **(meta or {}), **more})
 
     def uniform(self, period: float | None = None) -> Recording:
-        """On a uniform clock by straight lines between the samples; the start is kept, nothing is extrapolated.
+        """Interpolate linearly to a uniform clock; the start is kept, nothing is extrapolated.
 
         It smooths nothing: a period much above the old one folds what is faster than it.
 
@@ -237,7 +237,7 @@ class Recording:
         return Recording(time, moved, self.meta)
 
     def summary(self) -> dict[str, dict[str, Any]]:
-        """Of each channel: min, max, mean of the samples [its unit], unit and kind. NaN are passed over."""
+        """Statistics of each channel: min, max, mean of the samples [its unit], unit and kind. NaN are ignored."""
         figures_of: dict[str, dict[str, Any]] = {}
         for name, channel in self.channels.items():
             known = channel.values[~np.isnan(channel.values)]

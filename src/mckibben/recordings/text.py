@@ -80,7 +80,7 @@ def _counts(line: str) -> bool:
 
 
 def _mark(lines: Sequence[str]) -> str | None:
-    """What parts the cells of the first lines: the mark that parts both into as many, else the first that is there."""
+    """Find the separator of the first lines: one that splits them into equally many cells, else the first that occurs."""
     there = [mark for mark in MARKS if any(mark in line.strip() for line in lines[:1])]
     for mark in there:
         widths = [len(row) for row in csv.reader(lines, delimiter=mark)]

@@ -425,7 +425,7 @@ def _held(fit: Fit) -> str:
 
 
 def cautions_of(fit: Fit, size: float) -> list[str]:
-    """What to mind of a fit, in sentences; `size` is the largest tension [N], to which shares refer."""
+    """Cautions about a fit, in sentences; `size` is the largest tension [N], to which shares refer."""
     found = []
     if not fit.converged:
         found.append(

@@ -1,4 +1,4 @@
-"""What a fit of several laws to one table found, as one value for tables, figures and reports."""
+"""Fits of several laws to one table, as one value for tables, figures and reports."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ..specimens import Specimen
 
 @dataclass(frozen=True)
 class Study:
-    """One force map and everything that was fitted to it, best law first.
+    """A force map and all fits to it, best law first.
 
     `published` holds laws with printed coefficients as (title, error at the taut points [N]); `skipped` says why a law
     could not be fitted.

@@ -1,4 +1,4 @@
-"""Where the parameters of a recorded run come from: printed in a source, a rig's file, inferred, or a default.
+"""Origins of the parameters of a recorded run: printed in a source, a rig's file, inferred, or a default.
 
 A recording keeps the resolved parameters by the paths of the assembled machine, and the names of what was inferred by the
 paths of the files of specimen and rig. This module brings both together.
@@ -39,7 +39,7 @@ class ResolvedParameters(NamedTuple):
 
 
 class InferredInput(NamedTuple):
-    """What a file says is inferred: its name there, which file, the value in words, and why."""
+    """A value that its file marks as inferred: its name, the file, the value as text, and the reason."""
 
     name: str
     file: str
@@ -56,7 +56,7 @@ def known_specimen(meta: Mapping[str, Any]) -> Specimen | None:
 
 
 def parameters(meta: Mapping[str, Any]) -> list[ResolvedParameters]:
-    """Every resolved parameter of a recording, in its order; the gas of a circuit stands once, not at each of its parts."""
+    """All resolved parameters of a recording, in order; the gas of a circuit appears once, not at each of its parts."""
     spec, found = known_specimen(meta), []
     for path, entry in mapping(meta.get("parameters")).items():
         if _repeated(str(path), entry, mapping(meta.get("parameters"))):
@@ -69,7 +69,7 @@ def parameters(meta: Mapping[str, Any]) -> list[ResolvedParameters]:
 
 
 def inferred_inputs(meta: Mapping[str, Any]) -> list[InferredInput]:
-    """What no source prints of the files of rig and specimen, as far as this run used it."""
+    """Inferred values of the files of rig and specimen, as far as this run used them."""
     spec, rig = known_specimen(meta), mapping(meta.get("rig_document"))
     listed, found = meta.get("inferred"), []
     layout, used = str(meta.get("plumbing", "")), {"laws": _laws(meta, spec), "friction": _frictions(spec)}
@@ -100,7 +100,7 @@ def _repeated(path: str, entry: Any, all_of_them: Mapping[str, Any]) -> bool:
 
 
 def _names(path: str, meta: Mapping[str, Any]) -> Iterator[str]:
-    """What the files of rig and specimen may call the parameter of a path."""
+    """Possible names of a parameter in the files of rig and specimen."""
     head, _, rest = path.partition(".")
     layout = f"plumbing.{meta.get('plumbing', '')}"
     if head == "circuit":

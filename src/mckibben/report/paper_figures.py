@@ -1,4 +1,4 @@
-"""Every figure of both papers by its number, drawn by our models in the paper's own form.
+"""Every figure of both papers by its number, drawn from our models in the paper's own form.
 
     FIGURES["3a"].draw()          a matplotlib figure
     figure("12c").caption         what it shows, and what differs from the paper
@@ -24,7 +24,7 @@ JOURNAL, CONFERENCE = "chou1996", "chou1994"
 
 
 class PaperFigure(NamedTuple):
-    """One figure or table of a paper.
+    """A figure or table of a paper.
 
     Attributes:
         id: its key in `FIGURES`.
@@ -128,7 +128,7 @@ def table_rows() -> tuple[str, ...]:
 
 
 def second_paper() -> tuple[PaperFigure, ...]:
-    """Its figures."""
+    """Figures of the second paper."""
 
     def one(
         key: str,

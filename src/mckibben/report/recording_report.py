@@ -1,4 +1,4 @@
-"""What a recording says beside its channels, as blocks of a report; what it does not say gives no block."""
+"""Report of a recording, as blocks; missing information gives no block."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ _SIDES = (("into", "came in"), ("out", "went out"), ("stored", "is stored more")
 
 
 def clock(record: Recording) -> list[str]:
-    """How many samples, from when to when, how often, and how many gaps."""
+    """Describe the samples: their number, start, end, rate and gaps."""
     start, end = significant(float(record.time[0]), 6), significant(float(record.time[-1]), 6)
     said = [f"{significant(len(record), 9)} samples from {start} to {tied(end, 's')}"]
     if len(record) > 1:
@@ -147,7 +147,7 @@ def steps(record: Recording) -> list[Block]:
 
 
 def events(meta: Mapping[str, Any]) -> list[Block]:
-    """What happened, by time."""
+    """List the events by time."""
     found = meta.get("events")
     told = [mapping(e) for e in found] if isinstance(found, list) else []
     rows = [
@@ -164,7 +164,7 @@ def events(meta: Mapping[str, Any]) -> list[Block]:
 
 
 def balances(meta: Mapping[str, Any]) -> list[Block]:
-    """How far the books close."""
+    """Show the errors of the balances."""
     closed = [(k, float(v)) for k, v in mapping(meta.get("balance")).items() if is_number(v)]
     if not closed:
         return []
@@ -188,7 +188,7 @@ def balances(meta: Mapping[str, Any]) -> list[Block]:
 
 
 def energy(meta: Mapping[str, Any]) -> list[Block]:
-    """Every ledger of the account, part by part, and what else the account says in numbers."""
+    """Show every ledger of the account, part by part, and its other numbers."""
     account = mapping(meta.get("energy"))
     ledgers = {str(k): mapping(v) for k, v in account.items() if "into" in mapping(v) and "out" in mapping(v)}
     blocks: list[Block] = []
@@ -282,7 +282,7 @@ def _whence(term: CorrectionTerm, expired: bool) -> tuple[str, str, str | TableC
 
 
 def deadlines(meta: Mapping[str, Any]) -> list[Block]:
-    """How a run by the wall clock kept its deadlines."""
+    """Show how a run in real time kept its deadlines."""
     told = mapping(meta.get("deadlines"))
     count = told.get("samples")
     if not (is_number(count) and count):
@@ -409,7 +409,7 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
 
 
 def _told_apart(record: Recording) -> list[str]:
-    """What varies among the steps."""
+    """Names of what varies among the steps."""
     return [*varied(record)] if record.meta.get("steps") else []
 
 

@@ -157,7 +157,7 @@ def printed(value: float | tuple[float, float]) -> str:
 
 
 def difference(row: PrintedRow, ours: float | None) -> str:
-    """How far ours lies from the print, or the nearer end of an interval: in per cent, or of a printed 0 in its unit."""
+    """Difference of our value from the print, or the nearer end of an interval: in per cent; of a printed 0 in its unit."""
     if ours is None:
         return ""
     if isinstance(row.paper, tuple) and judge(row, ours):

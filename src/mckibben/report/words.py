@@ -69,7 +69,7 @@ def tied(text: str, unit: str) -> str:
 
 
 def listed(words: Iterable[str]) -> str:
-    """Words with commas, and an ``and`` before the last."""
+    """Join words by commas, with ``and`` before the last."""
     found = list(words)
     return found[0] if len(found) == 1 else ", ".join(found[:-1]) + f" and {found[-1]}" if found else ""
 
@@ -85,7 +85,7 @@ def is_number(value: Any) -> bool:
 
 
 def flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
-    """Every leaf of nested tables and lists by its dotted name, as text; a list of plain values is one leaf."""
+    """Iterate over the leaves of nested tables and lists: dotted name and text; a list of plain values is one leaf."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from flat(inner, f"{name}.{key}" if name else str(key))
@@ -107,7 +107,7 @@ def _leaf(value: Any) -> str:
 
 
 def versions() -> list[tuple[str, str]]:
-    """What computed a report: name and version of the package, of the libraries under it, and of Python."""
+    """Names and versions of the package, of its libraries, and of Python."""
     from importlib.metadata import version
 
     return [
@@ -118,5 +118,5 @@ def versions() -> list[tuple[str, str]]:
 
 
 def versions_text() -> str:
-    """The same as a line."""
+    """Names and versions of the package, of its libraries, and of Python, as a line."""
     return ", ".join(f"{name} {version}" for name, version in versions())

@@ -206,7 +206,7 @@ OFF, TRIES = 0.05, 4  # error of the amplitude from which a sine is repeated [1]
 
 
 class SineLoop(NamedTuple):
-    """One frequency.
+    """The loop at one frequency.
 
     Attributes:
         loop: of the tension.
@@ -366,7 +366,7 @@ def ten_points(length: str) -> list[StaticPoint]:
 
 @functools.cache
 def fits() -> Fits:
-    """Both fits."""
+    """Fit the tension at the ten points, with the braid's length and with the span."""
     return Fits(*(fit_linear_tension(ten_points(length)) for length in (LENGTH, SPAN)))
 
 

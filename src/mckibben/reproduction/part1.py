@@ -84,7 +84,7 @@ def stiffness() -> float:
 
 @reproduces("static.stiffness_5bar_per_length", "N")
 def stiffness_per_rest_length() -> float:
-    """The same per resting length."""
+    """Stiffness of the nylon muscle with respect to strain [N]."""
     return stiffness() * float(_nylon().rest_length)
 
 

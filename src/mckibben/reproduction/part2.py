@@ -42,7 +42,7 @@ def tube_inertance() -> float:
 
 @reproduces("tube.inertance_per_cm", "1/m", "l/A is 1260 1/cm: a factor of ten is missing in print")
 def tube_inertance_per_cm() -> float:
-    """The same number in 1/cm."""
+    """Inertance l/A of the tube, which is printed in 1/cm."""
     return tube_inertance()
 
 
@@ -76,7 +76,7 @@ def quadratic_rms_10in3() -> float:
 
 @reproduces("tube.quadratic_rms_3in3", "Pa", SYNTHETIC)
 def quadratic_rms_3in3() -> float:
-    """The same on the small one, refitted."""
+    """Error of the quadratic model on the small accumulator, refitted."""
     return _fit("quadratic", SMALL, refitted=True).rms
 
 
@@ -88,7 +88,7 @@ def inertial_rms_10in3() -> float:
 
 @reproduces("tube.inertial_rms_3in3", "Pa", SYNTHETIC)
 def inertial_rms_3in3() -> float:
-    """The same on the small one, its parameters kept."""
+    """Error of the inertial model on the small accumulator, its parameters kept."""
     return _fit("inertial", SMALL).rms
 
 

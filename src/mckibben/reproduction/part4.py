@@ -71,14 +71,14 @@ def cycle(
 
 
 def printed(identifier: str) -> float:
-    """What the paper prints for a row of Part IV, in the row's unit; the figures draw it."""
+    """Value that the paper prints for a row of Part IV, in the row's unit; the figures draw it."""
     value = next(row.paper for row in all_rows() if row.id == f"energy.{identifier}")
     assert isinstance(value, float)
     return value
 
 
 def _beside(name: str, what: str, unit: str = "", *, accumulator: bool = False) -> str:
-    """The same from the consistent potential and, for the isotonic cycles, with friction throughout."""
+    """Values from the consistent potential and, for the isotonic cycles, with friction throughout."""
     digits = ".3f" if what == "efficiency" else ".2f"
 
     def ours(**options: str) -> str:
@@ -93,19 +93,19 @@ def _beside(name: str, what: str, unit: str = "", *, accumulator: bool = False) 
 
 @reproduces("energy.maximal.input", "J", INFERRED)
 def maximal_input() -> ComputedValue:
-    """W01 + W12."""
+    """Input of maximal shortening, W01 + W12."""
     return ComputedValue(cycle("maximal").input, _beside("maximal", "input", " J"))
 
 
 @reproduces("energy.maximal.input_accumulator", "J", INFERRED)
 def maximal_input_accumulator() -> ComputedValue:
-    """The same, exchanged with the accumulator."""
+    """Input of maximal shortening, exchanged with the accumulator."""
     return ComputedValue(cycle("maximal", accumulator=True).input, _beside("maximal", "input", " J", accumulator=True))
 
 
 @reproduces("energy.maximal.output", "J", INFERRED)
 def maximal_output() -> ComputedValue:
-    """Wa."""
+    """Work of maximal shortening, Wa."""
     return ComputedValue(cycle("maximal").output, _beside("maximal", "output", " J"))
 
 
@@ -127,7 +127,7 @@ def maximal_efficiency_accumulator() -> ComputedValue:
 
 @reproduces("energy.maximal.best_pressure", "Pa")
 def maximal_best_pressure() -> ComputedValue:
-    """Where Ea is largest."""
+    """Pressure of the largest efficiency Ea of maximal shortening."""
     at, share = best_pressure(muscle(), "maximal", conditions())
     high = energy_curve(muscle(), "maximal", [10e5], conditions()).cycles.efficiency[0]
     return ComputedValue(at, f"Ea is {share:.4f} there and still {high:.3f} at 10 bar")
@@ -135,7 +135,7 @@ def maximal_best_pressure() -> ComputedValue:
 
 @reproduces("energy.maximal.zero_pressure", "Pa", "where friction takes all that the gas gives")
 def maximal_zero_pressure() -> float:
-    """Where the output passes zero."""
+    """Pressure at which the output of maximal shortening is zero."""
     return zero_pressure(muscle(), "maximal", conditions())
 
 

@@ -31,7 +31,7 @@ class ElsewhereError(MckibbenError):
 
 
 class Folder:
-    """Where both processes leave their recordings.
+    """Folder of the recordings of both processes.
 
     Args:
         place: of the folder.
@@ -166,6 +166,6 @@ def step_of(record: Recording, label: str, **case: Any) -> Recording:
 
 
 def saturation_words(record: Recording, channel: str = "tension") -> str:
-    """What the recording says of a channel at the end of its range; empty where it never was."""
+    """Describe a channel's samples at the end of its range; empty if there are none."""
     said = record.meta["saturation"].get(channel)
     return "" if said is None else str(said["sentence"])

@@ -16,7 +16,7 @@ Value = float | tuple[float, float]
 
 
 class PrintedRow(NamedTuple):
-    """One printed number: what it is, its value and unit in print, and what agreement with it means.
+    """A printed number: what it is, its value and unit in print, and the tolerance of agreement.
 
     Attributes:
         id: its name.
@@ -68,7 +68,7 @@ class RowOutcome(NamedTuple):
 
 
 class ComputedValue(NamedTuple):
-    """What a function that computes a row may return in place of the number: the number with what it found beside."""
+    """A number with remarks, which a function of a row may return instead of a plain number."""
 
     value: float
     note: str = ""
@@ -110,7 +110,7 @@ def reproduces(
 
 @functools.cache
 def all_rows() -> tuple[PrintedRow, ...]:
-    """Every printed number, in the order of the papers."""
+    """All printed numbers, in the order of the papers."""
     text = (resources.files(__package__) / "rows.toml").read_text(encoding="utf-8")
     return tuple(_row(entry) for entry in parse_toml(text, where="rows.toml")["row"])
 
@@ -144,7 +144,7 @@ def reproduce_row(row: PrintedRow) -> RowOutcome:
 
 
 def said_of(row: PrintedRow) -> str:
-    """What is said beside a row before it is computed: its note, and why its tolerance is wide."""
+    """Remarks on a row before it is computed: its note, and why its tolerance is wide."""
     return "; ".join(filter(None, (row.note, _reasoned(row))))
 
 
@@ -269,7 +269,7 @@ DIFFERING = ("holds", "calibrated", "synthetic", "open", "short")  # keys whose 
 
 
 class Tally(NamedTuple):
-    """How many rows are of a kind, and between what their differences lie, of those that have one.
+    """Number of rows of a kind, and the range of their differences, where defined.
 
     Attributes:
         kind: of verdict.
@@ -290,7 +290,7 @@ def kind_of(outcome: RowOutcome) -> VerdictKind:
 
 
 def relative_difference(row: PrintedRow, ours: float | None) -> float | None:
-    """How far ours lies from the print, over the print, or from the nearer end of an interval; 0 within it.
+    """Difference of our value from the print, relative to the print, or from the nearer end of an interval; 0 within it.
 
     None where nothing is computed or the print is zero.
     """
@@ -324,7 +324,7 @@ def tallies(outcomes: Iterable[RowOutcome]) -> list[Tally]:
 
 
 def headline(outcomes: Sequence[RowOutcome]) -> str:
-    """One sentence: how many numbers there are, and how many of each kind, with their differences from the print."""
+    """One sentence with the number of rows of each kind, and their differences from the print."""
     counted = tallies(outcomes)
     parts = [f"{t.rows} {t.kind.counted[t.rows != 1]}{_between(t)}" for t in counted]
     if not any(t.kind.key == "short" for t in counted) and any(t.kind.key != "to come" for t in counted):

@@ -22,7 +22,7 @@ CALIBRATED = "flow and dead time of the valve were inferred from these rows"
 
 @functools.cache
 def timings(stroke: str) -> tuple[IsometricTiming, ...]:
-    """Of every step of one range, ``full`` or ``half`` of the tension."""
+    """Timing of every step of one range, ``full`` or ``half`` of the tension."""
     record = step_of(recording("isometric-step"), "steps", range=stroke)
     return isometric_timing(record, command="valve.command", pressure="pressure", tension="tension")
 
@@ -34,19 +34,19 @@ def mean_of(what: str, *, stroke: str = "full", rising: bool = True) -> float:
 
 @reproduces("isometric.valve_delay", "s", CALIBRATED)
 def valve_delay() -> float:
-    """From the command to the pressure at the muscle."""
+    """Delay from the command to the pressure at the muscle."""
     return mean_of("valve_delay")
 
 
 @reproduces("isometric.pressure_to_tension", "s", CALIBRATED)
 def pressure_to_tension() -> float:
-    """From the pressure to the tension."""
+    """Delay from the pressure to the tension."""
     return mean_of("pressure_to_tension")
 
 
 @reproduces("isometric.total_delay", "s", CALIBRATED)
 def total_delay() -> float:
-    """From the command to the tension."""
+    """Delay from the command to the tension."""
     return mean_of("total_delay")
 
 
@@ -58,7 +58,7 @@ def rise_full() -> float:
 
 @reproduces("isometric.rise_half", "s", CALIBRATED)
 def rise_half() -> float:
-    """The same to half the tension."""
+    """Rise of the tension over half the range, to 90 %."""
     return mean_of("transition", stroke="half")
 
 
@@ -70,7 +70,7 @@ def fall_full() -> float:
 
 @reproduces("isometric.fall_half", "s", CALIBRATED)
 def fall_half() -> float:
-    """The same from half the tension."""
+    """Fall of the tension over half the range, to 10 %."""
     return mean_of("transition", stroke="half", rising=False)
 
 
@@ -125,13 +125,13 @@ def work_light() -> ComputedValue:
 
 @reproduces("isotonic.mean_power_10N_1Hz", "W")
 def mean_power_light() -> float:
-    """Its mean power."""
+    """Mean power of a shortening at 10 N, 1 Hz."""
     return power(LIGHT).mean_power
 
 
 @reproduces("isotonic.peak_power_10N_1Hz", "W")
 def peak_power_light() -> ComputedValue:
-    """Its peak power."""
+    """Peak power of a shortening at 10 N, 1 Hz."""
     return _peak(LIGHT)
 
 
@@ -143,13 +143,13 @@ def work_fast() -> ComputedValue:
 
 @reproduces("isotonic.mean_power_50N_5Hz", "W")
 def mean_power_fast() -> float:
-    """Its mean power."""
+    """Mean power of a shortening at 50 N, 5 Hz."""
     return power(FAST).mean_power
 
 
 @reproduces("isotonic.peak_power_50N_5Hz", "W")
 def peak_power_fast() -> ComputedValue:
-    """Its peak power."""
+    """Peak power of a shortening at 50 N, 5 Hz."""
     return _peak(FAST)
 
 

@@ -43,7 +43,7 @@ KNOWN_PROPERTIES = {
 
 
 def specimen(name: str | os.PathLike[str]) -> Specimen:
-    """One specimen by its id (any case) or by the path of a ``.toml`` file.
+    """Load a specimen by its id (any case) or by the path of a ``.toml`` file.
 
     Raises:
         InputError: if it is unknown, or the file is not a valid specimen; names the file, the field and the value.
@@ -66,7 +66,7 @@ def specimen(name: str | os.PathLike[str]) -> Specimen:
 
 
 def specimens() -> list[Specimen]:
-    """All shipped specimens and those of the user's folders."""
+    """Load all shipped specimens and those of the user's folders."""
     return list(_by_id().values())
 
 

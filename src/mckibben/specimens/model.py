@@ -1,4 +1,4 @@
-"""What a specimen file may contain."""
+"""Content of specimen files."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _is_number(value: object) -> bool:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SpecimenNumber:
-    """One number of a specimen, or a list of them, as its source states it."""
+    """A number of a specimen, or a list of them, as its source states it."""
 
     value: float | list[float] = entry(_read_value)
     unit: str = word("of the value")
@@ -48,7 +48,7 @@ class SpecimenNumber:
     range: tuple[float, float] | None = entry(_read_range, write=lambda ends, _: list(ends), default=None)
 
     def stated(self) -> dict[str, Any]:
-        """What was stated, without what was left out."""
+        """Return the stated fields only."""
         return write_table(self) | ({} if self.range is None else {"range": self.range})
 
     def si(self, unit: str, *, field: str, where: str | None = None) -> float | list[float]:
@@ -109,7 +109,7 @@ class Specimen:
         return read_table(cls, FileTable(raw, "", where), owner="a specimen has", where=where)
 
     def stated(self) -> dict[str, Any]:
-        """All of it as plain tables."""
+        """Return the stated fields as plain tables."""
         return dataclasses.asdict(self)
 
     def source(self) -> str:

@@ -36,7 +36,7 @@ FILES = {"tube": "tubes", "gas_source": "gas_sources", "fluidic_muscle": "fluidi
 
 
 class CataloguePart(NamedTuple):
-    """One part: its numbers [SI] by name, and as stated; `law` names the specimen whose law it borrows."""
+    """A catalogue part: its numbers [SI] by name, and as stated; `law` names the specimen whose law it uses."""
 
     id: str
     title: str
@@ -54,7 +54,7 @@ class CataloguePart(NamedTuple):
 
 @functools.cache
 def parts(kind: str) -> tuple[CataloguePart, ...]:
-    """All shipped parts of a kind.
+    """Load all shipped parts of a kind.
 
     Raises:
         InputError: the kind is unknown.

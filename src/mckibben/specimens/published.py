@@ -27,7 +27,7 @@ def _read_number(raw: Any, place: Place) -> float:
 
 @dataclass(frozen=True)
 class PublishedRange:
-    """From where to where a property lies, as its sources print it, and what they are."""
+    """A published range of a property, with its sources."""
 
     property: str
     low: float = entry(_read_number)  # [unit]
@@ -39,7 +39,7 @@ class PublishedRange:
     note: str = word(default="")
 
     def si(self, unit: str) -> tuple[float, float]:
-        """Both ends in an SI unit; raises `InputError` when the dimension is another."""
+        """Convert both ends to an SI unit; raises `InputError` for another dimension."""
         low, high = (to_si(end, self.unit, unit, field=self.property) for end in (self.low, self.high))
         return low, high
 

@@ -26,7 +26,7 @@ from ..specimens import specimen
 
 
 def dominated(costs: np.ndarray) -> np.ndarray:
-    """Which rows another row beats: it is no worse in any column and better in one (n,).
+    """Mask of the rows that another row beats: it is no worse in any column and better in one (n,).
 
     Rows with a number that is not finite are dominated; equal rows do not dominate each other.
 
@@ -59,7 +59,7 @@ OUTPUTS = (
 
 @dataclass(frozen=True)
 class Design:
-    """One muscle behind one tube and one valve.
+    """A muscle behind one tube and one valve.
 
     Attributes:
         muscle: id of the specimen.
@@ -92,7 +92,7 @@ class Design:
 
 @dataclass(frozen=True)
 class DesignStudy:
-    """All designs in their order, with what they were run with."""
+    """All designs in order, and their settings."""
 
     designs: tuple[Design, ...]
     protocol: Protocol

@@ -1,4 +1,4 @@
-"""Whether a circuit that was fitted to some jumps of a real robot predicts the pressures of another one.
+"""Prediction of pressures in a jumping robot, by a circuit that was fitted to its other jumps.
 
 The trials are those of the GTDynamics project (Georgia Tech Research Corp.; BSD-style licence, not shipped): a folder per
 trial with ``pres_filt.txt`` (time, tank and four muscle pressures, kPa gauge), ``t_valve.txt`` (when the four valves were
@@ -32,7 +32,7 @@ def robot_plan() -> CircuitPlan:
 
 
 def read_trial(folder: str | Path) -> Recording:
-    """One trial's folder as a recording: measured pressures, valve commands, and angles turned since the start.
+    """Read the folder of a trial as a recording: measured pressures, valve commands, and angles turned since the start.
 
     Raises:
         MissingDataError: if a file is not there.

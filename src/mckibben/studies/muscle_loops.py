@@ -146,7 +146,7 @@ class StepCreep:
 
     @property
     def inside(self) -> tuple[int, int]:
-        """How many unseen samples lie within the band, and of how many."""
+        """Number of unseen samples within the band, and of all."""
         time, stroke = (x[~self.fit.train] for x in (self.fit.time, self.fit.stroke))
         low, high = (np.interp(time, self.at, x) for x in (self.low, self.high))
         return int(((stroke >= low) & (stroke <= high)).sum()), len(stroke)
@@ -154,7 +154,7 @@ class StepCreep:
 
 @dataclass(frozen=True)
 class LoopStudy:
-    """Both halves of the loop, each with its best friction; the loop that no fit saw; widths; creep after the steps.
+    """Result of the study: loops at two pressures with the best friction of each; the predicted loop; widths; creep.
 
     `branches` are fits to the rising and to the falling branch alone, which say what a half must hold.
     """
@@ -185,7 +185,7 @@ class LoopStudy:
 
     @property
     def swapped(self) -> tuple[Width, ...]:
-        """Where the falling branch does not lie above the rising one, measured or predicted."""
+        """Widths where the falling branch does not lie above the rising one, measured or predicted."""
         return tuple(w for w in self.widths if not (w.measured > 0.0 and w.predicted > 0.0))
 
 

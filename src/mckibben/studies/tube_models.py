@@ -53,7 +53,7 @@ Wave = MultiSine | PointTable
 
 
 class Record(NamedTuple):
-    """What drives the tube: gauge pressure in front of it [Pa], over samples of `PERIOD`."""
+    """Signal that drives the tube: gauge pressure in front of it [Pa], over samples of `PERIOD`."""
 
     name: str
     kind: str
@@ -65,7 +65,7 @@ class Record(NamedTuple):
         return float(Environment().pressure_abs) + np.clip(self.wave.at(clock()), 0.0, TOP)
 
     def sentence(self) -> str:
-        """In words."""
+        """Description as text."""
         if isinstance(self.wave, PointTable):
             levels = ", ".join(with_unit(v, "Pa") for v in self.wave.values[2::4])
             times = ", ".join(f"{t:.3f}" for t in self.wave.times[1::2])
@@ -130,7 +130,7 @@ class ReferencePressures(NamedTuple):
 
 
 def reference(pressure_abs: np.ndarray, volume: float, thermal: str) -> ReferencePressures:
-    """What the distributed tube makes of a record.
+    """Response of the distributed tube to a record.
 
     Args:
         pressure_abs: in front of the tube [Pa], on the clock.
@@ -184,7 +184,7 @@ def capacity(volume: float) -> float:
 
 
 def models() -> dict[str, TubeModel]:
-    """All of them by key."""
+    """All models by key."""
     linear = LinearTube(resistance=1.0 / (CUTOFF * capacity(ACCUMULATORS[LARGE])))
     quadratic = QuadraticTube(viscous=R1, turbulent=R2, area=AREA)
     inertial = InertialTube(viscous=R1, turbulent=R2, area=AREA, length=LENGTH)
@@ -208,7 +208,7 @@ def models() -> dict[str, TubeModel]:
 
 
 class Case(NamedTuple):
-    """One record into one accumulator, with the reference's answer; absolute pressures [Pa]."""
+    """A record into an accumulator, with the response of the reference; absolute pressures [Pa]."""
 
     record: Record
     accumulator: str
@@ -217,7 +217,7 @@ class Case(NamedTuple):
 
     @property
     def volume(self) -> float:
-        """Of the accumulator [m^3]."""
+        """Volume of the accumulator [m^3]."""
         return ACCUMULATORS[self.accumulator]
 
     def trial(self, element: TwoPort, heat: HeatModel) -> Trial:
@@ -297,7 +297,7 @@ def _fit(model: TubeModel, cases: Sequence[Case], start: Mapping[str, float]) ->
 
 
 def transferred(model: TubeModel, known: TubeModelResult, cases: Sequence[Case]) -> TubeModelResult:
-    """The same parameters on other records, nothing refitted."""
+    """Evaluate fitted parameters on other records, without refitting."""
     heat = WallHeat(conductance=0.0) if known.vessel == "wall_heat" else Isothermal()
     return replace(_judged(model, heat, cases, known.changes), parameters=known.parameters)
 

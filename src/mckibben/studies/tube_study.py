@@ -49,7 +49,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class TubeStudy:
-    """All results, by thermal reference; `hottest` is the hottest gas in the vessels [K]."""
+    """All results, by thermal reference; `hottest` is the highest gas temperature in the vessels [K]."""
 
     records: tuple[Record, ...]
     cases: dict[tuple[str, str], tuple[Case, ...]]
@@ -81,7 +81,7 @@ class TubeStudy:
 def stages(
     *, seeds: Sequence[int] = SEEDS, thermals: Sequence[str] = THERMALS, keys: Sequence[str] | None = None
 ) -> int:
-    """How often `tube_study` reports progress."""
+    """Number of progress reports of `tube_study`."""
     chosen = _chosen(keys)
     per_thermal = 2 * len(seeds) * len(ACCUMULATORS) + len(chosen) + sum(k in REFITTED for k in chosen)
     return len(thermals) * per_thermal + ("lumped" in chosen)
@@ -143,7 +143,7 @@ def _answers(some: Sequence[Record], accumulator: str, thermal: str, tell: Progr
 def _results(
     chosen: dict[str, TubeModel], large: Sequence[Case], small: Sequence[Case], tell: Progress
 ) -> list[TubeModelResult]:
-    """Every model fitted on the large accumulator and taken to the small one; some fitted there as well."""
+    """Fit every model on the large accumulator and apply it to the small one; some are fitted there as well."""
     out: list[TubeModelResult] = []
     for key, model in chosen.items():
         tell(model.title)
@@ -252,7 +252,7 @@ class Claim(NamedTuple):
 
 
 def claims(study: TubeStudy) -> list[Claim]:
-    """All that this study can judge, the paper's first."""
+    """All claims that this study can judge, the paper's first."""
     every: list[tuple[str, str, tuple[str, ...], Callable[[TubeStudy, str], tuple[str, Numbers]]]] = [
         (
             "the linear model rises too fast while the pressure is low and too slowly while it is high",
@@ -296,7 +296,7 @@ def claims(study: TubeStudy) -> list[Claim]:
 
 
 def together(verdicts: list[str]) -> str:
-    """One verdict for all references."""
+    """Combine the verdicts for all references into one."""
     same = set(verdicts)
     return verdicts[0] if len(same) == 1 else PARTLY
 

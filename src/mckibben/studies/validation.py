@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import ConvergenceError, InputError, MissingDataError
 from ..identification import Fit, fit
-from ..identification.fit import SCHEMES, evaluate
+from ..identification.fit import SCHEMES, ErrorMeasures, evaluate
 from ..muscles import law_from_specimen
 from ..muscles.laws import LAWS, law_type
 from ..quantities import to_si
@@ -44,7 +44,7 @@ class Applied(NamedTuple):
 
 
 class StaticSet(NamedTuple):
-    """One static data set: lengths, pressures and tensions of one muscle, or of several of a kind."""
+    """A static data set: lengths, pressures and tensions of one muscle, or of several of a kind."""
 
     name: str  # in tables and figures
     title: str
@@ -78,7 +78,7 @@ class StaticSet(NamedTuple):
 
 
 def static_sets() -> tuple[StaticSet, ...]:
-    """All of them, those that ship first."""
+    """All static data sets, those that ship with the package first."""
     maps = tuple(_map(name) for name in ("DMSP-10-250", "DMSP-20-300"))
     large = specimen("DMSP-20-300")
     sheet = StaticSet(
@@ -187,27 +187,24 @@ JUMPS = ("0p02_knee_80psi", "0p06_65psi", "0p09_65psi", "0p12_65psi")
 EVALUATIONS = 20  # of the robot's circuit; its errors are those of 40 to three digits
 
 
-class Unfitted(NamedTuple):
-    """A law with numbers from elsewhere on a data set: title, where the numbers are from, errors at the taut points [N]."""
+@dataclass(frozen=True)
+class Unfitted(ErrorMeasures):
+    """A law with published parameters on a data set.
+
+    Attributes:
+        title: of the law.
+        origin: source of the parameters.
+        error: at the taut points [N].
+    """
 
     title: str
     origin: str
     error: np.ndarray
 
-    @property
-    def rmse(self) -> float:
-        """Root mean square error [N]."""
-        return float(np.sqrt(np.mean(self.error**2)))
-
-    @property
-    def max_error(self) -> float:
-        """Largest error [N]."""
-        return float(np.abs(self.error).max())
-
 
 @dataclass(frozen=True)
 class StaticResult:
-    """One data set: its points, every law fitted to it, best first, laws applied as they stand, and why one was left out.
+    """Result for a data set: points, fitted laws, best first, published laws, and why a law was left out.
 
     `apart` is half the gap between two measured branches, rms and largest [N].
     """
@@ -241,7 +238,7 @@ def ordered_laws(static: Sequence[StaticResult]) -> list[str]:
 
 
 class Jump(NamedTuple):
-    """One jump of the robot, predicted by a circuit fitted to the others; errors of its pressures [Pa], lead [s]."""
+    """A jump of the robot, predicted by a circuit fitted to the others; errors of its pressures [Pa], lead [s]."""
 
     name: str
     rms: float
@@ -253,7 +250,7 @@ class Jump(NamedTuple):
 
 @dataclass(frozen=True)
 class Validation:
-    """All that was computed, and the data that were not there (what, file)."""
+    """All results, and the missing data (name, file)."""
 
     static: tuple[StaticResult, ...]
     loops: LoopStudy | None = None
@@ -262,12 +259,12 @@ class Validation:
 
 
 def names() -> tuple[str, ...]:
-    """What can be asked for by name."""
+    """Names of the available parts."""
     return (*(s.name for s in static_sets()), LOOPS, ROBOT)
 
 
 def stages(only: Iterable[str] = (), laws: Iterable[str] = ()) -> int:
-    """How often `validation` reports progress at most."""
+    """Largest number of progress reports of `validation`."""
     chosen, count = _chosen(only), len(tuple(laws) or LAWS)
     more = LOOP_STAGES * (LOOPS in chosen) + len(JUMPS) * (ROBOT in chosen)
     return count * sum(s.name in chosen for s in static_sets()) + more
@@ -354,7 +351,7 @@ def _by_prediction(fits: Iterable[Fit]) -> list[Fit]:
 
 
 def _told(schemes: Sequence[str], points: ForceMap) -> tuple[str, ...]:
-    """Of several muscles one is left out at a time, and no single length: it is another one for each of them."""
+    """Schemes of cross-validation; of several muscles one is left out at a time, since their lengths differ."""
     several = points.rest_length is not None and len(np.unique(points.rest_length)) > 1
     return tuple(s for s in schemes if s not in (("length", "block") if several else ("rest_length",)))
 

@@ -25,7 +25,7 @@ MOST = 4000  # points of a line that are sent
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis.
+    """An axis.
 
     Attributes:
         label: what it shows.
@@ -44,7 +44,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class ChartLine:
-    """One line or cloud of points; the x need not rise, so that it can be a loop.
+    """A line or cloud of points; its x need not increase, so that it can be a loop.
 
     Attributes:
         x: (n,) in the axis's unit.
@@ -83,7 +83,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Chart:
-    """What is drawn.
+    """Content of a chart.
 
     Attributes:
         name: of it, for everybody.
@@ -104,7 +104,7 @@ class Chart:
     height: int = 280
 
     def document(self) -> dict[str, Any]:
-        """As the browser takes it; long lines are thinned, their extremes kept."""
+        """JSON document for the browser; long lines are thinned, their extremes kept."""
         lines = []
         for line in self.lines:
             x, y = thinned(np.asarray(line.x, float), np.asarray(line.y, float))
@@ -116,7 +116,7 @@ class Chart:
         }  # fmt: skip
 
     def show(self) -> Element:
-        """Put it into the page; assign a new one with `update`."""
+        """Add the chart to the page; replace it with `update`."""
         return Element("div", markup=self.markup())
 
     def markup(self) -> str:

@@ -53,7 +53,7 @@ class Control:
                 self._back()
 
     def leave(self, page: str) -> None:
-        """One of its connections ends."""
+        """Remove one connection of a page."""
         with self._lock:
             one = self._pages.get(page)
             if one is None:
@@ -89,7 +89,7 @@ class Control:
             return True
 
     def tick(self) -> None:
-        """Where the page in control has been away for too long, and one other looks on, that one is in control."""
+        """Pass control to the only other page if the page in control has been away for too long."""
         with self._lock:
             there = [name for name, one in self._pages.items() if one.lines > 0]
             if len(there) == 1 and there[0] != self.holder and self._free(HOLD + AFTER):
@@ -118,7 +118,7 @@ class Control:
 
     @property
     def watching(self) -> int:
-        """How many other pages are connected."""
+        """Number of other connected pages."""
         with self._lock:
             return sum(1 for name, one in self._pages.items() if one.lines > 0 and name != self.holder)
 

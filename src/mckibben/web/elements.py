@@ -35,7 +35,7 @@ _stack: ContextVar[tuple[Element, ...]] = ContextVar("places that new elements g
 
 
 class Element:
-    """One tag of a page. It goes into the place whose ``with`` block it is made in.
+    """An HTML element of a page. It is added to the element whose ``with`` block it is created in.
 
     Args:
         tag: such as ``div``.
@@ -89,7 +89,7 @@ class Element:
         return self.set(**{f"data-{name}": json.dumps(document, separators=(",", ":"), allow_nan=False)})
 
     def classed(self, name: str, on: bool = True) -> Self:
-        """Put on a CSS class, or take it off."""
+        """Add a CSS class, or remove it."""
         if on:
             self._classes[name] = None
         else:
@@ -154,7 +154,7 @@ class Element:
             self.forget()
 
     def forget(self) -> None:
-        """Let events no longer find this element and what is in it."""
+        """Unregister the element and its content from events."""
         self.document.elements.pop(self.number, None)
         for child in self.children:
             child.forget()
@@ -165,7 +165,7 @@ class Element:
         return "".join(child.html() for child in self.children) if self._inside is None else self._inside
 
     def handler(self, event: str) -> Handler | None:
-        """What is called at an event."""
+        """Handler of an event."""
         return self._handlers.get(event)
 
     def attributes(self) -> dict[str, str]:
@@ -211,7 +211,7 @@ class Timer:
 
 
 class PageDocument:
-    """One page of one visitor, from the request on until the page is gone.
+    """A page of one visitor, from the request until the page is closed.
 
     Attributes:
         key: secret name of the document, by which the page's line, uploads and downloads find it.
@@ -240,7 +240,7 @@ class PageDocument:
     # ---- what pages use
 
     def spawn(self, work: Coroutine[Any, Any, None]) -> None:
-        """Let a coroutine run beside the page; its failure is logged."""
+        """Run a coroutine beside the page; its failure is logged."""
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._done)
@@ -458,7 +458,7 @@ class Documents:
                 self._await(document)
 
     def close_all(self) -> None:
-        """The server ends."""
+        """Close all pages when the server ends."""
         for document in list(self._documents.values()):
             self._close(document)
 

@@ -18,7 +18,7 @@ COLOURS = {"Pa": "P", "N": "F", "m": "L", "m^3/s": "q"}
 
 
 class Accepted(NamedTuple):
-    """What became of some words.
+    """Result of reading a field.
 
     Attributes:
         value: the one in use [SI].
@@ -30,7 +30,7 @@ class Accepted(NamedTuple):
 
 
 def accept(name: str, words: str, quantity: Quantity, old: float) -> Accepted:
-    """Words of a field as a value [SI]; a number without a unit is in the unit that the field shows.
+    """Convert the text of a field to a value [SI]; a number without a unit is in the unit that the field shows.
 
     Args:
         name: of the field, for complaints.
@@ -63,7 +63,7 @@ def fields(owner: Any, names: Mapping[str, str] | None = None) -> dict[str, Quan
 def field(
     name: str, quantity: Quantity, value: float, change: Callable[[float], Any], *, label: str = "", about: bool = True
 ) -> Element:
-    """One field with its label, unit, meaning and bounds.
+    """Build one field with its label, unit, meaning and bounds.
 
     Args:
         name: of the parameter.
@@ -112,7 +112,7 @@ def field(
 def form(
     owner: Any, values: Mapping[str, float], change: Callable[[str, float], Any], names: Mapping[str, str] | None = None
 ) -> Element:
-    """All declared parameters of a type or an instance as fields.
+    """Build fields for all declared parameters of a type or an instance.
 
     Args:
         owner: that declares them.

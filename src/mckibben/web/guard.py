@@ -65,7 +65,7 @@ class Guard:
         self._open: Counter[str] = Counter()  # sockets by address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let through, or refuse."""
+        """Admit or refuse a request."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return

@@ -17,7 +17,7 @@ KEPT = 256  # identities that are remembered; the one that connected longest ago
 
 @dataclass
 class Identity:
-    """One page.
+    """Identity of one page.
 
     Attributes:
         name: public.

@@ -26,7 +26,7 @@ FREE = ("emergency_stop", "stop", "ask_control", "undo", "toast", "status")  # a
 
 
 class PageMachine(Protocol):
-    """What a laboratory asks of its test machine; `bench.Bench` is it."""
+    """Interface of the test machine to the pages; `bench.Bench` implements it."""
 
     stream: Stream
 
@@ -37,13 +37,13 @@ class PageMachine(Protocol):
         """State, why, times: what the state block says."""
 
     def describe(self) -> dict[str, Any]:
-        """What changes seldom: muscle, rig, protocol, limits, dry run."""
+        """Rarely changing properties: muscle, rig, protocol, limits, dry run."""
 
     def log(self, after: int) -> list[dict[str, Any]]:
         """Status messages later than that of a number."""
 
     def actions(self) -> Mapping[str, Callable[..., Any]]:
-        """What can be done with it, by name."""
+        """Available actions by name."""
 
     def emergency_stop(self, reason: str) -> None:
         """Vent at once."""
@@ -62,7 +62,7 @@ class PageMachine(Protocol):
 
 
 class Laboratory:
-    """All that a server has.
+    """State of a server, shared by all its pages.
 
     Args:
         folder: of the recordings.
@@ -89,7 +89,7 @@ class Laboratory:
         }  # fmt: skip
 
     def begin(self) -> None:
-        """Let the machine get ready."""
+        """Prepare the machine."""
         self.machine.begin()
 
     @property
@@ -98,7 +98,7 @@ class Laboratory:
         return self.machine.stream.server
 
     def saved_before(self, name: str) -> str | None:
-        """What an earlier server saved of a run whose recording was to have a name: the recording, or its log."""
+        """Path that an earlier server saved for a recording of a given name: the recording, or its log."""
         for ending in (".nc", ".mcap"):
             try:
                 path = self.recordings.found(f"{Path(name).stem}{ending}")
@@ -114,12 +114,12 @@ class Laboratory:
         return self._version, self.toasts.version
 
     def changed(self) -> None:
-        """Say that something is not as it was."""
+        """Note a change of state."""
         with self._lock:
             self._version += 1
 
     def status(self) -> dict[str, Any]:
-        """What every page shows: state, time, who is in control."""
+        """Status shown on every page: state, time, who is in control."""
         control = self.control
         return {
             **self.machine.status(), "holder": control.holder, "present": control.present, "watching": control.watching,
@@ -127,7 +127,7 @@ class Laboratory:
         }  # fmt: skip
 
     def told(self) -> str:
-        """The same as JSON, made once for all pages that ask within `FRESH`."""
+        """Status as JSON, computed once for all pages that ask within `FRESH`."""
         now, version = time.monotonic(), self.version
         made = self._told
         if made is None or made[0] != version or now - made[1] > FRESH:
@@ -177,7 +177,7 @@ class Laboratory:
         self.changed()
 
     def tick(self) -> None:
-        """What time alone brings about; called a few times a second."""
+        """Handle time-outs; called a few times a second."""
         self.toasts.tick()
         holder = self.control.holder
         self.control.tick()

@@ -66,14 +66,14 @@ class Lines:
                 del self._open[page]
 
     def _saved(self, hello: dict[str, Any]) -> str | None:
-        """What a page that knew another server asks for: the file into which that one saved its run."""
+        """Name of the file into which an earlier server saved its run, for a page that was connected to it."""
         if not hello.get("server") or hello["server"] == self.lab.server:
             return None
         return self.lab.saved_before(str(hello.get("file") or ""))
 
 
 class PageConnection:
-    """One page that is connected.
+    """Connection of one page.
 
     Args:
         socket: accepted.
@@ -90,7 +90,7 @@ class PageConnection:
         self._kept: dict[str, Any] = {}
 
     def remember(self, hello: dict[str, Any]) -> None:
-        """What the page says that it has already; of another server it has nothing."""
+        """Store what the page has already; a page of another server has nothing."""
         self.stream = bool(hello.get("stream"))
         if hello.get("server") == self.lab.server:
             self._seen = (_whole(hello.get("epoch")), _whole(hello.get("seen")))

@@ -42,7 +42,7 @@ class ReadingStopped(MckibbenError):  # noqa: N818 - nothing went wrong
 
 
 class ReaderProcess:
-    """One function of a module, called with a file in a process of its own.
+    """A function of a module, called with a file in a separate process.
 
     Args:
         function: is given `path` and `given`; all of these, and what it returns, must be picklable.
@@ -58,7 +58,7 @@ class ReaderProcess:
 
     @property
     def share(self) -> float:
-        """Of the file that has been read."""
+        """Share of the file that has been read."""
         return min(self._share, 1.0)
 
     @property
@@ -77,7 +77,7 @@ class ReaderProcess:
         self._stop.set()
 
     def result(self) -> Any:
-        """What the function returns; waits for it.
+        """Wait for the function and return its result.
 
         Raises:
             MckibbenError: as the function does; or the process died, took too long, or was stopped.
@@ -126,7 +126,7 @@ class ReaderProcess:
 
 
 def return_large_blocks() -> None:
-    """Let large arrays go back to the system as soon as nobody has them, where the C library is glibc.
+    """Make glibc return freed large arrays to the system at once.
 
     Otherwise it keeps blocks of up to 32 MB for later as soon as one such block was freed.
     """
@@ -135,7 +135,7 @@ def return_large_blocks() -> None:
 
 
 def read_outside(function: Callable[..., Any], path: Path, *given: Any) -> Any:
-    """What a function makes of a file: in a process of its own where the file is large, else at once.
+    """Call a function with a file: in a separate process if the file is large, else at once.
 
     Raises:
         MckibbenError: as the function and `ReaderProcess` do.
@@ -173,7 +173,7 @@ def check_rows(path: Path, most: int, use: str) -> None:
 
 
 def _serve(line: Connection, function: Callable[..., Any], path: Path, given: tuple[Any, ...], passes: int) -> None:
-    """Read, and answer with what was found or why it was refused."""
+    """Call the function and send its result or its error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
     with contextlib.suppress(OSError, AttributeError):
         os.nice(LATER)
@@ -197,7 +197,7 @@ def _serve(line: Connection, function: Callable[..., Any], path: Path, given: tu
 
 
 def _tell(line: Connection, lock: threading.Lock, path: Path, passes: int) -> None:
-    """Say how much of the file has been read, as far as the system knows; end with the server."""
+    """Report how much of the file has been read, as far as the system knows; end with the server."""
     server, size, done, before = os.getppid(), max(path.stat().st_size, 1), 0, 0.0
     while os.getppid() == server:
         at = _place(path)
@@ -211,7 +211,7 @@ def _tell(line: Connection, lock: threading.Lock, path: Path, passes: int) -> No
 
 
 def _place(path: Path) -> int | None:
-    """How far this process has read a file that it has open [B]; None where that is not known."""
+    """Position up to which this process has read an open file [B]; None if unknown."""
     whole = str(path.resolve())
     with contextlib.suppress(OSError, ValueError):
         for number in os.listdir("/proc/self/fd"):

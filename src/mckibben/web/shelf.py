@@ -21,7 +21,7 @@ _TRASH = ".deleted"
 
 
 class Shelf:
-    """One folder; it is made when the first file comes.
+    """A folder of files, created with the first file.
 
     Args:
         folder: where it is.
@@ -32,7 +32,7 @@ class Shelf:
         self.folder, self.endings = Path(folder).absolute(), tuple(endings)
 
     def names(self) -> list[str]:
-        """Of all files, the newest first."""
+        """Names of all files, the newest first."""
         if not self.folder.is_dir():
             return []
         found = [p for p in self.folder.iterdir() if p.suffix.lower() in self.endings and p.is_file()]
@@ -40,7 +40,7 @@ class Shelf:
         return [p.name for p in sorted(found, key=lambda p: (-p.stat().st_mtime, p.name))]
 
     def path(self, name: str) -> Path:
-        """Where a file of a name is, or would be.
+        """Path of a file, whether it exists or not.
 
         Raises:
             InputError: if the name has a path in it, or another ending.
@@ -67,7 +67,7 @@ class Shelf:
         return self.folder
 
     def numbered(self, stem: str, ending: str) -> str:
-        """A name that nobody has, such as ``work-loop-0012.nc``: one more than the largest number of all."""
+        """An unused name, such as ``work-loop-0012.nc``, numbered one above the largest number."""
         taken = [_NUMBERED.search(Path(n).stem) for n in self.names()]
         largest = max((int(m[1]) for m in taken if m), default=0)
         name = f"{stem}-{largest + 1:04d}{ending}"
@@ -110,7 +110,7 @@ class Shelf:
         return other
 
     def delete(self, name: str) -> str:
-        """Put a file away, so that `restore` can bring it back; the word for that."""
+        """Move a file away so that `restore` can bring it back; return the token for that."""
         path = self.found(name)
         trash = self.folder / _TRASH
         trash.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""What every page stands in: top bar with the seven pages, state block and emergency stop; footer; keys; theme."""
+"""The frame of every page: top bar with the seven pages, state block and emergency stop; footer; keys; theme."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TITLE = "McKibben muscle laboratory"
 
 
 class Page(NamedTuple):
-    """One of the seven.
+    """One of the seven pages.
 
     Attributes:
         path: of its address.
@@ -47,7 +47,7 @@ def piece(name: str) -> str:
 
 
 def frame(page: Page, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = ()) -> None:
-    """Say in what the page that is being built stands.
+    """Set the frame of the page under construction.
 
     Args:
         page: itself.
@@ -105,6 +105,6 @@ def _around(page: Page) -> str:
 
 
 def asked(request: Any, *names: str) -> dict[str, str]:
-    """What the address of a page says of the view: those of the names that stand in it, as words."""
+    """Parameters of a page's address, those of the given names only."""
     query: Mapping[str, str] = request.query_params
     return {n: query[n][:400] for n in names if n in query}

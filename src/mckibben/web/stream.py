@@ -62,12 +62,12 @@ class Stream:
             self.count += n
 
     def head(self) -> dict[str, Any]:
-        """What a page has to know of the epoch."""
+        """Properties of the epoch that a page needs."""
         with self._lock:
             return {"epoch": self.epoch, "period": self.period, **self.about}
 
     def frame(self, epoch: int, seen: int) -> tuple[bytes, int, int]:
-        """What a page that has `seen` samples of an epoch has not got yet.
+        """Samples of an epoch that a page with `seen` samples does not have yet.
 
         Returns:
             The bytes, empty where there is nothing new; the epoch and the samples that it has then.

@@ -1,4 +1,4 @@
-"""What was done, with a way back for 20 s: the line at the foot of a page that offers Undo."""
+"""Notices of completed actions, with Undo for 20 s, at the foot of a page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LASTS = 20.0  # time for which a thing can be undone [s]
 
 @dataclass
 class Toast:
-    """One thing that was done.
+    """Notice of one completed action.
 
     Attributes:
         number: counted from 1.
@@ -34,7 +34,7 @@ class Toast:
 
 
 class Toasts:
-    """Those of a laboratory; safe for use by several threads.
+    """Notices of a server; safe for use by several threads.
 
     Args:
         clock: seconds that only go forward.
@@ -49,7 +49,7 @@ class Toasts:
         self, text: str, undo: Callable[[], Any] | None = None, commit: Callable[[], Any] | None = None,
         lasts: float = LASTS,
     ) -> int:  # fmt: skip
-        """Say what was done; its number."""
+        """Add a notice; return its number."""
         with self._lock:
             self._count += 1
             self._kept[self._count] = Toast(self._count, text, undo, commit, lasts, self._clock())
@@ -73,7 +73,7 @@ class Toasts:
         return toast.text
 
     def wait(self, number: int, waits: bool) -> None:
-        """Let its time stand still while somebody points at it, or run again."""
+        """Pause the time of a notice while the pointer is on it, or resume it."""
         with self._lock:
             toast = self._kept.get(number)
             if toast is None or (toast.since is None) == waits:
@@ -107,7 +107,7 @@ class Toasts:
             self.close(number)
 
     def plain(self) -> list[dict[str, Any]]:
-        """As JSON has it, the oldest first; ``left`` is what is left now [s]."""
+        """Notices for JSON, the oldest first; ``left`` is the remaining time [s]."""
         now = self._clock()
         with self._lock:
             return [

@@ -1,4 +1,4 @@
-"""What takes a while or goes to and fro: work in threads, and files that are read, sent and saved."""
+"""Slow work and file transfers: work in threads, and files that are uploaded and downloaded."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class IncomingFile:
         self.close = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
 
     def content(self) -> bytes:
-        """All of it; for small ones."""
+        """Whole content; for small files."""
         return self.path.read_bytes()
 
 
@@ -132,7 +132,7 @@ class UploadPlace:
         self.also(self.element)
 
     def also(self, place: Element) -> None:
-        """Let files be dropped on another place too."""
+        """Accept files that are dropped on another element too."""
         place.set(data_takes=self._picker.number)
 
     def _rejected(self, _: object) -> None:
@@ -156,7 +156,7 @@ class UploadPlace:
 
 
 def download(name: str, data: bytes) -> None:
-    """Let the browser save something."""
+    """Let the browser save a file."""
     document = page_document()
     key = secrets.token_urlsafe(12)
     document.downloads[key] = (name, data)

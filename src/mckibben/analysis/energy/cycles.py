@@ -47,7 +47,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
 class Conditions(NamedTuple):
-    """What a cycle is run between.
+    """Conditions of a working cycle.
 
     Attributes:
         pressure: highest gauge pressure, that of the supply [Pa].
@@ -81,7 +81,7 @@ class Conditions(NamedTuple):
 
 
 class EnergyCycle(NamedTuple):
-    """One working cycle [J], its ends and its air; plain floats, or arrays in a curve.
+    """A working cycle [J], its ends and its air; plain floats, or arrays in a curve.
 
     Attributes:
         input: work of the piston.
@@ -123,7 +123,7 @@ class EnergyCycle(NamedTuple):
 
 
 def energy_cycle(muscle: CycleMuscle, name: str, conditions: Conditions) -> EnergyCycle:
-    """One cycle in numbers.
+    """Compute one working cycle.
 
     Args:
         muscle: from `cycle_muscle`.
@@ -284,7 +284,7 @@ def _integral(function: Callable[[Any], np.ndarray], low: Any, high: Any, cut: f
 
 
 def rising_root(function: Callable[[Any], np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Where a rising function passes zero; the end that is nearer where it does not."""
+    """Zero of a rising function, or the nearer end of the interval if there is none."""
     for _ in range(54):
         middle = 0.5 * (low + high)
         below = function(middle) < 0.0
@@ -322,7 +322,7 @@ def cycle_muscles(
 
 
 def surroundings(spec: Specimen) -> Environment:
-    """Those of the papers for the muscles of the papers, else the standard's."""
+    """Ambient conditions: those of the papers for muscles of the papers, else the standard atmosphere."""
     return _of_the_papers() if "chou1996" in spec.sources else Environment()
 
 
@@ -332,7 +332,7 @@ def _of_the_papers() -> Environment:
 
 
 def stretched_length(spec: Specimen, muscle: CycleMuscle) -> float:
-    """Where cycles begin [m]."""
+    """Length at the start of cycles [m]."""
     known = [n for n in ("stretched_length", "upper_length", "rest_length") if n in spec.properties]
     return spec.property_si(known[0], "m") if known else float(muscle.length_range()[1])
 
@@ -351,7 +351,7 @@ def check_threads(spec: Specimen, length: float, *, field: str = "stretched_leng
 
 
 def coulomb_friction(spec: Specimen) -> float:
-    """As the specimen states it, zero where it does not [N]."""
+    """Friction as stated by the specimen, or zero [N]."""
     return spec.property_si("coulomb_friction", "N") if "coulomb_friction" in spec.properties else 0.0
 
 

@@ -1,4 +1,4 @@
-"""What a muscle pulls on, one file each: a given motion, a body in line, a joint."""
+"""Loads of muscles, one file each: a prescribed motion, a body on a line, a joint."""
 
 from .body import Body
 from .joint import Joint, MomentArm

@@ -44,15 +44,15 @@ class Body(Load):
         return cls(held=held, start=start, mass=mass, weight=mass * gravity)
 
     def muscles(self) -> tuple[str, ...]:
-        """Those it hangs from."""
+        """Names of the muscles that carry it."""
         return self.held
 
     def initial(self) -> BodyState:
-        """At rest."""
+        """State at rest."""
         return BodyState(self.start, jnp.zeros(()))
 
     def spans(self, state: BodyState, inputs: Any) -> dict[str, SpanState]:
-        """The same for all."""
+        """Equal spans of all muscles."""
         return {name: SpanState(state.position, state.velocity) for name in self.held}
 
     def _outside(self, inputs: Any) -> Scalar:
@@ -70,7 +70,7 @@ class Body(Load):
         return 0.5 * self.mass * state.velocity**2 + elastic - self.weight * state.position
 
     def powers(self, state: BodyState, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
-        """Of the signal's force, and lost in the damper [W]."""
+        """Power of the signal's force, and power lost in the damper [W]."""
         return self._outside(inputs) * state.velocity, self.damping * state.velocity**2
 
     def outputs(self, state: BodyState, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:

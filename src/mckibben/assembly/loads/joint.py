@@ -60,27 +60,27 @@ class Joint(Load):
     signal: str | None = field(static=True, kw_only=True, default=None)
 
     def muscles(self) -> tuple[str, ...]:
-        """Those around it."""
+        """Names of the muscles around the joint."""
         return tuple(self.arms)
 
     def initial(self) -> JointState:
-        """At rest."""
+        """State at rest."""
         return JointState(self.start, jnp.zeros(()))
 
     def spans(self, state: JointState, inputs: Any) -> dict[str, SpanState]:
-        """From the moment arms."""
+        """Spans from the moment arms."""
         return {n: SpanState(a.at(state.angle), -a.arm(state.angle) * state.velocity) for n, a in self.arms.items()}
 
     def _outside(self, inputs: Any) -> Scalar:
         return jnp.zeros(()) if self.signal is None else inputs[self.signal].value
 
     def _beyond(self, angle: Any) -> Scalar:
-        """How far the angle is beyond a stop, signed [rad]."""
+        """Angle beyond a stop, signed [rad]."""
         above, below = angle - self.upper_stop, angle - self.lower_stop
         return jnp.where(above > 0.0, above, jnp.where(below < 0.0, below, 0.0))
 
     def muscle_moment(self, state: JointState, tensions: Mapping[str, Any]) -> Scalar:
-        """What the muscles turn with [N m]."""
+        """Moment of the muscles [N m]."""
         return sum((a.arm(state.angle) * tensions[n] for n, a in self.arms.items()), start=jnp.zeros(()))
 
     def rates(self, state: JointState, tensions: Mapping[str, Any], inputs: Any) -> JointState:
@@ -98,7 +98,7 @@ class Joint(Load):
         return 0.5 * self.inertia * state.velocity**2 + elastic + stops + height
 
     def powers(self, state: JointState, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
-        """Of the outside moment, and lost in the damper [W]."""
+        """Power of the external moment, and power lost in the damper [W]."""
         return self._outside(inputs) * state.velocity, self.damping * state.velocity**2
 
     def outputs(self, state: JointState, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:

@@ -1,4 +1,4 @@
-"""What a load must offer: where it holds its muscles, how they move it, and its accounts."""
+"""Interface of loads: spans of the muscles, motion under tensions, and accounts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Load(Module):
         return () if name is None else (name,)
 
     def alone(self, muscle: str, name: str) -> Load | None:
-        """The load of one muscle, which it calls by another name, where no muscle moves what holds the others; else None."""
+        """Return the load of one muscle under another name, if no other muscle moves it; else None."""
         return None
 
     @abc.abstractmethod
@@ -54,4 +54,4 @@ class Load(Module):
 
     @abc.abstractmethod
     def outputs(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
-        """What a recording shows of it [SI]."""
+        """Recorded outputs of the load [SI]."""

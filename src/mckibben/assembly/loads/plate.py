@@ -21,35 +21,35 @@ class Plate(Load):
     signal: str | None = field(static=True, kw_only=True, default=None)
 
     def muscles(self) -> tuple[str, ...]:
-        """Those it holds."""
+        """Names of the muscles that the plate holds."""
         return self.held
 
     def alone(self, muscle: str, name: str) -> Load:
-        """The same plate, since its position is given."""
+        """Return the same plate, since its position is prescribed."""
         return self.replace(held=(name,))
 
     def initial(self) -> Any:
-        """No state."""
+        """Return no state."""
         return ()
 
     def spans(self, state: Any, inputs: Any) -> dict[str, SpanState]:
-        """The same for all."""
+        """Equal spans of all muscles."""
         at = (self.span, jnp.zeros(())) if self.signal is None else inputs[self.signal]
         return {name: SpanState(*at) for name in self.held}
 
     def rates(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> Any:
-        """No state."""
+        """Return no rates."""
         return ()
 
     def stored_energy(self, state: Any) -> Scalar:
-        """None [J]."""
+        """Stored energy, zero [J]."""
         return jnp.zeros(())
 
     def powers(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
-        """What moves the plate against the tensions; nothing is lost [W]."""
+        """Power that moves the plate against the tensions; the loss is zero [W]."""
         spans = self.spans(state, inputs)
         return sum((tensions[n] * spans[n].velocity for n in self.held), start=jnp.zeros(())), jnp.zeros(())
 
     def outputs(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
-        """Nothing beside the spans."""
+        """Return no outputs beside the spans."""
         return {}

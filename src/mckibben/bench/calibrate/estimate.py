@@ -61,7 +61,7 @@ class Point(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """What readings are compared with.
+    """A reference that readings are compared with.
 
     Attributes:
         name: for the file.
@@ -77,7 +77,7 @@ class Reference(NamedTuple):
 
 
 class CalibrationLine(NamedTuple):
-    """What the points tell.
+    """The line fitted to the points of a calibration, with the uncertainties of its gain and zero.
 
     Attributes:
         gain: true over indicated [1].
@@ -141,7 +141,7 @@ def of_counts(scatter: float, resolution: float) -> float:
 
 
 def zero(nothing: ReferenceReading, *, resolution: float, uncertainty: float = 0.0) -> CorrectionTerm:
-    """What is indicated at nothing.
+    """Compute the zero correction from readings at a true value of zero.
 
     Args:
         nothing: the reading.

@@ -57,7 +57,7 @@ def write_calibration(calibration: Calibration, path: str | os.PathLike[str]) ->
 
 
 def merged(path: Path, rig: str, found: Mapping[str, Correction], date: str) -> Calibration:
-    """What a file has, with what was determined now; a new calibration where there is no such file.
+    """Return the calibration of a file, updated with new corrections; a new calibration if there is no such file.
 
     Raises:
         InputError: the file is of another rig, or cannot be read.

@@ -28,7 +28,7 @@ LEAST_SAMPLES, MOST_SAMPLES = 16, 1_000_000
 
 @dataclass(frozen=True)
 class CalibrationOutcome:
-    """What a session found: corrections by channel, their lines, and the points [SI]."""
+    """Result of a calibration session: corrections by channel, their lines, and the points [SI]."""
 
     corrections: Mapping[str, Correction]
     lines: Mapping[str, CalibrationLine] = field(default_factory=dict)
@@ -64,7 +64,10 @@ class CalibrationSession:
             raise InputError("samples", self.samples, f"must be a whole number from {LEAST_SAMPLES} to {MOST_SAMPLES}")
 
     def zero(self, channels: Sequence[str], *, uncertainty: float = 0.0) -> CalibrationOutcome:
-        """What the channels indicate at nothing; uncertainty of the nothing, standard [unit of the channels]."""
+        """Calibrate the zero of channels.
+
+        `uncertainty` is the standard uncertainty of the true zero [unit of the channels].
+        """
         grids = {name: self._grid(name) for name in channels}
         if SPAN in grids:
             raise InputError("channel", SPAN, "an encoder is zeroed where it is mounted; it must be analogue channels")
@@ -122,7 +125,7 @@ class CalibrationSession:
         return self._outcome("encoder", reference, {SPAN: line}, points, ("gain",))
 
     def skew(self, channels: Sequence[str], *, frequency: float, to: float | None = None) -> CalibrationOutcome:
-        """By how much channels lag the first one, from a sine [Hz] or a linear sweep that all of them see."""
+        """Determine the delays of channels behind the first one, from a common sine or linear sweep of frequency [Hz]."""
         grids = {name: self._grid(name) for name in channels}
         if len(grids) < 2:
             raise InputError("channels", ", ".join(grids), "must be two or more, for one is compared with another")
@@ -151,7 +154,7 @@ class CalibrationSession:
         return grids[channel]
 
     def _points(self, asked: Mapping[float, OperatorTask], channels: Sequence[str]) -> dict[str, list[Point]]:
-        """All settings up and down again."""
+        """Take readings at all settings of the reference, upwards and downwards."""
         for name in channels:
             self._grid(name)
         points: dict[str, list[Point]] = {name: [] for name in channels}

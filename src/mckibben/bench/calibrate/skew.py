@@ -64,7 +64,7 @@ def skew(
     time: np.ndarray, signals: Mapping[str, np.ndarray], *, frequency: float, to: float | None = None,
     resolution: Mapping[str, float] | None = None,
 ) -> dict[str, CorrectionTerm]:  # fmt: skip
-    """By how much each channel lags the first one [s].
+    """Compute the delay of each channel behind the first one [s].
 
     Args:
         time: uniform, from 0 s on, (n,) [s].

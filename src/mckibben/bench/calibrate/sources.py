@@ -1,4 +1,4 @@
-"""Where a calibration's readings come from, and the sensors of a rig put to true values; for a machine see `machine`.
+"""Sources of calibration readings: the sensors of a rig, simulated at known true values; `machine` reads real ones.
 
 Readings are *indicated* values: what the nominal scale of the rig's converters makes of the counts.
 """
@@ -51,12 +51,12 @@ class ChannelScale(NamedTuple):
 
     @property
     def range(self) -> float:
-        """From end to end [unit]; of an encoder a thousand counts."""
+        """Full range [unit]; of an encoder, a thousand counts."""
         return self.high - self.low if math.isfinite(self.high - self.low) else 1000.0 * self.resolution
 
 
 class OperatorTask(NamedTuple):
-    """What a person is asked for.
+    """A task for the operator during a calibration.
 
     Attributes:
         sentence: in words.
@@ -80,7 +80,7 @@ class Source(Protocol):
 
     @property
     def period(self) -> float:
-        """Of the samples [s]."""
+        """Sample period [s]."""
 
     @property
     def grids(self) -> Mapping[str, ChannelScale]:
@@ -123,7 +123,7 @@ class SimulatedSensors:
         self._waves: dict[tuple[Waveform, int], tuple[dict[str, Any], dict[str, Any]]] = {}
 
     def put(self, values: Mapping[str, float]) -> None:
-        """Let channels have true values [unit] from now on."""
+        """Set the true values of channels [unit]."""
         self.true |= values
         self.wave = None
 
@@ -170,7 +170,7 @@ class SimulatedPerson:
         self.asked: list[str] = []
 
     def __call__(self, task: OperatorTask) -> None:
-        """Put the sensors to what the reference really is; the same value has the same error again."""
+        """Set the sensors to the true value of the reference; equal settings have equal errors."""
         self.asked.append(task.sentence)
         self.sensors.put({n: self._true(value) for n, value in task.values.items()})
         self.sensors.wave = task.wave

@@ -66,7 +66,7 @@ class Scale(Module):
         return jnp.where(count < 0.0, 0.0, jnp.where(count > last, last, count))
 
     def value(self, code: Any) -> Scalar:
-        """What a count stands for [unit of the channel]."""
+        """Convert a count to the value of the channel [unit of the channel]."""
         return self.low + code * self.resolution
 
     def at_rail(self, code: Any) -> tuple[Scalar, Scalar]:
@@ -121,7 +121,7 @@ class Sensor(Module):
         return self.converter.resolution
 
     def seen(self, x: Any) -> Scalar:
-        """What the transducer makes of a true value: it saturates at the ends of its range."""
+        """Output of the transducer for a true value, saturated at the ends of its range."""
         return jnp.where(x < self.low, self.low, jnp.where(x > self.high, self.high, x))
 
     def initial(self, x: Any) -> Scalar:
@@ -133,7 +133,7 @@ class Sensor(Module):
         return 2.0 * math.pi * self.cutoff * (self.seen(x) - y)
 
     def reading(self, y: Any, x: Any, draw: Any = 0.0, lost: Any = 0.0) -> tuple[Scalar, Scalar]:
-        """What the computer reads, and its count.
+        """Reading of the computer, and its count.
 
         Args:
             y: filtered signal at the sample.

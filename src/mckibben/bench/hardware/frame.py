@@ -22,7 +22,7 @@ from .motor import Motor
 
 
 class Frame(Module):
-    """How stiff the machine itself is; the defaults are of a plate of steel, and inferred."""
+    """Stiffness and damping of the machine's frame; the defaults are inferred for a plate of steel."""
 
     stiffness: Scalar = quantity("N/m", (1e3, 1e9), "of the anchor", symbol="k", typical=(1e5, 1e7), default=1e6)
     mass: Scalar = quantity("kg", (1e-2, 1e4), "that swings with the anchor", symbol="m", default=2.0)
@@ -74,14 +74,14 @@ class TestStand(Load):
         return () if self.motor is None or self.signal is None else (self.signal,)
 
     def initial(self) -> StandState | FrameState:
-        """At rest, the frame relaxed and the motor without current."""
+        """State at rest: relaxed frame, motor without current."""
         zero = jnp.zeros(())
         if self.motor is None:
             return FrameState(zero, zero)
         return StandState(self.start, zero, zero, zero, zero)
 
     def position(self, state: Any) -> Scalar:
-        """Of the end that the frame does not carry, which an encoder sees [m]."""
+        """Position of the end that the motor moves, as the encoder measures it [m]."""
         return self.start if self.motor is None else state.position
 
     def spans(self, state: Any, inputs: Any) -> dict[str, SpanState]:
@@ -97,7 +97,7 @@ class TestStand(Load):
         return self.motor.force_to_current(inputs[self.signal].value)
 
     def rates(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> Any:
-        """Of frame and motor."""
+        """Rates of change of the states of frame and motor."""
         pull = sum((tensions[n] for n in self.held), start=jnp.zeros(()))
         own = self.frame
         held = own.stiffness * state.deflection + own.damping * state.deflection_velocity
@@ -115,7 +115,7 @@ class TestStand(Load):
         return frame if self.motor is None else frame + 0.5 * self.motor.mass * state.velocity**2
 
     def powers(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
-        """What the motor makes of electrical power, k i w, and what its friction and the frame lose [W]."""
+        """Electrical power of the motor, k i w, and the power lost by its friction and the frame [W]."""
         lost = self.frame.damping * state.deflection_velocity**2
         if self.motor is None:
             return jnp.zeros(()), lost

@@ -69,7 +69,7 @@ class Hardware(abc.ABC):
         """
 
     def write(self, valve: int, motor: int | None = None, *, opened: bool = True) -> None:
-        """Put the counts of the outputs, which take effect at once; a motor that is None keeps its count.
+        """Set the counts of the outputs, which take effect at once; None leaves the motor's count unchanged.
 
         Raises:
             InputError: if one is no count.
@@ -82,7 +82,7 @@ class Hardware(abc.ABC):
 
     @abc.abstractmethod
     def send(self) -> None:
-        """Let the counts of the outputs take effect, or while `venting` count 0 and an open shut-off.
+        """Make the written counts take effect; while `venting`, count 0 and an open shut-off.
 
         Raises:
             LineLostError: if nobody is there to take them.
@@ -102,33 +102,33 @@ class Hardware(abc.ABC):
         """Vent, and let go of the machine; may be called twice."""
 
     def interrupt(self) -> None:
-        """Let a `wait` that may take longer than a sample end in another thread, and every later one until `proceed`."""
+        """Interrupt every `wait` that may last longer than a sample, also in another thread, until `proceed`."""
         return
 
     def proceed(self) -> None:
-        """Let `wait` wait again after `interrupt`."""
+        """Allow `wait` again after `interrupt`."""
         return
 
     @property
     def statistics(self) -> NamedTuple | None:
-        """What the machine counted of its line."""
+        """Statistics of the connection, or None if there is no connection."""
         return None
 
     def look(self) -> np.ndarray | None:
-        """What is true at the newest sample, as a vector for `true_outputs`; None where nobody knows."""
+        """True state at the newest sample, as a vector for `true_outputs`; None if it is unknown."""
         return None
 
     def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
-        """True channels of some samples, (n,) each, from what `look` gave at them."""
+        """True channels of some samples, (n,) each, from the vectors that `look` returned."""
         return {}
 
     def state(self) -> np.ndarray | None:
-        """All of a simulated machine between two samples, as a vector that stays as it is; None of a real one."""
+        """Complete state of a simulated machine between two samples, as a constant vector; None for a real machine."""
         return None
 
 
 class CountedMachine(Protocol):
-    """What a simulated card or device has around it: a machine that gives and takes counts, sample by sample."""
+    """A machine of integer counts, advanced sample by sample, that a simulated card or device operates."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ class RiggedJoint(MeasuredPlant):
     valve_out: AnalogOut
 
     def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
-        """What the output converters hold, and the outside moment."""
+        """Values held by the output converters, and the external moment."""
         held = {f"{n}.valve": self.valve_out.output(commands[n]) for n in NAMES}
         return {**held, MOMENT: commands[MOMENT]}
 
@@ -46,7 +46,7 @@ class RiggedJoint(MeasuredPlant):
         return {**self.analogue(state, memory, inputs, row), "angle": self.encoder.span(count, 0.0)}
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
-        """Of the machine, and two stiffnesses of the joint [N m/rad]: of a slow push, and of a short, quick one."""
+        """Outputs of the machine, and two stiffnesses of the joint [N m/rad]: for slow and for quick displacements."""
         found = joint_stiffness(self.machine, state["machine"], memory, inputs)
         own = {"joint.stiffness": found.relaxed_at_pressure, "joint.quick_stiffness": found.short_at_mass}
         return super().outputs(state, memory, inputs) | own

@@ -74,7 +74,7 @@ class Encoder(Module):
 
 
 class MotorPowers(NamedTuple):
-    """Where the power goes [W]: electrical = copper + mechanical + change of the coil's energy."""
+    """Power balance of the motor [W]: electrical = copper + mechanical + rate of change of the coil's energy."""
 
     electrical: Scalar
     copper: Scalar
@@ -122,18 +122,18 @@ class Motor(Module):
 
     @property
     def largest_force(self) -> Scalar:
-        """At standstill, within the limits of current and voltage [N]."""
+        """Stall force, within the limits of current and voltage [N]."""
         most = self.supply_voltage / self.resistance
         return self.force_per_current * jnp.where(most < self.current_limit, most, self.current_limit)
 
     @property
     def no_load_speed(self) -> Scalar:
-        """At which the back-EMF takes the whole supply [m/s]."""
+        """Speed at which the back-EMF equals the supply voltage [m/s]."""
         return self.supply_voltage / self.force_per_current
 
     @property
     def largest_speed(self) -> Scalar:
-        """What it can drive to: the lower one of no-load speed and speed limit [m/s]."""
+        """Largest speed: the lower of no-load speed and speed limit [m/s]."""
         free = self.no_load_speed
         return jnp.where(free < self.speed_limit, free, self.speed_limit)
 
@@ -142,7 +142,7 @@ class Motor(Module):
         return _within(force / self.force_per_current, self.current_limit)
 
     def allowed_current(self, velocity: Any, asked_current: Any) -> Scalar:
-        """What the watch over the speed [m/s] leaves of a current [A]."""
+        """Current that the speed limiter permits at a velocity [m/s] [A]."""
         slope = self.current_limit / (SPEED_BAND * self.speed_limit)
         asked = _within(asked_current, self.current_limit)
         most = _within(slope * (self.speed_limit - velocity), self.current_limit)
@@ -150,7 +150,7 @@ class Motor(Module):
         return jnp.where(asked > most, most, jnp.where(asked < least, least, asked))
 
     def voltage(self, current: Any, velocity: Any, asked_current: Any) -> Scalar:
-        """At the coil [V], within the supply."""
+        """Voltage at the coil, within the supply [V]."""
         missing = self.allowed_current(velocity, asked_current) - current
         wanted = 2.0 * math.pi * self.current_bandwidth * self.inductance * missing
         return _within(wanted + self._standing(current, velocity), self.supply_voltage)
@@ -171,7 +171,7 @@ class Motor(Module):
         return self.resistance * current + self.force_per_current * velocity
 
     def friction(self, velocity: Any) -> Scalar:
-        """At the pulley, against the motion [N]."""
+        """Friction force at the pulley, against the motion [N]."""
         dry = velocity / jnp.sqrt(velocity * velocity + self.friction_speed**2)
         return self.viscous * velocity + self.coulomb * dry
 
@@ -180,7 +180,7 @@ class Motor(Module):
         return self.force_per_current * current - self.friction(velocity)
 
     def powers(self, current: Any, velocity: Any, asked_current: Any) -> MotorPowers:
-        """What enters from the amplifier, and where it goes."""
+        """Power drawn from the amplifier, and its division."""
         return MotorPowers(
             electrical=self.voltage(current, velocity, asked_current) * current,
             copper=self.resistance * current * current,
@@ -189,7 +189,7 @@ class Motor(Module):
         )
 
     def magnetic_energy(self, current: Any) -> Scalar:
-        """Of the coil [J]."""
+        """Magnetic energy of the coil [J]."""
         return 0.5 * self.inductance * current * current
 
 

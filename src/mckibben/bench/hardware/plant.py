@@ -36,7 +36,7 @@ class MeasuredPlant(Plant):
 
     @abc.abstractmethod
     def seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
-        """What the analogue sensors are put to [SI], from the machine's state."""
+        """Physical values at the analogue sensors, from the machine's state [SI]."""
 
     def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
         """State and memory at rest, at absolute pressures [Pa]."""
@@ -52,7 +52,7 @@ class MeasuredPlant(Plant):
         return self.initial({n: room + p for n, p in pressures.items()}, inputs)
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
-        """As the machine has it."""
+        """Commands of the machine."""
         return self.machine.commands(signals)
 
     def analogue(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
@@ -67,7 +67,7 @@ class MeasuredPlant(Plant):
         return found
 
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """Of the machine, and of the filters before the converters."""
+        """Rates of change of the machine's state and of the filters before the converters."""
         seen = self.seen(state["machine"], memory, inputs)
         return {
             "machine": self.machine.rate(state["machine"], memory, inputs),
@@ -75,21 +75,21 @@ class MeasuredPlant(Plant):
         }
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """Of the machine."""
+        """Integrands of the machine's accounts."""
         return self.machine.integrands(state["machine"], memory, inputs)
 
     def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
-        """Of the machine."""
+        """Advance the memory of the machine."""
         return self.machine.advance_memory(
             memory, Moment(start.state["machine"], start.inputs), Moment(end.state["machine"], end.inputs), duration
         )
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
-        """Of the machine."""
+        """Outputs of the machine."""
         return self.machine.outputs(state["machine"], memory, inputs)
 
     def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
-        """Of the machine and the sensors' filters [1/s]."""
+        """Upper bound of the fastest rate of the machine and the sensors' filters [1/s]."""
         bounds = [self.machine.max_rate_bound(state["machine"], memory, inputs)]
         bounds += [2.0 * jnp.pi * s.cutoff for s in self.sensors.values()]
         return jnp.stack([jnp.asarray(b) for b in bounds]).max()
@@ -110,13 +110,13 @@ class InstrumentedPlant(MeasuredPlant):
         return self.machine.load
 
     def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
-        """What the output converters hold, of the signals that the machine has."""
+        """Values held by the output converters, for the signals of the machine."""
         held = self.converters.held(self.converters.write(commands))
         needed = self.machine.signals()
         return {n: v for n, v in held.items() if n == "valve" or n in needed}
 
     def seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
-        """What the sensors are put to [SI], as `bench.sensors` declares them."""
+        """Physical values at the sensors, as `bench.sensors` declares them [SI]."""
         return {name: SENSORS[name].true_value(self, state, memory, inputs) for name in self.sensors}
 
     def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
@@ -132,6 +132,6 @@ class InstrumentedPlant(MeasuredPlant):
         return self.converters.read(counts) | {f"{n}.code": c for n, c in counts.items()}
 
     def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
-        """Of the machine, the sensors' filters, and the motor's current loop [1/s]."""
+        """Upper bound of the fastest rate of the machine, the filters and the motor's current loop [1/s]."""
         found, motor = super().max_rate_bound(state, memory, inputs), self._stand().motor
         return found if motor is None else jnp.maximum(found, 2.0 * jnp.pi * motor.current_bandwidth)

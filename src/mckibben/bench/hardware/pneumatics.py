@@ -49,14 +49,14 @@ class Plumbing(Module):
         return MUSCLE if self.has_muscle else VESSEL
 
     def parts(self) -> frozenset[str]:
-        """What it offers to a protocol, in the words of `Step.needs`."""
+        """Parts that a protocol can use, by the names of `Step.needs`."""
         found = {"valve"}
         found |= {"shut-off"} if self.shut_off is not None else set()
         held = float(self.valve_accumulator) + float(self.muscle_accumulator)
         return frozenset(found | ({"accumulators"} if held > 0.0 else set()))
 
     def signals(self) -> tuple[str, ...]:
-        """What drives it."""
+        """Names of the driving signals."""
         return ("valve",) if self.shut_off is None else ("valve", "open")
 
     def circuit(self, units: Mapping[str, MuscleUnit], room: Environment) -> Circuit:

@@ -23,10 +23,10 @@ from .plant import InstrumentedPlant
 
 
 class SampleRows(Protocol):
-    """What every sample brings from outside, chunk by chunk: draws of the noise, and wires that are open."""
+    """External inputs of each sample, chunk by chunk: sensor noise and disconnected wires."""
 
     def next(self) -> dict[str, Any]:
-        """Of the next chunk, each (n,)."""
+        """Rows of the next chunk, (n,) each."""
 
 
 class SimulatedMachine:
@@ -101,7 +101,7 @@ class SimulatedMachine:
         (self._physics,) = self._act(self._physics, np.array([valve, motor, opened], float))
 
     def state(self) -> np.ndarray:
-        """All of the machine between two samples, as a vector that stays as it is."""
+        """Complete state of the machine between two samples, as a constant vector."""
         return self._physics
 
     def carry(self, state: np.ndarray | None = None) -> sampled.Carry:
@@ -110,7 +110,7 @@ class SimulatedMachine:
         return found
 
     def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
-        """True outputs at some samples, (n,) each, from what `look` was at them."""
+        """True outputs at some samples, (n,) each, from the vectors that `look` returned."""
         table = np.stack(looks) if looks else np.zeros((0, self._observe.size(1)))
         found: sampled.Observation = self._observe.columns(1, table)
         return found.outputs
@@ -169,17 +169,17 @@ class SimulatedHardware(Hardware):
         self.vent()
 
     def interrupt(self) -> None:
-        """Let a wait for the clock end."""
+        """End a wait for the clock."""
         if self.clock is not None:
             self.clock.interrupt()
 
     def proceed(self) -> None:
-        """Let the clock be waited for again."""
+        """Allow waits for the clock again."""
         if self.clock is not None:
             self.clock.interrupt(False)
 
     def look(self) -> np.ndarray | None:
-        """What is true at the newest sample."""
+        """True state at the newest sample."""
         return self.machine.look
 
     def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
@@ -187,5 +187,5 @@ class SimulatedHardware(Hardware):
         return self.machine.true_outputs(looks)
 
     def state(self) -> np.ndarray | None:
-        """All of the machine between two samples."""
+        """Complete state of the machine between two samples."""
         return self.machine.state()

@@ -17,13 +17,13 @@ from ...quantities import quantity
 
 
 class TrimState(NamedTuple):
-    """What the integral adds to the output [unit of the output]."""
+    """Integral part of the output [unit of the output]."""
 
     trim: Scalar
 
 
 def first_trim(trim: Any = 0.0) -> TrimState:
-    """That of a controller that begins [unit of the output]."""
+    """Initial integral state of a controller [unit of the output]."""
     return TrimState(jnp.asarray(trim, float))
 
 
@@ -71,7 +71,7 @@ class MotionEstimate(Module):
     cutoff: Scalar = quantity("1/s", (0.1, 1e5), "corner of the velocity filter", symbol="f", default=200.0)
 
     def initial(self, span: Any) -> MotionState:
-        """At rest at a span [m]."""
+        """State at rest at a span [m]."""
         start = jnp.asarray(span, float)
         return MotionState(start, jnp.zeros_like(start))
 
@@ -148,7 +148,7 @@ class PositionControl(Module):
     force_limit: Scalar = quantity("N", (1e-3, 1e6), "largest force asked of the motor", default=264.0)
 
     def initial(self, tension: Any = 0.0) -> TrimState:
-        """With the share of a tension [N] that is not fed forward: it begins with a force that holds the muscle."""
+        """Initial integral state, with the share of a tension [N] that is not fed forward, so that it holds the muscle."""
         return first_trim((1.0 - self.tension_share) * tension)
 
     def step(

@@ -10,7 +10,7 @@ from types import FrameType
 
 
 def sentence(stop: Callable[[], bool], when: float) -> str:
-    """What a stop at a time [s] is told as; of one that says no more than whether, that somebody asked for it."""
+    """Message describing a stop at a time [s]; a stop function without a text was requested by somebody."""
     kind, done = ("stopped", "vented") if getattr(stop, "ordinary", False) else ("emergency stop", "stopped and vented")
     return f"{kind} at {when:.6g} s: {getattr(stop, 'reason', '') or 'asked to'}; {done}"
 

@@ -1,4 +1,4 @@
-"""What stops the machine: limits of the muscle and the motor, and sensors that no longer tell the truth.
+"""Interlocks: limits of muscle and motor, and detection of failed sensors.
 
 A step sees what the software measures and asks for. The first code that it finds stays: the caller stops the motor and vents
 the muscle. Limits count from the first sample. A reading at the upper end of its converter tells nothing about the quantity:
@@ -77,7 +77,7 @@ class Interlocks(Module):
     watch_tension: bool = field(static=True, kw_only=True, default=True)
 
     def initial(self) -> InterlockState:
-        """Nothing found, nothing doubtful; the first span equals no span before it."""
+        """Initial state: no violation, and a last span that equals no real span."""
         zero = jnp.zeros(())
         return InterlockState(jnp.zeros((), jnp.int32), zero, zero, zero, zero, jnp.asarray(jnp.inf))
 
@@ -156,7 +156,7 @@ class Interlocks(Module):
         return (still_for, x), found
 
     def reason(self, code: int, measured: Mapping[str, float], time: float) -> str:
-        """What happened, what is allowed and what was done, in one sentence; empty for no code.
+        """Describe a violation: value, limit and action, in one sentence; empty for code 0.
 
         Args:
             code: of `step`.
@@ -204,7 +204,7 @@ class Interlocks(Module):
 
 
 def _pressure_of(measured: Mapping[str, Any]) -> Any:
-    """At the muscle; where nothing measures there, at the valve."""
+    """Pressure at the muscle, or at the valve if there is no sensor at the muscle."""
     return measured.get("pressure", measured.get("valve_pressure"))
 
 
@@ -232,7 +232,7 @@ def _over(what: str, x: float | None, unit: str, limit: Any, side: str = "or les
 
 
 def _doubtful(what: str, x: float | None, unit: str, rail: Any, floor: Any, patience: Any) -> str | None:
-    """Why a reading alone shows that its sensor is lost, if it does."""
+    """Reason for which a single reading shows a failed sensor, or None."""
     if x is None:
         return None
     if not math.isfinite(x):

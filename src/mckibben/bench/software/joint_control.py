@@ -69,7 +69,7 @@ class JointControl(Module):
     trim_limit: Scalar = quantity("N*m", (0.0, 1e5), "largest correction by the integral", default=1.0)
 
     def initial(self, angle: Any = 0.0, stiffness: Any = 0.0) -> JointControlState:
-        """At rest at an angle [rad], with a stiffness [N m/rad]."""
+        """State at rest at an angle [rad], with a stiffness [N m/rad]."""
         at, stiff = (Approach(jnp.asarray(x, float), jnp.zeros(())) for x in (angle, stiffness))
         pressure = self.valve.initial()
         return JointControlState(at, stiff, self.motion.initial(angle), first_trim(), pressure, pressure)
@@ -135,7 +135,7 @@ class JointSoftware(Software):
     start_stiffness: Any = 0.0
 
     def initial(self, measured: Mapping[str, Any]) -> Any:
-        """At rest at the first set-points."""
+        """State at rest at the first set-points."""
         return self.control.initial(self.start_angle, self.start_stiffness)
 
     def step(

@@ -41,7 +41,7 @@ class BenchSoftware(Software):
     brake: Scalar = quantity("N*s/m", (0.0, 1e4), "damping by the motor once it is stopped", default=50.0)
 
     def initial(self, measured: Mapping[str, Any]) -> Any:
-        """At the first sample of the protocol."""
+        """State at the first sample of the protocol."""
         span = measured.get("span", jnp.zeros(()))
         return {
             "place": self.sequencer.initial(

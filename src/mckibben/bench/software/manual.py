@@ -32,7 +32,7 @@ MANUAL, ABANDONED = 0, 1  # steps
 
 
 class ManualRow(NamedTuple):
-    """What a sample brings: pressure [Pa], open 1 or 0, mode of the motor and its value [m, m/s or N], alone 1 or 0.
+    """Manual set-points of a sample: pressure [Pa], open 1 or 0, motor mode and value [m, m/s or N], alone 1 or 0.
 
     A motor that is NaN stays where it is. `alone` is 1 while whoever was in control is lost.
     """
@@ -45,7 +45,7 @@ class ManualRow(NamedTuple):
 
 
 class ManualPlace(NamedTuple):
-    """Where the set-points are.
+    """Present manual set-points.
 
     Attributes:
         step: `MANUAL`, or `ABANDONED` once it vented since nobody was in control.
@@ -75,7 +75,7 @@ class ManualPlace(NamedTuple):
 
 
 class Manual(Module):
-    """In the place of a `Sequencer`: the rates of manual set-points, and how long they are held without a hand."""
+    """Generator of manual set-points in place of a `Sequencer`: their rates, and their hold time without an operator."""
 
     pressure_rate: Scalar = quantity("Pa/s", (1.0, 1e9), "largest rate of the pressure", typical=(1e4, 1e6))
     speed: Scalar = quantity("m/s", (1e-6, 100.0), "largest speed of the span", typical=(0.01, 0.5))
@@ -114,7 +114,7 @@ class Manual(Module):
         return place._replace(asked=ManualRow(row["pressure"], row["open"], mode, row["motor"], row["alone"]))
 
     def set_points(self, place: ManualPlace, _: Any) -> SampleSetpoints:
-        """What the sample at a place asks for."""
+        """Set-points of a sample."""
         by_span = place.mode == SPAN
         values = jnp.stack([place.span, place.velocity, place.tension])
         always = jnp.asarray(True)
@@ -172,7 +172,7 @@ class Manual(Module):
         return x + (v + change) * dt, v + change, change / dt
 
     def _stopping(self, way: Any, dt: Any) -> Any:
-        """Speed from which whole samples of deceleration make a way [m]."""
+        """Speed from which the motor stops within a distance [m], in whole samples of deceleration."""
         slower = self.acceleration * dt
         samples = jnp.ceil(jnp.sqrt(0.25 + 2.0 * way / (slower * dt)) - 0.5)
         samples = jnp.where(samples > 1.0, samples, 1.0)

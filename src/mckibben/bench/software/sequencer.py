@@ -29,7 +29,7 @@ CHANNELS = ("pressure", "span", "velocity", "tension")  # that a test can look a
 
 
 class SequencePlace(NamedTuple):
-    """Where a protocol is.
+    """Position of the sequencer in its protocol.
 
     Attributes:
         step: its index, as large as the count of steps when all is done.
@@ -49,7 +49,7 @@ class SequencePlace(NamedTuple):
 
 
 class SampleSetpoints(NamedTuple):
-    """What a sample asks for.
+    """Set-points of a sample.
 
     Attributes:
         pressure: [Pa]; as it was while the muscle is shut off.
@@ -86,7 +86,7 @@ class Tests(NamedTuple):
 
 
 class StepLines(NamedTuple):
-    """How a channel goes in every step, (steps,): a table from `offset` on, or a line from the beginning to `to`."""
+    """Course of a channel in every step, (steps,): a table from `offset` on, or a line from the start to `to`."""
 
     tabled: Any
     to: Any
@@ -158,7 +158,7 @@ class Sequencer(Module):
         )  # fmt: skip
 
     def set_points(self, place: SequencePlace, period: Any) -> SampleSetpoints:
-        """What the sample at a place asks for; after the end what the last step asked for."""
+        """Set-points of a sample; after the end those of the last step."""
         running = place.step < self.total
         j = jnp.where(running, place.step, self.total - 1)
         i = jnp.where(running, place.sample, self.count[j] - 1)

@@ -19,7 +19,7 @@ def uniform(seed: int, index: np.ndarray) -> np.ndarray:
 
 
 def register_bits(order: int) -> np.ndarray:
-    """One period of a shift register that starts full of ones, bool (2^order - 1,)."""
+    """One period of a shift register that starts with ones, bool (2^order - 1,)."""
     state, bits = (1 << order) - 1, []
     for _ in range((1 << order) - 1):
         bits.append(state & 1)

@@ -38,7 +38,7 @@ LASTING = Quantity("s", (1e-9, math.inf), "time of a part of a sequence", "", (1
 @register
 @dataclass(frozen=True, kw_only=True)
 class Constant(Waveform):
-    """One value."""
+    """A constant value."""
 
     kind: ClassVar[str] = "constant"
     straight: ClassVar[bool] = False
@@ -49,7 +49,7 @@ class Constant(Waveform):
         return np.full(np.shape(times), float(self.value))
 
     def sentence(self, unit: str) -> str:
-        """Such as ``3 bar``."""
+        """Describe the waveform, such as ``3 bar``."""
         return words(self.value, unit)
 
 
@@ -73,7 +73,7 @@ class Staircase(Waveform):
         return np.asarray(self.values, float)[np.maximum(begun, 0)]
 
     def sentence(self, unit: str) -> str:
-        """Such as ``steps 0 bar, 3 bar from 100 ms``."""
+        """Describe the waveform, such as ``steps 0 bar, 3 bar from 100 ms``."""
         first, *rest = zip(self.values, self.times, strict=True)
         return "steps " + ", ".join(
             [words(first[0], unit), *(f"{words(v, unit)} from {time_words(t)}" for v, t in rest)]
@@ -98,7 +98,7 @@ class Pulse(Waveform):
         return np.where((t >= self.start) & (t < self.start + self.width), float(self.high), float(self.low))
 
     def sentence(self, unit: str) -> str:
-        """Such as ``pulse from 0 bar to 3 bar at 100 ms for 500 ms``."""
+        """Describe the waveform, such as ``pulse from 0 bar to 3 bar at 100 ms for 500 ms``."""
         return f"pulse from {pair(self, unit)} at {time_words(self.start)} for {time_words(self.width)}"
 
 
@@ -120,12 +120,12 @@ class Square(Waveform):
         return np.where(phase < self.duty, float(self.high), float(self.low))
 
     def sentence(self, unit: str) -> str:
-        """Such as ``square from 0 bar to 3 bar at 2 Hz, high for 0.5 of each cycle``."""
+        """Describe the waveform, such as ``square from 0 bar to 3 bar at 2 Hz, high for 0.5 of each cycle``."""
         return f"square from {pair(self, unit)} at {self.frequency:g} Hz, high for {self.duty:g} of each cycle"
 
     @property
     def fastest(self) -> float:
-        """Its frequency [1/s]."""
+        """Frequency [1/s]."""
         return self.frequency
 
 
@@ -151,12 +151,12 @@ class PulseWidth(Waveform):
         return np.where(place - cycle < self.duty.at(cycle / self.frequency), float(self.high), float(self.low))
 
     def sentence(self, unit: str) -> str:
-        """Such as ``pwm from 0 to 1 at 50 Hz, duty ramp from 0 to 1 in 2 s``."""
+        """Describe the waveform, such as ``pwm from 0 to 1 at 50 Hz, duty ramp from 0 to 1 in 2 s``."""
         return f"pwm from {pair(self, unit)} at {self.frequency:g} Hz, duty {self.duty.sentence('1')}"
 
     @property
     def fastest(self) -> float:
-        """Of a tenth of a cycle, the coarsest share that is of use [1/s]."""
+        """Rate of a tenth of a cycle, the coarsest useful resolution [1/s]."""
         return 5.0 * self.frequency
 
 
@@ -183,12 +183,12 @@ class Binary(Waveform):
         return np.where(bits[(place + self.seed) % len(bits)], float(self.high), float(self.low))
 
     def sentence(self, unit: str) -> str:
-        """Such as ``prbs from 0 bar to 3 bar every 20 ms, order 9, seed 0``."""
+        """Describe the waveform, such as ``prbs from 0 bar to 3 bar every 20 ms, order 9, seed 0``."""
         return f"prbs from {pair(self, unit)} every {time_words(self.hold)}, order {self.order}, seed {self.seed}"
 
     @property
     def fastest(self) -> float:
-        """One change per hold [1/s]."""
+        """Rate of one change per hold [1/s]."""
         return 0.5 / self.hold
 
 
@@ -220,7 +220,7 @@ class Ramp(Waveform):
         return self.begin + (self.end - self.begin) * share
 
     def sentence(self, unit: str) -> str:
-        """Such as ``ramp from 0 bar to 5 bar in 2 s``."""
+        """Describe the waveform, such as ``ramp from 0 bar to 5 bar in 2 s``."""
         late = f" at {time_words(self.start)}" if self.start else ""
         return f"ramp from {words(self.begin, unit)} to {words(self.end, unit)} in {time_words(self.duration)}{late}"
 
@@ -228,7 +228,7 @@ class Ramp(Waveform):
 @register
 @dataclass(frozen=True, kw_only=True)
 class Triangle(Waveform):
-    """From low to high and back, each cycle; `rising` is the share of the cycle that goes up."""
+    """Periodic ramps from low to high and back; `rising` is the share of the cycle that goes up."""
 
     kind: ClassVar[str] = "triangle"
     straight: ClassVar[bool] = True
@@ -244,13 +244,13 @@ class Triangle(Waveform):
         return self.low + (self.high - self.low) * share
 
     def sentence(self, unit: str) -> str:
-        """Such as ``triangle from 0 bar to 5 bar at 0.5 Hz``."""
+        """Describe the waveform, such as ``triangle from 0 bar to 5 bar at 0.5 Hz``."""
         rising = f", rising for {self.rising:g} of each cycle" if self.rising != 0.5 else ""
         return f"triangle from {pair(self, unit)} at {self.frequency:g} Hz{rising}"
 
     @property
     def fastest(self) -> float:
-        """Of its shorter side [1/s]."""
+        """Rate of the shorter side [1/s]."""
         return 0.5 * self.frequency / min(self.rising, 1.0 - self.rising)
 
 
@@ -271,13 +271,13 @@ class Sine(Waveform):
         return self.mean + self.amplitude * np.sin(2.0 * np.pi * self.frequency * np.asarray(times, float) + self.phase)
 
     def sentence(self, unit: str) -> str:
-        """Such as ``sine 2 bar +- 1 bar at 0.5 Hz``."""
+        """Describe the waveform, such as ``sine 2 bar +- 1 bar at 0.5 Hz``."""
         phase = f", phase {words(self.phase, 'rad')}" if self.phase else ""
         return f"sine {_swing(self.mean, self.amplitude, unit)} at {self.frequency:g} Hz{phase}"
 
     @property
     def fastest(self) -> float:
-        """Its frequency [1/s]."""
+        """Frequency [1/s]."""
         return self.frequency
 
 
@@ -311,7 +311,7 @@ class Chirp(Waveform):
         return self.mean + self.amplitude * np.sin(2.0 * np.pi * (cycles + self.last * after))
 
     def sentence(self, unit: str) -> str:
-        """Such as ``chirp 2 bar +- 1 bar from 0.1 Hz to 10 Hz in 20 s``."""
+        """Describe the waveform, such as ``chirp 2 bar +- 1 bar from 0.1 Hz to 10 Hz in 20 s``."""
         swing = _swing(self.mean, self.amplitude, unit)
         log = ", logarithmic" if self.sweep == "log" else ""
         return f"chirp {swing} from {self.first:g} Hz to {self.last:g} Hz in {time_words(self.duration)}{log}"
@@ -350,7 +350,7 @@ class MultiSine(Waveform):
         return self.mean + self.amplitude * sum(waves, np.zeros(t.shape))
 
     def sentence(self, unit: str) -> str:
-        """Such as ``multisine 2 bar +- 0.1 bar each at 1, 2, 5 Hz``."""
+        """Describe the waveform, such as ``multisine 2 bar +- 0.1 bar each at 1, 2, 5 Hz``."""
         rates = ", ".join(f"{f:g}" for f in self.frequencies)
         return f"multisine {_swing(self.mean, self.amplitude, unit)} each at {rates} Hz"
 
@@ -388,7 +388,7 @@ class Noise(Waveform):
         return self.low + (self.high - self.low) * share
 
     def sentence(self, unit: str) -> str:
-        """Such as ``noise from 1 bar to 3 bar up to 10 Hz, seed 0``."""
+        """Describe the waveform, such as ``noise from 1 bar to 3 bar up to 10 Hz, seed 0``."""
         return f"noise from {pair(self, unit)} up to {self.cutoff:g} Hz, seed {self.seed}"
 
     @property
@@ -437,7 +437,7 @@ class PointTable(Waveform):
 
     @property
     def straight(self) -> bool:
-        """As `between` says."""
+        """Whether values between the points are interpolated linearly."""
         return self.between == "straight"
 
     def at(self, times: Any) -> np.ndarray:
@@ -448,7 +448,7 @@ class PointTable(Waveform):
         return values[np.maximum(np.searchsorted(np.asarray(self.times), t + JUMP, side="right") - 1, 0)]
 
     def sentence(self, unit: str) -> str:
-        """Such as ``table of 200 points in 2 s from step.csv, 0 bar to 3 bar, straight``."""
+        """Describe the waveform, such as ``table of 200 points in 2 s from step.csv, 0 bar to 3 bar, straight``."""
         origin = f" from {self.file}" if self.file else ""
         ends = f"{words(min(self.values), unit)} to {words(max(self.values), unit)}"
         return f"table of {len(self.times)} points in {time_words(self.times[-1])}{origin}, {ends}, {self.between}"
@@ -477,7 +477,7 @@ class Sum(Waveform):
 
     @property
     def fastest(self) -> float:
-        """Of the fastest part [1/s]."""
+        """Rate of the fastest part [1/s]."""
         return max(p.fastest for p in self.parts)
 
 
@@ -524,5 +524,5 @@ class Sequence(Waveform):
 
     @property
     def fastest(self) -> float:
-        """Of the fastest part [1/s]."""
+        """Rate of the fastest part [1/s]."""
         return max(p.fastest for p in self.parts)

@@ -1,4 +1,4 @@
-"""What a waveform is, how its table becomes one, and how its numbers become words."""
+"""Interface of waveforms, and their conversion from and to tables."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Waveform(abc.ABC):
 
     @abc.abstractmethod
     def sentence(self, unit: str) -> str:
-        """In words, for a signal of an SI unit."""
+        """Describe the waveform, for a signal of an SI unit."""
 
     @property
     def fastest(self) -> float:
@@ -62,7 +62,7 @@ class Waveform(abc.ABC):
 def read_waveform(
     entry: Any, unit: str, *, field: str, where: str | None = None, table: ReadTable | None = None
 ) -> Waveform:
-    """Make a waveform of its table, or a constant of a value alone.
+    """Read a waveform from its table, or a constant from a value alone.
 
     Args:
         entry: such as ``{"kind": "ramp", "from": "0 bar", "to": "5 bar", "duration": "2 s"}`` or ``"3 bar"``.

@@ -1,4 +1,4 @@
-"""From excitation to activation: first order, faster up than down.
+"""Activation dynamics: first order, faster up than down.
 
     da/dt = (u - a) / tau,   tau = rise where u > a, else fall
 

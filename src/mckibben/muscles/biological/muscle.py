@@ -141,7 +141,7 @@ class BiologicalMuscle(Module):
         return self.rest_length * jnp.where(activation > 0.0, excited, self.passive_onset)
 
     def state(self, span: Any, activation: Any, velocity: Any = 0.0) -> LawState:
-        """All of the above at once; `volume` is NaN, and `braid_length` the length of the fibres."""
+        """Evaluate the complete state; `volume` is NaN, and `braid_length` the length of the fibres."""
         span, activation, velocity = _together(span, activation, velocity)
         passive_part, active = self.elastic_tension(span), self.active_tension(span, activation, velocity)
         return LawState(
@@ -168,7 +168,7 @@ class BiologicalMuscle(Module):
         return False
 
     def volume(self, span: Any, activation: Any) -> NoReturn:
-        """No gas, no volume.
+        """Raise an error: a biological muscle has no gas volume.
 
         Raises:
             NoVolumeError: always.

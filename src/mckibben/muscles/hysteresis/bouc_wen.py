@@ -66,7 +66,7 @@ class BoucWen(RelaxingContacts):
         )
 
     def relaxed(self, deflection: Scalar, displacement: Scalar, travel: Scalar) -> Scalar:
-        """By the implicit mean [m]."""
+        """Relax the deflection, by the implicit mean [m]."""
         return self._mean_twice(deflection, displacement, travel) - deflection
 
     def _mean_twice(self, deflection: Scalar, dx: Scalar, travel: Scalar) -> Scalar:

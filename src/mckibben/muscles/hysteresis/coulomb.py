@@ -33,7 +33,7 @@ class Coulomb(Hysteresis):
     cites = ("chou1996",)
 
     def initial(self) -> Scalar:
-        """Nothing, shape (0,)."""
+        """Empty state, shape (0,)."""
         return jnp.zeros(0)
 
     def advance(
@@ -58,7 +58,7 @@ class Coulomb(Hysteresis):
         return self.limit.force(pressure)
 
     def lubricated(self, factor: float = 0.9) -> Coulomb:
-        """The same with its limit scaled."""
+        """Return the friction with its limit scaled."""
         return self.replace(limit=self.limit.scaled(factor))
 
 

@@ -33,6 +33,6 @@ class Dahl(RelaxingContacts):
     cites = ("dahl1976",)
 
     def relaxed(self, deflection: Scalar, displacement: Scalar, travel: Scalar) -> Scalar:
-        """By the implicit mean of dz = dx - |dx| z/d [m]."""
+        """Relax the deflection, by the implicit mean of dz = dx - |dx| z/d [m]."""
         half = 0.5 * jnp.abs(displacement)
         return (deflection * (travel - half) + displacement * travel) / (travel + half)

@@ -29,5 +29,5 @@ class FrictionLimit(Module):
         return self.constant + self.per_pressure * xp.maximum(pressure, 0.0)
 
     def scaled(self, factor: Any) -> FrictionLimit:
-        """The same limit times a factor >= 0."""
+        """Return the limit multiplied by a factor >= 0."""
         return FrictionLimit(constant=factor * self.constant, per_pressure=factor * self.per_pressure)

@@ -49,7 +49,7 @@ class PrandtlIshlinskii(Hysteresis):
     cites = ("krasnoselskii1989", "kuhnen2003")
 
     def initial(self) -> Scalar:
-        """No deflections, shape (stops,) [m]."""
+        """State without deflections, shape (stops,) [m]."""
         return jnp.zeros(jnp.broadcast_shapes(self.weight.shape, self.threshold.shape, (1,)))
 
     def advance(
@@ -76,7 +76,7 @@ class PrandtlIshlinskii(Hysteresis):
         return contact_force(self.weight, self.travel(pressure))
 
     def lubricated(self, factor: float = 0.9) -> PrandtlIshlinskii:
-        """The same with every threshold scaled."""
+        """Return the friction with every threshold scaled."""
         return self.replace(
             threshold=factor * self.threshold, threshold_per_pressure=factor * self.threshold_per_pressure
         )
@@ -116,7 +116,7 @@ class PlayMap(Module):
     )
 
     def initial(self, pressure: Any = 0.0) -> Scalar:
-        """Every play drawn to its lower side, as after a long fall to a gauge pressure [Pa]; the output lags above."""
+        """State after a long fall to a gauge pressure [Pa]: every play at its lower side; the output lags above."""
         return -jnp.broadcast_to(
             self.width(pressure),
             jnp.shape(pressure) + jnp.broadcast_shapes(self.weight.shape, self.threshold.shape, (1,)),

@@ -68,7 +68,7 @@ class Contacts(Hysteresis):
     stiffness: AbstractVar[Scalar]
 
     def initial(self) -> Scalar:
-        """No deflections, shape (contacts,) [m]."""
+        """State without deflections, shape (contacts,) [m]."""
         return jnp.zeros(jnp.broadcast_shapes(self.limit.constant.shape, self.stiffness.shape, (1,)))
 
     def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
@@ -88,7 +88,7 @@ class Contacts(Hysteresis):
         return jnp.sum(jnp.broadcast_to(self.limit.force(per_contact(pressure)), self.travel(pressure).shape), axis=-1)
 
     def lubricated(self, factor: float = 0.9) -> Hysteresis:
-        """The same with every limit scaled."""
+        """Return the friction with every limit scaled."""
         changed: Hysteresis = self.replace(limit=self.limit.scaled(factor))
         return changed
 

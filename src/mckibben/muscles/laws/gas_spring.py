@@ -72,7 +72,7 @@ class SpringVolume(TensionLaw):
         )
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """From a tenth of the rest length to the upper working length [m]."""
+        """Range from a tenth of the rest length to the upper working length [m]."""
         return 0.1 * self.rest_length, self.upper_length
 
     def has_volume(self) -> bool:

@@ -129,5 +129,5 @@ class HyperelasticBraid(TensionLaw):
         return 0.25 * jnp.pi * (within_threads - rubber + self.rest_diameter**2 * self._inactive())
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """From 0.6 of the rest length to the upper working length [m]."""
+        """Range from 0.6 of the rest length to the upper working length [m]."""
         return 0.6 * self.rest_length, self.upper_length

@@ -49,5 +49,5 @@ class Ideal(TensionLaw):
         )
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """From a hundredth of the thread length to the thread length [m]."""
+        """Range from a hundredth of the thread length to the thread length [m]."""
         return 0.01 * self.thread_length, self.thread_length

@@ -71,5 +71,5 @@ class MartensBoblan(TensionLaw):
         return found._asdict()
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """From half the rest length to the rest length [m]."""
+        """Range from half the rest length to the rest length [m]."""
         return 0.5 * self.rest_length, self.rest_length

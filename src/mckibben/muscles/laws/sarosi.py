@@ -68,7 +68,7 @@ class Sarosi(TensionLaw):
         return pressure * (self.rest_volume + self.rest_length * change)
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """From half the rest length to the upper working length [m]."""
+        """Range from half the rest length to the upper working length [m]."""
         return 0.5 * self.rest_length, self.upper_length
 
     def has_volume(self) -> bool:

@@ -105,5 +105,5 @@ class SeatedBraid(TensionLaw):
         return step(u, force, forces(u)[1], self.seat_compliance)
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """From 0.6 of the rest length to the upper working length [m]."""
+        """Range from 0.6 of the rest length to the upper working length [m]."""
         return 0.6 * self.rest_length, self.upper_length

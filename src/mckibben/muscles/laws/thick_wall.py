@@ -54,5 +54,5 @@ class ThickWall(TensionLaw):
         )
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """From a hundredth of the thread length to the upper working length [m]."""
+        """Range from a hundredth of the thread length to the upper working length [m]."""
         return 0.01 * self.thread_length, self.upper_length

@@ -63,7 +63,7 @@ class ThreeElement(TensionLaw):
         return damping * velocity
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """From half the rest length to the upper working length [m]."""
+        """Range from half the rest length to the upper working length [m]."""
         return 0.5 * self.rest_length, self.upper_length
 
     def has_volume(self) -> bool:

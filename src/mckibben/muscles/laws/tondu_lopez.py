@@ -72,5 +72,5 @@ class TonduLopez(TensionLaw):
         return jnp.pi * self.rest_radius**2 * self.rest_length * (1.0 + a * cubic - c * eps)
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """From a tenth of the rest length to the upper working length [m]."""
+        """Range from a tenth of the rest length to the upper working length [m]."""
         return 0.1 * self.rest_length, self.upper_length

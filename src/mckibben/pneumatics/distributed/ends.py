@@ -1,4 +1,4 @@
-"""What an end of the tube leads to: nothing, a reservoir whose pressure is given over time, or a rigid vessel."""
+"""Ends of the tube: closed, a reservoir whose pressure is given over time, or a rigid vessel."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .openings import OpenBore, Opening, TubeFace, closed_face, open_face
 
 
 class EndState(NamedTuple):
-    """What has gone through an end and stayed behind it, or the contents of its vessel."""
+    """Total flow through an end, or the contents of its vessel."""
 
     mass: Scalar  # [kg]
     energy: Scalar  # [J]
@@ -26,7 +26,7 @@ class EndState(NamedTuple):
 
 
 class End(Module):
-    """One end of the tube and all that lies behind it."""
+    """An end of the tube with everything behind it."""
 
     @abc.abstractmethod
     def initial(self, gas: Gas) -> EndState:
@@ -57,15 +57,15 @@ class ClosedEnd(End):
     """A plug."""
 
     def initial(self, gas: Gas) -> EndState:
-        """Nothing."""
+        """Return an empty state."""
         return EndState(jnp.zeros(()), jnp.zeros(()), jnp.zeros(()))
 
     def outside(self, gas: Gas, state: EndState, time: Any) -> Primitive:
-        """Nothing."""
+        """Return zeros, since there is no outside."""
         return Primitive(jnp.full((), jnp.nan), jnp.zeros(()), jnp.full((), jnp.nan))
 
     def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> TubeFace:
-        """Nothing passes."""
+        """State at the closed face, without flow."""
         return closed_face(medium, inside)
 
 
@@ -93,7 +93,7 @@ class ReservoirEnd(End):
                 raise InputError(name, f"{shape} values", f"must be one, or {times.shape}", where="ReservoirEnd")
 
     def initial(self, gas: Gas) -> EndState:
-        """Nothing has passed."""
+        """State before any flow."""
         return EndState(jnp.zeros(()), jnp.zeros(()), jnp.zeros(()))
 
     def outside(self, gas: Gas, state: EndState, time: Any) -> Primitive:
@@ -148,7 +148,7 @@ class VesselEnd(End):
         return EndState(inflow.mass, self.volume * rise / (gas.heat_ratio - 1.0), heat)
 
     def least_volume(self) -> Any:
-        """Its own [m^3]."""
+        """Volume of the vessel [m^3]."""
         return self.volume
 
     def heat_is_remainder(self) -> bool:

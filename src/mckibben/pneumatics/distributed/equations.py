@@ -24,7 +24,7 @@ from ..gas import AIR, Gas
 
 
 class Conserved(NamedTuple):
-    """What is balanced in each cell, per volume; arrays of shape (cells,)."""
+    """Conserved quantities in each cell, per volume; arrays of shape (cells,)."""
 
     density: Scalar  # [kg/m^3]
     momentum: Scalar  # [kg/(m^2 s)]
@@ -32,7 +32,7 @@ class Conserved(NamedTuple):
 
 
 class Primitive(NamedTuple):
-    """The same state as it is measured."""
+    """Measurable quantities of the same state."""
 
     pressure: Scalar  # absolute, static [Pa]
     velocity: Scalar  # [m/s]

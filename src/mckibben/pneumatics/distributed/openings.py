@@ -1,4 +1,4 @@
-"""What lies between an end of the tube and the gas outside: an open end with losses, or a valve.
+"""Openings between an end of the tube and the gas outside: an open end with losses, or a valve.
 
 The wave that reaches the end fixes pressure and temperature there as functions of the speed; the opening adds one more
 relation, and the speed is its root. Gas leaves at the static pressure outside, or at the speed of sound if that pressure

@@ -1,4 +1,4 @@
-"""What is recorded of a distributed tube, with its balances of mass and energy."""
+"""Results of a distributed tube, with balances of mass and energy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .tube import DistributedTube, TubeState
 
 
 class Sample(NamedTuple):
-    """One recorded moment, as arrays on the device."""
+    """State at a recorded moment, as arrays on the device."""
 
     cells: Primitive
     faces: tuple[TubeFace, TubeFace]
@@ -23,7 +23,7 @@ class Sample(NamedTuple):
 
 
 class EndRecord(NamedTuple):
-    """One end over time; arrays of shape (samples,). Flow and velocity are positive in the direction of x at both ends."""
+    """An end over time; arrays of shape (samples,). Flow and velocity are positive in the direction of x at both ends."""
 
     pressure: np.ndarray  # absolute, static, at the end of the tube [Pa]
     temperature: np.ndarray  # there [K]

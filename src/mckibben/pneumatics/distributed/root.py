@@ -15,7 +15,7 @@ ROOT_SHARE, ROOT_STEPS = 1e-13, 40
 
 
 def falling_root(residual: Callable[[Scalar], Scalar], highest: Scalar) -> tuple[Scalar, Scalar]:
-    """Where a falling residual vanishes in [0, highest], and what is left of it if it does not, else 0.
+    """Zero of a falling residual in [0, highest], and the remaining residual, 0 if it vanishes.
 
     Regula falsi in which an end that stays twice counts less: N. Anderson and A. Bjorck, BIT 13, 1973,
     doi:10.1007/BF01951936. It needs no derivative, which an orifice near equal pressures may not have.

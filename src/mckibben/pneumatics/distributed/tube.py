@@ -24,7 +24,7 @@ WALL_STEP = 0.5
 
 
 class TubeState(NamedTuple):
-    """All that is integrated."""
+    """State variables of the integration."""
 
     cells: Conserved  # shape (cells,)
     left: EndState

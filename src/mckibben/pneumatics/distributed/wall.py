@@ -29,7 +29,7 @@ LAMINAR_NUSSELT = 3.66  # developed flow, constant wall temperature
 
 
 class WallRates(NamedTuple):
-    """What the wall does to the gas, per cell."""
+    """Effect of the wall on the gas, per cell."""
 
     friction: Scalar  # lambda [1/s]: the momentum decays at this rate
     heating: Scalar  # heat given to the gas [W/m^3]

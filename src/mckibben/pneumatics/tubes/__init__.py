@@ -1,4 +1,4 @@
-"""Lumped models of a tube, one file each, with one interface: three of the paper, and a better one."""
+"""Lumped models of a tube, one file each, with one interface: three of the paper, and one more accurate."""
 
 from .inertial import InertialTube
 from .linear import LinearTube

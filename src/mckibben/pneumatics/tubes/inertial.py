@@ -36,7 +36,7 @@ class InertialTube(TwoPort):
     gas: Gas = AIR
 
     def initial(self) -> Any:
-        """No flow."""
+        """State without flow."""
         return jnp.zeros(())
 
     def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:

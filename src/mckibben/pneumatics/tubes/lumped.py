@@ -50,7 +50,7 @@ class LumpedTube(TwoPort):
         return 0.25 * jnp.pi * self.diameter**2
 
     def initial(self) -> Any:
-        """No flow."""
+        """State without flow."""
         return jnp.zeros(())
 
     def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:

@@ -38,7 +38,7 @@ class CheckValve(TwoPort):
         return opening_flow(self.passage, a, b, self.opening(a, b))
 
     def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
-        """Slope of the passage, and of its opening where the poppet lifts [kg/(s Pa)]."""
+        """Largest slope of the flow, including the opening of the poppet [kg/(s Pa)]."""
         a, b = gas
         # the opening only changes up to this difference, where the flow is largest
         lifted = self.cracking_pressure + self.band
@@ -53,5 +53,5 @@ class CheckValve(TwoPort):
         return (steepest_slope(self.passage, a, b) + EASED_SLOPE * flow / self.band,)
 
     def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
-        """Its opening [1]."""
+        """Opening of the valve [1]."""
         return {"opening": self.opening(*gas)}

@@ -33,7 +33,7 @@ class OnOffValve(TwoPort):
         return opening_flow(self.passage, a, b, self.drive.opening(state))
 
     def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
-        """Of flux and stroke [1/s]."""
+        """Rates of change of flux and stroke [1/s]."""
         return self.drive.rates(state, command)
 
     def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
@@ -41,5 +41,5 @@ class OnOffValve(TwoPort):
         return (steepest_slope(self.passage, *gas) * self.drive.widest(state, command),)
 
     def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
-        """Its opening [1]."""
+        """Opening of the valve [1]."""
         return {"opening": self.drive.opening(state)}

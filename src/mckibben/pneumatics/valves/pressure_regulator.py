@@ -78,15 +78,15 @@ class PressureRegulator(FlowElement):
         return share(error / self.band), share((-error - self.relief_offset) / self.band)
 
     def initial(self) -> Any:
-        """At the pressure set by hand."""
+        """State at the pressure set by hand."""
         return jnp.asarray(self.set_pressure, float)
 
     def settled(self, command: Any) -> Any:
-        """At the set-point that the command makes, so that a run which begins under pressure does not vent first."""
+        """State at the commanded set-point, so that a run which begins under pressure does not vent first."""
         return self.initial() if command is None else self.set_pressure + jnp.asarray(command, float)
 
     def initial_memory(self, gas: Gases) -> Any:
-        """In the middle of the play."""
+        """Memory in the middle of the play."""
         return jnp.asarray(gas[1].pressure_abs, float)
 
     def rates(self, gas: Gases, state: Any, memory: Any, command: Any) -> Any:
@@ -98,7 +98,7 @@ class PressureRegulator(FlowElement):
         return self.sensed(memory, end[1].pressure_abs)
 
     def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
-        """Supply to outlet, and outlet to exhaust [kg/s]."""
+        """Flows from supply to outlet, and from outlet to exhaust [kg/s]."""
         supply, outlet, exhaust = gas
         fill, relief = self.openings(gas, state, memory)
         return opening_flow(self.fill, supply, outlet, fill), opening_flow(self.relief, outlet, exhaust, relief)

@@ -1,4 +1,4 @@
-"""How openings grow from 0 to 1: choices between branches, so that no derivative is halved at a tie."""
+"""Smooth growth of openings from 0 to 1: choices between branches, so that no derivative is halved at a tie."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def share(x: Any) -> Scalar:
 
 
 def eased(x: Any) -> Scalar:
-    """From 0 at x = 0 to 1 at x = 1 without a corner; its slope is at most `EASED_SLOPE`."""
+    """Smooth step from 0 at x = 0 to 1 at x = 1; its slope is at most `EASED_SLOPE`."""
     y = share(x)
     return y * y * (3.0 - 2.0 * y)
 

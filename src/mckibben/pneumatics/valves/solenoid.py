@@ -1,4 +1,4 @@
-"""What a switching valve does before and while it moves: a coil, and a plunger between two stops.
+"""Dynamics of a switching valve: a coil, and a plunger between two stops.
 
     dc/dt = (u - c)/tau,   tau = dead time/ln(2/(1 - W))            u the command, 0 to 1; of switching on where u > c
     dx/dt = d (1 - S)/T,   d = clip((c - 1/2)/W, -1, 1)             slowed over the last S of the stroke before a stop

@@ -53,7 +53,7 @@ class SpoolValve(FlowElement):
         return share((position - self.overlap) / stroke) + leak, share((-position - self.overlap) / stroke) + leak
 
     def initial(self) -> Any:
-        """In mid position."""
+        """State in mid position."""
         return jnp.zeros(())
 
     def rates(self, gas: Gases, state: Any, memory: Any, command: Any) -> Any:

@@ -46,7 +46,7 @@ class ThreeWayValve(FlowElement):
         return self.drive.initial()
 
     def rates(self, gas: Gases, state: Any, memory: Any, command: Any) -> Any:
-        """Of flux and stroke [1/s]."""
+        """Rates of change of flux and stroke [1/s]."""
         return self.drive.rates(state, command)
 
     def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
@@ -64,5 +64,5 @@ class ThreeWayValve(FlowElement):
         return steepest_slope(self.fill, supply, work) * fill, steepest_slope(self.vent, work, exhaust) * vent
 
     def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
-        """Its stroke [1]."""
+        """Stroke of the valve [1]."""
         return {"opening": self.drive.opening(state)}

@@ -132,7 +132,7 @@ class _Drawing:
         self.other_end(far + 118.0)
 
     def other_end(self, x: float) -> None:
-        """What holds the end of the muscle that is not on the frame: the motor by its cord, or a plate."""
+        """Draw what holds the far end of the muscle: the motor by its cord, or a plate."""
         motor = self.rig.motor
         wall = MOTOR - 34.0
         self.marks.append(line((x, TOP), (wall, TOP), colour=COLOURS["tension"]))
@@ -206,7 +206,7 @@ class _Drawing:
         self.lead([(x, BORDER + 8.0), (x, to)], COLOURS["valve"])
 
     def software(self) -> None:
-        """What the software does with a sample, in its order; its commands take effect a latency later."""
+        """Draw what the software does with a sample, in order; its commands take effect one latency later."""
         self.box(150.0, BUS, 464.0, 13.0, [Words("measured channels", SMALL, True, INK)])
         rows = (
             (209.0, "sequencer", "set-points, until tests"),
@@ -225,7 +225,7 @@ class _Drawing:
     # ---- strokes and words
 
     def of(self, key: str, words: str, table: str = "") -> str:
-        """Words with a star where the rig infers what they say."""
+        """Return a text with a star if the rig's file marks it as inferred."""
         path = f"{table or f'plumbing.{self.layout}'}.{key}"
         return words + ("*" if any(path == p or path.startswith(f"{p}.") for p in self.rig.inferred) else "")
 
@@ -254,7 +254,7 @@ class _Drawing:
 
 
 def _columns(names: list[str]) -> tuple[dict[str, float], float]:
-    """Where the boxes of channels stand, and how wide they are [pt]; evenly where there are others than usual."""
+    """Positions and width of the boxes of channels [pt]; evenly spaced for unusual channels."""
     if set(names) <= set(TAPS):
         return {name: TAPS[name] for name in names}, BOX
     first, last = min(TAPS.values()), max(TAPS.values())
@@ -267,7 +267,7 @@ def _si(value: Any) -> float:
 
 
 def _step(size: float, unit: str) -> str:
-    """One count in the unit in which small ones are read."""
+    """Size of one count, in the unit usual for small values."""
     scale, small = {"Pa": (1e-2, "mbar"), "m": (1e6, "um")}.get(unit, (1.0, unit))
     return _micro(f"{style.number(float(f'{scale * size:.2g}'))} {small}")
 

@@ -127,7 +127,7 @@ def _wires(circuit: Circuit) -> DiagramWiring:
 
 
 def _strengths(circuit: Circuit, pressures: Mapping[str, float]) -> dict[str, float]:
-    """How strong the line of each node with a known pressure is drawn, from its gauge pressure over the largest."""
+    """Line strength of each node with a known pressure: its gauge pressure over the largest."""
     if not pressures:
         return {}
     known = dict(pressures)
@@ -143,7 +143,7 @@ def _strengths(circuit: Circuit, pressures: Mapping[str, float]) -> dict[str, fl
 
 
 def _draw_net(ax: Axes, net: Net, strength: float | None) -> None:
-    """All lines of a node as one stroke, so that nothing darkens where they meet."""
+    """Draw all lines of a node as one stroke, so that crossings are not darker."""
     from matplotlib.path import Path
 
     colour = INK if strength is None else COLOURS["pressure"]
@@ -161,7 +161,7 @@ def _draw_net(ax: Axes, net: Net, strength: float | None) -> None:
 
 
 def draw_mark(ax: Axes, mark: Stroke, *, alpha: float | None = None, order: float = 2.0) -> None:
-    """One stroke on axes whose unit is the point."""
+    """Draw one stroke on axes whose unit is the point."""
     from matplotlib.patches import PathPatch
 
     ax.add_patch(
@@ -181,7 +181,7 @@ def draw_mark(ax: Axes, mark: Stroke, *, alpha: float | None = None, order: floa
 
 
 def draw_text(ax: Axes, text: Text) -> None:
-    """One line of text on such axes."""
+    """Draw one line of text on axes whose unit is the point."""
     words = text.words
     ax.text(
         text.x,

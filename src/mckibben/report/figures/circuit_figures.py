@@ -28,7 +28,7 @@ POINTS = 4000  # per line; more than a page can show
 
 
 class CircuitPanel(NamedTuple):
-    """One pair of axes: what it shows, in which unit, in whose colour."""
+    """A pair of axes: quantity, unit and colour."""
 
     title: str
     quantity: str
@@ -39,7 +39,7 @@ class CircuitPanel(NamedTuple):
 
 @style.styled()
 def run_figure(recording: Recording) -> Figure:
-    """What happened in a circuit, one panel per quantity.
+    """Draw the recording of a circuit, one panel per quantity.
 
     Args:
         recording: as `mckibben.bench.circuit_run.run_circuit` makes it, or one with channels of those names.
@@ -105,7 +105,7 @@ def _panels(recording: Recording) -> list[CircuitPanel]:
 
 
 def _moving(recording: Recording, names: list[str]) -> list[str]:
-    """Those that are not constant zero; an atmosphere says nothing."""
+    """Names of the channels that are not constant zero, such as an atmosphere."""
     return [n for n in names if np.nanmax(np.abs(recording[n]), initial=0.0) > 0.0]
 
 
@@ -150,7 +150,7 @@ def _draw(ax: Axes, recording: Recording, panel: CircuitPanel, *, last: bool) ->
 
 
 def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """At most some thousand points of a line; the extremes of every stretch are kept, for peaks must survive."""
+    """Reduce a line to some thousand points; the extremes of every section are kept, so that peaks survive."""
     count = len(values)
     if count <= POINTS:
         return time, values
@@ -180,7 +180,7 @@ LETTER = 0.082  # width of a bold letter [inch]
 
 @style.styled()
 def overview(found: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figure:
-    """One column per record: absolute pressures, measured and of the model, and their difference on one common scale.
+    """Draw one column per record: absolute pressures, measured and modelled, and their difference on a common scale.
 
     Records that the fit did not see stand on grey.
 

@@ -1,4 +1,4 @@
-"""What stands beside the symbols of a circuit: names, and main values with the units in which people read them."""
+"""Labels of circuit symbols: names, and main values in customary units."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _UNITS = {"m^3/(s*Pa)": "L/(min*bar)"}
 
 
 class Words(NamedTuple):
-    """One line of a label."""
+    """A line of a label."""
 
     text: str
     size: float = SMALL
@@ -38,7 +38,7 @@ class Words(NamedTuple):
 
 
 class Text(NamedTuple):
-    """One line of text at its place: x by its alignment, y its baseline [pt], and the rectangle that it fills."""
+    """A line of text at its place: x by its alignment, y its baseline [pt], and its rectangle."""
 
     words: Words
     x: float
@@ -47,13 +47,13 @@ class Text(NamedTuple):
     box: Box
 
     def moved(self, x: float, y: float) -> Text:
-        """The same at another place."""
+        """Return a copy at another place."""
         return self._replace(x=self.x + x, y=self.y + y, box=self.box.moved(x, y))
 
 
 @functools.lru_cache(maxsize=4096)
 def width(text: str, size: float, bold: bool) -> float:
-    """How wide a line of text is [pt]."""
+    """Width of a line of text [pt]."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 

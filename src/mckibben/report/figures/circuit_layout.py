@@ -1,4 +1,4 @@
-"""One part of a circuit with everything that belongs to it: symbol, label, command, triangles to free air, ends of lines."""
+"""Layout of circuit diagrams: symbols with labels, commands, vents to free air, and connecting lines on a grid."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NEAR = 4.0  # between a symbol and its label
 
 
 class Route(NamedTuple):
-    """One port: the node it leads to, the side on which its line leaves, and the line from the symbol to there."""
+    """The line of a port: the node it leads to, the side on which it leaves, and its points."""
 
     node: str
     side: int
@@ -41,7 +41,7 @@ class Route(NamedTuple):
 
 
 class SymbolCell(NamedTuple):
-    """What stands at one place of the diagram, around the origin on its line [pt]."""
+    """A symbol in one cell of the grid, around the origin on its line [pt]."""
 
     marks: tuple[Stroke, ...]
     symbol: Box
@@ -258,7 +258,7 @@ def columns(wires: DiagramWiring) -> dict[tuple[str, str], int]:
 
 
 class _Board:
-    """Which cells of the grid are taken, and by which node's line the ends of rows may be met."""
+    """Occupied cells of the grid, and the nodes whose lines may meet the ends of rows."""
 
     def __init__(
         self, wires: DiagramWiring, column: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], SymbolCell]
@@ -341,7 +341,7 @@ class Net(NamedTuple):
 
 
 class DiagramGrid(NamedTuple):
-    """Where every cell's origin lies, the lines of every node, and the rectangle around all."""
+    """Origins of all cells, lines of all nodes, and the bounding rectangle."""
 
     at: dict[tuple[str, str], Point]
     nets: dict[str, Net]
@@ -385,7 +385,7 @@ def arrange(wires: DiagramWiring, cells: Mapping[tuple[str, str], SymbolCell]) -
 def _most(
     cells: Mapping[tuple[str, str], SymbolCell], row: Mapping[tuple[str, str], int], which: int, sign: int
 ) -> float:
-    """How far the cells of a row reach up (1) or down (-1) from its line."""
+    """Largest extent of the cells of a row above (1) or below (-1) its line."""
     found = [cells[key].box for key, r in row.items() if r == which]
     return max(b.y1 if sign > 0 else -b.y0 for b in found)
 

@@ -31,7 +31,7 @@ class Box(NamedTuple):
     y1: float
 
     def moved(self, x: float, y: float) -> Box:
-        """The same at another place."""
+        """Return a copy at another place."""
         return Box(self.x0 + x, self.y0 + y, self.x1 + x, self.y1 + y)
 
     def overlaps(self, other: Box, by: float = 0.0) -> bool:
@@ -47,7 +47,7 @@ def around(boxes: Iterable[Box]) -> Box:
 
 
 class Stroke(NamedTuple):
-    """One stroke: its path, fill, width [pt], dash in line widths, and what it is drawn over."""
+    """A stroke: its path, fill, width [pt], dash in line widths, and what it is drawn over."""
 
     path: Path
     fill: str = "none"
@@ -56,13 +56,13 @@ class Stroke(NamedTuple):
     dash: tuple[float, ...] = ()
 
     def placed(self, x: float, y: float, *, mirrored: bool = False) -> Stroke:
-        """The same at another place, left and right exchanged where asked."""
+        """Return a copy at another place, mirrored if requested."""
         sign = -1.0 if mirrored else 1.0
         return self._replace(path=_path(np.asarray(self.path.vertices, float) * [sign, 1.0] + [x, y], self.path.codes))
 
 
 class Port(NamedTuple):
-    """Where a line meets a symbol, and to which side it leaves: -1 left, 1 right."""
+    """Point at which a line meets a symbol, and the side on which it leaves: -1 left, 1 right."""
 
     x: float
     y: float
@@ -241,7 +241,7 @@ def _ends(x: float) -> tuple[Port, Port]:
 
 
 def restriction(ports: Sequence[str], driven: bool) -> Symbol:
-    """Two arcs that narrow a line; an arrow across where a command opens it."""
+    """Draw a restriction as two arcs; with an arrow across if a command opens it."""
     arcs = [
         Stroke(_path([(-11.0, s * 9.5), (-5.0, s * 1.2), (5.0, s * 1.2), (11.0, s * 9.5)], _CURVE)) for s in (1.0, -1.0)
     ]
@@ -311,7 +311,7 @@ _SUPPLY = ("supply", "inlet", "in", "p", "source", "1")
 
 
 def roles(ports: Sequence[str]) -> list[str]:
-    """What each port is for: in, out or exhaust; the first port is the inlet where no name says so."""
+    """Role of each port by its name: in, out or exhaust; the first port is the inlet if no name tells."""
     found = [
         "exhaust" if p.startswith(_EXHAUST[:4]) or p in _EXHAUST else "in" if p in _SUPPLY else "out" for p in ports
     ]
@@ -353,7 +353,7 @@ def quick_exhaust(ports: Sequence[str], driven: bool) -> Symbol:
 
 
 def on_off_valve(ports: Sequence[str], driven: bool) -> Symbol:
-    """Two positions, a spring below and a solenoid above; 2/2, 3/2 or more by its ports."""
+    """Draw two positions, a spring below and a solenoid above; 2/2, 3/2 or more by its ports."""
     return _valve(ports, positions=2, proportional=False)
 
 
@@ -396,7 +396,7 @@ def _valve(ports: Sequence[str], *, positions: int, proportional: bool) -> Symbo
 
 
 def _inside(kind: str, wide: float, y: float, role: Sequence[str]) -> list[Stroke]:
-    """What a position joins, drawn into its box."""
+    """Draw the connections of one position into its box."""
     left = [y - LEVEL * i for i in range(role.count("in") + role.count("exhaust"))]
     right = [y - LEVEL * i for i in range(role.count("out"))]
     open_left, open_right = set(left), set(right)

@@ -66,7 +66,7 @@ def comparison_figure(muscles: Sequence[Trials], matches: Sequence[Match] = ()) 
 
 
 class _Line:
-    """How a muscle is drawn, and the letter that it has."""
+    """Style and letter of a muscle."""
 
     def __init__(self, letter: str, dash: Any, biological: bool) -> None:
         self.letter, self.biological = letter, biological

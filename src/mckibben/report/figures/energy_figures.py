@@ -138,7 +138,7 @@ def figure_13() -> Figure:
 
 
 def printed_joules() -> Printed:
-    """What Part IV prints: input and output [J] of each cycle, without and with the accumulator."""
+    """Values printed in Part IV: input and output [J] of each cycle, without and with the accumulator."""
     output = {"maximal": "maximal.output", "isotonic": "isotonic.output", "valve": "isotonic.output"}
     return {
         (name, full): (part4.printed(f"{name}.input" + "_accumulator" * full), part4.printed(output[name]))
@@ -329,7 +329,7 @@ def _parts(ax: Axes, loop: CycleLoops, ml: float, bar: float) -> None:
 
 
 def _wasted(ax: Axes, isotonic: CyclePath, valve: CycleLoops, ml: float, bar: float) -> None:
-    """What the valve throttles, the area between both paths: FF'G, and where the bladder fills a sliver below F."""
+    """Draw the loss in the valve, the area between both paths: FF'G, and a sliver below F where the bladder fills."""
     end, corner = isotonic.corners["G"] + 1, valve.piston.corners["F'"] + 1
     x = np.concatenate([isotonic.x[:end][::-1], valve.piston.x[:corner]])
     y = np.concatenate([isotonic.y[:end][::-1], valve.piston.y[:corner]])
@@ -420,7 +420,7 @@ LEAST = 5e-4  # share of the whole below which a stream is told and not drawn
 
 
 class DrawnStream(NamedTuple):
-    """One stream, above zero [J]; `key` says what it is, `words` what it is called."""
+    """A stream, above zero [J], with a key and a label."""
 
     key: str
     words: str
@@ -428,19 +428,19 @@ class DrawnStream(NamedTuple):
 
 
 class Streams(NamedTuple):
-    """What enters on the left and leaves on the right; both sums are the same."""
+    """Streams that enter on the left and leave on the right; both sums are equal."""
 
     into: tuple[DrawnStream, ...]
     out: tuple[DrawnStream, ...]
 
     @property
     def whole(self) -> float:
-        """What passes [J]."""
+        """Total energy of the streams [J]."""
         return sum(s.value for s in self.into)
 
 
 def streams(account: EnergyAccount) -> tuple[Streams, Streams]:
-    """Of the gas and of the muscle; a part that is negative stands on the other side, its size unchanged."""
+    """Streams of the gas and of the muscle; a negative part is drawn on the opposite side with its absolute value."""
     gas: tuple[list[DrawnStream], list[DrawnStream]] = ([], [])
     muscle: tuple[list[DrawnStream], list[DrawnStream]] = ([], [])
     work = 0.0

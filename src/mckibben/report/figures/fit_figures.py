@@ -343,7 +343,7 @@ def _shorter(title: str) -> str:
 
 
 def _draw_ranking(ax: Axes, rows: list[_Row], study: Study, *, names: float, brief: bool = False) -> None:
-    """One line per law with two lanes: predicted above, beyond the training below; numbers at the right.
+    """Draw one line per law with two lanes: predicted above, beyond the training below; numbers at the right.
 
     Args:
         ax: the axes.
@@ -582,7 +582,7 @@ def hold_out(fit: Fit) -> Figure | None:
 
 
 def _held_out(fit: Fit) -> np.ndarray:
-    """Which points the separate fit was not shown: those above the pressures of as many as it was trained on."""
+    """Mask of the points that the separate fit was not shown: the highest pressures."""
     assert fit.holdout is not None
     highest = np.sort(fit.points.pressure)[fit.holdout.trained_on - 1]
     return fit.points.pressure > highest
@@ -643,7 +643,7 @@ def _series(points: ForceMap) -> list[tuple[float, np.ndarray]]:
 
 @style.styled()
 def overview(studies: Iterable[Study]) -> Figure:
-    """One picture of up to two studies, 14.4 inch wide: the curves of the best law, and the ranking of all.
+    """Draw up to two studies, 14.4 inch wide: the curves of the best law, and the ranking of all.
 
     Two studies stand side by side, each ranking below its curves; of a single one it stands beside them.
     """

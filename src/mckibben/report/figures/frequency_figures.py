@@ -20,7 +20,7 @@ MAGNITUDE, PHASE, COHERENCE = 2.1, 1.5, 0.8  # heights of the axes [inch]
 
 
 class BodeTitles(NamedTuple):
-    """Words of a Bode figure: its heading, the note after it, and the unit of the magnitude."""
+    """Texts of a Bode figure: its heading, the note after it, and the unit of the magnitude."""
 
     heading: str
     note: str = ""
@@ -84,7 +84,7 @@ def _course(ax: Axes, frequency: np.ndarray, values: np.ndarray, title: str, *, 
 
 @style.styled()
 def repeatability_figure(found: Repeatability, *, title: str, channel: str, over: str) -> Figure:
-    """Every repetition faint with the mean course, and below the distance of each from the mean.
+    """Draw every repetition faintly with the mean course, and below the deviation of each from the mean.
 
     Args:
         found: the repetitions, in the unit in which they are shown.

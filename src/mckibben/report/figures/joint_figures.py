@@ -113,7 +113,7 @@ def _draw(ax: Axes, record: Recording, panel: _Panel) -> None:
 
 
 def _off(record: Recording) -> list[tuple[float, float]]:
-    """When the angle is not fed back: beginnings and ends [s]."""
+    """Intervals in which the angle is not fed back: starts and ends [s]."""
     if "loop.active" not in record:
         return []
     off = np.concatenate([[False], record["loop.active"] < 0.5, [False]])

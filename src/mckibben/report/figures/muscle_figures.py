@@ -31,7 +31,7 @@ SCALES = (5.0, 2.0, 1.0, 0.5, 0.4, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01)
 def law_curves(
     law: TensionLaw, *, title: str, lengths: tuple[float, float] | None = None, pressures: Sequence[float] | None = None
 ) -> Figure:
-    """What a law says: tension over length, free length over pressure, and volume over length where the law knows it.
+    """Draw a law: tension over length, free length over pressure, and volume over length if the law has one.
 
     Args:
         law: the law.
@@ -60,7 +60,7 @@ def law_curves(
 
 
 def working_lengths(law: TensionLaw, highest: float) -> tuple[float, float]:
-    """From a little below the free length at the highest pressure [Pa] to the upper working or the rest length [m]."""
+    """Range from just below the free length at the highest pressure [Pa] to the upper working or rest length [m]."""
     free = float(np.asarray(law.free_length(highest)))
     low, high = (float(np.asarray(end)) for end in law.length_range())
     stated = [float(v) for name in ("upper_length", "rest_length") if (v := getattr(law, name, None)) is not None]

@@ -1,4 +1,4 @@
-"""What of a recording is drawn together: channels in one pair of axes, parts of one case, and how many of their samples."""
+"""Figures of recordings: choice of channels per pair of axes, parts of one case, and thinning of their samples."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _DERIVED: dict[str, tuple[str, str]] = {
 
 
 class ChannelPanel(NamedTuple):
-    """One pair of axes: what it shows, whose colour it takes (None: ink), its units, and its channels."""
+    """A pair of axes: title, quantity of its colour (None: ink), units, and channels."""
 
     title: str
     quantity: str | None
@@ -61,7 +61,7 @@ class ChannelPanel(NamedTuple):
         return self.title if self.unit == "1" else f"{self.title}, {_SIGNS.get(self.unit, self.unit)}"
 
     def scale(self) -> float:
-        """From SI to the unit that is read."""
+        """Factor from SI to the displayed unit."""
         return from_si(1.0, self.si_unit, self.unit)
 
 
@@ -91,7 +91,7 @@ def checked_names(record: Recording, names: Iterable[str], *, field: str = "--ch
 
 
 def usual_channels(parts: Sequence[Recording]) -> list[str]:
-    """What is drawn where nobody says: measured, its commands in force and its true values, one quantity after another.
+    """Channels drawn by default: measured, commands in force and true values, quantity by quantity.
 
     Without measured channels all pressures, tensions, lengths, flows and valves that are not zero throughout.
 
@@ -365,7 +365,7 @@ def _draw(ax: Axes, parts: Sequence[Recording], panel: ChannelPanel) -> None:
 
 
 def _set_range(ax: Axes, panel: ChannelPanel) -> None:
-    """From zero where the values are not far from it; a valve's whole range; rounding is not drawn as a change."""
+    """Set the range: from zero if the values are near it, a valve's whole range; rounding is not magnified."""
     low, high = ax.get_ylim()
     least = 1e-3 * max(abs(low), abs(high))
     if high - low < least:
@@ -378,7 +378,7 @@ def _set_range(ax: Axes, panel: ChannelPanel) -> None:
 
 
 def _look(kinds: Mapping[str, str], name: str, rank: int, count: int) -> dict[str, Any]:
-    """How a line is drawn by its kind, its place among those of the same kind, and what else is there."""
+    """Style of a line by its kind, its rank among those of the same kind, and the other lines."""
     kind, held = kinds[name], set(kinds.values())
     opacity = style.graded(count, 0.55)[::-1][rank]
     if kind == "command":
@@ -409,7 +409,7 @@ def _key_words(record: Recording, name: str) -> str:
 
 
 def _time_limits(parts: Sequence[Recording]) -> tuple[float, float]:
-    """Of the axis [s]; around a single sample it is as wide as one second."""
+    """Limits of the time axis [s]; one second wide around a single sample."""
     low, high = float(parts[0].time[0]), float(parts[-1].time[-1])
     return (low, high) if high > low else (low - 0.5, high + 0.5)
 
@@ -494,7 +494,7 @@ def _name_families(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPa
 
 
 def _right_end(family: ChannelFamily, panel: ChannelPanel, x: ChannelPanel) -> tuple[float, float] | None:
-    """Where the first line of a family ends at the right, in the units of the axes."""
+    """Right end of the first line of a family, in the units of the axes."""
     part = family.parts[-1]
     across, up = part[x.names[0]], part[panel.names[0]]
     both = np.isfinite(across) & np.isfinite(up)

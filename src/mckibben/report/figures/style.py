@@ -1,4 +1,4 @@
-"""How every figure looks: colours, type, markers, dashes, axes, labels at line ends, and how it becomes a file.
+"""Style of all figures: colours, type, markers, dashes, axes, labels at line ends, and output files.
 
 Colour is data: five colours mean five quantities, the same as in the web interface, and each has its own marker
 and dash, so that a figure reads in greyscale too. Whatever is derived (laws, specimens, angles, ratios) is ink.

@@ -113,7 +113,7 @@ def _pressures(
 
 
 def _key(ax: Axes) -> None:
-    """What the lines are, where the step leaves room."""
+    """Draw a key of the lines where the step leaves room."""
     from matplotlib.lines import Line2D
 
     lines = [
@@ -135,7 +135,7 @@ def _key(ax: Axes) -> None:
 
 
 def _limit(study: TubeStudy, thermal: str, accumulator: str, windows: tuple[tuple[int, float, float], ...]) -> float:
-    """Of the strips [bar]: the largest error that is shown."""
+    """Limit of the error strips [bar]: the largest error shown."""
     most = 0.0
     for index, begin, end in windows:
         case = study.cases[thermal, accumulator][index]
@@ -227,6 +227,6 @@ def _rms(fig: Figure, study: TubeStudy, left: float) -> None:
 
 
 def _beside(ax: Axes, words: str, y: float, *, dx: float, **options: Any) -> None:
-    """Words at the left edge of axes, at a height in data, shifted by points."""
+    """Draw text at the left edge of axes, at a height in data units, shifted by points."""
     place = ax.get_yaxis_transform() + style.shift(ax, dx, 0)
     ax.text(0.0, y, words, transform=place, fontsize=style.SMALL, va="center", **options)

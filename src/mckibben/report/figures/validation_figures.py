@@ -1,4 +1,4 @@
-"""Every law on every static data set in one picture: errors of prediction, a panel per data set, a row per law."""
+"""Figure of every law on every static data set: errors of prediction, a panel per data set, a row per law."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def _names(ax: Axes, laws: Sequence[str]) -> None:
 
 
 def _key(ax: Axes, static: Sequence[StaticResult]) -> None:
-    """What the marks mean, above the panels."""
+    """Draw a key of the marks, above the panels."""
     parts = [
         "▲ rms, one pressure left out",
         "▷ rms, above 4 bar from below",

@@ -47,16 +47,16 @@ class FibreState(NamedTuple):
 
 
 class _Fibre(System):
-    """What both ways to hold the end share."""
+    """Common part of fibres whose end is held in two ways."""
 
     muscle: BiologicalMuscle
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """None."""
+        """Return no integrands."""
         return ()
 
     def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
-        """None."""
+        """Return no memory."""
         return memory
 
     def _activate(self, state: FibreState, inputs: Any) -> Scalar:
@@ -69,10 +69,10 @@ class _Fibre(System):
 
 
 class HeldFibre(_Fibre):
-    """Its span is commanded: input ``span`` [m] beside ``drive`` [1]."""
+    """A fibre with a commanded span: input ``span`` [m] beside ``drive`` [1]."""
 
     def rate(self, state: FibreState, memory: Any, inputs: Any) -> FibreState:
-        """Of the activation."""
+        """Rate of change of the activation."""
         return FibreState(self._activate(state, inputs), jnp.zeros(()), jnp.zeros(()))
 
     def outputs(self, state: FibreState, memory: Any, inputs: Any) -> dict[str, Any]:
@@ -81,12 +81,12 @@ class HeldFibre(_Fibre):
 
 
 class LoadedFibre(_Fibre):
-    """It carries a tension: input ``load`` [N] beside ``drive`` [1]."""
+    """A fibre that carries a tension: input ``load`` [N] beside ``drive`` [1]."""
 
     mass: Scalar = quantity("kg", (1e-12, 1e3), "mass at the moving end", symbol="m")
 
     def rate(self, state: FibreState, memory: Any, inputs: Any) -> FibreState:
-        """Of activation, length and velocity."""
+        """Rates of change of activation, length and velocity."""
         pull = self.muscle.tension(state.length, state.activation, state.velocity)
         return FibreState(self._activate(state, inputs), state.velocity, (inputs["load"].value - pull) / self.mass)
 

@@ -39,15 +39,15 @@ class Accompanied(TensionLaw):
     fitted = ()
 
     def elastic_tension(self, length: Any) -> Scalar:
-        """Of the braid and the spring [N]."""
+        """Elastic tension of the braid and the spring [N]."""
         return self.law.elastic_tension(length) + self.spring.force(length)
 
     def gas_energy(self, length: Any, pressure: Any) -> Scalar:
-        """Of the law [J]."""
+        """Gas energy of the law [J]."""
         return self.law.gas_energy(length, pressure)
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """Of the law [m]."""
+        """Range of lengths of the law [m]."""
         return self.law.length_range()
 
     def has_volume(self) -> bool:
@@ -64,7 +64,7 @@ class Assisted(Module):
 
 
 def with_spring(unit: MuscleUnit, *, rest_length: float) -> MuscleUnit:
-    """The same muscle with a spring beside the braid that does not pull yet; its rest length in [m]."""
+    """Return the muscle with a parallel spring that is slack at first; `rest_length` of the spring in [m]."""
     spring = PassiveSpring(rest_length=rest_length, stiffness=0.0)
     changed: MuscleUnit = unit.replace(law=Accompanied(law=unit.law, spring=spring))
     return changed
@@ -118,12 +118,12 @@ class Mounted(System):
     span: Scalar
 
     def rate(self, state: UnitState, memory: Any, inputs: Any) -> UnitState:
-        """Of length and velocity of the braid."""
+        """Rates of change of length and velocity of the braid."""
         pull = self.unit.tension(state, self.span, 0.0)
         return self.unit.rate(state, memory, inputs["pressure"].value, pull)
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """None."""
+        """Return no integrands."""
         return ()
 
     def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:

@@ -48,7 +48,7 @@ HIT = 1e-3  # of the range of u: nearer than that a parameter is at its bound
 
 
 class Tuned(NamedTuple):
-    """One parameter: where it began and ended, and between which bounds [unit]; `hit` is ``low``, ``high`` or empty."""
+    """One tuned parameter: its values before and after, and bounds [unit]; `hit` is ``low``, ``high`` or empty."""
 
     path: str
     title: str
@@ -84,7 +84,7 @@ def curves_of(muscle: Assisted, goal: Goal) -> dict[str, Any]:
 
 
 class Search:
-    """The least squares over u = log(1 + p/size)."""
+    """Least-squares search over u = log(1 + p/size)."""
 
     def __init__(
         self, before: Assisted, goal: Goal, free: dict[str, float], bounds: dict[str, tuple[float, float]]
@@ -109,7 +109,7 @@ class Search:
         return jnp.concatenate(parts)
 
     def residuals(self, u: Any) -> np.ndarray:
-        """Of all curves; huge where a point has no solution."""
+        """Residuals of all curves; huge where a point has no solution."""
         return np.nan_to_num(np.asarray(self._residuals(u)), nan=10.0, posinf=10.0, neginf=-10.0)
 
     def slopes(self, u: Any) -> np.ndarray:
@@ -151,12 +151,12 @@ class Search:
         return [chance.uniform(low, high) for _ in range(draws)]
 
     def curves(self, u: Any) -> dict[str, Curve]:
-        """At the places of the target's."""
+        """Curves at the abscissae of the target's."""
         own = self._curves(u)
         return {n: (self.goal.curves[n][0], np.asarray(own[n])) for n in CURVES}
 
     def rms(self, u: Any) -> dict[str, float]:
-        """Of each curve, and ``all``: the root of the mean of their squares."""
+        """Root mean square residual of each curve, and of all together under ``all``."""
         found = {n: float(np.sqrt(np.mean((y - self.goal.curves[n][1]) ** 2))) for n, (_, y) in self.curves(u).items()}
         return found | {"all": float(np.sqrt(np.mean(np.square(list(found.values())))))}
 
@@ -178,7 +178,7 @@ BEFORE, AFTER = 0.02, 0.35  # of the twitch, from the command on [s]
 
 
 class Match(NamedTuple):
-    """What was reached.
+    """Result of a match.
 
     Attributes:
         muscle: the McKibben muscle.
@@ -282,7 +282,7 @@ def match(
 
 
 def goal_of(muscle: ComparedMuscle, target: ComparedMuscle, own: Recording, wanted: Recording) -> Goal:
-    """What is to be reached: the target's curves, with the pressure that the muscle's own twitch had."""
+    """The goal of a match: the target's curves, with the pressure of the muscle's own twitch."""
     fibre = target.fibre
     assert fibre is not None
     ends = dynamic_range(fibre.active_curve)
@@ -305,7 +305,7 @@ def goal_of(muscle: ComparedMuscle, target: ComparedMuscle, own: Recording, want
 
 
 def _bounds(muscle: ComparedMuscle, before: Assisted, free: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """As declared; the span at rest within what the braid can take, from its free length on."""
+    """Bounds of the parameters, as declared; the span at rest within the braid's range from its free length on."""
     found = {path: paths.declaration(before, path).bounds for path in free}
     if "rest_span" in found:
         found["rest_span"] = 1.02 * float(muscle.law.free_length(muscle.full)), 1.3 * muscle.upper_length
@@ -313,7 +313,7 @@ def _bounds(muscle: ComparedMuscle, before: Assisted, free: Mapping[str, float])
 
 
 def simulated(found: Match, *, rig: str) -> Match:
-    """The same with the twitch run on a test machine: circuit, volume and all; the delay adds to the valve's dead time."""
+    """Repeat the twitch on a simulated test machine: circuit, volume and all; the delay adds to the valve's dead time."""
     muscle = found.muscle
     wanted = with_values(normalised(TWITCH, muscle), {"span": f"{float(found.after.rest_span)!r} m"})
     plain = rig_of(rig)

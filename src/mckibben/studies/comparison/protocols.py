@@ -1,4 +1,4 @@
-"""The same protocols on braided and biological muscles, normalised: twitch, step, quick release, force-velocity, work loop.
+"""Equal protocols for braided and biological muscles: twitch, step, quick release, force-velocity, work loop.
 
 A McKibben muscle does them on a simulated test machine, valve, tube and motor included; a biological one as `fibre` says.
 Both do the same steps: pressures as shares of the full pressure, loads as shares of F0, lengths in L0, speeds in L0/s. The
@@ -51,7 +51,7 @@ Curve = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """What a muscle did in all protocols: recordings by protocol, numbers by property [SI], and curves for a figure.
+    """Results of a muscle in all protocols: recordings by protocol, numbers by property [SI], and curves for a figure.
 
     Curves are normalised: ``twitch``, ``rise`` and ``fall`` are tension over F0 against seconds since the command,
     ``release`` length over L0 against seconds, ``force_velocity`` tension over the isometric one against L0/s,
@@ -165,7 +165,7 @@ def trials(
     names: Sequence[str] = NAMES,
     progress: Callable[[str], None] | None = None,
 ) -> Trials:
-    """Every protocol on one muscle.
+    """Run every protocol on one muscle.
 
     Args:
         muscle: which.
@@ -202,7 +202,7 @@ def trials(
 
 
 def static_curves(muscle: ComparedMuscle, points: int = 181) -> dict[str, Curve]:
-    """What needs no protocol: tension against length, fully driven and passive, and stiffness against tension."""
+    """Curves that need no protocol: tension against length, fully driven and passive, and stiffness against tension."""
     low, high = (0.55, 1.6) if muscle.fibre is not None else (0.55, muscle.upper_length / muscle.rest_length)
     lengths, drives = np.linspace(low, high, points), np.linspace(0.0, 1.0, 41)
     at = np.full(drives.shape, STIFF_AT)

@@ -1,4 +1,4 @@
-"""One muscle to compare, braided or biological, with the same questions for both.
+"""Comparison of braided and biological muscles by the same properties.
 
 drive          0 to 1: gauge pressure over the full pressure, or activation
 F0             tension at the rest length L0, fully driven, at rest, without friction
@@ -56,12 +56,12 @@ class ComparedMuscle:
 
     @property
     def id(self) -> str:
-        """Of its specimen."""
+        """Identifier of its specimen."""
         return self.spec.id
 
     @property
     def law(self) -> Any:
-        """What tells its tension, stiffness and free length at a length [m] and a drive [Pa or 1]."""
+        """Law for tension, stiffness and free length at a length [m] and a drive [Pa or 1]."""
         return self.fibre if self.fibre is not None else self.unit.law  # type: ignore[union-attr]
 
     @property
@@ -208,7 +208,7 @@ PROPERTIES = {p.name: p for p in (*STATIC, *DYNAMIC)}
 
 
 class MuscleColumn(NamedTuple):
-    """One muscle of the table: its properties by name [SI] as far as something tells them, and remarks."""
+    """One muscle of the table: its known properties by name [SI], and remarks."""
 
     name: str
     title: str
@@ -218,7 +218,7 @@ class MuscleColumn(NamedTuple):
 
 
 class PropertyRow(NamedTuple):
-    """One property of all columns [SI], None where it is not known, and what is published of biological muscle."""
+    """One property of all columns [SI], None if unknown, and the published values of biological muscle."""
 
     property: Property
     values: tuple[float | None, ...]
@@ -244,7 +244,7 @@ class MuscleTable:
     published: Mapping[str, PublishedRange]
 
     def rows(self) -> tuple[PropertyRow, ...]:
-        """Every row that is not empty, in the order of `PROPERTIES`."""
+        """All rows that are not empty, in the order of `PROPERTIES`."""
         found = []
         for name, prop in PROPERTIES.items():
             values = tuple(c.values.get(name) for c in self.columns)
@@ -317,7 +317,7 @@ def _braided(muscle: ComparedMuscle) -> tuple[dict[str, float], tuple[str, ...]]
 
 
 def _efficiency(muscle: ComparedMuscle, friction: float) -> tuple[dict[str, float], str]:
-    """Of quasi-stationary maximal shortening, air from the surroundings and from an accumulator at the threshold."""
+    """Efficiencies of quasi-stationary maximal shortening, with air from the surroundings and from an accumulator."""
     own: dict[str, Any] = {"stretched_length": muscle.upper_length, "friction": friction}
     try:
         gas = cycle_muscle(muscle.law)
@@ -375,7 +375,7 @@ class _Piece(NamedTuple):
 
 
 def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = None) -> MuscleColumn:
-    """What a recording says of its muscle [SI].
+    """Determine the properties of a muscle from its recording [SI].
 
     Args:
         file: a recording, or its file. Its meta must tell the rest length: ``rest_length`` [m], or a ``specimen`` that is

@@ -1,4 +1,4 @@
-"""Which muscle to take for a force and a stroke, with which valve and tube, from which gas source.
+"""Sizing of muscle, valve, tube and gas source for a force and a stroke.
 
 found = size(Requirements(force=50.0, stroke=0.03, pressure=5e5, length=0.2, diameter=0.03))
 found.muscles[0].margins, found.lines[0].to_force, found.sources[0].cycles

@@ -61,7 +61,7 @@ RESERVE = 1.1  # on the steps that the first guess asks for
 
 @dataclass(frozen=True, eq=False)
 class Lane:
-    """One muscle behind one valve and tube.
+    """A muscle behind one valve and tube.
 
     Attributes:
         unit: the muscle.
@@ -90,7 +90,7 @@ class Lane:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What a lane did, from the command on: times [s], gauge pressures [Pa], lengths [m], static tensions [N]; (n,) each."""
+    """Response of a lane to the command: times [s], gauge pressures [Pa], lengths [m], static tensions [N]; (n,) each."""
 
     time: np.ndarray
     pressure: np.ndarray
@@ -119,19 +119,19 @@ class _Watched(System):
     room: Scalar
 
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """Of the circuit."""
+        """Rates of change of the circuit."""
         return self.circuit.rate(state, memory, inputs)
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """None."""
+        """Return no integrands."""
         return {}
 
     def advance_memory(self, memory: Any, start: Any, end: Any, duration: Any) -> Any:
-        """Of the circuit."""
+        """Advance the memory of the circuit."""
         return self.circuit.advance_memory(memory, start, end, duration)
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
-        """Of the circuit."""
+        """Commands of the circuit."""
         return self.circuit.commands(signals)
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
@@ -160,7 +160,7 @@ def time_scale(lane: Lane, port: float) -> float:
 
 
 def courses(lanes: Sequence[Lane]) -> list[Course]:
-    """What all lanes do; those whose circuits are alike run together."""
+    """Simulate all lanes; those with circuits of the same structure run together."""
     prepared = [_prepared(lane) for lane in lanes]
     groups: dict[Any, list[int]] = {}
     for i, (tree, _) in enumerate(prepared):
@@ -274,7 +274,7 @@ def _marched(stacked: Any, steps: Any) -> dict[str, Any]:
 
 
 def _valve_time(valve: FlowElement) -> float:
-    """How long a valve takes to open and to settle [s]."""
+    """Time in which a valve opens and settles [s]."""
     if isinstance(valve, ThreeWayValve):
         return float(valve.drive.opening_dead_time + valve.drive.opening_time)
     lag, dead = getattr(valve, "lag", 0.0), getattr(valve, "dead_time", 0.0)

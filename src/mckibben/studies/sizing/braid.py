@@ -108,7 +108,7 @@ def _around(grid: np.ndarray, at: Any) -> np.ndarray:
 
 
 def shapes_of(law: str, pressure: float, angles: np.ndarray, contractions: np.ndarray) -> Shapes:
-    """What a law says of all angles at all contractions, (angles, contractions)."""
+    """Evaluate a law at all angles and contractions, (angles, contractions)."""
     angle, contraction = np.meshgrid(angles, contractions, indexing="ij")
     long_, short = np.cos(angle), np.cos(angle) * (1.0 - contraction)
     asked = (np.asarray(x) for x in _asked(law, long_, short, pressure))
@@ -141,7 +141,7 @@ _asked = jax.jit(_ask, static_argnums=0)
 
 
 def sizes_of(shapes: Shapes, wish: Requirements, error: LawError) -> Sizes:
-    """How large the braids must be for force and stroke; without regard to the space."""
+    """Sizes of the braids for force and stroke, regardless of the space."""
     strength = _strength(shapes, error)
     possible = shapes.sound & (strength > 0.0)
     diameter = np.sqrt(np.where(possible, wish.force / np.where(possible, strength, 1.0), np.nan))

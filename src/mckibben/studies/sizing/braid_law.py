@@ -1,4 +1,4 @@
-"""From the dimensions of a braid to its law: the chain of the paper, eq. 10 to eq. 11 to eq. 12.
+"""The law of a braid from its dimensions: the chain of the paper, eq. 10 to eq. 11 to eq. 12.
 
     F = Kg (P' - Pth)(L - Lmin) + Kp (L - L0)
 
@@ -159,7 +159,7 @@ def error_of_size(spec: Specimen, law: str, *, same_bore: bool) -> LawError:
 
 @functools.lru_cache(maxsize=64)
 def error_of_braid(law: str, pressure: float) -> LawError:
-    """What a braid's law misses on the nylon muscle at a gauge pressure [Pa], over the law's own largest force."""
+    """Error of a braid's law on the nylon muscle at a gauge pressure [Pa], relative to the law's largest force."""
     spec = specimen(REFERENCE)
     shape = law_from_specimen(spec, "thick_wall")
     measured = law_from_specimen(spec)

@@ -96,7 +96,7 @@ class Judged:
 
     @property
     def verdict(self) -> str:
-        """Of `VERDICTS`: whether it does it beyond the error of its law, by its law alone, or not."""
+        """One of `VERDICTS`: sufficient beyond the error of its law, by its law alone, or not."""
         if min(self.margins.values()) >= -1e-9:
             return VERDICTS[0]
         as_said = {**self.margins, **self.nominal}
@@ -109,7 +109,7 @@ class Judged:
         return name, self.margins[name]
 
     def with_speed(self, speed: float, wished: float) -> Judged:
-        """With the speed that a line gives it [m/s]."""
+        """Return a copy with the speed that a line gives it [m/s]."""
         return replace(self, speed=speed, margins={**self.margins, "speed": speed / wished - 1.0})
 
 
@@ -124,11 +124,11 @@ class Ends:
         return self.probe.tension(length, self.pressure)
 
     def passive(self, length: Any) -> np.ndarray:
-        """Tension without gas, where it pulls [N]."""
+        """Tension without gas, not below zero [N]."""
         return np.maximum(self.probe.tension(length, 0.0), 0.0)
 
     def added(self, length: Any) -> np.ndarray:
-        """What the gas adds to that tension [N]."""
+        """Tension added by the gas [N]."""
         return self.tension(length) - self.passive(length)
 
     def volume(self, length: Any, pressure: float | None = None) -> float:
@@ -154,7 +154,7 @@ class Ends:
 
 
 def judged(muscle: Candidate, wish: Requirements) -> Judged:
-    """Put a candidate against a wish."""
+    """Compare a candidate with the requirements."""
     ends = Ends(muscle.law, wish.pressure)
     end = muscle.longest - wish.stroke
     low = 0.5 * float(muscle.law.length_range()[0]) + 0.5 * ends.free_length(muscle.longest)
@@ -225,7 +225,7 @@ def unit_of(muscle: Candidate, **mechanics: Any) -> MuscleUnit:
 
 
 def ranked(many: list[Judged]) -> list[Judged]:
-    """Those that do it first, with the least air; the others by their worst margin."""
+    """Sort candidates: sufficient ones first, by air consumption; the others by their worst margin."""
 
     def order(one: Judged) -> tuple[int, float]:
         rank = VERDICTS.index(one.verdict)

@@ -23,7 +23,7 @@ NYLON_WALL = 0.0762e-2  # [m]
 
 
 def of_specimens(wish: Requirements) -> list[Candidate]:
-    """Every shipped McKibben muscle whose law is known."""
+    """All shipped McKibben muscles with a known law."""
     found = []
     for spec in specimens():
         if spec.kind == "mckibben":
@@ -75,12 +75,12 @@ def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:
 
 
 def of_sizes(wish: Requirements) -> list[Candidate]:
-    """Of every fluidic muscle's bore, the shortest cut that does it; the longest that the space allows where none does."""
+    """For every bore of the fluidic muscle, the shortest sufficient cut, or the longest that the space allows."""
     return [one for part in parts("fluidic_muscle") if (one := of_size(part, wish)) is not None]
 
 
 def of_size(part: CataloguePart, wish: Requirements) -> Candidate | None:
-    """A bore, cut to the wish; None where no cut leaves room for the stroke."""
+    """Cut one bore to the requirements; None if no cut leaves room for the stroke."""
     v = part.values
     shortest = max(v["shortest_length"], wish.stroke / v["largest_contraction"])
     longest = v["longest_length"] if wish.length is None else min(v["longest_length"], wish.length)

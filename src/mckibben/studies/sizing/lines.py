@@ -50,7 +50,7 @@ Both = tuple[Course, Course]  # of a held muscle: as long as filling takes, and 
 
 @dataclass(frozen=True)
 class LineResult:
-    """One valve and tube for a muscle.
+    """A valve and a tube for a muscle.
 
     Times [s]; None where it never gets there. Masses [kg], `box` the size of the valve [m^3], `power` electrical [W],
     `stiffness` of the tube against bending E I [N m^2], `bend_radius` the least [m], `air` of a cycle with valve and tube
@@ -90,7 +90,7 @@ def lines_for(
     lengths: Sequence[float] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> list[LineResult]:
-    """Every valve with every tube, the best first; speeds for the first of the Pareto-best, and where the wish has one.
+    """Evaluate every valve with every tube, best first; speeds only for Pareto-optimal ones, if a speed is required.
 
     Args:
         muscle: for which.
@@ -198,7 +198,7 @@ def _transitions(course: Course, rest: Course) -> tuple[float | None, float | No
 
 
 def _passing(time: np.ndarray, values: np.ndarray, level: float, side: float) -> float:
-    """When a course first passes a level, upwards or downwards, by a straight line between samples [s]."""
+    """Time at which a course first passes a level, upwards or downwards, interpolated between samples [s]."""
     over = side * (values - level) >= 0.0
     i = int(np.argmax(over))
     if i == 0:

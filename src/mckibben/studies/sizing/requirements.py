@@ -1,4 +1,4 @@
-"""What is wanted of a muscle, and what stands in the way of it."""
+"""Requirements of a muscle, and shortfalls of candidates."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Requirements:
             )
 
     def parts(self) -> dict[str, float]:
-        """What is asked for, by name [SI]."""
+        """Required values by name [SI]."""
         return {n: v for n in ALLOWED if (v := getattr(self, n)) is not None}
 
 
@@ -80,13 +80,13 @@ class Shortfall:
 
     @property
     def change(self) -> float:
-        """By which factor the part would have to change, 1 for not at all; infinite where no change helps."""
+        """Factor by which the part would have to change, 1 for not at all; infinite if no change helps."""
         if self.reachable is None or self.reachable <= 0.0:
             return math.inf
         return max(self.reachable / self.asked, self.asked / self.reachable)
 
     def sentence(self) -> str:
-        """In words, with numbers."""
+        """Description with numbers."""
         unit = ALLOWED[self.part][0]
         asked = with_unit(self.asked, unit, 3)
         if self.reachable is None:

@@ -34,7 +34,7 @@ from .requirements import Requirements, Shortfall
 
 @dataclass(frozen=True)
 class SourceResult:
-    """What a gas source gives.
+    """Performance of a gas source.
 
     Attributes:
         id: of the part.
@@ -72,7 +72,7 @@ class SourceResult:
 
 
 def sources_for(muscle: Judged, wish: Requirements, line: LineResult | None) -> list[SourceResult]:
-    """Every shipped source, for the air that the muscle and its line take; those that can do it first, by their energy."""
+    """Evaluate every shipped source for the air that muscle and line take; sufficient ones first, by their energy."""
     air, pressure = (muscle.air, wish.pressure) if line is None else (line.air, line.supply)
     make = {"bottle": _bottle, "compressor": _compressor, "heated": _heated}
     found = [make[p.form](p, muscle, wish, air, pressure) for p in parts("gas_source")]
@@ -219,7 +219,7 @@ MOST_TRIED = 3  # muscles whose speed is looked for
 
 @dataclass(frozen=True, eq=False)
 class Sizing:
-    """What was found.
+    """Result of sizing.
 
     Attributes:
         wish: what was asked.
@@ -253,7 +253,7 @@ class Sizing:
         return self.chosen if "speed" in self.chosen.margins else self.muscles[0]
 
     def sentence(self) -> str:
-        """What stands in the way, and what would make it reachable."""
+        """Describe the obstacle, and the change that would make the requirements reachable."""
         one = self.nearest
         part, margin = one.worst
         said = f"nothing reaches it; nearest is {one.muscle.id}, whose {part} falls short by {-margin:.0%}"

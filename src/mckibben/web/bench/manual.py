@@ -101,13 +101,13 @@ class ManualControl:
                     self._show()
 
     def set_speed(self, speed: float) -> None:
-        """Let simulated time go at another speed over the wall clock."""
+        """Set the speed of simulated time relative to real time."""
         self._speed = speed
         if isinstance(self.session, Session):
             self.session.speed = speed
 
     def set_control(self, there: bool) -> None:
-        """Say whether somebody is in control."""
+        """Record whether a page is in control."""
         self._alone = not there
         if self.session is not None:
             (self.session.control_back if there else self.session.control_lost)()

@@ -109,14 +109,14 @@ class RunController:
 
     @property
     def tripped(self) -> str:
-        """Why it was stopped, by an interlock or the emergency stop; nothing while it was not, or by an ordinary stop."""
+        """Reason of a stop by an interlock or the emergency stop; empty otherwise."""
         run = self._run
         if run is not None and run.result == "stopped" and not self.stopping:
             return run.message
         return ""
 
     def stop_reason(self) -> str:
-        """Why it was stopped, after its end; an ordinary stop of a real machine is over then."""
+        """Reason of a stop, after its end; an ordinary stop of a real machine is over then."""
         session = self._remote
         if session is not None and session.why and self.stopping and not session.gone:
             session.reset()
@@ -128,13 +128,13 @@ class RunController:
 
     @property
     def cause(self) -> str:
-        """What stopped it, as the end of "ended by ..."; nothing where nothing did, or an ordinary stop."""
+        """Cause of a stop, as the end of "ended by ..."; empty without a stop and after an ordinary one."""
         stops = self._stops
         return "" if not stops or self.stopping else CAUSES.get(str(stops[-1]["code"]), "an interlock")
 
     @property
     def when(self) -> float:
-        """When it was stopped, or how far it is [s]."""
+        """Time of the stop, or present time of the run [s]."""
         stops = self._stops
         return float(stops[-1]["time"]) if stops else self.time
 

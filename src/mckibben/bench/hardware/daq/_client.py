@@ -47,7 +47,7 @@ def library(module: str = "nidaqmx") -> Any:
 
 
 class Complaints:
-    """Of one card: `place` is its name, and `where` names its wiring."""
+    """Error messages of one card: `place` is its name, `where` names its wiring."""
 
     def __init__(self, place: str, where: str) -> None:
         self.errors = library("nidaqmx.errors")
@@ -93,7 +93,7 @@ def _line(message: str) -> str:
 
 
 def _rpc(error: Any) -> str:
-    """What became of the line to a device server."""
+    """Describe a failed connection to a device server."""
     name = getattr(error.rpc_code, "name", str(error.rpc_code))
     known = {
         "UNAVAILABLE": "the device server does not answer any more",
@@ -274,7 +274,7 @@ class Tasks:
         return volts, ticks
 
     def write(self, volts: Sequence[float], opened: bool) -> None:
-        """Put the levels of valve and motor [V] and the shut-off; what the line holds already is not written again.
+        """Write the output levels of valve and motor [V] and the shut-off; unchanged levels are not written again.
 
         Raises:
             LineLostError: they cannot be written.

@@ -30,7 +30,7 @@ LOOKS = 4.0  # at the software per time of its silence
 
 
 class DaqStatistics(NamedTuple):
-    """What became of the samples since the start.
+    """Counts of the samples since the start.
 
     Attributes:
         reads: samples that were given to the software, none left out.
@@ -119,7 +119,7 @@ class DaqHardware(Hardware):
             self._tasks.start(period, self._block, self._buffer)
 
     def wait(self, sample: int) -> float:
-        """Until a sample is there; how much later than it should it is there [s].
+        """Wait until a sample has arrived; return its lateness [s].
 
         Raises:
             InputError: it is not the next one.
@@ -148,7 +148,7 @@ class DaqHardware(Hardware):
         return begun - self._origin
 
     def send(self) -> None:
-        """Put the levels of what was written; of an open shut-off and count 0 after a `vent`.
+        """Write the pending output levels; after a `vent`, an open shut-off and count 0.
 
         Raises:
             LineLostError: the card does not take them, or the machine was vented since nothing was sent for too long.
@@ -190,7 +190,7 @@ class DaqHardware(Hardware):
         return [self.wiring.valve.volts(valve), *([] if motor is None else [motor])]
 
     def _put(self) -> None:
-        """Put what was written; once more where a vent came in between, for it must come last."""
+        """Write the pending levels; write them again if a vent came in between, since the vent must come last."""
         drive = self.wiring.motor
         while True:
             vented = self.venting or self._silent

@@ -29,7 +29,7 @@ OVERWRITTEN, TOO_EARLY, GONE = -200279, -200284, -201003  # codes of NI-DAQmx
 
 
 class CardError(Exception):
-    """What a card refuses, with its code of NI-DAQmx."""
+    """An error status of a card, with its NI-DAQmx code."""
 
     def __init__(self, code: int, text: str = "") -> None:
         super().__init__(text)
@@ -92,7 +92,7 @@ class Card:
             self._clock = None
 
     def write(self, valve: int | None, motor: int | None, opened: bool | None) -> None:
-        """What the outputs hold from now on; None leaves one as it is.
+        """Set the output levels from now on; None leaves an output unchanged.
 
         In lock-step the machine goes on with levels of the valve, once for each sample that all readers have.
         """
@@ -191,7 +191,7 @@ TASK_NAME, SAMPLE_RATE, TICKS, BY_CHANNEL, CONTINUOUS, RESERVE = 0x1276, 0x1344,
 
 @dataclasses.dataclass
 class DaqTask:
-    """What the service knows of one; its channels in small letters, its kind is ai, ao, do or ci."""
+    """The state of one task; its channels in lower case, its kind is ai, ao, do or ci."""
 
     name: str
     channels: list[str] = dataclasses.field(default_factory=list)
@@ -239,13 +239,13 @@ class Calls:
             self.outputs[wiring.motor.channel.lower()] = "motor", wiring.motor
 
     def task(self, request: Any) -> DaqTask:
-        """That of a request."""
+        """Return the task of a request."""
         if request.task.name not in self.tasks:
             raise CardError(NO_TASK)
         return self.tasks[request.task.name]
 
     def running(self, request: Any) -> DaqTask:
-        """That of a write, which must have been started."""
+        """Return the task of a write request, which must have been started."""
         task = self.task(request)
         if not task.running:
             raise CardError(NOT_STARTED)
@@ -293,7 +293,7 @@ class Calls:
 
     @answers
     def GetTaskAttributeString(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Its name."""
+        """Return the name of a task."""
         if request.attribute_raw != TASK_NAME:
             raise CardError(BAD_VALUE)
         return {"value": self.task(request).name}
@@ -354,7 +354,7 @@ class Calls:
         return {"value": self.task(request).rate}
 
     def reserve(self, task: DaqTask) -> None:
-        """Its terminals are for nobody else until it is cleared."""
+        """Reserve the terminals of a task until it is cleared."""
         with self.lock:
             taken = {c for t in self.tasks.values() if t.reserved and t is not task for c in t.channels}
             if taken & set(task.channels):
@@ -388,13 +388,13 @@ class Calls:
         return {}
 
     def halt(self, task: DaqTask) -> None:
-        """Its end."""
+        """Stop a task."""
         if task.running and task.kind == "ai":
             self.card.stop()
         task.running = False
 
     def samples(self, request: Any) -> tuple[DaqTask, list[tuple[Sequence[int], int]], int]:
-        """Those that a read asks for; a status instead where they are not there in time."""
+        """Return the samples that a read requests, or a status if they do not arrive in time."""
         task = self.task(request)
         if request.fill_mode_raw != BY_CHANNEL:
             raise CardError(BAD_VALUE)
@@ -469,6 +469,6 @@ class SimulatedDevice:
         self.stop()
 
     def stop(self) -> None:
-        """As if it were unplugged: calls that are under way end, later ones find nobody."""
+        """Disconnect the device: pending calls fail, later calls find no device."""
         self.card.stop()
         self._server.stop(None).wait()

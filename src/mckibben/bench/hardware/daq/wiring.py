@@ -1,4 +1,4 @@
-"""Which terminals of a data acquisition card are which part of the machine, and what their levels count.
+"""Assignment of the terminals of a data acquisition card to parts of the machine, and the scale of their levels.
 
 A table of TOML:
 
@@ -192,7 +192,7 @@ def chassis(terminal: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class CardWiring:
-    """All terminals of a machine.
+    """All connected terminals of a machine.
 
     Attributes:
         inputs: analogue channels by name, in the order in which the card scans them; all of one device or chassis.

@@ -35,7 +35,7 @@ WORD = 2**32
 
 
 class DeviceMachine(CountedMachine, Protocol):
-    """What a device samples and drives, of which it tells the bits.
+    """The machine that a device samples and drives; it states the bits of its converters.
 
     Attributes:
         period: of the samples, set where a run begins, when it also zeroes its encoder [s].
@@ -45,11 +45,11 @@ class DeviceMachine(CountedMachine, Protocol):
 
     @property
     def bits(self) -> tuple[int, ...]:
-        """Of the converter of each channel."""
+        """Bits of the converter of each channel."""
 
 
 class About(NamedTuple):
-    """What a device says of itself.
+    """Identification of a device.
 
     Attributes:
         firmware: its name and version.
@@ -299,7 +299,7 @@ class CompiledDevice:
 
     @property
     def due(self) -> bool:
-        """In lock-step: whether the next sample is to be taken."""
+        """Whether the next sample is to be taken, in lock-step."""
         return bool(self._library.bench_due())
 
     def receive(self, data: bytes) -> None:

@@ -60,7 +60,7 @@ class Wire:
             self._readable.register(self._descriptor, select.POLLIN)
 
     def read(self, seconds: float) -> bytes:
-        """What is there; where nothing is, what comes first within a time; empty if nothing comes.
+        """Return the bytes that have arrived, or wait a limited time for the first ones; empty on time-out.
 
         Raises:
             OSError, EOFError: if nothing can come any more.
@@ -102,7 +102,7 @@ class Wire:
                 select.select([], [self._descriptor], [], ahead)
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Release the port."""
         with contextlib.suppress(OSError):
             self._port.close()
 
@@ -139,16 +139,16 @@ class SerialLine:
 
     @property
     def undecodable(self) -> int:
-        """What was dropped for other reasons than its checksum."""
+        """Number of frames dropped for other reasons than their checksum."""
         return self.frames.undecodable + self.frames.oversized + self.unknown
 
     @property
     def dropped(self) -> int:
-        """What was dropped."""
+        """Number of dropped frames."""
         return self.undecodable + self.frames.bad_checksum
 
     def read(self, seconds: float) -> list[Message]:
-        """What is there, or comes first within a time.
+        """Return the messages that have arrived, or wait a limited time for the first [s].
 
         Raises:
             OSError, EOFError: if nothing can come any more.
@@ -168,12 +168,12 @@ class SerialLine:
             self._wire.write(data, WRITING)
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Release the port."""
         self._wire.close()
 
 
 def greet(line: SerialLine, seconds: float) -> Welcome:
-    """What the device says of itself.
+    """Request the identification of the device.
 
     Raises:
         LineLostError: if none answers within a time.
@@ -209,7 +209,7 @@ def fit(welcome: Welcome, where: str, *, bits: Mapping[str, int], encoder: bool,
 
 
 def places(welcome: Welcome, names: Sequence[str], where: str) -> tuple[int, ...]:
-    """Where channels stand among those of the device.
+    """Indices of channels among those of the device.
 
     Raises:
         InputError: if some are not there.
@@ -242,7 +242,7 @@ GRACE_IN_LOCK_STEP = 0.1  # the same where samples have no time [s]
 
 
 class EndedError(Exception):
-    """No more samples of this run: says why."""
+    """The run has ended and no more samples come; the message states why."""
 
 
 class Taken(NamedTuple):
@@ -277,7 +277,7 @@ class Arrivals:
         self._origin = 0.0  # when sample 0 was there, or should have been
 
     def put(self, at: float, message: SampleMessage | Fault) -> None:
-        """What came, and when [s]."""
+        """Add a message with its time of arrival [s]."""
         self._queue.append((at, message))
 
     def damage(self, at: float) -> None:
@@ -307,7 +307,7 @@ class Arrivals:
         return None
 
     def given_up(self, sample: int) -> float | None:
-        """When a sample is given up, for damage was seen [s]; None if there was none."""
+        """Time at which a damaged sample is given up [s]; None if no damage was received."""
         if self._damaged is None:
             return None
         if self.lock_step or self._newest < 0:
@@ -341,7 +341,7 @@ class Arrivals:
         return Taken(message, 0.0 if self.lock_step else self._late(message.sequence, at))
 
     def _late(self, sample: int, at: float) -> float:
-        """How late a sample is [s]; the time expected of the next ones follows the device's clock."""
+        """Lateness of a sample [s]; the expected time of later ones follows the device's clock."""
         if sample == 0:
             self._origin = at
         late = at - self._origin - sample * self.period

@@ -27,7 +27,7 @@ LONGEST = 2**32 - 1  # period [ns]
 
 
 class SerialStatistics(NamedTuple):
-    """What came in a run, and what did not.
+    """Counts of received, lost and damaged frames of a run.
 
     Attributes:
         samples: that were taken.
@@ -105,7 +105,7 @@ class SerialHardware(Hardware):
 
     @property
     def statistics(self) -> SerialStatistics:
-        """Of the newest run."""
+        """Statistics of the latest run."""
         line, of, (bad, other) = self._line, self._arrivals, self._before
         return SerialStatistics(
             self._taken, of.lost, of.repeated, of.late, line.frames.bad_checksum - bad,
@@ -130,7 +130,7 @@ class SerialHardware(Hardware):
         self._write(Start(self._run, nanoseconds, LOCK_STEP if self.lock_step else FREE, self.watchdog))
 
     def wait(self, sample: int) -> float:
-        """Until a sample is there, counted from 0; how much later than it should it is there [s].
+        """Wait until a sample has arrived, counted from 0; return its lateness [s].
 
         Raises:
             LineLostError: if it will not come any more; says why.
@@ -153,7 +153,7 @@ class SerialHardware(Hardware):
         return taken.lateness
 
     def send(self) -> None:
-        """Let what was written since the sample take effect.
+        """Make the outputs written since the sample take effect.
 
         Raises:
             LineLostError: if nobody is there to take it.
@@ -184,7 +184,7 @@ class SerialHardware(Hardware):
         return taken
 
     def _receive(self, seconds: float) -> None:
-        """What is there, or comes within a time."""
+        """Process the messages that have arrived, or that arrive within a time [s]."""
         before = self._line.dropped
         try:
             found = self._line.read(seconds)
@@ -203,7 +203,7 @@ class SerialHardware(Hardware):
             self._arrivals.damage(now)
 
     def _forget(self, period: float) -> None:
-        """All that belongs to a run; the next has a period [s]."""
+        """Clear the state of the last run; the next run has a period [s]."""
         self._arrivals = Arrivals(period, self.lock_step, self.patience)
         self._before = (self._line.frames.bad_checksum, self._line.undecodable)
         self._taken = self._strange = 0  # samples; frames with another number of channels

@@ -63,7 +63,7 @@ SHORTEST = _HEAD.size + _CRC.size  # [B], of a body
 
 
 class SerialFrame(NamedTuple):
-    """What a sound frame holds."""
+    """Content of an intact frame."""
 
     kind: int
     sequence: int
@@ -93,7 +93,7 @@ def coded(data: bytes) -> bytes:
 
 
 def decoded(data: bytes) -> bytes | None:
-    """What `coded` was given, or None where it cannot have given this."""
+    """Invert `coded`; None if the bytes are no output of it."""
     parts: list[bytes] = []
     at, end = 0, len(data)
     while at < end:
@@ -124,7 +124,7 @@ class Frames:
 
     @property
     def damaged(self) -> int:
-        """All that were dropped."""
+        """Number of all dropped frames."""
         return self.bad_checksum + self.oversized + self.undecodable
 
     def feed(self, data: bytes) -> list[SerialFrame]:
@@ -217,7 +217,7 @@ class Stop(NamedTuple):
 
 
 class Welcome(NamedTuple):
-    """What the device is; `shortest` period [ns], `motor_rest` the count at which the motor does nothing."""
+    """Identification of the device; `shortest` period [ns], `motor_rest` the count of a motor at rest."""
 
     sequence: int
     version: int
@@ -312,7 +312,7 @@ def _welcome(message: Welcome) -> bytes:
 
 
 def _welcomed(sequence: int, payload: bytes) -> Welcome | None:
-    """Of a version that is not ours, only the version."""
+    """Decode the identification; of an unknown version only the version number."""
     if len(payload) < _HELLO.size:
         return None
     (version,) = _HELLO.unpack_from(payload)

@@ -33,7 +33,7 @@ _ROOM = 1 << 16  # [B] that may wait to be sent; what comes then is dropped
 
 
 class Faults(NamedTuple):
-    """What goes wrong, for tests.
+    """Faults to simulate, for tests.
 
     Attributes:
         at: by sample, what happens to its frame: ``checksum``, ``lost``, ``repeated``, ``late`` (with all that follow),
@@ -48,7 +48,7 @@ class Faults(NamedTuple):
 
 
 class DeviceReport(NamedTuple):
-    """How a device kept its time: number of ticks by its timer, and how late each was [s]; frames for which no room was."""
+    """Timing of a device: number of timer ticks, the lateness of each [s], and frames dropped for lack of room."""
 
     ticks: int
     lateness: tuple[float, ...]
@@ -92,11 +92,11 @@ class Microcontroller:
 
     @property
     def report(self) -> DeviceReport:
-        """How it kept its time."""
+        """Timing of the device."""
         return DeviceReport(len(self.lateness), tuple(self.lateness), self._dropped)
 
     def run(self) -> None:
-        """Until `stop` or the end of the line."""
+        """Run until `stop` or the end of the connection."""
         try:
             while not self._stopped:
                 self._listen()
@@ -117,18 +117,18 @@ class Microcontroller:
                     os.close(descriptor)
 
     def stop(self) -> None:
-        """Let `run` return; from any thread."""
+        """Make `run` return; callable from any thread."""
         self._stopped = True
         with self._ending:
             if not self._ended:
                 os.write(self._waker, b"\0")
 
     def _due(self) -> int:
-        """When the timer's next sample is to be taken [ns]; it waits a period for the answer to the one before."""
+        """Time of the timer's next sample [ns]; it waits one period for the answer to the previous one."""
         return self._deadline if self.board.told else max(self._deadline, self._ticked + self.board.period)
 
     def _listen(self) -> None:
-        """Until bytes come, a tick is due, or what waits can be sent; the bytes to the device."""
+        """Wait for bytes, a tick, or room to send; return the bytes for the device."""
         seconds = NEVER
         if self.board.clocked:
             seconds = (self._due() - time.perf_counter_ns()) * 1e-9 - self._spin
@@ -212,7 +212,7 @@ class Attached(NamedTuple):
 
 @contextlib.contextmanager
 def in_thread(machine: DeviceMachine, **options: Any) -> Iterator[Attached]:
-    """A machine behind a pseudo-terminal, in a thread of this process.
+    """Host a machine behind a pseudo-terminal, in a thread of this process.
 
     Args:
         machine: that is hosted.

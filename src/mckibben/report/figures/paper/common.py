@@ -1,4 +1,4 @@
-"""What the figures of the papers share: sizes, headings, how the printed is drawn, and our numbers beside the printed ones.
+"""Common parts of the paper's figures: sizes, headings, style of printed curves, and our numbers beside printed ones.
 
 What is computed here has the colour of its quantity, or ink and a full line where it is derived. What is printed is ink:
 open circles for points, long dashes for lines. Keys and numbers stand right of the axes, where they cover no data.
@@ -153,7 +153,7 @@ def entry(words: str, identifier: str, digits: int = 3) -> NumberEntry:
 
 
 def mark(of: PrintedRow) -> str:
-    """What is to be said of a row, as a sign."""
+    """Sign for the verdict on a row."""
     if of.expect in ("erratum", "open"):
         return {"erratum": "†", "open": "§"}[of.expect]
     return "*" if of.calibrated else ""
@@ -167,7 +167,7 @@ def unit_words(unit: str) -> str:
 
 
 def as_printed(value: Value) -> str:
-    """What the paper prints, with the digits that it has; an interval with a dash."""
+    """Value with the digits of the print; an interval with a dash."""
     if isinstance(value, tuple):
         return "\N{EN DASH}".join(as_printed(v) for v in value)
     digits = len(f"{value:e}".split("e")[0].replace(".", "").strip("-").rstrip("0"))
@@ -216,7 +216,7 @@ def numbers(ax: Axes, entries: Sequence[NumberEntry], *, dx: float = 20.0, remar
 
 
 def key(ax: Axes, handles: Sequence[Artist], *, dx: float = 20.0, below: float | None = None) -> None:
-    """What the lines are, right of the axes: at their foot, or so much below their top [pt]."""
+    """Draw a key of the lines, right of the axes: at their foot, or a distance below their top [pt]."""
     y, drop = (0.0, 0.0) if below is None else (1.0, below)
     ax.figure.legend(
         handles=list(handles),
@@ -241,10 +241,10 @@ def sample(words: str, **look: Any) -> Line2D:
 
 
 def printed_key(words: str = "paper", *, line: bool = False) -> Line2D:
-    """How the printed looks in a key."""
+    """Entry of printed curves in a key."""
     return sample(words, **(PRINTED if line else {k: v for k, v in MARK.items() if k != "zorder"}))
 
 
 def ours(quantity: str | None, **look: Any) -> dict[str, Any]:
-    """How a computed line of a quantity looks."""
+    """Style of a computed line of a quantity."""
     return {"color": style.colour(quantity), "lw": style.LINE + 0.2, "zorder": 4} | look

@@ -72,7 +72,7 @@ def geometry(figure: str) -> Figure:
 
 
 def _triangle(ax: Axes, shape: BraidShape, length: float, strength: float) -> None:
-    """One thread unrolled: its length b, along the muscle L, and n turns of the circumference [cm]."""
+    """Draw one unrolled thread: its length b, along the muscle L, and n turns of the circumference [cm]."""
     from matplotlib.patches import Arc
 
     threads = shape.thread_length * CM
@@ -221,14 +221,14 @@ def _words(ax: Axes, x: float, y: float, words: str, *, ha: str = "center") -> N
 
 
 class Pressures(NamedTuple):
-    """What a figure shows: model, accumulator, and whether it was refitted there."""
+    """Choice of a figure: model, accumulator, and whether the model was refitted there."""
 
     model: str
     accumulator: str
     refitted: bool = False
 
     def result(self) -> TubeModelResult:
-        """From the study."""
+        """Result of the study."""
         return part2.tube_fits().result(QUICK_THERMALS[0], self.model, self.accumulator, refitted=self.refitted)
 
 

@@ -87,7 +87,7 @@ def _cell(identifier: str, digits: int = 3) -> TableEntry:
 
 
 def _range(muscle: str) -> TableEntry:
-    """Both ends: ours is where the law pulls no more at 5 bar, and the upper end as given."""
+    """Working range: the lower end where the law's tension ends at 5 bar, the upper end as given."""
     found = part1.table1(muscle)
     shortest, upper = (v / found.rest_length for v in (found.zero_tension_length, found.upper_length))
     width = outcome(f"table1.{muscle}.dynamic_range").row.paper
@@ -102,7 +102,7 @@ def _fastest() -> TableEntry:
 
 
 def _efficiency() -> TableEntry:
-    """From the lowest to the highest efficiency with the accumulator; 0.49 is the misprint of Part IV."""
+    """Range of efficiencies with the accumulator; 0.49 is the misprint of Part IV."""
     low, high = (outcome(f"energy.{name}.efficiency_accumulator") for name in ("valve", "maximal"))
     assert low.ours is not None and high.ours is not None
     words = "–".join(as_printed(o.row.paper) for o in (low, high))

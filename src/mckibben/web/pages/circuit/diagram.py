@@ -142,7 +142,7 @@ def _sensor(x: float, y: float, foot: float, letter: str, quantity: str, label: 
 
 
 def _part(name: str, box: Box, plan: CircuitPlan, chosen: str) -> str:
-    """What a person picks: the rectangle around a symbol."""
+    """Draw the selectable rectangle around a symbol."""
     x, y, w, h = box.x0 - 5.0, -box.y1 - 3.5, box.x1 - box.x0 + 10.0, box.y1 - box.y0 + 7.0
     on = name == chosen
     corners = "".join(

@@ -1,4 +1,4 @@
-"""What opens over the circuit page: saved circuits, saving one, its waveform as text, and the way to the bench."""
+"""Dialogs of the Circuit page: opening and saving circuits, waveforms as text, and use on the bench."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ def flow_chart(desk: CircuitState, record: Recording) -> Chart:
 
 
 def ending(desk: CircuitState, found: response.ResponseNumbers) -> str:
-    """Where a pressure ends, as what follows its name."""
+    """Final value of a pressure, as text after its name."""
     if found.settled:
         longer = found.duration > 1.5 * desk.plan.duration
         return f"{'settles' if longer else 'ends'} at {with_unit(found.after, 'Pa')}"

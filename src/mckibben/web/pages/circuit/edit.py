@@ -19,7 +19,7 @@ TOP = "5 bar"  # of a step, where no supply says less
 
 
 class PalettePart(NamedTuple):
-    """One of the palette: its name, the key that adds it after Insert, and what it is in a file."""
+    """An entry of the palette: its name, the key that adds it after Insert, and its content in a file."""
 
     name: str
     key: str
@@ -48,7 +48,7 @@ PARTS = {
 
 
 def insert(document: Document, plan: CircuitPlan, part: str, at: str) -> tuple[Document, str]:
-    """Put a part at a node or an element.
+    """Insert a part at a node or an element.
 
     A part with two ends goes into the line; a volume or a muscle takes the place of a junction, or hangs on the line by a
     fitting; a leak or an exhaust leads from it into the air.
@@ -239,7 +239,7 @@ def top(document: Document, plan: CircuitPlan) -> str:
 
 
 def stepped(document: Document, plan: CircuitPlan, rising: bool) -> Document:
-    """The same circuit with steps as its signals, from empty to full, or from full to empty."""
+    """Return the circuit with steps as its signals, from empty to full, or from full to empty."""
     new, full = copy.deepcopy(document), top(document, plan)
     for name, signal in plan.signals.items():
         if signal.unit == "m":
@@ -261,7 +261,7 @@ def stepped(document: Document, plan: CircuitPlan, rising: bool) -> Document:
 
 
 def input_of(document: Document, plan: CircuitPlan) -> str:
-    """What drives a circuit: ``up`` or ``down``, a step of `stepped`, or ``waveform``, anything else."""
+    """Kind of input of a circuit: ``up`` or ``down``, a step of `stepped`, or ``waveform``, anything else."""
     for name, rising in (("up", True), ("down", False)):
         if stepped(document, plan, rising) == document:
             return name

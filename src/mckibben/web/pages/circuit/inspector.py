@@ -101,12 +101,12 @@ def _element(document: Document, plan: CircuitPlan, name: str, put: Put, model: 
 
 
 def _size(words: Mapping[str, Any]) -> str:
-    """What states the size of all passages alike; nothing where a specimen or each passage does."""
+    """Name of the parameter that states the size of all passages alike; empty if a specimen or each passage does."""
     return next((n for n in map(canonical, words) if n in SIZES), "")
 
 
 def _restated(document: Document, plan: CircuitPlan, name: str, size: str) -> Document:
-    """The same size, stated in another way; of the first passage, where an element has several."""
+    """State the same size by another parameter; of the first passage if an element has several."""
     words, one = document["elements"][name], plan.circuit.elements[name]
     orifice: Any = one if isinstance(one, Orifice) else getattr(one, passages_of(words["kind"])[0])
     way = next((w for w in PASSAGE_WAYS if size in w.needs), None)
@@ -169,7 +169,7 @@ def _node(document: Document, plan: CircuitPlan, name: str, put: Put) -> None:
 
 
 def _other_muscle(document: Document, name: str, specimen: str) -> Document:
-    """Another muscle, held at its own rest length."""
+    """Replace the muscle, held at its own rest length."""
     from ....specimens import specimen as found
 
     rest = found(specimen).property_si("rest_length", "m")

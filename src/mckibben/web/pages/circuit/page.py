@@ -42,7 +42,7 @@ class CircuitPage:
             self.desk.models = [k for k in named["models"] if k in response.MODELS]
 
     def build(self, said: str) -> None:
-        """All of it."""
+        """Build the page."""
         with page_frame(
             "circuit", sub="Valve to muscle; every change shows in the step response at once", sheets=("circuit.css",),
             scripts=("js/circuit.js",),
@@ -143,14 +143,14 @@ class CircuitPage:
             self.renew()
 
     def undo(self) -> None:
-        """One change back."""
+        """Undo one change."""
         if self.desk.undo():
             self.refusal.clear()
             self.select(self.desk.chosen, moved=False)
             self.renew()
 
     def open(self, document: Document) -> None:
-        """Another circuit; the one before can be brought back."""
+        """Open another circuit; Undo brings back the previous one."""
         self.desk.take(document, "")
         self.desk.sensors = response.shown_nodes(self.desk.plan, ())
         self.refusal.clear()
@@ -218,7 +218,7 @@ class CircuitPage:
         page_document().spawn(follow(desk, self._show, self._after, self._checked, self._failed))
 
     def _around(self) -> None:
-        """All but the response."""
+        """Rebuild everything but the response."""
         desk = self.desk
         self.drawing.put(diagram.svg(desk.plan, chosen=desk.chosen, sensors=desk.sensors, flows=desk.flows))
         self.undo_button.set(disabled=not desk.undoes)

@@ -1,4 +1,4 @@
-"""What a circuit does: its response by a native kernel, one compilation per topology, and the numbers read from it.
+"""Response of a circuit by a native kernel, compiled once per topology, and the numbers read from it.
 
 A kernel takes the circuit's values, signals and start pressures, and makes state and memory itself. It is the engine's own
 march, so that it gives what the command line gives, and keeps the integrals that its accounts are balanced with.
@@ -44,7 +44,7 @@ RATE = "steepest rate"  # beside the outputs of a circuit [1/s]
 
 
 class IntegrationMethod(NamedTuple):
-    """How a circuit is integrated: by the stiff method, and into how many parts its step is split."""
+    """Integration method of a circuit: stiff or explicit, and the number of parts of its step."""
 
     stiff: bool = False
     split: int = 1
@@ -65,23 +65,23 @@ class WatchedCircuit(System):
     circuit: Circuit
 
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """Of the circuit."""
+        """Rates of change of the circuit."""
         return self.circuit.rate(state, memory, inputs)
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """Of the circuit."""
+        """Integrands of the circuit."""
         return self.circuit.integrands(state, memory, inputs)
 
     def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
-        """Of the circuit."""
+        """Advance the memory of the circuit."""
         return self.circuit.advance_memory(memory, start, end, duration)
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
-        """Of the circuit."""
+        """Commands of the circuit."""
         return self.circuit.commands(signals)
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
-        """Of the circuit, and `RATE`."""
+        """Outputs of the circuit, and `RATE`."""
         steepest = self.circuit.max_rate_bound(state, memory, inputs)
         return {**self.circuit.outputs(state, memory, inputs), RATE: steepest}
 
@@ -97,7 +97,7 @@ class CircuitResponse(NamedTuple):
 
 
 def respond(plan: CircuitPlan, method: IntegrationMethod | None = None) -> CircuitResponse:
-    """What a circuit does.
+    """Compute the response of a circuit.
 
     Args:
         plan: of the circuit.
@@ -170,7 +170,7 @@ def _outputs(circuit: Any, signals: Any, pressures: Any, temperature: Any, *, pe
 
 
 def accounts(plan: CircuitPlan, done: CircuitResponse) -> RunBalance:
-    """How well mass and energy of a response balance, over what went through."""
+    """Errors of the mass and energy balances of a response, relative to the throughput."""
     signals, count = plan.inputs(), plan.samples
     first = {n: s.at(0, 0.0, plan.period) for n, s in signals.items()}
     last = {n: s.at(count - 1, 1.0, plan.period) for n, s in signals.items()}
@@ -311,7 +311,7 @@ def first_tube(plan: CircuitPlan, chosen: str = "") -> str:
 
 
 def with_model(document: Document, plan: CircuitPlan, name: str, kind: str) -> Document:
-    """The same circuit with another model of a tube: what both are stated by stays.
+    """Replace the model of a tube; common parameters are kept.
 
     A linear tube gets the resistance that the tube has between full pressure and the room, which no size tells it.
 
@@ -399,7 +399,7 @@ def sweep(
 
 
 def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:
-    """What follows from a part's values, by the part itself: title and words."""
+    """Derived properties of a part: title and text."""
     found: list[tuple[str, str]] = []
     if name in plan.circuit.elements:
         element: Any = plan.circuit.elements[name]
@@ -440,6 +440,6 @@ def _pressure(words: str) -> float:
 
 
 def shown_nodes(plan: CircuitPlan, wanted: Sequence[str]) -> list[str]:
-    """Of the wanted nodes those that the circuit has; its chambers where none was wanted."""
+    """Requested nodes that the circuit has; its chambers if none was requested."""
     inner = [n for n, p in plan.nodes.items() if p.kind not in ("reservoir", *OUTSIDE)]
     return [n for n in wanted if n in inner] or inner[:4]

@@ -1,4 +1,4 @@
-"""One visitor's circuit: its document, what is selected and shown, and the response that follows every change."""
+"""State of one visitor's circuit: its document, selection and display, and the response that follows every change."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class CircuitAnswer(NamedTuple):
 
 
 class CircuitState:
-    """The state of one page.
+    """State of one circuit page.
 
     Args:
         document: to begin with.
@@ -60,7 +60,7 @@ class CircuitState:
         return [*self.plan.nodes, *self.plan.circuit.elements]
 
     def take(self, new: Document, chosen: str | None = None) -> bool:
-        """Another document; whether parts came or went.
+        """Replace the document; return whether parts were added or removed.
 
         Raises:
             InputError: it is no circuit.
@@ -115,7 +115,7 @@ class CircuitState:
         return last if last in self.sensors else self.sensors[-1]
 
     def link(self) -> dict[str, Any]:
-        """What the address says of the view."""
+        """Parameters of the page's address."""
         return {
             "c": packed(self.document), "part": self.chosen, "sensors": ",".join(self.sensors),
             "flows": ",".join(self.flows), "models": ",".join(self.models) or "none",

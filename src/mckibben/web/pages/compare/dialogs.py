@@ -1,4 +1,4 @@
-"""What is asked of a visitor of the comparison: another column, and the runs of the machine."""
+"""Dialogs of the comparison: adding a column, and running the trials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the comparison draws: bars, ranges, surfaces, curves."""
+"""Drawings of the comparison: bars, ranges, surfaces, curves."""
 
 from __future__ import annotations
 
@@ -250,6 +250,6 @@ def efficiencies(found: MuscleTable, letters: Sequence[str], ours: bool) -> str:
 
 
 def sizes(one: ComparedMuscle) -> str:
-    """How long a muscle is at rest and fully shortened, in words."""
+    """Lengths of a muscle at rest and fully shortened, as text."""
     shortest = float(jobs.column(one).values["shortest"]) * one.rest_length
     return f"{with_unit(one.rest_length, 'm', 3)} at rest, {with_unit(shortest, 'm', 3)} fully shortened"

@@ -31,7 +31,7 @@ class ComparisonGrid:
         self.face, self.columns = face, columns
 
     def show(self, surfaces: dict[str, Any]) -> None:
-        """All of it, in the place that is open."""
+        """Build all of it, within the open element."""
         columns, count = self.columns, len(self.columns)
         with box("div", "cmp").style(**{"--columns": str(count)}):
             box("div", "k head")

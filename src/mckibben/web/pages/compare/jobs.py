@@ -1,4 +1,4 @@
-"""What the comparison shows, from the functions of the command line: columns, surfaces, curves, the exported table."""
+"""Computations of the comparison: columns, surfaces, curves, the exported table."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ def recorded(path: Path) -> MuscleColumn:
 
 
 def run_of(one: ComparedMuscle, name: str) -> Trials:
-    """One protocol on one muscle, on the machine that takes it."""
+    """Run one protocol on one muscle, on the machine that takes it."""
     found: Trials = _once(("run", one.spec.where, one.id, one.full, name), lambda: trials(one, names=(name,)))
     return found
 
 
 def run_known(one: ComparedMuscle, name: str) -> Trials | None:
-    """The same where it was run before."""
+    """Return the trials if they were run before."""
     return _kept.get(("run", one.spec.where, one.id, one.full, name))
 
 
@@ -100,7 +100,10 @@ class Surface(NamedTuple):
 
 
 def surface(one: ComparedMuscle) -> Surface | None:
-    """Of a muscle from where it is free, fully driven, to its longest working length; None without a section."""
+    """Compute the surface of a muscle from its free length, fully driven, to its longest working length.
+
+    None without a section.
+    """
     if one.section_area is None:
         return None
     low = float(column(one).values["shortest"])
@@ -125,7 +128,7 @@ def over_velocity(one: ComparedMuscle) -> tuple[np.ndarray, np.ndarray]:
 
 
 def paper_values(identifier: str) -> dict[str, float]:
-    """What the paper prints of a muscle, by property, in the units of the table."""
+    """Values that the paper prints of a muscle, by property, in the units of the table."""
     from ....reproduction.rows import all_rows
 
     found = {}

@@ -52,7 +52,7 @@ class ComparePage:
         return [n for n in self.lab.recordings.names() if n.endswith(".nc")][:3]
 
     def build(self) -> None:
-        """All of it; the numbers follow."""
+        """Build the page; the numbers follow."""
         sub = "Muscles side by side, at full drive, per resting length L\u2080 and section"
         with page_frame("compare", sub=sub, sheets=("compare.css",), scripts=("js/compare.js",)) as bar:
             with bar:
@@ -121,7 +121,7 @@ class ComparePage:
         self.renew()
 
     def take(self, name: str) -> None:
-        """One more column, or another of a list."""
+        """Add a column, or replace the choice of a list."""
         chosen = self.recordings if self.values == "recordings" and name.endswith(".nc") else self.muscles
         if name not in chosen:
             if len(chosen) >= jobs.MOST:
@@ -131,7 +131,7 @@ class ComparePage:
         self.renew()
 
     def drop(self, name: str) -> None:
-        """One column less."""
+        """Remove a column."""
         for chosen in (self.muscles, self.recordings):
             if name in chosen:
                 chosen.remove(name)
@@ -159,7 +159,7 @@ class ComparePage:
     # ---- what is computed
 
     def path(self, name: str) -> str | Path:
-        """What a word of the link stands for: a specimen that ships, or a file of the visitor's own."""
+        """Specimen or file of the visitor that a word of the link names."""
         return self.lab.specimens.found(name) if name.endswith(".toml") else name.replace("/", "").replace("\\", "")
 
     def _subjects(self, pressure: float) -> dict[str, ComparedMuscle]:
@@ -212,7 +212,7 @@ class ComparePage:
             pass  # said in its column
 
     def _computed(self) -> tuple[list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]], dict[str, Any]]:
-        """Every column with its muscle, or why there is none; and the curves."""
+        """Compute every column with its muscle, or the reason why there is none; and the curves."""
         columns: list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]] = []
         biological = self.values == "recordings"
         for name in self.recordings if biological else []:

@@ -46,7 +46,7 @@ TITLES = {"maximal": "Maximal shortening", "isotonic": "Isotonic", "valve": "Iso
 
 
 def cycle_document(choice: EnergyChoice) -> dict[str, Any]:
-    """All that changes with the supply's pressure.
+    """Compute everything that depends on the supply pressure.
 
     Raises:
         MckibbenError: there is no such cycle; says why.
@@ -80,7 +80,7 @@ def cycle_document(choice: EnergyChoice) -> dict[str, Any]:
 
 
 def _other(choice: EnergyChoice, muscle: CycleMuscle) -> CycleLoops | None:
-    """The same cycle with the other exchange, where there is one."""
+    """Compute the same cycle with the other exchange, if there is one."""
     flipped = "atmosphere" if choice.exchange == "accumulator" else "accumulator"
     try:
         return cycle_loops(muscle, choice.cycle, conditions(choice, flipped), points=POINTS)
@@ -145,7 +145,7 @@ def _rows(
 
 
 def _printed(choice: EnergyChoice, between: Conditions, volume: str) -> dict[tuple[str, bool], Any]:
-    """What the paper prints for this very cycle; nothing where it prints another."""
+    """Values that the paper prints for this cycle; empty if it prints another."""
     ours = part4.conditions()._replace(exchange_pressure=between.exchange_pressure, reading=between.reading)
     same = choice.muscle == part4.MUSCLE and not choice.law and volume == "paper" and between == ours
     if not same or choice.accumulator_pressure is not None:
@@ -198,7 +198,7 @@ def _accumulator(choice: EnergyChoice) -> float | None:
 
 
 def _volumes(all_: Mapping[str, CycleMuscle], cycle: str, between: Conditions) -> list[dict[str, Any]]:
-    """Where the input goes under each volume [J], the table of the command line."""
+    """Division of the input under each volume [J], as the table of the command line."""
     found = []
     for name, muscle in all_.items():
         try:
@@ -243,7 +243,7 @@ def curves_key(choice: EnergyChoice) -> EnergyChoice:
 
 
 def cycle_report(choice: EnergyChoice) -> bytes:
-    """As an HTML file, with each exchange that there is."""
+    """Write the report as an HTML file, with each available exchange."""
     spec, law, muscles = resolved(choice)
     muscle = next(iter(muscles.values()))
     other = "atmosphere" if choice.exchange == "accumulator" else "accumulator"

@@ -1,4 +1,4 @@
-"""Where the energy of a recording went, as the page draws it: streams whose width is their energy, and the parts in a table.
+"""The energy flow of a recording: streams whose width is their energy, and a table of the parts.
 
 The account is that of `analysis.energy_accounts`, its streams those of the reports' figure.
 """
@@ -68,7 +68,7 @@ def stretch(found: EnergyAccount, part: str) -> tuple[EnergyAccount, CycleEnergy
 
 
 def flow_document(found: EnergyAccount, part: str, accumulator: float | None) -> dict[str, Any]:
-    """What is drawn.
+    """Compute the drawing.
 
     Args:
         found: from `account`.
@@ -109,7 +109,7 @@ def _row(part: EnergyPart, supply: float) -> dict[str, Any]:
 
 
 def cycle_names(found: EnergyAccount) -> dict[str, str]:
-    """What can be looked at: value and words."""
+    """Cycles to choose from: value and label."""
     names = {"": "Whole recording"}
     for i, c in enumerate(found.cycles, 1):
         names[str(i)] = f"Cycle {i}, {c.start:.4g} to {c.end:.4g} s"

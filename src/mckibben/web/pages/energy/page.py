@@ -36,7 +36,7 @@ def _loaded(words: dict[str, str]) -> tuple[EnergyChoice, list[str], dict[str, s
 
 
 class EnergyPage:
-    """One visitor's page.
+    """The Energy page of one visitor.
 
     Args:
         lab: of the recordings.
@@ -141,7 +141,7 @@ VOLUMES = {"": "Volume as usual", "paper": "Volume of eq. 38b", "potential": "Vo
 
 
 class CycleControls:
-    """Of one visitor."""
+    """Controls of the working cycle."""
 
     def __init__(self, view: EnergyPage) -> None:
         self.view, self.again = view, False
@@ -162,13 +162,13 @@ class CycleControls:
             self._conditions()
 
     def refuse(self, sentence: str) -> None:
-        """Say why something was not done."""
+        """Show why an action was refused."""
         self.under.clear()
         with self.under:
             refused(sentence)
 
     def agree(self, *, rebuilt: bool) -> None:
-        """What was chosen is shown now."""
+        """Update the controls to the present choice."""
         if rebuilt or self.again:
             self.rebuild()
         self._say_conditions()
@@ -230,7 +230,7 @@ class CycleControls:
             self.view.changed(pressure=found.value)
 
     def refusal(self, why: str, words: str) -> None:
-        """Say under the number why it was refused, and leave the words to be put right; no sentence takes that away."""
+        """Show below a number why it was refused, and keep the text for correction."""
         self.said.clear()
         self.refused = bool(why)
         self.typed.set(value=words)
@@ -322,7 +322,7 @@ EMPTY = "No recordings yet. Start a run on the bench, or drop a file here."
 
 
 class RecordedFlow:
-    """Of one visitor.
+    """Energy flow of a recording.
 
     Args:
         view: of the page.
@@ -338,7 +338,7 @@ class RecordedFlow:
         self.place = box("div", "e-flow-place")
 
     def names(self) -> list[str]:
-        """Of the recordings that an account can be made of, the newest first."""
+        """Names of the recordings from which an account can be made, the newest first."""
         return [n for n in self.view.lab.recordings.names() if n.lower().endswith(ENDINGS)][:MOST]
 
     def begin(self) -> None:
@@ -375,17 +375,17 @@ class RecordedFlow:
             select(shown, self.name, self.chosen, "Recording")
 
     async def chosen(self, name: str) -> None:
-        """Another recording."""
+        """Show another recording."""
         self.name, self.part, self.kind, self.account = name, "", "", None
         await self.load()
 
     async def kinded(self, kind: str) -> None:
-        """Another kind of account."""
+        """Show another kind of account."""
         self.kind, self.part, self.account = kind, "", None
         await self.load()
 
     def stretched(self, part: str) -> None:
-        """Another stretch."""
+        """Show another section of the recording."""
         self.part = part
         self.draw()
 

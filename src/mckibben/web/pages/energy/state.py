@@ -1,4 +1,4 @@
-"""What a visitor of the page chose, as a link says it, and the muscle and the conditions that follow from it."""
+"""Choices of a visitor on the Energy page, as stated in links, and the resulting muscle and conditions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ....specimens import Specimen, specimen, specimen_ids
 
 @dataclass(frozen=True)
 class EnergyChoice:
-    """What a visitor chose; what is None is as the muscle has it.
+    """Choices of a visitor; None stands for the muscle's own value.
 
     Attributes:
         muscle: id of a specimen.

@@ -94,7 +94,7 @@ def _slack(cell: str) -> bool:
 
 
 def _what(asked: FitRequest, column: str, what: str, meant: dict[str, str], change: Change) -> Any:
-    """What one column holds."""
+    """Build the choice of what one column holds."""
 
     def chosen(now: str) -> None:
         found = asked
@@ -109,7 +109,7 @@ def _what(asked: FitRequest, column: str, what: str, meant: dict[str, str], chan
 
 
 def _which(asked: FitRequest, what: str, column: str, look: TablePreview, change: Change) -> Any:
-    """Which column holds something."""
+    """Build the choice of the column that holds a quantity."""
 
     def chosen(now: str) -> None:
         change(asked.with_pair("columns", what, now or "-").with_pair("units", what, None))
@@ -191,7 +191,7 @@ def words_field(
 
 
 def given(asked: Callable[[], FitRequest], change: Change, branches: list[str]) -> None:
-    """What is known beside the columns; `asked` gives what stands now."""
+    """Build the fields for values that are not in a column; `asked` returns the present request."""
     from ....muscles.laws import law_type
     from ....quantities import declared, parse, with_unit
 

@@ -1,4 +1,4 @@
-"""What the page Fit does in the background: tables are read, and laws fitted one by one in a thread of their own."""
+"""Background work of the Fit page: reading tables, and fitting laws one by one in a thread."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class FitJob:
 
     @property
     def share(self) -> float:
-        """Of the work, that is done."""
+        """Completed share of the work."""
         return min(1.0, self._done / self._total)
 
     @property
@@ -97,7 +97,7 @@ class FitJob:
         self.stop()
 
     def study(self, asked: FitRequest, points: ForceMap, laws: Sequence[str]) -> Study:
-        """What was found by now, ranked as the command does."""
+        """Return the results so far, ranked as the command does."""
         from ....identification.fit import rank
         from ....report.fit_study import Study, published_of
 
@@ -164,7 +164,7 @@ def _keep(key: Any, law: str, found: Any) -> None:
 
 
 class TableReading(NamedTuple):
-    """What came of reading a table.
+    """Result of reading a table.
 
     Attributes:
         look: into the file.
@@ -216,7 +216,7 @@ def _of_recording(path: Path, asked: FitRequest, look: Any) -> FitRequest:
 
 
 def used(points: ForceMap, asked: FitRequest) -> str:
-    """Which rows count, in words."""
+    """Describe which rows count."""
     taut = int(points.taut.sum())
     slack, told = len(points) - taut, int(points.informative_slack.sum())
     left = "".join(f" {remark[0].upper()}{remark[1:]}." for remark in points.remarks)

@@ -27,7 +27,7 @@ LOOKS = 0.25  # time between two looks at the work that goes on [s]
 
 
 class FitPage:
-    """One visitor's.
+    """The Fit page of one visitor.
 
     Args:
         lab: the laboratory.
@@ -210,7 +210,7 @@ class FitPage:
         self._leave("No table yet. Drop a CSV, MAT or TDMS file here.")
 
     def _leave(self, words: str) -> None:
-        """Nothing is fitted; say why where the ranking stands."""
+        """Show a reason instead of the ranking; nothing is fitted."""
         self.work.stop()
         self._going.show()
         self.shown.clear()
@@ -260,7 +260,7 @@ class FitPage:
         await self.look()
 
     async def _study(self) -> Study | None:
-        """What was found by now; nothing where something else is asked meanwhile."""
+        """Results so far; None if something else was requested meanwhile."""
         asked, points = self.asked, self.points
         if asked is None or points is None:
             return None
@@ -317,7 +317,7 @@ class FitProgress:
         self._bar: Any = None
 
     def show(self) -> None:
-        """What is done now, or why it came to an end."""
+        """Show the progress of the fit, or why it ended."""
         work = self._work
         if not work.running:
             self._place.clear()
@@ -342,7 +342,7 @@ HEIGHTS = {"tension": 470, "errors": 470, "surface": 470, "bubbles": 206, "left"
 
 
 class LawPictures:
-    """What stands in some places of a page.
+    """Figures of one law, in some elements of a page.
 
     Args:
         places: by the names ``muscle``, ``picture``, ``bubbles``, ``left``.
@@ -357,7 +357,7 @@ class LawPictures:
         self._last: tuple[Fit, Study] | None = None
 
     async def show(self, fit: Fit, study: Study) -> None:
-        """Another law, or the same anew."""
+        """Draw another law, or the same law again."""
         self._last = fit, study
         place, rests = self._places["muscle"], results.rests(study.points)
         place.clear()
@@ -369,12 +369,12 @@ class LawPictures:
         await self._draw()
 
     async def look_at(self, view: str) -> None:
-        """Another view of the same."""
+        """Draw another view of the same law."""
         self.view = view
         await self._draw()
 
     def clear(self) -> None:
-        """Nothing is there any more."""
+        """Remove the figures."""
         self._asking += 1
         self._last = None
         for name in ("muscle", "picture", "bubbles", "left"):
@@ -410,14 +410,14 @@ class LawPictures:
 
 
 def _buttons(view: FitPage) -> None:
-    """In the bar of the page."""
+    """Build the buttons in the header of the page."""
     button("Report as PDF", lambda: _pdf(view))
     button("Open report", lambda: _open(view)).set(data_opens="report")  # by the click itself: see fit.js
     button("Save as specimen file", lambda: _specimen(view), primary=True)
 
 
 def _study(view: FitPage) -> Any:
-    """What there is to write about; nothing, and a word about it, where there is none."""
+    """Return the study for a report; show a message and return None if there is none."""
     if view.work.running:
         tell("The fits go on; wait for their end, or stop them first.")
         return None

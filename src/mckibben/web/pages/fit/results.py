@@ -1,4 +1,4 @@
-"""What a fit found: the ranking, the parameters with their intervals, the cautions, and the pictures."""
+"""Results of a fit: ranking, parameters with intervals, cautions, and figures."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def _whisker(value: float, half: float) -> str:
 
 
 def cautions(fit: Fit, study: Study) -> None:
-    """What to mind of one law, and why others could not be fitted."""
+    """Show the cautions about one law, and why others could not be fitted."""
     from ....report.fit_report import cautions_of
 
     told = cautions_of(fit, study.points.largest)
@@ -193,7 +193,7 @@ def rests(points: ForceMap) -> list[float]:
 
 
 def drawn(fit: Fit, study: Study, rest: float | None) -> dict[str, Any]:
-    """All that the pictures of one law need.
+    """Compute everything that the figures of one law need.
 
     Args:
         fit: the law.

@@ -1,4 +1,4 @@
-"""What a fit starts from: a table, how its columns are read, and what else is known; as the link and the command say it."""
+"""Request of a fit: a table, the meaning of its columns, and other known values; as stated in links and commands."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class FitRequest:
     slack: bool = True
 
     def link(self) -> dict[str, str | None]:
-        """As parts of an address."""
+        """Parameters of an address."""
         found: dict[str, str | None] = {kind: self.name if kind == self.kind else None for kind in KINDS}
         for key in ("columns", "units", "known"):
             pairs = dict(getattr(self, key))
@@ -64,14 +64,14 @@ class FitRequest:
         return {**found, **{w: getattr(self, w) or None for w in WORDS}, "slack": None if self.slack else "no"}
 
     def with_pair(self, key: str, name: str, words: str | None) -> FitRequest:
-        """The same with one column, unit or known parameter said, or no longer."""
+        """Return a copy with one column, unit or known parameter set or removed."""
         pairs = {k: v for k, v in getattr(self, key) if k != name}
         new: dict[str, Any] = {key: tuple(sorted({**pairs, **({name: words} if words else {})}.items()))}
         return dataclasses.replace(self, **new)
 
 
 def from_link(words: Mapping[str, str]) -> FitRequest | None:
-    """What an address asks for; nothing where it names no table."""
+    """Read the request from an address; None if it names no table."""
     kind = next((k for k in KINDS if words.get(k)), None)
     if kind is None:
         return None
@@ -108,7 +108,7 @@ def specimen_of(asked: FitRequest) -> Specimen | None:
 
 
 def file_of(lab: Laboratory, asked: FitRequest) -> Path:
-    """Where the table is."""
+    """Path of the table."""
     from ....specimens import map_file, specimen
 
     if asked.kind == "map":

@@ -1,4 +1,4 @@
-"""What the page The paper does in the background: processes that compute rows, draw figures and write reports.
+"""Background work of the page The paper: processes that compute rows, draw figures and write reports.
 
 A process takes jobs from a pipe and answers with what it is at, what it found, and ``done`` or ``refused`` with a sentence.
 Ending it is how a job is stopped; recordings that were finished stay in a folder that all processes share.
@@ -127,7 +127,7 @@ STOPPED = "stopped"
 
 
 class WorkerProcess:
-    """One process; it is started with its first job, and again after a stop.
+    """A worker process, started with its first job, and again after it was stopped.
 
     Args:
         place: folder of the recordings.
@@ -144,7 +144,7 @@ class WorkerProcess:
         self._thread: threading.Thread | None = None
 
     def ask(self, job: tuple[Any, ...], hear: Callable[..., None], *, pressing: bool = True) -> None:
-        """Put a job in the queue; `hear` is told every answer, in another thread, ``done`` or ``refused`` the last."""
+        """Queue a job; `hear` is called with every answer, in another thread, with ``done`` or ``refused`` last."""
         with self._lock:
             heapq.heappush(self._jobs, (0 if pressing else 1, next(self._count), job, hear))
             self._lock.notify()

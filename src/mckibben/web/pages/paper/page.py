@@ -1,4 +1,4 @@
-"""What one visitor of the page The paper sees: the rows, the figure that is chosen, and how far the run is."""
+"""The page The paper as one visitor sees it: the rows, the chosen figure, and the progress of the computation."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _loaded(lab: Laboratory) -> Reproduction:
 
 
 class PaperPage:
-    """One visitor's page."""
+    """The page The paper of one visitor."""
 
     def __init__(
         self, lab: Laboratory, words: dict[str, str], bar: Element, place: Element, all_: Reproduction
@@ -126,7 +126,7 @@ class PaperPage:
         self.chosen()
 
     def formed(self, form: str) -> None:
-        """In the paper's form, or its numbers."""
+        """Switch between the paper's form and its numbers."""
         self.form = form
         link(form=None if form == "form" else form)
         self.chosen()
@@ -239,7 +239,7 @@ class PaperPage:
                     button("Stop drawing", lambda: all_.stop_drawing(name), small=True)
 
     def _row(self) -> None:
-        """What is said of the chosen row, and the button that computes it."""
+        """Show the chosen row, and the button that computes it."""
         from ....reproduction.rows import said_of
         from .rows import said
 

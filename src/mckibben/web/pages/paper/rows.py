@@ -16,7 +16,7 @@ EXPECTED = {"erratum": "misprint", "open": "open", "synthetic": "synthetic"}
 
 
 def fixed_document() -> dict[str, Any]:
-    """What never changes: parts, rows with theirs, figures."""
+    """Constant part of the document: parts, their rows, and figures."""
     from ....reproduction.rows import all_rows
 
     return {
@@ -42,7 +42,7 @@ def _row(row: PrintedRow) -> dict[str, Any]:
 
 
 def outcome_document(outcome: RowOutcome) -> dict[str, Any]:
-    """What was computed of a row; ``place`` is ours on its tolerance, from -1 to 1 between the ends."""
+    """Result of a row; ``place`` is our value on its tolerance, from -1 to 1 between the ends."""
     row, ours = outcome.row, outcome.ours
     found: dict[str, Any] = {"kind": kind_of(outcome).key, "note": said(outcome.note)}
     if ours is not None:
@@ -59,7 +59,7 @@ def said(note: str) -> str:
 
 
 def state_document(all_: Reproduction) -> dict[str, Any]:
-    """What changes: outcomes, failures, what is at work."""
+    """Changing part of the document: outcomes, failures, and running jobs."""
     left = all_.left()
     return {
         "outcomes": {k: outcome_document(v) for k, v in list(all_.outcomes.items())},
@@ -70,7 +70,7 @@ def state_document(all_: Reproduction) -> dict[str, Any]:
 
 
 def named(figure: PaperFigure) -> str:
-    """Its number as the papers have it."""
+    """Number of a figure as printed in the papers."""
     year, _, number = figure.id.rpartition("-")
     name = f"Table {number.removeprefix('table')}" if number.startswith("table") else f"Fig. {number}"
     return f"{name} of {year}" if figure.paper == CONFERENCE else name

@@ -1,4 +1,4 @@
-"""What a laboratory has reproduced of the papers: one state for all who look, run in processes of its own."""
+"""State of the reproduction of the papers: one for all visitors, computed in processes of its own."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ _one = threading.Lock()
 
 
 def reproduction(lab: Any) -> Reproduction:
-    """That of a laboratory; made when it is first asked for."""
+    """Reproduction of a server; made at the first call."""
     with _one:
         if lab not in _of:
             _of[lab] = Reproduction()

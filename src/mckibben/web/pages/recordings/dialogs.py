@@ -1,4 +1,4 @@
-"""What is asked for before something is done: another name, the words of a note, the columns of a file of others."""
+"""Dialogs of the Recordings page: renaming, notes, and the columns of an imported file."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class ImportDialog:
                     button("Import", self._again, primary=True)
 
     def takes(self, place: Element) -> None:
-        """Let files be dropped on another place too."""
+        """Accept files that are dropped on another element too."""
         self._upload.also(place)
 
     async def _came(self, one: IncomingFile) -> None:

@@ -23,7 +23,7 @@ def said_of(error: MckibbenError, path: Path, name: str) -> str:
 
 
 class ImportedFile(NamedTuple):
-    """What came of a file of others.
+    """Result of importing a file.
 
     Attributes:
         own: it is a recording of mckibben, and is taken as it is.
@@ -81,7 +81,7 @@ def check_kind(name: str) -> None:
 
 
 def _hint(error: MckibbenError) -> str:
-    """Where a person can say on the page what the file does not."""
+    """Describe where on the page the user can supply what the file lacks."""
     what, _, name = str(getattr(error, "remedy", "")).partition(" ")
     if what == "column":
         return f" Say it under Columns, such as {name}=2."

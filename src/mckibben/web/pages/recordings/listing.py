@@ -40,7 +40,7 @@ def tools(words: dict[str, str], change: Callable[[str, str], Any]) -> Element:
 
 
 def filters(words: dict[str, str], entries: Sequence[RecordingEntry], change: Callable[[str, str], Any]) -> None:
-    """One list for the muscle, one for the protocol, one for where a recording comes from."""
+    """Build the filters: muscle, protocol, and origin of a recording."""
     for key, label, values in (
         ("muscle", "Muscle", sorted({e.muscle for e in entries if e.muscle})),
         ("protocol", "Protocol", sorted({e.protocol for e in entries if e.protocol})),
@@ -53,7 +53,7 @@ def filters(words: dict[str, str], entries: Sequence[RecordingEntry], change: Ca
 
 
 def wanted(entries: Sequence[RecordingEntry], words: dict[str, str]) -> list[RecordingEntry]:
-    """Those that search and filters leave."""
+    """Entries that match search and filters."""
     kept = []
     for one in entries:
         same = all(not words.get(k) or getattr(one, k) == words[k] for k in ("muscle", "protocol", "origin"))

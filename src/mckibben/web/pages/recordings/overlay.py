@@ -1,4 +1,4 @@
-"""Two recordings over each other, as charts and as what is measured on both."""
+"""Two recordings overlaid, as charts and as values measured on both."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ OWN = {
 
 @dataclass(frozen=True)
 class OverlaidPart:
-    """What is shown of one recording.
+    """The shown part of one recording.
 
     Attributes:
         letter: A or B.
@@ -189,7 +189,7 @@ def over_time(parts: Sequence[OverlaidPart], what: str, height: int) -> Chart | 
 
 
 def _others(parts: Sequence[OverlaidPart]) -> Chart | str:
-    """Of recordings without a muscle: the first channel that was measured, over the time."""
+    """Chart of the first measured channel over time, for recordings without a muscle."""
     part = parts[0]
     name = next((n for n in part.record.names() if part.record.channels[n].kind != "command"), "")
     if not name:
@@ -210,7 +210,7 @@ def _loop(part: OverlaidPart, x: np.ndarray, y: np.ndarray, lettered: bool) -> C
 
 
 def _with_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """With a hole wherever samples are missing, so that no line is drawn there."""
+    """Insert a gap wherever samples are missing, so that no line is drawn across it."""
     step = np.diff(time)
     holes = np.flatnonzero(step > 3.0 * np.median(step)) + 1 if len(step) else np.array([], int)
     return np.insert(time, holes, np.nan), np.insert(np.asarray(values, float), holes, np.nan)
@@ -233,7 +233,7 @@ def _cycles(parts: Sequence[OverlaidPart]) -> str:
 
 
 class Measure(NamedTuple):
-    """One property: its name, unit, places after the point, and the value of each part; NaN where it has none."""
+    """One property: its name, unit, decimals, and the value of each part; NaN if missing."""
 
     name: str
     unit: str
@@ -242,7 +242,7 @@ class Measure(NamedTuple):
 
 
 def measures(parts: Sequence[OverlaidPart]) -> list[Measure]:
-    """Of one or two parts; a property that none of them has is left out."""
+    """Properties of one or two parts; a property that none of them has is left out."""
     shapes = [_last_loop(part) for part in parts]
     found = [
         Measure(name, unit, digits, [scale * getattr(s, key) if s is not None else math.nan for s in shapes])

@@ -27,7 +27,7 @@ AT_ONCE = 6  # recordings that are read before the list is drawn again
 
 
 class RecordingsPage:
-    """One visitor's.
+    """The Recordings page of one visitor.
 
     Args:
         lab: the laboratory.
@@ -93,7 +93,7 @@ class RecordingsPage:
         return found
 
     def _quick(self, names: list[str]) -> None:
-        """What was read before, without reading anything."""
+        """Show the cached entries, without reading any file."""
         before = {e.name: e for e in self.entries}
         unread = {n: before.get(n, RecordingEntry(n, origin="", sign="", said="is being read")) for n in names}
         found = [state.known(self.lab.recordings.path(n)) or unread[n] for n in names]
@@ -176,16 +176,16 @@ class RecordingsPage:
         await self.pane.show(self.chosen)
 
     def path(self, name: str) -> Path:
-        """Where a chosen recording is."""
+        """Path of a chosen recording."""
         return self.lab.recordings.found(name)
 
     def refuse(self, error: MckibbenError) -> None:
-        """Say why something was not done."""
+        """Show why an action was refused."""
         tell(str(error))
 
 
 class RecordingActions:
-    """Of one view.
+    """Actions on the chosen recordings.
 
     Args:
         view: whose recordings are chosen.
@@ -196,7 +196,7 @@ class RecordingActions:
         self.format = ".nc"
 
     def buttons(self) -> None:
-        """In the bar of the page."""
+        """Build the buttons in the header of the page."""
         button("Open on Energy", lambda: self._open("energy"))
         button("Open on Fit", lambda: self._open("fit"))
         button("Rename", self._rename)

@@ -24,7 +24,7 @@ THIN = "\u2009\u2060"
 
 
 class OverlayPane:
-    """Of one view.
+    """Pane with the overlaid recordings.
 
     Args:
         view: whose recordings are chosen.

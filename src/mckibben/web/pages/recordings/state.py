@@ -1,4 +1,4 @@
-"""What the list shows of every recording: read once for each state of its file, by one thread after the other."""
+"""Entries of the list of recordings, read once for each state of their file, one after the other."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class RecordingEntry:
 
 
 def key_of(path: Path) -> Any:
-    """Of a file's present state."""
+    """Identify the present state of a file."""
     about = path.stat()
     return str(path), about.st_mtime_ns, about.st_size
 
@@ -108,7 +108,7 @@ def _size(record: Recording) -> int:
 
 
 def known(path: Path) -> RecordingEntry | None:
-    """What was read of a file before, if it is still so."""
+    """Cached entry of a file if the file has not changed since, else None."""
     try:
         key = key_of(path)
     except OSError:
@@ -171,7 +171,7 @@ def _when(words: Any, path: Path) -> float:
 
 
 def _sign(meta: Mapping[str, Any]) -> tuple[str, str]:
-    """What is to be known first: why it ended, what was at its limit, whether the energy closes."""
+    """The most important remark: why the run ended, which limit was reached, or whether the energy closes."""
     from ....report.recording_report import saturation
     from ....report.words import is_number, mapping, significant
 
@@ -253,7 +253,7 @@ def _within(values: np.ndarray) -> np.ndarray:
 
 
 def y_to_share(heights: np.ndarray) -> np.ndarray:
-    """What `_within` made, as a share of the range from its top."""
+    """Convert heights of `_within` to shares of the range from its top."""
     return (heights - (HIGH - 30.0)) / 26.0
 
 
