@@ -157,7 +157,7 @@ def _own_path(value: Any, where: str | os.PathLike[str]) -> Any:
 
 
 def own_path(path: str, where: str | os.PathLike[str]) -> str:
-    """A path that a file names, from the folder of that file; one that begins at the root stays."""
+    """Path that a file names, relative to the folder of that file; an absolute one stays."""
     return str(Path(where).parent / path)
 
 
@@ -272,7 +272,7 @@ class ErrorKeepingFile(io.RawIOBase):
         return self._end
 
     def close(self) -> None:
-        """Close it, and raise the error that it kept."""
+        """Close the file, and raise the stored error."""
         if self.closed:
             return
         super().close()

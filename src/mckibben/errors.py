@@ -111,7 +111,7 @@ def _capital(text: str) -> str:
 
 
 def _short(text: str) -> str:
-    """A text from a person or a file, cut where it would fill the screen."""
+    """Shorten a text of a user or a file."""
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 20]}..{text[-18:]}"
 
 
@@ -124,7 +124,7 @@ def _shown(value: object) -> str:
 
 
 class MckibbenError(Exception):
-    """Base of every error that this package raises on purpose; goes whole from one process to another."""
+    """Base of every error that this package raises on purpose; can be pickled."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (type(self), self.args), self.__dict__
@@ -191,7 +191,7 @@ class UnreachableError(MckibbenError):
 
 
 class NoVolumeError(MckibbenError):
-    """The law says how the volume changes, but not how large it is."""
+    """The law determines changes of volume, but not the volume itself."""
 
 
 class ConvergenceError(MckibbenError):
@@ -199,16 +199,16 @@ class ConvergenceError(MckibbenError):
 
 
 class LineLostError(MckibbenError):
-    """A real machine does not answer any more, or not as it should; says which line, what happened and what was done."""
+    """A real machine no longer answers, or answers wrongly; the message states connection, event and action."""
 
 
 class EmptyRunError(MckibbenError):
-    """A run ended before its first step that is recorded; says why it ended."""
+    """A run ended before its first recorded step; the message states why."""
 
 
 class EngineError(MckibbenError):
-    """The engine that was asked for cannot run a function here: an operation without a kernel, no driver, or no GPU."""
+    """The requested engine cannot run a function: an operation without a kernel, no driver, or no GPU."""
 
 
 class MissingDataError(MckibbenError):
-    """Measured data that do not ship with the package were asked for and are not there."""
+    """Requested measured data do not ship with the package and were not found."""

@@ -144,11 +144,11 @@ class Flows:
         return 1.0 if self.paths[path][2] == node else -1.0
 
     def _add(self, table: dict[str, np.ndarray], name: str, amounts: Any) -> None:
-        """Add what came in every interval (n - 1,) to a part."""
+        """Add the amounts of every interval (n - 1,) to a part."""
         table[name] = table[name] + np.concatenate([[0.0], np.cumsum(np.asarray(amounts, float))])
 
     def _way(self, kind: str, ends: tuple[str, str], mass: np.ndarray) -> None:
-        """Mass (n - 1,) [kg] that goes from the first end of a path to the second."""
+        """Add the mass (n - 1,) [kg] that flows from the first end of a path to the second."""
         source, target = ends
         taken, there = self.seen[source], self.seen[target]
         lost = mass * middle(self.dead.throttled(1.0, taken, there))

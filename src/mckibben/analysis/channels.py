@@ -40,7 +40,7 @@ def finite(values: Any, what: str) -> np.ndarray:
 
 
 def uniform_period(record: Recording) -> float:
-    """Period of the clock [s], which may jitter by a hundredth of it.
+    """Period of the clock [s], which may vary by one per cent.
 
     Raises:
         InputError: the samples are not evenly spaced.
@@ -136,7 +136,7 @@ class Saturation(NamedTuple):
 def saturation(
     record: Recording, channel: str, *, ends: tuple[float | None, float | None] | None = None, least_samples: int = 5
 ) -> Saturation:
-    """Samples of a channel that stood at an end of its range.
+    """Share of samples of a channel at an end of its range.
 
     Args:
         record: with the channel.

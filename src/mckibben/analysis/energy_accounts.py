@@ -90,7 +90,7 @@ def energy_account(
 
 
 def _ledger(stated: Mapping[str, Any]) -> tuple[EnergyPart, ...]:
-    """The parts as a run kept them."""
+    """Parts as a run recorded them."""
     ends = {"atmosphere", "friction"}  # of what flows, these two come from states and ledgers
     parts = [
         EnergyPart(name, float(value), side, "end states" if side == "stored" or name in ends else "integral")

@@ -85,7 +85,7 @@ def filter_effect(frequency: float, *, cutoff: float) -> FilterEffect:
 
 
 def advanced(record: Recording, lag: float, *, channels: str | list[str]) -> Recording:
-    """The recording with channels moved forward in time: what they showed at t + lag stands at t.
+    """Return a recording with channels advanced in time: their value at t + lag moves to t.
 
     Between samples by a cubic spline. What the moved channels do not cover is cut off all channels.
 

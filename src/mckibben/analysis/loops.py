@@ -176,7 +176,7 @@ class TensionLoop(NamedTuple):
 
     @property
     def work(self) -> float:
-        """Work that the muscle does in the cycle, as work loops count it: positive where the muscle gives it [J]."""
+        """Work of the muscle in the cycle; positive if the muscle delivers it [J]."""
         return -self.area
 
     @property
@@ -376,11 +376,11 @@ class LinearTensionFit(NamedTuple):
         return active * (np.asarray(length, float) - self.shortest_length.value) + self.offset_tension.value
 
     def passive_stiffness(self, rest_length: float) -> float:
-        """Kp that goes with a rest length [N/m]; the rest length in [m]."""
+        """Kp for a rest length [m] [N/m]."""
         return self.offset_tension.value / (self.shortest_length.value - positive("rest_length", rest_length, "m"))
 
     def threshold_pressure(self, rest_length: float) -> float:
-        """Pth that goes with a rest length [Pa]; the rest length in [m]."""
+        """Pth for a rest length [m] [Pa]."""
         return self.offset_pressure.value + self.passive_stiffness(rest_length) / self.stiffness_per_pressure.value
 
 

@@ -88,7 +88,7 @@ def between_cycles(
 
 
 def between_runs(records: Sequence[Recording], *, channel: str = "muscle.tension", points: int = 1000) -> Repeatability:
-    """Repeatability of a channel over recordings of one protocol, at equal time, over what all of them cover.
+    """Repeatability of a channel over recordings of one protocol, at equal time, over their common duration.
 
     Args:
         records: two or more on one time axis.

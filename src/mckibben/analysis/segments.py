@@ -68,7 +68,7 @@ def chosen_steps(record: Recording, label: str | None, case: Mapping[str, Any]) 
 
 
 def cases(record: Recording) -> list[dict[str, str]]:
-    """Cases of the recorded steps without repetition, in order of execution: the words of each name.
+    """Cases of the recorded steps without repetition, in order of execution: values by name, as text.
 
     Raises:
         InputError: the recording has no steps.
@@ -92,7 +92,7 @@ def varied(record: Recording) -> dict[str, list[str]]:
 
 
 def case_values(record: Recording) -> dict[str, list[str]]:
-    """Names of all cases with the words that they take, also in steps that were not recorded."""
+    """Names of all cases with their values as text, including steps that were not recorded."""
     found: dict[str, dict[str, None]] = {}
     for step in steps_of(record):
         for name, words in step["case"].items():
@@ -101,7 +101,7 @@ def case_values(record: Recording) -> dict[str, list[str]]:
 
 
 def steps_of(record: Recording) -> list[dict[str, Any]]:
-    """The steps as the recording lists them, checked; the values of their cases are words.
+    """Steps as listed in the recording, checked; the values of their cases are text.
 
     Raises:
         InputError: it lists none, or one that is no step.
@@ -115,7 +115,7 @@ def steps_of(record: Recording) -> list[dict[str, Any]]:
 
 
 def same_amount(a: Any, b: Any) -> bool:
-    """Whether two values in words are the same amount, ``5 bar`` and ``500 kPa``; a number is in the other's SI unit."""
+    """Whether two texts state the same amount, ``5 bar`` and ``500 kPa``; a number is in the other's SI unit."""
     if isinstance(a, str) and isinstance(b, str) and a.split() == b.split():
         return True
     one, other = _amount(a), _amount(b)
@@ -189,7 +189,7 @@ def _fits(of: Mapping[str, str], case: Mapping[str, Any]) -> bool:
 
 
 def _place(step: Mapping[str, Any], names: Mapping[str, Any] | None = None) -> str:
-    """A step in words, with the values of some names of its case."""
+    """Describe a step, with the values of some names of its case."""
     words = ", ".join(f"{name} {step['case'][name]}" for name in names or () if name in step["case"])
     return f"{step['label'] or step['path']}{f' ({words})' if words else ''}"
 

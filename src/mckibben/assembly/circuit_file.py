@@ -218,7 +218,7 @@ class CircuitPlan:
 
 
 def with_bare_unit(value: str | float, unit: str) -> str:
-    """A value in words; a bare number gets its unit."""
+    """Value as text; a bare number gets its unit."""
     text = str(value).strip()
     try:
         float(text)

@@ -166,7 +166,7 @@ def _wall(machine: Machine) -> float | None:
 
 
 def is_room(machine: Machine, node: str) -> bool:
-    """Whether a node is the room's air."""
+    """Whether a node is the ambient air."""
     found = machine.circuit.nodes[node]
     if not isinstance(found, Reservoir) or found.signal is not None:
         return False

@@ -84,7 +84,7 @@ class Machine(System):
         return tuple(dict.fromkeys([*needed, *self.load.signals()]))
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
-        """The signals, and beside them the late commands of the elements that have dead time, see `Circuit.commands`."""
+        """Signals, with delayed commands of elements that have dead time, see `Circuit.commands`."""
         return self.circuit.commands(signals)
 
     def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Value]) -> tuple[Any, Any]:
@@ -221,7 +221,7 @@ class Machine(System):
         return {"circuit": circuit, "muscles": states, "load": load}, memory
 
     def with_lengths(self, state: Any, inputs: Mapping[str, Any]) -> dict[str, Any]:
-        """The inputs, and beside them the lengths of the muscles, as the circuit needs them."""
+        """Inputs, with the lengths of the muscles that the circuit needs."""
         return {**inputs, **{f"{name}.length": Value(*state["muscles"][name]) for name in self.units}}
 
     def gauge(self, state: Any, name: str) -> Scalar:

@@ -71,7 +71,7 @@ class MuscleUnit(Module):
 
     @property
     def parts(self) -> dict[str, MemoryElement]:
-        """The elements with memory that lie beside the braid."""
+        """Elements with memory, parallel to the braid."""
         both = {"friction": self.friction, "creep": self.creep}
         return {name: part for name, part in both.items() if part is not None}
 
@@ -132,7 +132,7 @@ class MuscleUnit(Module):
         return 0.5 * self.end_mass * state.velocity**2 + self.tendon.stored_energy(span - state.length)
 
     def lost(self, state: UnitState, span: Any, span_velocity: Any) -> Scalar:
-        """Power lost in damper and tendon [W], never negative; what friction takes stands in its ledger."""
+        """Power lost in damper and tendon [W], never negative; the friction's loss is in its ledger."""
         stretching = span_velocity - state.velocity
         tension = self.tension(state, span, span_velocity)
         in_tendon = (tension - self.tendon.force(span - state.length)) * stretching

@@ -26,7 +26,7 @@ SHOWN = ("running", "record", "code", "missed", "step")
 
 
 class PlantWithoutAccounts(InstrumentedPlant):
-    """A machine of which nobody asks the balances: three times as fast without their integrals."""
+    """A plant without the integrals of the balances, which is three times as fast."""
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Return no integrands."""
@@ -84,7 +84,7 @@ class KernelKey(NamedTuple):
 
 
 class ChunkPhysics(NamedTuple):
-    """A chunk of samples of a lane as the physics gives it, before anything is counted.
+    """A chunk of samples of a lane, before outputs are computed.
 
     Attributes:
         carry: after it.

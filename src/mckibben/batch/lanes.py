@@ -1,4 +1,4 @@
-"""Variants as lanes: which of them can share one compiled function, and the arrays of each of them.
+"""Variants as lanes: grouping by compiled function, and the arrays of each.
 
 Variants are put into groups whose trees have one structure. In a group few variants are built for real, which takes a tenth
 of a second each; the others are written into their trees: where a parameter is found to be set, unchanged, at some places of
@@ -347,7 +347,7 @@ class LanePlanner:
         rows: Sequence[int],
         refused: dict[int, str],
     ) -> list[VariantLane]:
-        """The lanes of rows that a template stands for; those against which something speaks are refused."""
+        """Lanes of the rows of a template; those that fail the dry run are refused."""
         free = self._free(variants)
         lanes = [VariantLane(r, built, {p: float(variants.columns[p][r]) for p in free}) for r in rows]
         muscle = [p for p in free if p.startswith("muscle.") and self.ranges[p][0] != self.ranges[p][1]]

@@ -162,7 +162,7 @@ def _verdict(fastest: float, sound: bool, finite: bool, usual: float, steps: Ste
 
 
 def _few(lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lanes, padded so that few sizes are compiled, and where each stands among them."""
+    """Pad lanes so that few sizes are compiled; also return the index of each."""
     size = LEAST_LANES
     while size < len(lanes):
         size *= 4

@@ -120,7 +120,7 @@ def check_channels(outputs: Iterable[Output], known: Iterable[str], accounts: It
 
 
 def wanted(outputs: Iterable[Output]) -> tuple[str, ...]:
-    """The channels that all of them need, each once."""
+    """Channels needed by all outputs, without repetition."""
     return tuple(dict.fromkeys(c for o in outputs if o.sampled for c in (o.channel, o.over) if c))
 
 

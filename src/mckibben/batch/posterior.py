@@ -25,7 +25,7 @@ _HEADER = re.compile(r"\s*(\S+)\s*(?:\[([^\]]*)\])?\s*")
 def draws(
     mean: np.ndarray, covariance: np.ndarray, bounds: tuple[np.ndarray, np.ndarray], count: int, *, seed: int = 0
 ) -> np.ndarray:
-    """Normal draws within bounds, (count, n); those outside are drawn anew.
+    """Draw from a normal distribution within bounds, (count, n); samples outside are redrawn.
 
     Args:
         mean: (n,).

@@ -278,7 +278,7 @@ def _lane(leaves: Sequence[np.ndarray], shared: Sequence[bool], lane: int) -> li
 
 
 def _after(before: float, total: float, tell: Tell) -> Tell:
-    """Tells of the whole where told of what is done beyond a part of it."""
+    """Convert the progress of a part to progress of the whole."""
     return lambda done: tell(min(1.0, (before + done) / total))
 
 

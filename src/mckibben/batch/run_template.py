@@ -77,7 +77,7 @@ class RunTemplate:
         return unit_from_specimen(self.specimens.get(self.muscle) or specimen(self.muscle))
 
     def words(self, values: Mapping[str, Any]) -> dict[str, str]:
-        """A variant in the words of ``--set``, what holds for all included."""
+        """Values of a variant as ``--set`` would state them, including common ones."""
         return {**self.given, **{path: self.settings[path].words(v) for path, v in values.items()}}
 
 
@@ -178,7 +178,7 @@ def _whole(field_: str, value: Any) -> int:
 
 
 def _put(document: dict[str, Any], path: str, words: str, where: str) -> None:
-    """Replace a value of a rig's file; whole numbers and truth values may be words."""
+    """Replace a value of a rig's file; whole numbers and truth values may be text."""
     *tables, last = path.split(".")
     at: Any = document
     for part in tables:

@@ -39,7 +39,7 @@ class Setting(NamedTuple):
     quantity: Quantity | None = None
 
     def read(self, raw: Any, *, where: str | None = None) -> float | str:
-        """A value of a file: SI, or the words as they are (also where a length is in rest lengths).
+        """Read a value of a file: SI, or the text itself (also for lengths in rest lengths).
 
         Raises:
             InputError: names the path, the value and what is allowed.
@@ -58,7 +58,7 @@ class Setting(NamedTuple):
         return value
 
     def text(self, raw: Any, *, where: str | None = None) -> str:
-        """A value of a file in its own words, checked as `read` checks it."""
+        """Format a value of a file, checked as `read` checks it."""
         self.read(raw, where=where)
         return ", ".join(self._text(one, where) for one in (raw if isinstance(raw, list | tuple) else [raw]))
 

@@ -53,7 +53,7 @@ class ResultStore:
         return np.asarray(self.group["code"][:])
 
     def missing(self) -> list[slice]:
-        """Blocks of which no result is there yet."""
+        """Blocks without results."""
         codes = self.codes()
         parts = (slice(i, min(i + self.block, self.count)) for i in range(0, self.count, self.block))
         return [part for part in parts if (codes[part] == VariantOutcome.NOT_RUN).any()]
@@ -81,7 +81,7 @@ class ResultStore:
 
 @contextlib.contextmanager
 def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator[ResultStore]:
-    """The store of a sweep in a folder, a new one or that of an earlier call; nobody else writes to it meanwhile.
+    """Open the store of a sweep, new or of an earlier call; other writers are locked out.
 
     Args:
         folder: made if it is not there.
@@ -217,7 +217,7 @@ def _size(sweep: Sweep) -> float:
 
 @contextlib.contextmanager
 def _full(store: ResultStore | None, folder: Path | None = None) -> Iterator[None]:
-    """A full disk as a line that says what is safe."""
+    """Convert the error of a full disk to a message that states what is safe."""
     try:
         yield
     except OSError as error:
@@ -233,7 +233,7 @@ def _full(store: ResultStore | None, folder: Path | None = None) -> Iterator[Non
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Nobody else writes to a folder meanwhile; the system frees it, whatever becomes of this process."""
+    """Lock a folder against other writers; the system frees the lock if this process dies."""
     path = folder / LOCK
     with open(path, "a+b") as file:
         try:

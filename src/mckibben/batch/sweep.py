@@ -77,7 +77,7 @@ class Sweep:
         }  # fmt: skip
 
     def check(self) -> BuiltVariant:
-        """Refuse what is wrong before anything runs; gives the first variant.
+        """Check everything before the run; return the first variant.
 
         Every value is within its declared bounds, every path at its ends and every word makes a bench, as do the
         combinations of ends while they are few; every output is made of something that there is. What the dry run of a

@@ -68,7 +68,7 @@ STEPS = (1e-7, 1e-3)
 
 
 def read_sweep(path: str | os.PathLike[str]) -> Sweep:
-    """The sweep of a file, not yet checked beyond what it says (`Sweep.check`).
+    """Read a sweep from a file; `Sweep.check` checks it against protocol, rig and muscle.
 
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.
@@ -133,7 +133,7 @@ def _protocol(name: str, folder: Path) -> Protocol:
 
 
 def _found(name: str, folder: Path) -> str:
-    """A file that the sweep names is beside its own file; other names are of what ships."""
+    """Path of a file named by the sweep, relative to its own file; other names are of shipped objects."""
     return str(folder / name) if name.lower().endswith(".toml") else name
 
 

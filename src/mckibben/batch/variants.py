@@ -1,4 +1,4 @@
-"""Tables of variants: one column per dotted path, SI floats or words, one row per variant.
+"""Tables of variants: one column per dotted path, SI floats or text, one row per variant.
 
 They are made by a grid, a Latin hypercube, a list, or drawn from the posterior of a fit, and may be crossed.
 """
@@ -20,7 +20,7 @@ MOST = 10_000_000  # variants of a sweep
 
 @dataclass(frozen=True)
 class Variants:
-    """Columns of one length: float64 in SI, or objects that are words."""
+    """Columns of one length: float64 in SI, or objects for text."""
 
     columns: Mapping[str, np.ndarray]
 
@@ -40,7 +40,7 @@ class Variants:
 
 
 def column(values: Sequence[Any]) -> np.ndarray:
-    """Floats as a column of numbers; as soon as one is a word, all are words."""
+    """Convert values to a column of numbers; if one is text, all become text."""
     if all(isinstance(v, float) for v in values):
         return np.asarray(values, float)
     found = np.empty(len(values), object)

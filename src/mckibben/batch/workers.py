@@ -64,7 +64,7 @@ class SweepJob(NamedTuple):
         return cls(sweep.digest, pickle.dumps(sweep.template), dict(sweep.ranges), sweep.engine, threads)
 
     def run(self, block: VariantBlock, tell: Tell = lambda _: None) -> Results:
-        """The results of a block; what was compiled for the sweep is kept for the next one."""
+        """Compute the results of a block; functions compiled for the sweep are kept for the next one."""
         with _one_at_a_time:  # a worker may have threads
             if self.name not in _runners:
                 _runners.clear()
@@ -138,7 +138,7 @@ class WorkerTeam:
     size = 1
 
     def run(self, work: BlockWork, blocks: Sequence[VariantBlock], tell: Tell) -> Iterator[Done]:
-        """The results of every block, in the order in which they are there.
+        """Results of every block, in the order of completion.
 
         Args:
             work: that is done with each.
@@ -160,7 +160,7 @@ class SerialTeam(WorkerTeam):
 
 
 class ProcessTeam(WorkerTeam):
-    """A pool of processes on this machine; a new one takes over where one of them dies."""
+    """A pool of processes on this machine; a process that dies is replaced."""
 
     def __init__(self, size: int) -> None:
         self.size = size

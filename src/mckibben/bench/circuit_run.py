@@ -31,7 +31,7 @@ DRIVES = {"Pa": "gauge pressure asked for", "m": "length of a muscle", "1": "com
 
 
 class Window(Module):
-    """A part of a signal, from a sample on: delayed signals still see what came before it."""
+    """A signal from a given sample on; delayed signals still include earlier values."""
 
     values: Scalar
     whole: Signal

@@ -56,7 +56,7 @@ def simulated(
 
 
 def timing_of(bench: PreparedRun) -> Timing:
-    """Return the timing of a run; commands are kept for as long as the longest dead time of the rig."""
+    """Return the timing of a run; commands are stored for the longest dead time of the rig."""
     commanded = [e for p in bench.rig.plumbing.values() for e in (p.valve, p.shut_off) if e is not None]
     delays = [float(e.delay() or 0.0) for e in commanded]
     return configure(bench.rig.computer, bench.plan.sample_rate, dead_time=max(delays), step=bench.step)

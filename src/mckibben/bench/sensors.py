@@ -1,4 +1,4 @@
-"""The analogue sensors that a rig can have: what each measures, and what figures and the screen call it, declared once.
+"""Analogue sensors of rigs: measured quantity, labels in figures and web interface, declared once.
 
 A rig's file has a table ``[sensors.NAME]`` for each of them, and the recording a channel of that name. An installed package
 adds one by an entry point of the group ``mckibben.sensors``.

@@ -45,13 +45,13 @@ def _clean(value: Any) -> Any:
 
 
 def assignments(words: Iterable[str] | None) -> dict[str, str]:
-    """``PATH=VALUE`` words as a table; the path may begin with ``muscle.`` or ``law.``."""
+    """Parse ``PATH=VALUE`` arguments to a table; the path may begin with ``muscle.`` or ``law.``."""
     found = pairs(words, "--set", "thread_length='16 cm'")
     return {path.removeprefix("muscle.").removeprefix("law."): value for path, value in found.items()}
 
 
 def pairs(words: Iterable[str] | None, option: str, example: str) -> dict[str, str]:
-    """``NAME=VALUE`` words of an option as a table."""
+    """Parse ``NAME=VALUE`` arguments of an option to a table."""
     found = {}
     for word in words or []:
         name, equals, value = word.partition("=")
@@ -72,7 +72,7 @@ def writable(option: str, path: Path | None, *endings: str) -> None:
 
 
 def chosen_law(law: str | None, spec: Specimen) -> str:
-    """The law that is asked for, or the specimen's own."""
+    """Name of the requested law, or of the specimen's own."""
     if law is not None and not law.strip():
         raise InputError("--law", law, f"{spec.id} states {', '.join(spec.laws) or 'none'}")
     return spec.law if law is None else law
@@ -83,7 +83,7 @@ _OPTIONS = {"column": "--column {}=COLUMN", "unit": "--unit {}=UNIT", "parameter
 
 @contextmanager
 def options_named(**more: str) -> Iterator[None]:
-    """Add the option of the command line to a complaint that says what could be stated.
+    """Add the option of the command line to errors about a missing value.
 
     Args:
         more: options by the first word of the remedy, beside ``--column``, ``--unit`` and ``--set``.
@@ -109,7 +109,7 @@ def caution(*sentences: str | None) -> list[str]:
 
 
 def table(title: str, columns: list[str], rows: Iterable[list[str]], *, right: Iterable[int] = ()) -> None:
-    """A table that a person likes to read; `right` are the columns of numbers."""
+    """Print a table; `right` are the columns of numbers."""
     from rich.console import Console
     from rich.table import Table
 
@@ -152,7 +152,7 @@ def progress(what: str, total: int) -> Iterator[Any]:
 
 @contextmanager
 def told(what: str) -> Iterator[Any]:
-    """A line on standard error that changes, for work of unknown length; yields ``tell(words)``; only for a person."""
+    """Show a changing line on standard error, for work of unknown length; yields ``tell(words)``; only on a terminal."""
     from rich.console import Console
 
     console = Console(stderr=True)

@@ -109,7 +109,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
 
 
 class CommandTable(Mapping[str, Any]):
-    """The commands of `COMMANDS` one level below a group, imported when they are asked for.
+    """Commands of `COMMANDS` one level below a group, imported on demand.
 
     Args:
         group: name of the group, empty for the program itself.
@@ -207,7 +207,7 @@ def _command() -> Any:
 
 @contextlib.contextmanager
 def _safe_children() -> Iterator[None]:
-    """Processes that a command starts take no module from the folder in which it stands, where somebody's data may lie."""
+    """Keep child processes from importing modules of the current folder, which may contain data of a user."""
     known = {name: os.environ.get(name) for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS")}
     os.environ["PYTHONSAFEPATH"] = "1"
     os.environ["PYTHONWARNINGS"] = ",".join([*filter(None, [known["PYTHONWARNINGS"]]), *(f"ignore:{w}" for w in CACHE)])
@@ -245,7 +245,7 @@ def _execute(command: Any, arguments: list[str] | None) -> Any:
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
-    """A warning that is meant for a person as one line; all others as Python shows them."""
+    """Print a warning for the user as one line; all others as Python does."""
     if issubclass(category, CacheWarning):
         _complain(str(message), 0)
     else:

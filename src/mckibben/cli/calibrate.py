@@ -1,4 +1,4 @@
-"""``calibrate``: gain, zero and skew of a rig's channels beside a reference, kept in a file and applied to recordings."""
+"""``calibrate``: gain, zero and skew of a rig's channels by a reference, stored in a file and applied to recordings."""
 
 from __future__ import annotations
 
@@ -228,7 +228,7 @@ class _Wanted(NamedTuple):
 
 @contextmanager
 def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[CalibrationSession]:
-    """A session with its source of readings; what is wrong with the file is said before anybody is asked."""
+    """Open a session with its source of readings; errors of the file are reported before an operator is asked."""
     writable("--out", wanted.out, ".toml")
     given = pairs(wanted.change, "--set", _FAULT)
     for path, value in given.items():

@@ -194,7 +194,7 @@ def _told(one: Correction, now: datetime.datetime) -> dict[str, Any]:
 
 
 def _shown(one: Correction, key: str) -> list[str]:
-    """A term's value and half its interval as a person reads them."""
+    """Value of a term and half its interval, formatted."""
     term = one.terms[key]
     low, high = term.interval()
     if key == "skew":

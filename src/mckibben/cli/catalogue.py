@@ -1,4 +1,4 @@
-"""``muscles`` and ``protocols``: what ships with the laboratory, and what an experiment does, with all its numbers."""
+"""``muscles`` and ``protocols``: lists of what ships with the package, and descriptions of experiments with all numbers."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def protocols(
 
 
 def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
-    """A shipped protocol or that of a ``.toml`` file, with the values that ``--set`` gives.
+    """Load a shipped protocol or that of a ``.toml`` file, with the values of ``--set``.
 
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.
@@ -103,7 +103,7 @@ def _list(as_json: bool) -> None:
 
 
 def _text(name: str, protocol: Protocol, change: list[str] | None) -> str:
-    """The file as it stands; that of the same protocol with other values where some were given."""
+    """Text of the file; with values changed, that of the changed protocol."""
     from importlib import resources
 
     if change:
@@ -184,7 +184,7 @@ def _by_inferred(protocol: Protocol, p: ProtocolParameter, value: Any) -> bool:
 
 
 def _duration(protocol: Protocol) -> dict[str, Any]:
-    """Longest time [s] for a usual muscle; none where it depends on what nobody knows beforehand."""
+    """Longest time [s] for a typical muscle; None if it is unknown in advance."""
     about: dict[str, Any] = {"rest_length": REST_LENGTH}
     try:
         plan = protocol.expand(rest_length=REST_LENGTH)

@@ -1,4 +1,4 @@
-"""``circuit``: pneumatic circuits from TOML files: what they are, and what becomes of them."""
+"""``circuit``: pneumatic circuits from TOML files: drawings, runs, fits and frequency responses."""
 
 from __future__ import annotations
 
@@ -304,12 +304,12 @@ def _trial(plan: CircuitPlan, path: Path, reading: dict[str, Any]) -> Trial:
 
 
 def _is_own(path: Path) -> bool:
-    """Whether a file was saved by this laboratory, and carries its own units."""
+    """Whether a file was saved by this package, and states its units."""
     return path.suffix == ".nc" or (path.suffix == ".csv" and _is_recording(path))
 
 
 def _is_recording(path: Path) -> bool:
-    """Whether a CSV file was saved by this laboratory, and carries its own units."""
+    """Whether a CSV file was saved by this package, and states its units."""
     try:
         with path.open(encoding="utf-8") as stream:
             return stream.readline().startswith("# mckibben")

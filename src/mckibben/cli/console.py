@@ -237,7 +237,7 @@ def _bar(console: Console, line: str) -> Iterator[None]:
 
 @contextmanager
 def _echoed(console: Console) -> Iterator[None]:
-    """While somebody thinks, the machine's messages appear above the line."""
+    """Show the machine's messages above the prompt while it waits for input."""
     done = threading.Event()
 
     def echo() -> None:

@@ -1,4 +1,4 @@
-"""``energy``: what a working cycle of a muscle takes from a compressor, what it gives, and where the rest goes."""
+"""``energy``: input, output and losses of a muscle's working cycle."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def _names(cycle: list[str] | None) -> list[str]:
 def _muscles(
     name: str, law: str | None, change: list[str] | None, volume: str | None
 ) -> tuple[Specimen, str, dict[str, CycleMuscle], str]:
-    """The specimen, the name of its law, the muscle with each volume that it has, and the volume that is asked for."""
+    """Specimen, name of its law, the muscle with each available volume, and the name of the requested volume."""
     spec = specimen(name)
     chosen = chosen_law(law, spec)
     if volume == "":

@@ -213,7 +213,7 @@ def fit_json(f: Fit) -> dict[str, Any]:
 
 
 def _share(largest: float, newton: float | None) -> str:
-    """An error as a share of the largest tension, for a person."""
+    """Error as a share of the largest tension, formatted."""
     if newton is None:
         return "-"
     if not newton < 1e9:

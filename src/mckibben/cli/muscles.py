@@ -1,4 +1,4 @@
-"""``show`` and ``tension``: what is known of a muscle, and what it pulls."""
+"""``show`` and ``tension``: properties of a muscle, and its tension."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def _named_law(name: str, given: dict[str, float]) -> Any:
 
 
 def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
-    """``--set`` words as parameters of a law [SI]; a bare number is taken as SI."""
+    """Parse ``--set`` arguments to parameters of a law [SI]; a bare number is taken as SI."""
     known = declared(law_type(law))
     found = {}
     for name, text in assignments(words).items():

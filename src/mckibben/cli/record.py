@@ -1,4 +1,4 @@
-"""``record``: what a recording holds, pictures of it, and the ways from and to other files."""
+"""``record``: content of recordings, figures of them, and conversion from and to other formats."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def between(known: Recording, start: str | None, end: str | None) -> Recording:
 
 
 def _parts(known: Recording, label: str | None, case: Mapping[str, str], apart: bool) -> list[Recording]:
-    """The steps that are asked for; where none are, all of them if they shall be told apart, else the whole."""
+    """Requested steps; by default all of them if they shall be distinguished, else the whole recording."""
     if label is not None or case or (apart and known.meta.get("steps")):
         try:
             return segments(known, label, **case)

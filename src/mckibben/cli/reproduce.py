@@ -103,7 +103,7 @@ def _pictures(figure: list[str] | None, part: str | None, row: list[str] | None,
 
 
 def _rows(row: list[str] | None, pictures: list[PaperFigure]) -> list[str] | None:
-    """Rows that are asked for by name or by a figure; None stands for all of them, an empty list for none."""
+    """Rows requested by name or by a figure; None stands for all of them, an empty list for none."""
     return [*(row or []), *dict.fromkeys(r for p in pictures for r in p.rows)]
 
 

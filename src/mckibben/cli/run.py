@@ -147,7 +147,7 @@ def run_protocol(
 def prepared(
     protocol: str, muscle: str, rig: str, change: list[str] | None, calibration: Path | None, **options: Any
 ) -> PreparedRun:
-    """A bench from the words of the command line."""
+    """Prepare a run from the options of the command line."""
     given = pairs(change, "--set", _EXAMPLE)
     own = [f"{k}={v}" for k, v in given.items() if not k.startswith(("rig.", "muscle."))]
     spec = specimen(muscle)
@@ -173,13 +173,13 @@ def chosen_rig(name: str, changes: Mapping[str, str], calibration: Path | None =
 
 
 def _unused(path: Path) -> Path:
-    """A path beside one that is there already: the log of an earlier run is never written over."""
+    """Path of a file that does not exist yet, so that the log of an earlier run is never overwritten."""
     names = (path.with_stem(f"{path.stem}-{i}") if i > 1 else path for i in itertools.count(1))
     return next(p for p in names if not p.exists())
 
 
 def ask_person(what: str) -> None:
-    """Wait until a person has done something."""
+    """Wait until the operator has done something."""
     if not sys.stdin.isatty():
         raise InputError("person", "nobody at the keyboard", f"the protocol wants somebody to {what}")
     typer.prompt(f"Please {what}, then press Enter", default="", show_default=False, err=True)

@@ -1,4 +1,4 @@
-"""``serve``: the laboratory's screen, in a browser on this machine."""
+"""``serve``: the web interface, for a browser on this machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``study``: questions that the laboratory answers as a whole, with fixed inputs and seeds."""
+"""``study``: complete studies of one question each, with fixed inputs and seeds."""
 
 from __future__ import annotations
 
@@ -222,7 +222,7 @@ def _words(numbers: dict[str, Any]) -> str:
 
 
 def _word(name: str, value: Any) -> str:
-    """A number of a claim as a person reads it; the beginning of its name says what it is."""
+    """Number of a claim, formatted; the beginning of its name states what it is."""
     if isinstance(value, str):
         return value
     kind, _, rest = name.partition("_")
@@ -277,7 +277,7 @@ def loops_json(found: LoopStudy) -> dict[str, Any]:
 
 
 def show_loops(found: LoopStudy) -> None:
-    """Tables and sentences for a person."""
+    """Print tables and sentences."""
     halves = list(zip(HALVES, found.halves, strict=True))
     rows = [
         [which, h.model, *(_mm(v, 3) for v in (h.rmse(seen=True), h.rmse(seen=False), h.max_error(seen=False)))]
@@ -453,7 +453,7 @@ def _mm(length: float, digits: int = 2) -> str:
 
 
 def write_page(found: Validation, path: Path) -> list[Path]:
-    """Write the page, and its figure beside it where there is a static data set; returns what was written."""
+    """Write the page, and its figure if there is a static data set; return the paths."""
     figure = path.with_name(f"{path.stem}-errors.svg")
     if found.static:
         style.save(errors_figure(found), figure)

@@ -37,7 +37,7 @@ class ForceElement(Module):
 
 
 class Advanced(NamedTuple):
-    """An element with memory at the end of a piece of path, and the ledger of that piece.
+    """State of an element with memory after a part of its path, and the ledger of that part.
 
     The work taken from the outside is the stored energy gained plus the energy dissipated, to rounding.
     """

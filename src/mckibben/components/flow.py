@@ -54,7 +54,7 @@ class FlowElement(Module):
         return ()
 
     def advance_memory(self, memory: Any, start: Gases, end: Gases) -> Any:
-        """The memory after the gas at its ports has gone from `start` to `end`, however fast."""
+        """Memory after the gas at its ports has changed from `start` to `end`, at any rate."""
         return memory
 
     def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
@@ -97,7 +97,7 @@ class TwoPort(FlowElement):
         return ()
 
     def inner_volume(self) -> Scalar:
-        """Gas volume inside the element [m^3]; half of it is given to either node."""
+        """Gas volume inside the element [m^3]; half of it is assigned to each node."""
         return jnp.zeros(())
 
     def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:

@@ -19,7 +19,7 @@ class Moment(NamedTuple):
 
 
 class IndependentPart(NamedTuple):
-    """A part of a system on which nothing else of it acts, as a system of its own.
+    """An independent part of a system, as a system of its own.
 
     Attributes:
         system: the part.
@@ -53,14 +53,14 @@ class System(Module):
 
     @abc.abstractmethod
     def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
-        """The memory after the system has gone from `start` to `end` in a time [s]; itself if there is none."""
+        """Memory after a change from `start` to `end` in a time [s]; unchanged if there is none."""
 
     @abc.abstractmethod
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
         """Recorded outputs, by name [SI]."""
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
-        """The signals, and beside them the late ones of parts that have dead time; none of a system without such parts.
+        """Signals, with delayed ones for parts that have dead time.
 
         Every run calls this on the signals it is given. What is late already stays as it is.
         """

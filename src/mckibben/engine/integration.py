@@ -294,7 +294,7 @@ def _judge(system: System, carry: Any, kept: Any, fastest: float, h: float, stif
 
 
 def _compared(outputs: Mapping[str, Any], halved: Mapping[str, Any], h: float) -> tuple[Result, str]:
-    """A stable method hides a step that is too long for the physics; half of it does not."""
+    """Compare with half the step: a stable method hides a step that is too long for the physics."""
     worst, channel = 0.0, ""
     for name, values in outputs.items():
         size = float(np.ptp(halved[name]))

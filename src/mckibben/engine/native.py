@@ -69,7 +69,7 @@ class EngineFunction:
 
 @contextlib.contextmanager
 def laboratory_errors() -> Iterator[None]:
-    """Raise what the compiler complains of as an error of the laboratory."""
+    """Convert errors of the compiler to errors of this package."""
     try:
         yield
     except lanewise.ArgumentError as error:

@@ -75,7 +75,7 @@ MOST_COMPILED = 24  # that are remembered
 
 
 def compile_once(function: Callable[..., tuple[Any, ...]], constants: Sequence[Any], *examples: Any) -> Packed:
-    """A function with its first arguments fixed, compiled when it is first asked for with such values.
+    """Fix the first arguments of a function, and compile it at the first call with such values.
 
     Concurrent requests for the same share one compilation. What `programs.program_key` cannot name is compiled every time.
 
@@ -107,7 +107,7 @@ def compile_once(function: Callable[..., tuple[Any, ...]], constants: Sequence[A
 
 
 def pack(tree: Any) -> np.ndarray:
-    """A tree as the vector that stands for it."""
+    """Flatten a tree to a vector."""
     return np.asarray(_packed(tree)[0])
 
 

@@ -175,7 +175,7 @@ class _Name:
             inner(part)
 
     def place(self, value: Any) -> None:
-        """A type or function by where it stands, which must lead back to it."""
+        """Add the import path of a type or function, which must lead back to it."""
         home, name = getattr(value, "__module__", None) or "builtins", value.__qualname__
         found: Any = sys.modules.get(home)
         for part in name.split("."):
@@ -194,7 +194,7 @@ class _Name:
 
     @staticmethod
     def known(name: str) -> bool:
-        """Whether a module is this package's own; those whose sources nobody watches are refused."""
+        """Whether a module belongs to this package; others are refused, since their sources are not watched."""
         root = name.partition(".")[0]
         if root != OWN and root not in LIBRARIES and root not in sys.stdlib_module_names:
             raise UnnamedError
@@ -258,7 +258,7 @@ def _known(file: str) -> tuple[Program, Any] | None:
 
 
 def _keep(file: str, made: Program, tree: Any) -> None:
-    """Keep a program, if the structure of its results can be said and is understood."""
+    """Store a program, if the structure of its results can be written and read back."""
     try:
         said = json.loads(json.dumps(_said(jax.tree.unflatten(tree, [0.0] * tree.num_leaves))))
     except TypeError:
@@ -270,7 +270,7 @@ def _keep(file: str, made: Program, tree: Any) -> None:
 
 
 def _said(value: Any) -> Any:
-    """A tree as words and lists; raises TypeError where there are none for it."""
+    """Convert a tree to text and lists; raises TypeError if that is impossible."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if type(value) is dict:
@@ -312,7 +312,7 @@ def _built(said: Any) -> Any:
 
 
 def _own_type(place: str, base: type) -> Any:
-    """A type of this package by the place where it stands; nothing is imported, and nothing but a type is found.
+    """Find a type of this package by its import path; nothing is imported, and only types are found.
 
     Raises:
         KeyError: there is no such place, or it is of another package.

@@ -37,7 +37,7 @@ class Amount:
 def read_amount(
     raw: Any, unit: str, *, field: str, where: str | None = None, bounds: tuple[float, float] | None = None
 ) -> Amount:
-    """A number with its unit in words; lengths and velocities may be in rest lengths, such as ``0.75 L0``.
+    """Read a number with its unit; lengths and velocities may be in rest lengths, such as ``0.75 L0``.
 
     Args:
         raw: the words.
@@ -68,7 +68,7 @@ def read_amount(
 
 
 def relative_unit(entry: Any, unit: str) -> tuple[Any, str]:
-    """A waveform's table whose lengths are all in rest lengths, freed of them, and its unit; else both as they are."""
+    """Rewrite a waveform's table whose lengths are all in rest lengths, with its unit; else return both unchanged."""
     relative = [text for text in _texts(entry) if _is_relative(text, unit)]
     if not relative or has_both(entry, unit):
         return entry, unit
@@ -109,7 +109,7 @@ def in_si(entry: Any, unit: str) -> Any:
 
 
 def table_words(entry: Any, unit: str) -> str:
-    """A waveform's table as a person reads it: ``sine, amplitude 1.2 cm, mean 0.9 L0``; numbers are in `unit` or named."""
+    """Describe a waveform's table: ``sine, amplitude 1.2 cm, mean 0.9 L0``; numbers are in `unit` or named."""
     if isinstance(entry, Mapping):
         named = [f"{key.replace('_', ' ')} {table_words(value, unit)}" for key, value in entry.items() if key != "kind"]
         return ", ".join([str(entry["kind"]), *named] if "kind" in entry else named)
@@ -133,7 +133,7 @@ def _is_relative(text: str, unit: str) -> bool:
 
 
 def _rewritten(entry: Any, write: Callable[[str], str]) -> Any:
-    """A table with its texts written anew."""
+    """Rewrite all texts of a table."""
     if isinstance(entry, Mapping):
         return {key: _rewritten(value, write) for key, value in entry.items()}
     if isinstance(entry, list | tuple):

@@ -33,7 +33,7 @@ MODES = ("span", "velocity", "tension")  # what the motor can control
 
 @dataclass(frozen=True)
 class Deferred:
-    """A set-point that begins where the machine is by then: it stays there, or goes on a line `to` [SI] in `seconds`."""
+    """A set-point that begins at the then present state: constant, or linear `to` a value [SI] in `seconds`."""
 
     to: float | None = None
     seconds: float | None = None
@@ -97,12 +97,12 @@ class Command(abc.ABC):
     @classmethod
     @abc.abstractmethod
     def accepts(cls, raw: object, channel: str) -> bool:
-        """Whether words of a channel state this command."""
+        """Whether the entry of a channel states this command."""
 
     @classmethod
     @abc.abstractmethod
     def read(cls, raw: Any, place: Place, channel: str) -> Command:
-        """Make it of its words; raises `InputError` with the dotted path of what is wrong."""
+        """Read the command from its entry; raises `InputError` with the dotted path of the error."""
 
     @abc.abstractmethod
     def needs(self, channel: str) -> frozenset[str]:
@@ -144,7 +144,7 @@ class Follow(Command):
 
     @classmethod
     def accepts(cls, raw: object, channel: str) -> bool:
-        """Whether these are the words of a waveform, or a value that is held."""
+        """Whether the entry is a waveform, or a constant value."""
         return not isinstance(raw, Mapping) or "kind" in raw
 
     @classmethod
@@ -200,7 +200,7 @@ class RampTo(Command):
 
     @classmethod
     def accepts(cls, raw: object, channel: str) -> bool:
-        """Whether these are the words of a line: a table with ``to`` and no ``kind``."""
+        """Whether the entry is a ramp: a table with ``to`` and no ``kind``."""
         return isinstance(raw, Mapping) and "to" in raw and "kind" not in raw
 
     @classmethod
@@ -372,7 +372,7 @@ COMMANDS: Registry[type[Command]] = Registry(
 
 
 def read_command(raw: Any, place: Place, channel: str) -> Command:
-    """Make the command of a channel of its words.
+    """Read the command of a channel from its entry.
 
     Args:
         raw: the words.
@@ -396,7 +396,7 @@ def kept(before: Reach, clock: StepClock) -> SetPoints:
 
 
 def known_set_points(values: np.ndarray, end: float, clock: StepClock) -> SetPoints:
-    """Set-points that are known beforehand.
+    """Set-points that are known in advance.
 
     Args:
         values: of every sample [SI], (samples,).

@@ -87,7 +87,7 @@ def _place(knots: tuple[float, ...], x: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Violation(NamedTuple):
-    """A field, its value and what is allowed, in words; `said` where the three make no good sentence."""
+    """A field, its value and the permitted range, as text; `said` is the whole sentence if the three make no good one."""
 
     field: str
     value: str
@@ -255,7 +255,7 @@ def _check_pressure(step: PlannedStep, limits: Limits, dt: float) -> Iterator[Vi
 
 
 def _slopes(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Violation]:
-    """A waveform that goes along lines says that the pressure shall follow it."""
+    """Check that a waveform of straight lines is within the permitted rate, since the pressure shall follow it."""
     change = np.abs(np.diff(values))
     if change[0] > limits.pressure_rate * dt * SLACK:
         ends = f"{_bar(values[0])} to {_bar(values[1])}"
@@ -337,7 +337,7 @@ def _check_motion(
 
 
 def _uncertain(step: PlannedStep, line: Deferred, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:
-    """A line whose beginning is not known beforehand is as fast as from the farthest place."""
+    """Check a ramp from an unknown start by the fastest case."""
     if step.mode != "span" or line.to is None or line.seconds is None:
         return
     far = max(abs(line.to - x) for x in _starts(step, limits, estimate))
@@ -366,7 +366,7 @@ def _check_tension_control(step: PlannedStep, limits: Limits, estimate: Estimate
 
 
 def states(step: PlannedStep, limits: Limits, estimate: Estimate | None, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Spans [m] and pressures [Pa] that a step goes through, (n,); from both ends where its beginning is uncertain."""
+    """Spans [m] and pressures [Pa] that a step passes through, (n,); from both ends if its start is uncertain."""
     if step.mode != "span":
         low, high = max(step.span.low, limits.span[0]), min(step.span.high, limits.span[1])
         return np.asarray([low, high]), np.asarray([step.pressure_reach.low, step.pressure_reach.high])

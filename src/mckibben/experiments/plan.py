@@ -54,11 +54,11 @@ class PlannedStep:
 
     @property
     def record(self) -> bool:
-        """Whether it is kept."""
+        """Whether the step is recorded."""
         return self.step.record
 
     def sentence(self) -> str:
-        """The step in words, with its place and case."""
+        """Describe the step, with its place and case."""
         used = f" ({case_words(self.case)})" if self.case else ""
         return f"{self.path}{used}: {self.step.sentence()}"
 

@@ -23,7 +23,7 @@ ORDERS = ("as listed", "random")
 
 @dataclass(frozen=True)
 class ProtocolParameter:
-    """A number or word of a protocol that has a name; with several values the steps are done for each of them.
+    """A named number or text of a protocol; with several values the steps are run for each of them.
 
     Values are the words of the file; `inferred` are those that no source prints, and `source` says why they were chosen.
     """
@@ -54,7 +54,7 @@ class ProtocolParameter:
 
 @dataclass(frozen=True)
 class ProtocolChoice:
-    """A word that sets parameters, such as ``range = "small"``; several words are done one after the other."""
+    """A named option that sets parameters, such as ``range = "small"``; several are run one after the other."""
 
     name: str
     values: tuple[str, ...]
@@ -143,7 +143,7 @@ class Protocol:
         return hashlib.sha256(json.dumps(meaning, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
     def sentence(self) -> str:
-        """The whole protocol in words, with all its numbers."""
+        """Describe the whole protocol, with all its numbers."""
         return protocol_sentence(self)
 
     def document(self) -> dict[str, Any]:

@@ -63,7 +63,7 @@ def parse_protocol(text: str, *, where: str) -> Protocol:
 
 
 def build_protocol(document: Mapping[str, Any], *, where: str) -> Protocol:
-    """The protocol of tables of words; raises as `read_protocol` does."""
+    """Read a protocol from tables of text; raises as `read_protocol` does."""
     top = FileTable(document, "", where)
     if "schema" in document or "protocol" not in document:
         top.schema(SCHEMA)
@@ -116,7 +116,7 @@ def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | No
 
 
 def values_of(name: str, words: str, *, field: str, where: str | None = None) -> str | list[str]:
-    """The values of a parameter, choice or setting as a person writes them: a list where there are several.
+    """Values of a parameter, choice or setting from text: a list if there are several.
 
     Raises:
         InputError: a comma stands between two digits.

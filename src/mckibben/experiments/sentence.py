@@ -1,4 +1,4 @@
-"""A protocol as one paragraph: the cases, the steps with all their numbers, and what of it no source prints."""
+"""Description of a protocol as one paragraph: cases, steps with all numbers, and what no source prints."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def clauses(protocol: Protocol) -> list[tuple[str, str]]:
 
 
 def case_words(case: Mapping[str, Any]) -> str:
-    """A case in words, such as ``pressure 5 bar, frequency 1 Hz``."""
+    """Describe a case, such as ``pressure 5 bar, frequency 1 Hz``."""
     return ", ".join(f"{_named(k)} {v}" for k, v in case.items())
 
 
@@ -101,7 +101,7 @@ def _option(sets: Mapping[str, Any], option: str) -> str:
 
 
 def _told(protocol: Protocol, case: Mapping[str, Any]) -> dict[str, Any]:
-    """The case with words such as ``this lubricant`` where a parameter is a word: they stand in sentences only."""
+    """Case with phrases such as ``this lubricant`` for parameters that are text, for use in sentences."""
     words = {p.name: f"this {_named(p.name)}" for p in protocol.parameters if p.unit == "word" and len(p.values) > 1}
     told = {**case, **words}
     try:

@@ -1,4 +1,4 @@
-"""Steps of a protocol: what the valve and the motor do, for how long, and how they are made of a protocol's words."""
+"""Steps of a protocol: commands of valve and motor, durations, and their reading from tables."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class ProtocolStep:
             yield self.mode, self.motor
 
     def needs(self) -> set[str]:
-        """Sensors and parts that a rig must have for it, in the words of `PARTS`, or ``pressure sensor`` and the like."""
+        """Required sensors and parts of the rig, by the names of `PARTS`, or ``pressure sensor`` and the like."""
         found = {need for channel, command in self.commands() for need in command.needs(channel)}
         if self.mode == "tension":
             found.add("tension sensor")
@@ -157,7 +157,7 @@ def names_in(value: Any) -> set[str]:
 
 
 def read_step(entry: FileTable) -> ProtocolStep:
-    """Make one step of its words, all names replaced.
+    """Read one step from its table, with all names replaced.
 
     Raises:
         InputError: names what is unknown, missing, out of bounds or in the wrong unit.

@@ -98,7 +98,7 @@ def advance(kind: Any, state: Any, x: Any, limit: Any, lasting: Any, command: An
 
 
 def read_until(raw: Any, *, field: str, where: str | None = None) -> Until:
-    """The test that words state.
+    """Read a test from text.
 
     Raises:
         InputError: names the field, the words and what is allowed.

@@ -40,7 +40,7 @@ SMALL = 64  # elements of an argument up to which its derivative is no sum in me
 
 
 class ReverseAnalysis:
-    """What is known of loops and memory before the way back is written."""
+    """Analysis of loops and memory for the reverse pass."""
 
     def __init__(self, plan: Schedule, active: ActiveNodes) -> None:
         self.plan, self.active = plan, active
@@ -69,7 +69,7 @@ class ReverseAnalysis:
 
     @staticmethod
     def trips(loop: Loop) -> int:
-        """How many trips a loop has."""
+        """Number of trips of a loop."""
         if isinstance(loop.trips, int):
             return loop.trips
         raise LoweringError("a loop", "its derivative needs a number of trips that is known before it runs")
@@ -82,7 +82,7 @@ class ReverseAnalysis:
         return home is not None and self.home.get(node.args[1]) is home
 
     def _dear(self, loop: Loop) -> list[Node]:
-        """What is worth keeping: sums that the way back needs, of much that it does not need."""
+        """Values worth storing: sums that the reverse pass needs, of many terms that it does not need."""
         entries = [e for e in self.plan.bodies[loop] if isinstance(e, Node)]
         needed = {a for e in entries if e in self.active.nodes for a in _needed(e)}
         uses = Counter(a for e in entries for a in e.args)
@@ -162,7 +162,7 @@ class ReverseAnalysis:
         return found
 
     def shared(self, loop: Loop) -> list[Node]:
-        """What changes, stands outside of a loop, and is used inside."""
+        """Changing values from outside a loop that are used inside."""
         if loop not in self._shared:
             found: dict[Node, None] = {}
             for x in sorted(self.inside[loop], key=lambda x: x.serial):
@@ -181,7 +181,7 @@ class ReverseAnalysis:
 
 
 def _needed(node: Node) -> tuple[Node, ...]:
-    """What the derivatives of an operation are made of."""
+    """Nodes on which the derivatives of an operation depend."""
     if node.op in ("add", "sub", "neg"):
         return ()
     if node.op == "select":
@@ -192,7 +192,7 @@ def _needed(node: Node) -> tuple[Node, ...]:
 
 
 def loop_inits(inner: Loop, place: int, outer: Loop) -> Node | None:
-    """What a loop inside of another begins with; of the other itself, that is used outside."""
+    """Initial value of an inner loop if it comes from outside the outer loop; of the outer loop itself if used outside."""
     return None if inner is outer else inner.inits[place]
 
 
@@ -284,7 +284,7 @@ class Sums:
 
 
 def side_by_side(graph: Graph) -> None:
-    """Put what is kept of one trip side by side in memory, not what is kept of one number in all trips."""
+    """Arrange the stored values of one trip side by side in memory, instead of each value over all trips."""
     groups: dict[str, list[Buffer]] = {}
     for buffer in graph.buffers:
         if buffer.name.startswith(KEPT):
@@ -450,7 +450,7 @@ class _Reverse(DerivedGraph, Sums):
         return place
 
     def kept(self, key: Any, scope: Scope) -> Node:
-        """What was kept, on the way back."""
+        """Load a stored value in the reverse pass."""
         buffer, nest, first = self.tapes[key]
         index = self._flat(nest, [self.replay.node(scope, x.index) for x in nest])
         return self.new.load(buffer, index, tokens=(self.new.done(first),))
@@ -490,7 +490,7 @@ class _Reverse(DerivedGraph, Sums):
             bars[node] = more if known is None or is_zero(known) else total(self.new, known, more)
 
     def _edges(self, entries: list[Entry], scope: Scope) -> LinearGraph:
-        """What the numbers of a block change by with each other."""
+        """Graph of partial derivatives within a block."""
         edges = LinearGraph(self.new)
         for node in entries:
             if isinstance(node, Node) and node in self.active.nodes and node.op not in ("load", "table"):
@@ -548,7 +548,7 @@ class _Reverse(DerivedGraph, Sums):
                 self._add(bars, loop.inits[k], end)
 
     def _restored(self, loop: Loop, scope: Scope) -> None:
-        """What a trip made on its way forwards, made again or kept."""
+        """Restore the values of a forward trip, by recomputation or from memory."""
         entries = self.plan.bodies[loop]
         if loop in self.again:
             for buffer in self.shape.local(loop):

@@ -1,4 +1,4 @@
-"""What a graph says about itself: liveness, the loop each node stands in, the order of writing, and what differs per lane.
+"""Analysis of graphs: liveness, the loop of each node, the order of writing, and which values differ per lane.
 
 `find_live` works backwards from the results through loops and memory; `find_homes` puts every node as far out of the
 loops as its arguments allow; `make_schedule` orders nodes, loops and stores as a tree of blocks that an emitter walks
@@ -24,7 +24,7 @@ RewriteRule = Callable[
 
 
 class Liveness(NamedTuple):
-    """What the results depend on.
+    """Nodes, loops and stores on which the results depend.
 
     Attributes:
         nodes: in the order of making.
@@ -48,7 +48,7 @@ def enclosing_buffers(buffer: Buffer) -> Iterable[Buffer]:
 
 
 def find_live(graph: Graph) -> Liveness:
-    """What the results depend on, through loops and memory."""
+    """Find everything on which the results depend, through loops and memory."""
     return _Search(graph).found()
 
 
@@ -202,7 +202,10 @@ def loop_of_token(node: Node) -> Loop:
 
 
 def largest_need(live: Liveness, worth: Callable[[Node, Node], float]) -> Callable[[Node], float]:
-    """Of a node the largest worth of what it needs, `worth(needed, node)`; that of a loop is found once for all its ends."""
+    """Function of a node: the largest `worth(needed, node)` of what it needs.
+
+    That of a loop is computed once for all its ends.
+    """
     found: dict[Loop, float] = {}
 
     def over(node: Node) -> float:
@@ -217,7 +220,7 @@ def largest_need(live: Liveness, worth: Callable[[Node, Node], float]) -> Callab
 
 
 def sinks(loop: Loop, live: Liveness) -> list[Node]:
-    """What a loop must have made before it can end, loops inside it included."""
+    """Entries that a loop must complete before it ends, including inner loops."""
     found, inside = [], False
     for x in live.loops:
         inside = x is loop or (inside and x.depth > loop.depth)
@@ -334,7 +337,7 @@ Entry = Node | Loop | Store
 
 
 class Schedule(NamedTuple):
-    """Where everything stands.
+    """Order and nesting of all entries.
 
     Attributes:
         live: what the results depend on.
@@ -377,7 +380,7 @@ class _Order:
         return [s for s in stores if s.buffer in self.made.live.buffers]
 
     def sinks(self, loop: Loop | None) -> list[Entry]:
-        """What a trip is for."""
+        """Entries for which a trip is run."""
         acting = [x for x in self.inner.get(loop, ()) if self.acts[x]]
         if loop is None:
             return [*acting, *self.stores(self.graph.stores)]
@@ -409,7 +412,7 @@ class _Order:
             self.visit(sink)
 
     def visit(self, first: Entry) -> None:
-        """Put an entry after all that it needs; a stack instead of recursion, for graphs are deep."""
+        """Schedule an entry after everything it needs; with a stack instead of recursion, since graphs are deep."""
         stack: list[tuple[Entry, Iterator[Entry], Loop | None]] = []
 
         def push(entry: Entry, within: Loop | None) -> None:

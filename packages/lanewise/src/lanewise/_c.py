@@ -86,7 +86,7 @@ class Group(NamedTuple):
         return self.is_read and any(m.result is not None for m in self.members)
 
     def describe(self) -> str:
-        """What becomes of it, in words."""
+        """Describe how the group is used."""
         return f"{self.name}: " + ("read, then replaced" if self.is_replaced else "read" if self.is_read else "written")
 
 
@@ -248,11 +248,11 @@ class _FunctionText:
         }
 
     def memory(self, kind: str) -> str:
-        """How a kind stands in memory."""
+        """C type of a kind in memory."""
         return C_MEMORY.get(kind, self.real.type)
 
     def parameters(self, *, restrict: bool) -> str:
-        """Of the function."""
+        """Parameters of the function."""
         mark = "restrict " if restrict else ""
         found = [
             f"{'const ' if g.is_read and not g.is_replaced else ''}{self.name}_{g.name} *{mark}{g.name}"

@@ -75,7 +75,7 @@ def _select(body: Statements, node: Node) -> str:
 
 @_op("max", "min")
 def _extreme(body: Statements, node: Node) -> str:
-    """Of real numbers the one that is NaN, if one is."""
+    """Minimum or maximum; of real numbers NaN if either is NaN."""
     first, second = node.args
     sign = ">" if node.op == "max" else "<"
     if node.kind == "int":

@@ -67,7 +67,7 @@ class CompiledFunction:
 
     @property
     def program(self) -> Program:
-        """What can be saved, and run without JAX.
+        """Program of the function, which can be saved, and run without JAX.
 
         Raises:
             LoweringError: if the function runs by XLA.
@@ -89,7 +89,7 @@ class CompiledFunction:
         real: str = "float64",
         threads: int | None = None,
     ) -> Any:
-        """Run it.
+        """Run the function.
 
         Args:
             *trees: like the examples; leaves per lane have one axis more, the last.

@@ -126,7 +126,7 @@ def is_zero(node: Node) -> bool:
 
 
 class ActiveNodes:
-    """What depends on some arguments, by numbers that have derivatives.
+    """Nodes that depend on some arguments, through numbers that have derivatives.
 
     Attributes:
         nodes: in no order.
@@ -167,7 +167,7 @@ class ActiveNodes:
 
 
 class LinearGraph:
-    """By node, what its change is the sum of: partial derivatives by other nodes.
+    """Graph of partial derivatives: for each node, the nodes it depends on and their factors.
 
     Args:
         graph: where the partial derivatives are.
@@ -233,7 +233,7 @@ class LinearGraph:
                 look(n)
 
     def rest(self, kept: set[Node]) -> Iterator[tuple[Node, list[tuple[Node, Node]]]]:
-        """What is left, arguments first."""
+        """Iterate over the remaining nodes, arguments first."""
         for node, terms in self.into.items():
             yield node, list(terms.items())
 
@@ -255,7 +255,7 @@ class LinearGraph:
         return float(sum(self.wide[a] for a in terms) - (max(self.wide[a] for a in units) if units else 0))
 
     def _gain(self, node: Node) -> float:
-        """How many operations fewer there are without a node."""
+        """Number of operations saved by eliminating a node."""
         own = self.into[node]
         gain = self._cost(own)
         for user in self.uses.get(node, ()):
@@ -291,7 +291,7 @@ Key = Node | tuple[Loop, int]  # what a loop leaves behind is known by loop and 
 
 
 class Scope:
-    """Where the nodes, loops and buffers of the old graph stand in the new one, within a block and those around it."""
+    """Nodes, loops and buffers of the new graph for those of the old one, within a block and those around it."""
 
     def __init__(self, around: Scope | None = None) -> None:
         self.around = around
@@ -301,7 +301,7 @@ class Scope:
         self.buffers: dict[Buffer, Buffer] = {}
 
     def find(self, table: str, key: Any) -> Any:
-        """What stands for something; None where nothing does."""
+        """Replacement of an object; None if there is none."""
         scope: Scope | None = self
         while scope is not None:
             found = getattr(scope, table).get(key)
@@ -325,7 +325,7 @@ class Replay:
         self.old, self.plan, self.new, self.outer = old, plan, new, outer
 
     def node(self, scope: Scope, node: Node) -> Node:
-        """What stands for a node."""
+        """Replacement of a node."""
         if node.op == "const":
             return self.new.const(node.attr, node.kind)
         if node.op == "end":
@@ -339,7 +339,7 @@ class Replay:
         return found
 
     def buffer(self, scope: Scope, buffer: Buffer) -> Buffer:
-        """What stands for a buffer; scratch memory is made when it is first asked for."""
+        """Replacement of a buffer; scratch memory is allocated at the first request."""
         found = scope.find("buffers", buffer)
         if found is None:
             found = self.new.buffer(buffer.role, buffer.kind, buffer.shape, buffer.name, buffer.data)
@@ -497,7 +497,7 @@ class _Forward(DerivedGraph):
             self.twins[buffer, k] = twin, k * buffer.size
 
     def twin(self, scope: Scope, buffer: Buffer, k: int) -> tuple[Buffer, int]:
-        """Where the changes of a buffer's numbers in a direction stand: a buffer, and from which element on."""
+        """Memory of the tangents of a buffer in one direction: a buffer and an offset."""
         found = self.twins.get((buffer, k))
         if found is None:
             made = self.new.buffer("scratch", "real", buffer.shape, buffer.name)
@@ -509,7 +509,7 @@ class _Forward(DerivedGraph):
         return found
 
     def change(self, node: Node, k: int) -> Node:
-        """How a node changes in a direction."""
+        """Tangent of a node in one direction."""
         if node.op == "end":
             found = self.ends.get(node.attr)
             return self.new.const(0.0) if found is None else found[k]
@@ -583,7 +583,7 @@ class _Forward(DerivedGraph):
                 self.changes[node, k] = found
 
     def _memory(self, node: Node, scope: Scope) -> None:
-        """What is read from memory, or put there as a table."""
+        """Tangent of a load from memory or of a table."""
         for k in range(self.count):
             if node.op == "table":
                 twin, _ = self.twin(scope, node.attr, k)

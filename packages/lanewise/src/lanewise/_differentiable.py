@@ -90,7 +90,7 @@ def _checked_leaf(value: Any, leaf: Leaf) -> Any:
 
 
 class Derivatives:
-    """A program and its derivatives, called with arrays that have axes of batches in front, of one element or of all."""
+    """A program and its derivatives, called with arrays whose leading axes are batches, of one element or of all."""
 
     def __init__(self, program: Program, mode: str, threads: int | None) -> None:
         self.program, self.options = program, {"mode": mode, "threads": threads}
@@ -100,12 +100,12 @@ class Derivatives:
         self.adjoint = functools.cache(lambda places: adjoint(program, places))
 
     def run(self, arrays: Sequence[np.ndarray], depth: int) -> list[np.ndarray]:
-        """The results, with the axes of all batches in front."""
+        """Results, with the axes of all batches in front."""
         batch = _batch(arrays, depth)
         return _call_program(self.program, arrays, batch, self.options, self.results)
 
     def jvp(self, arrays: Sequence[np.ndarray], depth: int, places: tuple[int, ...]) -> list[np.ndarray]:
-        """Changes of the results, from arguments and their changes at some places."""
+        """Tangents of the results, from arguments and their tangents at some places."""
         known, batch = len(self.program.arguments), _batch(arrays, depth)
         own = _batch(arrays[:known], depth)
         if _is_one(own):  # one run: its directions are the lanes
@@ -127,7 +127,7 @@ class Derivatives:
     def _jvp_of_lanes(
         self, arrays: Any, changes: Any, batch: tuple[int, ...], places: tuple[int, ...]
     ) -> list[np.ndarray]:
-        """The same with an axis of directions behind those of the batches."""
+        """Call the tangents with an axis of directions behind those of the batches."""
         depth, begin = len(batch), len(self.program.results)
         many = changes[0].shape[depth]
         count = min(many, DIRECTIONS)
@@ -287,7 +287,7 @@ ad.primitive_transposes[_PUSH] = _transpose_jvp
 def _jvp_of_jvp(
     primals: Any, changes: Any, *, kernels: Derivatives, depth: int, places: tuple[int, ...]
 ) -> tuple[Any, Any]:
-    """What goes along with changes is linear in them; by the arguments it would be a second derivative."""
+    """Derivative by the tangents, in which a jvp is linear; by the arguments it would be a second derivative."""
     known = len(kernels.program.arguments)
     if any(type(x) is not ad.Zero for x in changes[:known]):
         _refuse_second()

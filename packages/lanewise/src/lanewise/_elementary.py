@@ -29,7 +29,7 @@ HALF_PI = (
 
 
 class Format:
-    """How a number type stores its numbers, and how many terms its polynomials need."""
+    """Layout of a floating-point type, and the number of terms of its polynomials."""
 
     def __init__(self, real: str) -> None:
         double = real == "double"
@@ -175,7 +175,7 @@ def _log1p(b: Builder, x: Node) -> Node:
 
 
 def _pow(b: Builder, x: Node, y: Node) -> Node:
-    """By a logarithm with twice the digits, so that large exponents cost no accuracy."""
+    """Compute the power by a logarithm with twice the digits, so that large exponents cost no accuracy."""
     k, m = _split(b, x)
     f = b.sub(m, 1.0)
     over = b.add(f, 2.0)

@@ -55,7 +55,7 @@ PLACE = ("tid.x", "ctaid.x", "ntid.x")
 
 
 class MemoryLayout(NamedTuple):
-    """Where slots begin, in bytes from the begin of their memory; the stride is a multiple of 8 lanes.
+    """Offsets of slots in bytes from the start of their memory; the stride is a multiple of 8 lanes.
 
     Attributes:
         begins: of each slot (a, b): it begins at a + b stride.
@@ -97,7 +97,7 @@ def gpu_assembly(
 
 
 def placed(slots: Sequence[Sequence[Any]], real: str) -> MemoryLayout:
-    """Where each slot (role, place, kind, shape, differs) of a kernel begins."""
+    """Offset of each slot (role, place, kind, shape, differs) of a kernel."""
     fixed, per_lane = 0, 0
     begins = []
     for _, _, kind, shape, differs in slots:
@@ -232,7 +232,7 @@ class GpuKernel(Kernel):
         self.function = _gpu_driver.load_ptx(text, ENTRY)
 
     def chunk(self, lanes: int) -> int:
-        """How many lanes fit at a time.
+        """Number of lanes that fit at a time.
 
         Raises:
             ArgumentError: if not a single one does.
@@ -330,7 +330,7 @@ class GpuProgram(Program):
 
 
 def to_gpu(program: Program, *, device: int = 0, most: int | None = None) -> GpuProgram:
-    """A program for a GPU.
+    """Compile a program for a GPU.
 
     Args:
         program: what is to run there.

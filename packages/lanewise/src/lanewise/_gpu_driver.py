@@ -85,7 +85,7 @@ def _error_text(library: Any, code: int) -> str:
 
 
 def call(name: str, *values: object) -> None:
-    """A call of the driver.
+    """Call a function of the driver.
 
     Raises:
         UnavailableError: if there is no driver, or it finds no GPU.
@@ -98,7 +98,7 @@ def call(name: str, *values: object) -> None:
 
 
 def devices() -> list[Device]:
-    """All GPUs of this machine.
+    """List all GPUs of this machine.
 
     Raises:
         UnavailableError: if there is no driver, or it finds none; says which in one line.

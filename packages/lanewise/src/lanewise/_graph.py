@@ -46,7 +46,7 @@ TRUTH = frozenset({"lt", "le", "eq", "ne", "and", "or", "xor", "not"})
 
 @contextlib.contextmanager
 def gc_paused() -> Iterator[None]:
-    """While a graph grows, nothing is thrown away that Python's collector could find, which looks at all of it each time."""
+    """Pause Python's garbage collector while a graph grows; it would search the whole graph each time and find nothing."""
     was = gc.isenabled()
     gc.disable()
     try:
@@ -57,7 +57,7 @@ def gc_paused() -> Iterator[None]:
 
 
 class Node:
-    """One value, or one token; `serial` grows in the order of making, so arguments come before what uses them."""
+    """A value, or a token; `serial` grows in the order of creation, so arguments come before their uses."""
 
     __slots__ = ("args", "attr", "kind", "op", "serial", "value_range")
 
@@ -128,7 +128,7 @@ class Loop:
 
 
 class Graph:
-    """All nodes of a function, and what it does to memory.
+    """All nodes of a function, and its effects on memory.
 
     Args:
         exact: no folding that changes a value; without it 0 x is 0 and -0.0 is 0.0 (what is not finite may be lost there).
@@ -173,7 +173,7 @@ class Graph:
         return self._known.get(key)
 
     def intern(self, key: Hashable, op: str, args: tuple[Node, ...], attr: Any, kind: str) -> Node:
-        """The node under a key, made if it is not there; nothing is folded."""
+        """Return the node of a key, created if there is none; nothing is folded."""
         node = self._known.get(key)
         if node is None:
             node = self._known[key] = Node(op, args, attr, kind, len(self.nodes))
@@ -202,7 +202,7 @@ class Graph:
         return loop
 
     def carry(self, loop: Loop, init: Node) -> Node:
-        """What a loop carries in a new place, as seen during a trip."""
+        """Add a carried value to a loop; return it as seen during a trip."""
         attr = (loop, len(loop.phis))
         phi = self.intern(("phi", *attr), "phi", (), attr, init.kind)
         loop.inits.append(init)
@@ -217,7 +217,7 @@ class Graph:
         return [self.end(loop, k) for k in range(len(loop.phis))]
 
     def end(self, loop: Loop, place: int) -> Node:
-        """What a loop leaves behind in a place."""
+        """Value that a loop leaves at a place."""
         return self.intern(("end", loop, place), "end", (), (loop, place), loop.phis[place].kind)
 
     def done(self, loop: Loop) -> Node:
@@ -242,7 +242,7 @@ class Graph:
 
     @property
     def depth(self) -> int:
-        """How many loops are open."""
+        """Number of open loops."""
         return len(self._open)
 
     def unwind(self, depth: int) -> None:
@@ -251,7 +251,7 @@ class Graph:
 
 
 def affine(node: Node) -> tuple[Node | None, int, int]:
-    """An int node as scale * base + offset: (base, scale, offset), base None where it is constant."""
+    """Decompose an int node as scale * base + offset: (base, scale, offset), base None if it is constant."""
     if node.op == "const":
         return None, 0, node.attr
     if node.op in ("add", "sub", "mul") and node.args[0].kind == "int":

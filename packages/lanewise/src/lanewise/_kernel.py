@@ -46,7 +46,7 @@ class LoadedCode(NamedTuple):
 
 @functools.cache
 def llvm() -> Any:
-    """The binding of llvmlite, ready to compile.
+    """Load llvmlite's binding, ready to compile.
 
     Raises:
         UnavailableError: if it is not installed.
@@ -62,7 +62,7 @@ def llvm() -> Any:
 
 @functools.cache
 def host() -> Host:
-    """What processor this is."""
+    """Properties of this processor."""
     binding = llvm()
     features = binding.get_host_cpu_features()
     bits = 512 if features.get("avx512f") else 256 if features.get("avx") else 128
@@ -138,7 +138,7 @@ _own = threading.local()
 
 
 class Slot(NamedTuple):
-    """One argument or result of a kernel: which, its kind, shape, and whether it has a value per lane."""
+    """An argument or result of a kernel: role, kind, shape, and whether it has a value per lane."""
 
     role: str
     place: int

@@ -20,7 +20,7 @@ LONGEST = 4000  # lines of a block: LLVM's time for one grows faster than its le
 
 
 class Layout(NamedTuple):
-    """What a caller of the kernel has to bring.
+    """Memory that a caller of the kernel must provide.
 
     Attributes:
         external: buffers of arguments and results whose addresses it gets.
@@ -137,7 +137,7 @@ def emit(
 
 
 def _divided(lines: list[str]) -> tuple[list[str], str]:
-    """What is done once, in blocks that are not too long, and the name of the last one."""
+    """Divide the code outside loops into blocks of limited length; also return the name of the last one."""
     found, label = lines[:LONGEST], "entry"
     for k in range(LONGEST, len(lines), LONGEST):
         label = f"once{k}"

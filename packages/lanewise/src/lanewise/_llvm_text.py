@@ -104,7 +104,7 @@ class Memory(Text):
         return buffer in self.divergence.buffers
 
     def base(self, buffer: Buffer) -> str:
-        """Where a buffer begins, for this block of lanes."""
+        """Start of a buffer, for this block of lanes."""
         return self.bases[buffer]
 
     def place(self, buffer: Buffer, index: Node | None, scale: int, offset: int) -> tuple[Buffer, str, bool]:
@@ -172,7 +172,7 @@ class Memory(Text):
         return "%strides" if vector else "%stride"
 
     def memory(self, kind: str) -> str:
-        """How a kind stands in memory."""
+        """LLVM type of a kind in memory."""
         return {"real": self.real, "int": "i64", "bool": "i8"}[kind]
 
     def load(self, node: Node) -> str:

@@ -1,4 +1,4 @@
-"""From a JAX function to a program: with `_trace` and the rules, the one step that needs JAX."""
+"""Lowering of JAX functions to programs; with `_trace` and the rules the only part that needs JAX."""
 
 from __future__ import annotations
 

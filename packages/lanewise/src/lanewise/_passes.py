@@ -81,7 +81,7 @@ def share_divisions(graph: Graph) -> Graph:
 
 
 def _depths(live: Liveness) -> dict[Node, int]:
-    """How many reciprocals one after the other a node needs, within a trip of its loop."""
+    """Length of the longest chain of reciprocals that a node needs, within a trip of its loop."""
     depth: dict[Node, int] = {}
     before = largest_need(live, lambda a, _: depth[a])
     for node in live.nodes:
@@ -177,7 +177,7 @@ class FactorBag(NamedTuple):
 
 
 class Survey(NamedTuple):
-    """What is known of the nodes of a graph."""
+    """Properties of the nodes of a graph."""
 
     live: Liveness
     home: dict[Any, Any]
@@ -186,7 +186,7 @@ class Survey(NamedTuple):
 
 
 def count_uses(graph: Graph, live: Liveness) -> Counter[Node]:
-    """How often each node is needed."""
+    """Count the uses of each node."""
     found = Counter(a for n in live.nodes for a in n.args)
     for loop in live.loops:
         found.update(n for k in live.carried[loop] for n in (loop.inits[k], loop.nexts[k]))
@@ -214,7 +214,7 @@ def combine_lines(graph: Graph) -> Graph:
         return at.home[node] is not loop
 
     def line(node: Node, loop: Any, first: bool) -> tuple[Node, list[tuple[str, Node]]]:
-        """What a chain begins with, and what is done to it, in order."""
+        """Start of a chain, and the operations applied to it, in order."""
         if node.op in ("add", "sub", "mul", "div", "neg") and at.home[node] is loop and (first or at.times[node] == 1):
             if node.op == "neg":
                 begin, steps = line(node.args[0], loop, False)
@@ -394,7 +394,7 @@ class _Builder:
         return self.g.make("neg", (whole,)) if bag.constant == -1.0 and fixed is None else whole
 
     def fixed(self, factors: list[Factor]) -> Node | None:
-        """What is multiplied before the loop: the outermost first, divisors together where they stand equally far out."""
+        """Product of the factors that are constant in the loop: the outermost first, divisors together at equal depth."""
         whole: Node | None = None
         groups: dict[int, list[Factor]] = defaultdict(list)
         for factor in factors:
@@ -411,7 +411,7 @@ class _Builder:
         return whole
 
     def ready(self, factor: Factor) -> float:
-        """When a factor is there."""
+        """Depth at which a factor is available."""
         what, exponent = factor
         if isinstance(what, Node):
             return self.at.ready[what] + (LATENCY["rcp"] if exponent < 0 else 0.0)

@@ -68,7 +68,7 @@ def serialise(graph: Graph, more: dict[str, Any]) -> bytes:
 
 
 def deserialise(data: bytes, where: str) -> tuple[Graph, dict[str, Any]]:
-    """The graph, and what was saved with it.
+    """Read a graph and the data saved with it.
 
     Raises:
         ArgumentError: if it is not such a file, or of another schema.
@@ -93,7 +93,7 @@ def deserialise(data: bytes, where: str) -> tuple[Graph, dict[str, Any]]:
 
 
 def _json(value: Any) -> str:
-    """As `json.dumps` without spaces, in pieces: no thread goes on while that writes."""
+    """Write as `json.dumps` without spaces, in pieces, since other threads are blocked while that runs."""
     if isinstance(value, dict):
         return "{" + ",".join(f"{json.dumps(name)}:{_json(of)}" for name, of in value.items()) + "}"
     if not isinstance(value, list):
@@ -225,7 +225,7 @@ REALS = {"float64": "double", "float32": "float"}
 
 
 class Leaf(NamedTuple):
-    """One array of the arguments or results: name, kind (None for one that carries nothing), shape for a single lane."""
+    """An array of the arguments or results: name, kind (None if it carries nothing), shape for a single lane."""
 
     name: str
     kind: str | None
@@ -257,12 +257,12 @@ class Program:
 
     @functools.cached_property
     def graph(self) -> Graph:
-        """What it does."""
+        """Graph of the program."""
         return deserialise(self.serialised, self.title or "program")[0]
 
     @functools.cached_property
     def serialised(self) -> bytes:
-        """All of it, as `save` writes it."""
+        """Content of a file that `save` writes."""
         more = {
             "arguments": list(map(list, self.arguments)),
             "results": list(map(list, self.results)),
@@ -271,7 +271,7 @@ class Program:
         return serialise(self.graph, more)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to a file.
+        """Write the program to a file.
 
         Raises:
             ArgumentError: it cannot be written.
@@ -280,7 +280,7 @@ class Program:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Program:
-        """Read it from a file, which is to be trusted as a program is: what it does when it is run is machine code.
+        """Read a program from a file. Read only trusted files: the program runs as machine code.
 
         Raises:
             ArgumentError: if there is none, or it is no program of this release's schema.
@@ -293,7 +293,7 @@ class Program:
 
     @classmethod
     def from_bytes(cls, data: bytes, where: str = "program") -> Program:
-        """The inverse of `serialised`.
+        """Read a program from bytes, the inverse of `serialised`.
 
         Raises:
             ArgumentError: if it is no program of this release's schema.
@@ -417,7 +417,7 @@ class Program:
         threads: int | None = None,
         width: int | None = None,
     ) -> list[np.ndarray | None]:
-        """The same with arguments and results in order; a result that carries nothing is None."""
+        """Run with arguments and results in order; a result that carries nothing is None."""
         if len(values) != len(self.arguments):
             raise ArgumentError(
                 "arguments",

@@ -119,7 +119,7 @@ def _tangent(var: Any) -> Any:
 
 @rule("cond")
 def _cond(t: Tracer, eqn: Any, which: Any, *values: Any) -> list[Any]:
-    """All branches, and a choice: there is no lane of its own that could jump."""
+    """Evaluate all branches and select, since lanes cannot jump separately."""
     if isinstance(which, Refusal):
         return [which] * len(eqn.outvars)
     cases = [t.closed(b, values) for b in eqn.params["branches"]]
@@ -178,7 +178,7 @@ def accumulator_memory(t: Tracer, inits: Sequence[Any], stays: set[int]) -> dict
 
 
 class LoopCarry:
-    """What a loop carries: the places in JAX's order, and the nodes that stand for them."""
+    """Carried values of a loop: the places in JAX's order, and their nodes."""
 
     def __init__(
         self,
@@ -284,7 +284,7 @@ LITTLE = 96  # trips times operations up to which more trips are
 
 
 def count_operations(jaxpr: Any) -> int:
-    """How many operations a jaxpr has, loops multiplied."""
+    """Count the operations of a jaxpr, multiplied by the trips of loops."""
     total = 0
     for eqn in jaxpr.eqns:
         inner = [v for p in eqn.params.values() for v in (p if isinstance(p, tuple | list) else [p])]
@@ -350,7 +350,7 @@ def _with_axis(g: Graph, part: Any) -> Any:
 
 
 def _row(g: Graph, x: Any, row: Any) -> Any:
-    """One row of what a loop goes through."""
+    """One row of an array over which a loop runs."""
     shape = shape_of(x)[1:]
     if isinstance(x, ConstantArray):
         return ConstantArray(shape, x.node) if shape else x.node
@@ -362,7 +362,7 @@ def _row(g: Graph, x: Any, row: Any) -> Any:
 
 
 def _stacked(t: Tracer, value: Any, loop: Loop, row: Node, length: int) -> Any:
-    """Put a trip's result into its row; what is the same in all trips needs no memory."""
+    """Store a trip's result in its row; a result that is equal in all trips needs no memory."""
     g = t.graph
     if isinstance(value, Refusal):
         return value

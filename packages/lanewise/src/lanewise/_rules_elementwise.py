@@ -59,7 +59,7 @@ def _add(t: Tracer, eqn: Any, a: Any, b: Any) -> Any:
 
 
 def _merged(g: Graph, whole: AccumulatedArray, part: Any) -> bool:
-    """Let a sum that is made only to be added to another be made there at once."""
+    """Accumulate a sum in place if it is only used as a term of another one."""
     own = part.sum_of if isinstance(part, BufferArray) else None
     if own is None or part.touched or own.filled is None or part.buffer.within is not None:
         return False

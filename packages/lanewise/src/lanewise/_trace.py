@@ -58,7 +58,7 @@ class LazyArray:
 
 
 class ConstantArray(LazyArray):
-    """One node everywhere."""
+    """An array with one node for all its elements."""
 
     def __init__(self, shape: Sequence[int], fill: Node) -> None:
         super().__init__(shape, fill.kind, lambda index: fill)
@@ -142,7 +142,7 @@ def kind_of(value: Value) -> str:
 
 
 def flat_index(graph: Graph, index: Index, shape: Sequence[int]) -> Place:
-    """The place in C order of an index, an int or an int node."""
+    """Position of an index in C order, an int or an int node."""
     place: Any = 0
     for i, n in zip(index, shape, strict=True):
         place = add_index(graph, scale_index(graph, place, n), i)
@@ -406,14 +406,14 @@ class Tracer:
         return found if isinstance(found, list) else [found]
 
     def refusal(self, eqn: Any, why: str) -> LoweringError:
-        """Why an operation cannot be lowered, with the place where it is written."""
+        """Error for an operation that cannot be lowered, with its place in the source."""
         # a function of JAX's own is traced once, and remembers where it was called first: what counts is its call
         inside = next((k for k, e in enumerate(self.calls) if _of_jax(e)), len(self.calls))
         places = (source_location(e) for e in (*reversed(self.calls[: inside + 1]), eqn))
         return LoweringError(eqn.primitive.name, why, source=next((p for p in places if p), None))
 
     def result(self, value: Any, leaf: Any, name: str) -> Buffer | None:
-        """Put a result of the whole function into memory of its own."""
+        """Store a result of the whole function in a buffer."""
         if isinstance(value, Refusal):
             raise value.why
         kind = kind_of_dtype(leaf.dtype)
@@ -424,7 +424,10 @@ class Tracer:
         return buffer
 
     def write(self, value: Any, buffer: Buffer, offset: int) -> None:
-        """Put a value into a buffer from an element on, outside of all loops; what a loop stacks is made there at once."""
+        """Write a value into a buffer from an offset, outside of all loops.
+
+        Stacked results of a loop are computed in place.
+        """
         if isinstance(value, ConcatenatedArray):
             for part in value.parts:
                 self.write(part, buffer, offset)

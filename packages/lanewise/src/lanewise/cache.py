@@ -36,7 +36,7 @@ _OWN_FILES = re.compile(r"[0-9a-f]{40}\.(o|program)|part-\w+")
 
 
 class CacheSettings(NamedTuple):
-    """Where files are kept: the name of the folder in the user's cache folder, and the variable that names another one."""
+    """Place of cached files: the folder in the user's cache folder, and the environment variable that overrides it."""
 
     application: str = "lanewise"
     variable: str = "LANEWISE_CACHE"
@@ -67,7 +67,7 @@ def cache_folder() -> Path | None:
 
 @functools.cache
 def _warn(folder: Path, variable: str) -> None:
-    """Say once that a folder is not used."""
+    """Warn once that a folder is not used."""
     warnings.warn(CacheWarning(folder, variable), stacklevel=4)
 
 

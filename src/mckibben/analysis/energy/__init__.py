@@ -1,4 +1,4 @@
-"""The energy of working cycles, Part IV of the paper: what goes in, what comes out, and where the rest goes.
+"""Energy of working cycles, Part IV of the paper: input, output, and losses.
 
     muscle = cycle_muscle(law, "potential")
     one = energy_cycle(muscle, "maximal", Conditions(pressure=5e5, stretched_length=0.155, friction=2.5))

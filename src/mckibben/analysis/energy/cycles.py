@@ -304,7 +304,7 @@ SETTINGS = {
 def cycle_muscles(
     spec: Specimen, law: str = "", volume: str = "", changes: Mapping[str, float] | None = None
 ) -> tuple[str, dict[str, CycleMuscle]]:
-    """The name of a specimen's law, and its muscle with each volume that it has; the one that is asked for is the first.
+    """Name of a specimen's law, and its muscle with each available volume; the requested one is the first.
 
     Args:
         spec: of a McKibben muscle.

@@ -26,7 +26,7 @@ class BodyState(NamedTuple):
 
 
 class Body(Load):
-    """A mass with a weight, a spring and a damper; any of them may be left out but the mass."""
+    """A mass with weight, spring and damper; all but the mass are optional."""
 
     held: tuple[str, ...] = field(static=True, kw_only=True)
     start: Scalar = quantity("m", (1e-3, 100.0), "span at the start", symbol="X")

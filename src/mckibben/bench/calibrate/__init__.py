@@ -1,4 +1,4 @@
-"""Calibration: readings beside a reference become gain, zero and skew with their uncertainties, kept in a file.
+"""Calibration: gain, zero and skew with uncertainties, from readings and a reference, stored in a file.
 
 `session` asks a person for each point and reads the sensors, `estimate` fits, `file` keeps; `recordings.calibration` is what
 comes out and `recordings.recalibration` applies it to a recording.

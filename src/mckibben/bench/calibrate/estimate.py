@@ -1,4 +1,4 @@
-"""Gain and zero from readings beside a reference, with the uncertainties that readings, counts and reference leave.
+"""Gain and zero from readings and a reference, with the uncertainty from readings, counts and reference.
 
     I_j = z + s x_j + e_j,   gain = 1/s,   zero = z,   var e_j = (u_r^2 + u_h^2)/m_j + u_q^2 + s^2 u_x^2
 
@@ -53,7 +53,7 @@ class ReferenceReading(NamedTuple):
 
 
 class Point(NamedTuple):
-    """A reading beside the true value by the reference [unit of the channel]; readings at one `setting` share its error."""
+    """A reading and its true value by the reference [unit of the channel]; readings at one `setting` share its error."""
 
     setting: float
     true: float

@@ -1,4 +1,4 @@
-"""Calibrations as TOML files (schema 1): one table per channel, every value in words with its unit.
+"""Calibrations as TOML files (schema 1): one table per channel, every value as text with its unit.
 
     schema = 1
     rig = "modern"
@@ -46,7 +46,7 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
 
 
 def write_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> Path:
-    """Write a calibration; a file of that name is replaced only when all is written. Reads back exactly.
+    """Write a calibration, atomically; it reads back exactly.
 
     Raises:
         InputError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""A session: a person brings about one point after the other, the sensors are read at each, and the points are fitted.
+"""Calibration sessions: an operator sets one point after the other, the sensors are read, and the points are fitted.
 
 A point is refused, in one clear line, where its samples scatter too much, where they touch an end of the converter, and
 where the reading did not follow the reference. What is then done, `again` says: without it the session ends.
@@ -103,7 +103,7 @@ class CalibrationSession:
         return self._outcome("weights", reference, {channel: line}, {channel: points})
 
     def pressure(self, pressures: Sequence[float], reference: Reference, channels: Sequence[str]) -> CalibrationOutcome:
-        """Pressure sensors beside a reference gauge, at gauge pressures [Pa], up and down again."""
+        """Calibrate pressure sensors with a reference gauge, at gauge pressures [Pa], up and down again."""
         _different("pressures", pressures, "Pa")
         asked = {
             p: OperatorTask(f"set the pressure to {with_unit(p, 'Pa')}", dict.fromkeys(channels, p), True)
@@ -230,7 +230,7 @@ class CalibrationSession:
 
 
 def _different(what: str, values: Sequence[float], unit: str, least: float = -math.inf) -> None:
-    """Refuse settings of which no line follows, before a person is asked for the first."""
+    """Refuse settings that do not determine a line, before the operator is asked for the first."""
     for value in values:
         if not (math.isfinite(value) and value >= least):
             raise InputError(

@@ -1,4 +1,4 @@
-"""The skew of channels that all see the same sine or sweep: by how much each of them lags the first one.
+"""Skew of channels that record the same sine or sweep: the delay of each behind the first.
 
     y_i(t) = c_i + g_i (A cos phi(t - T_i) + B sin phi(t - T_i)),   phi(t) = 2 pi (f t + k t^2/2),   g_1 = 1,   T_1 = 0
 

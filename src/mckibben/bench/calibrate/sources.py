@@ -103,7 +103,7 @@ def grids(rig: Rig) -> dict[str, ChannelScale]:
 
 
 class SimulatedSensors:
-    """The sensors of a rig, put to true values; nothing else of the machine is there.
+    """The sensors of a rig without the rest of the machine, with adjustable true values.
 
     The encoder turns with the motor's pulley, so a motor's pulley radius that differs from the encoder's is an error of its
     gain; it was zeroed anywhere within a count.
@@ -139,7 +139,7 @@ class SimulatedSensors:
         return found
 
     def _waved(self, wave: Waveform, samples: int) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Filtered signals and true values at the samples; kept, for they are the same every time."""
+        """Filtered signals and true values at the samples; cached, since they are always the same."""
         if (wave, samples) not in self._waves:
             self._waves = {(wave, samples): self._filtered(wave, samples)}
         return self._waves[wave, samples]
@@ -160,7 +160,7 @@ class SimulatedSensors:
 
 
 class SimulatedPerson:
-    """Brings about on simulated sensors what is asked for, with a reference that has its stated errors, of normal law."""
+    """A simulated operator who sets simulated sensors by a reference with normally distributed errors."""
 
     def __init__(self, sensors: SimulatedSensors, reference: Reference | None = None, seed: int = 0) -> None:
         self.sensors, self.reference = sensors, reference or Reference()

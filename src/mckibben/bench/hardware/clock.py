@@ -1,4 +1,4 @@
-"""The clock of a simulated machine: how fast its time goes, whether it stands still, and how far ahead of a viewer it is."""
+"""Clock of a simulated machine: its speed, whether it is halted, and how far it runs ahead of a viewer."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Clock:
 
     @property
     def halted(self) -> bool:
-        """Whether it stands still."""
+        """Whether the clock is halted."""
         return self._halted
 
     def halt(self, halted: bool = True) -> None:
@@ -80,7 +80,7 @@ class Clock:
             self._changed.notify_all()
 
     def advance(self, until: int) -> None:
-        """Advance a halted machine to a number of samples, and wait until it is there."""
+        """Advance a halted machine to a number of samples, and wait until it is reached."""
         with self._changed:
             self._until = max(self._until, until)
             self._changed.notify_all()

@@ -50,7 +50,7 @@ Backend = Callable[[HardwareRequest], Hardware]
 def connected(
     words: str | None, rig: Rig, period: float, *, lock_step: bool = False, silence: float = SILENCE
 ) -> Iterator[Hardware | None]:
-    """Open the hardware named by the words; vent and close it on exit. None and ``simulated`` stand for no hardware.
+    """Open the hardware named by a spec; vent and close it on exit. None and ``simulated`` stand for no hardware.
 
     Args:
         words: name of a backend, and behind a colon what it opens.
@@ -75,7 +75,7 @@ def connected(
 
 
 def check_connection(words: str | None) -> None:
-    """Refuse words that name no backend, or one whose library is not installed; asked before any work begins.
+    """Refuse a spec that names no backend, or one whose library is not installed, before any work begins.
 
     Args:
         words: as of `connected`.
@@ -94,7 +94,7 @@ def check_connection(words: str | None) -> None:
 
 
 def _split(words: str) -> tuple[str, str]:
-    """Split words into the name of a backend and what it opens."""
+    """Split a spec into the name of a backend and its argument."""
     name, colon, place = words.partition(":")
     others = sorted({e.name for e in importlib.metadata.entry_points(group=GROUP)} - USAGE.keys())
     well_formed = bool(place) == (name == "serial") if name in USAGE else name in others

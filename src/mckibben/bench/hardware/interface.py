@@ -61,7 +61,7 @@ class Hardware(abc.ABC):
 
     @abc.abstractmethod
     def wait(self, sample: int) -> float:
-        """Wait for a sample, counted from 0, and take its counts; return how much later than due it came [s].
+        """Wait for a sample, counted from 0, and read its counts; return its lateness [s].
 
         Raises:
             LineLostError: if it will not come any more; says why.

@@ -41,7 +41,7 @@ class RiggedJoint(MeasuredPlant):
         return {channel: self.machine.gauge(state, name) for name, channel in PRESSURES.items()}
 
     def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
-        """The measured channels, and beside each pressure ``<channel>.code``, what its converter counted."""
+        """Measured channels, and for each pressure ``<channel>.code``, the count of its converter."""
         count = self.encoder.count(state["machine"]["load"].angle, 0.0)
         return {**self.analogue(state, memory, inputs, row), "angle": self.encoder.span(count, 0.0)}
 

@@ -69,7 +69,7 @@ class Encoder(Module):
         return counted - size * jnp.floor(counted / size + 0.5)
 
     def span(self, count: Any, zero: Any) -> Scalar:
-        """The position that a count stands for [m], within half the resolution."""
+        """Position of a count [m], within half the resolution."""
         return zero + count * self.resolution
 
 

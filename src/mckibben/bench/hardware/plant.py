@@ -1,4 +1,4 @@
-"""The machine behind its converters: circuit, muscle and stand, and the sensors that are all the software sees of them.
+"""Instrumented plants: circuit, muscle and stand, and their sensors and converters.
 
 Measured are ``pressure`` at the muscle and ``valve_pressure`` at the valve (gauge) [Pa], ``tension`` [N] and ``span`` [m],
 as far as the rig has the sensors. The software commands ``valve`` [Pa], ``motor`` [N at the pulley] and, where there is a
@@ -56,7 +56,7 @@ class MeasuredPlant(Plant):
         return self.machine.commands(signals)
 
     def analogue(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
-        """The analogue channels, and beside each ``<channel>.code``, what its converter counted."""
+        """Analogue channels, and for each ``<channel>.code``, the count of its converter."""
         seen = self.seen(state["machine"], memory, inputs)
         lost = row.get("lost", {})
         found: dict[str, Scalar] = {}
@@ -120,7 +120,7 @@ class InstrumentedPlant(MeasuredPlant):
         return {name: SENSORS[name].true_value(self, state, memory, inputs) for name in self.sensors}
 
     def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
-        """The measured channels, and beside each ``<channel>.code``, what was counted."""
+        """Measured channels, and for each ``<channel>.code``, its count."""
         analogue = self.analogue(state, memory, inputs, row)
         counts = {name: analogue[f"{name}.code"] for name in self.sensors}
         encoder = self.converters.encoder

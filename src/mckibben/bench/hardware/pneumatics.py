@@ -60,7 +60,7 @@ class Plumbing(Module):
         return ("valve",) if self.shut_off is None else ("valve", "open")
 
     def circuit(self, units: Mapping[str, MuscleUnit], room: Environment) -> Circuit:
-        """The circuit, whose nodes are ``supply``, ``room``, and those of the picture above."""
+        """Build the circuit, with nodes ``supply``, ``room``, and those of the sketch above."""
         tested = self.tested
         nodes: dict[str, Reservoir | Chamber] = {
             "supply": Reservoir(pressure_abs=self.supply_pressure + room.pressure_abs, temperature=room.temperature),

@@ -1,4 +1,4 @@
-"""The red button: whoever presses it, the next sample of the loop vents the muscle and lets the motor only brake."""
+"""Emergency stop: at the next sample the muscle is vented and the motor only brakes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def sentence(stop: Callable[[], bool], when: float) -> str:
 
 
 class EmergencyStop:
-    """A button that stays pressed; from any thread, or by a signal of the system. Asked as a function it says whether.
+    """A latching stop button, for any thread or a signal of the system. Called as a function it returns its state.
 
     Attributes:
         reason: what was said when it was pressed.

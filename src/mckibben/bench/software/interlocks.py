@@ -209,7 +209,7 @@ def _pressure_of(measured: Mapping[str, Any]) -> Any:
 
 
 def _at(x: Any, rail: Any) -> Any:
-    """Whether a reading is that of the highest code; the room is for rounding only, a code is far wider."""
+    """Whether a reading is that of the highest code; the margin is for rounding only, a code is far wider."""
     return x >= rail * (1.0 - 1e-9)
 
 

@@ -38,7 +38,7 @@ class OverrunError(LineLostError):
 
 
 def library(module: str = "nidaqmx") -> Any:
-    """The client, or a part of it.
+    """Load the client library, or a module of it.
 
     Raises:
         MissingLibraryError: it is not installed.
@@ -56,7 +56,7 @@ class Complaints:
 
     @contextmanager
     def told(self, path: str = "", said: str = "") -> Iterator[None]:
-        """Errors of the client as one line of the house; with a path, what is misnamed there is the user's."""
+        """Convert errors of the client to one-line errors; with a path, a wrong name there is the user's."""
         errors = self.errors
         try:
             yield
@@ -85,7 +85,7 @@ class Complaints:
 
 
 def _line(message: str) -> str:
-    """A message of the driver in one line, without what is told elsewhere."""
+    """Message of the driver in one line, without repetitions."""
     parts = [" ".join(p.split()) for p in message.splitlines()]
     kept = [p for p in parts if p and not p.startswith(("Task Name:", "Status Code:"))]
     closed = [p if p.endswith((".", ":", ",")) else f"{p}," for p in kept]
@@ -194,7 +194,7 @@ class Tasks:
                 channel.ci_encoder_b_input_term = entry.b
 
     def _writers(self) -> None:
-        """Readers and writers that ask nothing of the card beside what they are for; the outputs are reserved."""
+        """Prepare readers and writers without further calls of the card; the outputs are reserved."""
         readers, writers = library("nidaqmx.stream_readers"), library("nidaqmx.stream_writers")
         self._analog = readers.AnalogMultiChannelReader(self._inputs.in_stream)
         self._edges = None if self._counter is None else readers.CounterReader(self._counter.in_stream)

@@ -165,7 +165,7 @@ class DaqHardware(Hardware):
         self._alarm.set()  # whoever calls does not wait for the card
 
     def close(self) -> None:
-        """Vent, let the motor rest, and clear the tasks; `vented` says whether that reached the machine."""
+        """Vent, set the motor to rest, and clear the tasks; `vented` states whether that reached the machine."""
         with self._lock:
             if self._closed:
                 return
@@ -235,7 +235,7 @@ class DaqHardware(Hardware):
             raise LineLostError(self._fault)
 
     def _watching(self) -> None:
-        """Vent at once when told to, and when nothing is sent for too long."""
+        """Vent at once on request, and when nothing has been sent for too long."""
         while True:
             called = self._alarm.wait(self._silence / LOOKS)
             self._alarm.clear()

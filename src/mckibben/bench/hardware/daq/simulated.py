@@ -61,7 +61,7 @@ class Card:
         self._clock: threading.Thread | None = None
 
     def start(self, period: float, size: int) -> None:
-        """The sample clock of the inputs; every reader that stands ready gets the first sample."""
+        """Start the sample clock of the inputs; every waiting reader gets the first sample."""
         self.stop()
         with self._changed:
             self._samples.clear()
@@ -78,12 +78,12 @@ class Card:
             self._places[reader] = self._taken
 
     def forget(self, reader: str) -> None:
-        """A task that is there no more."""
+        """Remove a task."""
         with self._changed:
             self._places.pop(reader, None)
 
     def stop(self) -> None:
-        """The clock stands still."""
+        """Stop the clock."""
         with self._changed:
             self._running = False
             self._changed.notify_all()
@@ -203,7 +203,7 @@ class DaqTask:
 
 
 def answers(call: Callable[[Calls, Any], dict[str, Any]]) -> Any:
-    """A call of the service: its answer is named after it, and what the card refuses is told as a device server does."""
+    """Declare a call of the service; errors of the card are reported as a device server does."""
     name = call.__name__
 
     def answered(self: Calls, request: Any, context: Any) -> Any:
@@ -275,7 +275,7 @@ class Calls:
 
     @answers
     def CreateTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """A task, and the session that stands for it."""
+        """Create a task, and its session."""
         with self.lock:
             name = request.session_name or f"_unnamedTask<{next(self.numbers)}>"
             new = name not in self.tasks

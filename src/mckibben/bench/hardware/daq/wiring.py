@@ -112,7 +112,7 @@ class Analog:
         return 0 if found < 1.0 else last if found >= last else math.floor(found)
 
     def volts(self, count: int) -> float:
-        """The level [V] that stands for a count, of the nearest one that there is."""
+        """Level [V] of a count, or of the nearest existing one."""
         return self.low + min(max(count, 0), (1 << self.bits) - 1) * self.step
 
 
@@ -272,7 +272,7 @@ class CardWiring:
 
 
 def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq") -> CardWiring:
-    """A wiring from its table, as it stands at the top of this file.
+    """Read a wiring from its table, which is described at the top of this file.
 
     Args:
         table: what TOML gives for ``[daq]``.
