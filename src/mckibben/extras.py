@@ -1,4 +1,4 @@
-"""Libraries that come with an extra: where one is missing, a sentence says which extra brings it.
+"""Optional libraries: an error names the extra that installs a missing one.
 
 Ask before the work begins: a person who has waited for a minute does not want to hear of a library then.
 """
@@ -30,7 +30,7 @@ LIBRARIES = {
 
 
 def library(module: str, purpose: str, *, instead: str = "", where: str | None = None) -> Any:
-    """Import a library that is no part of the plain installation, or a part of it.
+    """Import an optional library, or a module of it.
 
     Args:
         module: its name in Python, such as ``"nidaqmx.errors"``; the first word must be in `LIBRARIES`.

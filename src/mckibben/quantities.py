@@ -72,7 +72,7 @@ class Quantity(NamedTuple):
             raise InputError(name, with_unit(first, self.unit), f"must be {self.allowed()}", where=where)
 
     def allowed(self) -> str:
-        """The bounds in words."""
+        """Describe the bounds."""
         low, high = (with_unit(b, self.unit) for b in self.bounds)
         if math.isinf(self.bounds[1]):
             return f"{low} or more"
@@ -121,7 +121,7 @@ def declared(owner: Any) -> dict[str, Quantity]:
 
 
 def values(owner: Any) -> dict[str, Any]:
-    """The declared parameters of an instance as plain floats, or lists of them [their SI units]."""
+    """Declared parameters of an instance as plain floats, or lists of them [their SI units]."""
     return {name: np.asarray(getattr(owner, name)).tolist() for name in declared(owner)}
 
 
@@ -168,7 +168,7 @@ def _usual(unit: str, si_unit: str) -> tuple[float, float] | None:
 
 
 def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | None = None) -> float:
-    """Convert a number with a unit in words to the SI unit, or raise `InputError` that says what is allowed."""
+    """Convert a number with a unit to the SI unit, or raise `InputError` that states the permitted values."""
     usual = _usual(unit, si_unit)
     if usual is not None:
         return float(value * usual[0])
@@ -194,7 +194,7 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
 
 
 def from_si(value: float, si_unit: str, unit: str) -> float:
-    """Convert an SI number to another unit given in words."""
+    """Convert an SI number to another unit."""
     usual = _usual(unit, si_unit)
     if usual is not None:
         return float(value * usual[1])
@@ -202,7 +202,7 @@ def from_si(value: float, si_unit: str, unit: str) -> float:
 
 
 def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare: bool = False) -> float:
-    """A number with its unit in words, as an SI float.
+    """Parse a number with its unit to an SI float.
 
     Args:
         text: such as ``"12 cm"`` or ``"5 bar"``; for a pure number ``"3.1"`` or ``"12 %"``.
@@ -239,7 +239,7 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
 
 
 def split_values(text: str, *, field: str, where: str | None = None) -> list[str]:
-    """The values of a list in words: ``"1 bar, 3 bar"`` or ``"1 bar; 3 bar"``; one value is a list of one.
+    """Split a list of values: ``"1 bar, 3 bar"`` or ``"1 bar; 3 bar"``; one value is a list of one.
 
     A comma between two digits may be a decimal comma, may part thousands or may part values, so it is refused.
 
@@ -268,7 +268,7 @@ def _refuse_comma(text: str, *, field: str, where: str | None, listed: bool) -> 
 
 
 def has_dimension(text: str, si_unit: str) -> bool:
-    """Whether some words are a number with a unit of the dimension of an SI unit."""
+    """Whether a text is a number with a unit of the dimension of an SI unit."""
     head = leading_number(text)
     unit = "" if head is None else text.strip()[len(head) :].strip()
     if not unit:
@@ -308,12 +308,12 @@ def _kind(si_unit: str) -> str:
 
 
 def shown_unit(si_unit: str) -> str:
-    """The unit in which a person reads a quantity of this SI unit."""
+    """Usual unit for display of a quantity in this SI unit."""
     return _SHOWN.get(si_unit, si_unit)
 
 
 def with_unit(value: float, si_unit: str, digits: int = 4) -> str:
-    """A value and its unit as a person reads them: ``with_unit(0.12, "m")`` is ``"12 cm"``."""
+    """Format a value with its usual unit: ``with_unit(0.12, "m")`` is ``"12 cm"``."""
     if si_unit == "1":
         return f"{value:.{digits}g}"
     unit = shown_unit(si_unit)

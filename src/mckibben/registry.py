@@ -1,4 +1,4 @@
-"""Kinds by name: those of the laboratory, and those that installed packages add by entry points.
+"""Registries of kinds by name: those of this package, and those that installed packages add by entry points.
 
 A package that has a tension law, a valve, a step of a protocol, a sensor or an import format of its own names it in its
 ``pyproject.toml``::
@@ -50,7 +50,7 @@ def _entry_points() -> tuple[Any, ...]:
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Kinds by name, those of installed packages after the laboratory's own.
+    """Kinds by name, those of this package first.
 
     Args:
         group: of the entry points.
@@ -93,7 +93,7 @@ class Registry(Mapping[str, T], Generic[T]):
         self._known[name] = kind
 
     def own(self) -> tuple[T, ...]:
-        """The laboratory's own kinds and added ones, without a search for installed packages."""
+        """Kinds of this package and registered ones, without a search for installed packages."""
         return tuple(self[name] for name in self._known)
 
     def find(self, name: str, *, field: str = "", where: str | None = None) -> T:

@@ -99,7 +99,7 @@ class FileTable:
         return tuple(raw)
 
     def number(self, key: str, unit: str, default: float | None = None, *, declared: Quantity | None = None) -> float:
-        """Read a number with its unit in words, as SI, within the bounds of a declaration."""
+        """Read a number with its unit, as SI, within the bounds of a declaration."""
         if key not in self.values and default is not None:
             return default
         if key not in self.values:
@@ -150,7 +150,7 @@ class FileTable:
 
 
 class FrozenTable(Mapping[str, Any]):
-    """A table of words that nothing changes, and that has a hash."""
+    """An immutable, hashable table."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self._values = {str(k): frozen(v) for k, v in values.items()}
@@ -183,7 +183,7 @@ def frozen(value: Any) -> Any:
 
 
 def thawed(value: Any) -> Any:
-    """Frozen words as dicts and lists."""
+    """Convert frozen values to dicts and lists."""
     if isinstance(value, FrozenTable):
         return value.plain()
     return [thawed(v) for v in value] if isinstance(value, tuple) else value
@@ -223,7 +223,7 @@ class Place:
         return dataclasses.replace(self, field=f"{self.field}.{key}" if self.field else str(key), own_unit="")
 
     def fail(self, value: object, allowed: str) -> InputError:
-        """Make the complaint about a value that stands here."""
+        """Return an error about the value at this place."""
         return InputError(self.field, shown(value), allowed, where=self.where)
 
 
@@ -256,7 +256,7 @@ def number(
     unit: str, bounds: tuple[float, float] = (-math.inf, math.inf), doc: str = "", *,
     key: str = "", endless: bool = False, **options: Any,
 ) -> Any:  # fmt: skip
-    """Declare a number with its unit in words, within inclusive bounds [unit]; infinity, too, where it may be endless."""
+    """Declare a number with unit, within inclusive bounds [unit]; also infinity where it may be endless."""
 
     def read(raw: Any, place: Place) -> float:
         if endless and raw == math.inf:
@@ -281,7 +281,7 @@ def numbers(
 def word(
     doc: str = "", *, among: tuple[str, ...] = (), pattern: str = "", demand: str = "", key: str = "", **options: Any
 ) -> Any:
-    """Declare a text, one of some or of a pattern where these are given; `demand` says what the pattern asks for."""
+    """Declare a text, optionally one of a set or of a pattern; `demand` describes the pattern."""
 
     def read(raw: Any, place: Place) -> str:
         if not isinstance(raw, str):
@@ -370,7 +370,7 @@ def read_table(
     kind: type[T], table: FileTable, *, units: Mapping[str, str] = _NOTHING, bare: bool = False, files: object = None,
     owner: str = "", beside: Iterable[str] = (), **given: Any,
 ) -> T:  # fmt: skip
-    """Make a value of a type of a table of words.
+    """Read a value of a type from a table.
 
     Args:
         kind: a dataclass whose fields are declared as this module's head says.
@@ -402,7 +402,7 @@ def read_table(
 def write_table(
     value: Any, *, units: Mapping[str, str] = _NOTHING, bare: bool = False, skip: Iterable[str] = ()
 ) -> dict[str, Any]:
-    """Make the table of words that gives a value again; fields at their defaults are left out.
+    """Write a value to the table that reads back to it; fields at their defaults are omitted.
 
     Args:
         value: of a dataclass that `read_table` reads.
@@ -427,7 +427,7 @@ def _write_part(value: Any, place: Place) -> dict[str, Any]:
 def read_number(
     raw: Any, unit: str, bounds: tuple[float, float], field: str, where: str | None, *, bare: bool = False
 ) -> float:
-    """Read a number with its unit in words.
+    """Read a number with its unit.
 
     Args:
         raw: the words, or a number where the unit is ``1`` or `bare` is true.

@@ -79,7 +79,7 @@ class StepTable:
 
 
 def initial_metadata(bench: PreparedRun) -> dict[str, Any]:
-    """Compose the metadata that are known before anything moves."""
+    """Compose the metadata that are known before the run."""
     protocol, rig, spec = bench.protocol, bench.rig, bench.specimen
     room = rig.environment
     said = " ".join([rig.source, protocol.source])

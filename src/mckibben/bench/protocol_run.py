@@ -39,7 +39,7 @@ class Stage(Protocol):
         """The machine that outlives the run; None if every segment has a simulated one of its own."""
 
     def bring(self, segment: RunSegment) -> None:
-        """Bring the machine to where a segment begins, after a person did what the segment asks for."""
+        """Bring the machine to the start of a segment, after the operator did what the segment asks for."""
 
     def play(
         self, run: ProtocolRun, number: int, segment: RunSegment, software: BenchSoftware
@@ -87,7 +87,7 @@ class OwnMachines:
 
 
 class StartedMachine:
-    """A stage with one machine, which is started anew for every segment.
+    """A stage with one machine, which is restarted for every segment.
 
     Args:
         hardware: the machine; it gives the clock, and stays open.

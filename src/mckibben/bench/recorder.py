@@ -1,4 +1,4 @@
-"""Recording of a run: the kept samples in memory and, where a log is wanted, in a file that survives a crash."""
+"""Recording of a run: samples in memory and, if a log is requested, in a crash-safe file."""
 
 from __future__ import annotations
 

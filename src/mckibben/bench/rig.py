@@ -110,7 +110,7 @@ class Rig:
         return (exact or enough or list(self.plumbing))[0]
 
     def parts(self, layout: str) -> frozenset[str]:
-        """Sensors and parts that a protocol can use, in the words of `Step.needs`."""
+        """Sensors and parts that a protocol can use, by the names of `Step.needs`."""
         found = set(self.plumbing[layout].parts()) | {"plate", "person"}
         found |= {f"{n} sensor" for n in self.sensors}
         found |= {"motor"} if self.motor is not None else set()

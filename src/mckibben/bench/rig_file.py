@@ -1,4 +1,4 @@
-"""Rigs as TOML files (schema 1): one table per part, every value in words with its unit.
+"""Rigs as TOML files (schema 1): one table per part, every value as text with its unit.
 
     schema = 1
     name = "paper"
@@ -227,7 +227,7 @@ def _words(entry: FileTable, key: str) -> tuple[str, ...]:
 
 
 def _put(document: dict[str, Any], path: str, value: str, where: str) -> None:
-    """Replace a value of the file; whole numbers and truth values may be written as words."""
+    """Replace a value of the file; whole numbers and truth values may be written as text."""
     *tables, last = path.split(".")
     at: Any = document
     for part in tables:

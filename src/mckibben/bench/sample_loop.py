@@ -78,14 +78,14 @@ class Setpoints:
         return self._values
 
     def change(self, **values: float) -> None:
-        """Change some; all of them count from the same sample on."""
+        """Change some set-points, all from the same sample on."""
         changed = np.array(self._values)
         for name, value in values.items():
             changed[ROW.index(name)] = value
         self._values = changed
 
     def __getitem__(self, name: str) -> float:
-        """One of them."""
+        """Return one set-point."""
         return float(self._values[ROW.index(name)])
 
 
@@ -197,7 +197,7 @@ class SampleLoop:
         self._thread.start()
 
     def leave(self) -> SampleLoop:
-        """End between two samples, and wait for that; what was seen stays in `kept`."""
+        """End between two samples, and wait for that; the samples stay in `kept`."""
         self._leaving.set()
         if self.alive:
             self.hardware.interrupt()
@@ -308,7 +308,7 @@ class SampleLoop:
 
     @property
     def pending(self) -> bool:
-        """Whether it has the machine, or samples that nobody has taken yet."""
+        """Whether it controls the machine, or has samples that were not yet taken."""
         return self.running or len(self.kept) > 0
 
     def deadlines(self) -> Lateness:
@@ -317,7 +317,7 @@ class SampleLoop:
         return newest._replace(samples=self.taken)
 
     def chunk(self, count: int | None = None) -> Chunk:
-        """Hand out the oldest samples that nobody has taken yet, `count` of them or all."""
+        """Take the oldest samples, `count` of them or all."""
         rows = [self.kept.popleft() for _ in range(len(self.kept) if count is None else count)]
         numbers, lateness, looks, *parts = zip(*rows, strict=True) if rows else ((),) * 6
         columns = [
@@ -364,7 +364,7 @@ class SampleLoop:
 
 
 def played(loop: SampleLoop) -> Generator[Chunk, None, None]:
-    """Iterate over what is seen while a loop goes on; the first chunk is empty and comes before it begins.
+    """Iterate over the samples while a loop runs; the first chunk is empty and comes before the start.
 
     An interrupt of the iteration, or its end before that of the run, lets the loop stop and vent first.
 
@@ -412,7 +412,7 @@ def _measured(converters: Converters, inputs: tuple[str, ...], counts: Any) -> d
 
 
 def _fits(hardware: Hardware, converters: Converters, software: BenchSoftware) -> None:
-    """Refuse a machine that lacks what the rig says it has."""
+    """Refuse a machine that lacks a part of the rig."""
     has, needs = set(hardware.names), set(converters.names)
     if has != needs:
         odd = ", ".join(sorted(needs ^ has))

@@ -145,7 +145,7 @@ def _middle(q: Quantity, rest_length: float | None) -> float:
 
 
 def _undetermined(jacobian: np.ndarray, free: tuple[str, ...], count: int) -> tuple[set[str], tuple[str, ...]]:
-    """Parameters that move along a direction which no constraint sees, and that in words."""
+    """Parameters that vary along a direction unconstrained by the data, and a description."""
     _, strength, directions = np.linalg.svd(jacobian, full_matrices=True)
     rank = int(np.sum(strength > 1e-9 * strength[0]))
     loose = directions[rank:]

@@ -99,7 +99,7 @@ class Problem:
 
     @property
     def scale(self) -> np.ndarray:
-        """Size of each free parameter, to make all of them about one."""
+        """Scale of each free parameter, by which its values become about one."""
         return np.array([max(abs(b) for b in q.typical) for q in self.quantities.values()])
 
     @property

@@ -174,7 +174,7 @@ def _outputs(
 
 
 def matching(pattern: str, circuit: Circuit, signals: Iterable[str]) -> tuple[str, ...]:
-    """The dotted paths that a pattern such as ``elements.valve_*.passage.conductance`` stands for.
+    """Dotted paths that match a pattern such as ``elements.valve_*.passage.conductance``.
 
     Raises:
         InputError: if there is none, with the nearest paths; and for paths of different units, which no value serves.

@@ -26,7 +26,7 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Standard errors [scaled], correlation matrix, and warnings in words."""
+    """Standard errors [scaled], correlation matrix, and warnings."""
 
     standard_error: np.ndarray
     correlation: np.ndarray

@@ -23,7 +23,7 @@ LENGTH_UNITS = ("cm", "mm", "m", "inch")
 
 
 def highest_pressure(spec: Specimen | None = None) -> tuple[float, str]:
-    """The gauge pressure up to which a muscle is driven [Pa], and whose limit that is in words."""
+    """Highest usual gauge pressure of a muscle [Pa], and the source of that limit."""
     for name, words in (("rated_pressure", "is rated for"), ("burst_pressure", "bursts at")):
         if spec is not None and name in spec.properties:
             return spec.property_si(name, "Pa"), f"{spec.id} {words}"

@@ -1,4 +1,4 @@
-"""The energy stored in bladder and braid: what went in by motion and filling, for a law has one potential.
+"""Energy stored in bladder and braid, by motion and filling: a law has one potential.
 
 U(L, P') = E(L) + P' V - G(L, P'),   dU = F dL + P' dV,   E' the tension without gas, G the gas energy
 """

@@ -11,7 +11,7 @@ LEAST = 1e-6  # of what is stored
 
 
 class RunBalance(NamedTuple):
-    """Closure of a run: what is missing, over what went through; zero is perfect.
+    """Errors of the balances of a run, relative to the throughput; zero is perfect.
 
     Where next to nothing went through, it is over `LEAST` of what is stored, so that a circuit at rest shows the rounding
     of its stored energy and not a ratio of two roundings.

@@ -1,4 +1,4 @@
-"""Elements from words: kinds by name, values with units, and the ways in which catalogues state an element.
+"""Pneumatic elements from tables: kinds by name, values with units, and the usual ways to state a size.
 
 A passage (a field that is an `Orifice`) is stated by exactly one size: `sizes` has the ways. An element with two passages
 takes these keys for both, or with the name of one in front: ``nominal_flow``, ``vent_nominal_flow``. The times of a valve's
@@ -102,7 +102,7 @@ def passages_of(kind: str) -> tuple[str, ...]:
 
 
 def is_driven(kind: str) -> bool:
-    """Whether an element has a solenoid, whose times stand beside its own keys."""
+    """Whether an element has a solenoid, whose times are stated among its keys."""
     return any(f.type in ("Solenoid", Solenoid) for f in dataclasses.fields(ELEMENTS[kind]))
 
 
@@ -182,7 +182,7 @@ def valve_from_specimen(
 
 
 def _state_flow(spec: Specimen, given: dict[str, float], effective: bool, passages: Sequence[str]) -> None:
-    """Add the flow into the room that a file states among its properties; needless where each passage has its size."""
+    """Add the flow into the atmosphere that a file states as a property; not needed if each passage has its size."""
     names = ("effective_flow",) if effective else ("flow_into_the_room", "flow")
     name = next((n for n in names if n in spec.properties), None)
     if name is None:
@@ -248,7 +248,7 @@ def _unknown(kind: str, key: str, known: Mapping[str, Quantity]) -> str:
 
 
 def with_usual_unit(key: str, value: str | float, passages: Sequence[str] = ()) -> str:
-    """A value in words; a bare number gets its unit where the standard that defines the key has one."""
+    """Value as text; a bare number gets the unit of the standard that defines the key."""
     words = value if isinstance(value, str) else repr(value)
     base = next((key.removeprefix(f"{p}_") for p in passages if key.startswith(f"{p}_")), key)
     try:

@@ -89,13 +89,13 @@ class Circuit(System):
         return None if signal is None or signal not in inputs else self._command(name, inputs)
 
     def initial_memory(self, state: Any, inputs: Mapping[str, Any] | None = None) -> Any:
-        """The memory that goes with a state at rest, with inputs as the engine gives them; empty where there is none."""
+        """Memory for a state at rest, with inputs as the engine gives them; empty if there is none."""
         seen = self._gas_states(state, inputs or {})
         kept = {name: self.elements[name].initial_memory(self._at(name, seen)) for name in self.elements}
         return {name: memory for name, memory in kept.items() if jax.tree.leaves(memory)}
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
-        """The signals, and beside them ``<element>.command`` of every element that has dead time, late by that.
+        """Signals, with ``<element>.command`` of every element that has dead time, delayed by it.
 
         A run does this itself. What is late already stays as it is.
         """

@@ -96,7 +96,7 @@ class DeadState(NamedTuple):
 
     @classmethod
     def of(cls, gas: Gas, room: Environment) -> DeadState:
-        """A room with a gas in it."""
+        """Return the dead state of a gas in an environment."""
         return cls(gas, room.pressure_abs, room.temperature)
 
     def see(self, pressure_abs: Any, temperature: Any) -> Seen:
@@ -110,7 +110,7 @@ class DeadState(NamedTuple):
         return self.gas.cp * (at.temperature - self.temperature) - self.temperature * entropy
 
     def compression(self, pressure_abs: Any, *, cooled: bool) -> Scalar:
-        """Least work to compress air of the room in one stage, kept at its temperature or without any heat [J/kg]."""
+        """Least work to compress ambient air in one stage, isothermally or without heat exchange [J/kg]."""
         if cooled:
             return self.flowing(self.see(pressure_abs, self.temperature))
         share = (self.gas.heat_ratio - 1.0) / self.gas.heat_ratio
@@ -143,7 +143,7 @@ def stored_exergy(circuit: Circuit, state: Any, inputs: Any, room: Environment) 
 
 
 def exergies(circuit: Circuit, now: Passing, room: Environment) -> dict[str, Scalar]:
-    """Rates of the exergy account [W], few, for every one of them costs each step of a run.
+    """Rates of the exergy account [W], few of them, since each costs time in every step of a run.
 
     By role of the paths (`role_of`): ``throttled.<role>``; where they begin or end at a reservoir ``entered.<role>``, what
     comes in from there. Of paths to a reservoir that is called room only ``thrown.<role>``, what leaves the volumes towards
@@ -242,7 +242,7 @@ def kind_of(element: FlowElement) -> str:
 
 
 def role_of(circuit: Circuit, element: str, ends: tuple[str, str]) -> str:
-    """The kind of a path's element, and the reservoir where it begins or ends, such as ``valve.room``."""
+    """Kind of a path's element, and the reservoir at which it begins or ends, such as ``valve.room``."""
     border = [end for end in ends if isinstance(circuit.nodes[end], Reservoir)]
     return ".".join([kind_of(circuit.elements[element]), *border])
 

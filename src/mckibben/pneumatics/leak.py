@@ -23,7 +23,7 @@ from .gas import AIR, REFERENCE_DENSITY, REFERENCE_PRESSURE, REFERENCE_TEMPERATU
 
 
 class Leak(TwoPort):
-    """A leak between two ports, or to the room; both directions alike."""
+    """A leak between two ports, or to the atmosphere, equal in both directions."""
 
     symbol: ClassVar[str] = "leak"
     conductance: Scalar = quantity(

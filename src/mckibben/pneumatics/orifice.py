@@ -81,7 +81,7 @@ class Orifice(TwoPort):
     def from_flow(
         cls, flow: float, *, pressure: float, ambient: float = 101325.0, critical_ratio: float = 0.35, **options: Any
     ) -> Orifice:
-        """Convert a flow into the room, as measured with the outlet open.
+        """Determine the conductance from a flow into the atmosphere, measured with the outlet open.
 
         Args:
             flow: volume flow of air in the reference atmosphere [m^3/s].

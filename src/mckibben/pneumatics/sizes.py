@@ -92,7 +92,7 @@ LEAK_WAY = SizeStatement({"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRES
 
 
 def canonical(key: str, prefixes: Iterable[str] = ()) -> str:
-    """The key that an alias stands for, with the prefix of a passage kept; any other key as it is."""
+    """Key of an alias, with the prefix of a passage kept; other keys unchanged."""
     prefix = _prefix(key, prefixes)
     base = key.removeprefix(prefix)
     return prefix + ALIASES.get(base, base)
@@ -120,7 +120,7 @@ def of_passage(key: str) -> bool:
 
 
 def replaced(key: str, given: Collection[str], prefixes: Iterable[str]) -> bool:
-    """Whether a key states a size, or goes with one, that others state instead; what goes with theirs stays."""
+    """Whether a key belongs to a size that others state instead."""
     prefix = _prefix(key, prefixes)
     base = key.removeprefix(prefix)
     sizes = [size for size, more in SIZES.items() if base == size or base in more]

@@ -49,7 +49,7 @@ class FixedVolume(Chamber):
 
 
 class CompliantVolume(Chamber):
-    """A volume that yields: V = V0 + c P' + s x, of a bellows, a hose, or a muscle of which only a record is known.
+    """A compliant volume: V = V0 + c P' + s x, of a bellows, a hose, or a muscle known from a record only.
 
     P' is the gauge pressure and x the value of its signal, such as a stroke [m] or the angle of a joint [rad], for which
     `swept` is the volume per unit. Range: where V is close to a plane in P' and x; never below a tenth of V0.

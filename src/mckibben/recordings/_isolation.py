@@ -1,4 +1,4 @@
-"""Readers that a damaged file can bring down or hang, kept away from this process; and the seal that makes that unneeded.
+"""Isolation of readers that a damaged file can crash or hang; and the seal that makes that unnecessary.
 
 HDF5 follows whatever addresses it finds in a file, for ever if they form a ring, and holds the interpreter meanwhile. So a
 netCDF file gets a seal at its end, a digest of all before it, which HDF5 does not look at. A file whose seal is whole is as
@@ -77,7 +77,7 @@ def read_in_process(read: Callable[[str], Result], path: Path) -> Result:
 
 
 def check_self_contained(path: str | os.PathLike[str]) -> None:
-    """Refuse an HDF5 file that takes its numbers from other files: what is read of a file must be what somebody gave.
+    """Refuse an HDF5 file with links to other files.
 
     Raises:
         ValueError: names the variable.

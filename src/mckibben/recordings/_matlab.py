@@ -37,7 +37,7 @@ _DEEPEST = 20  # structs in structs
 
 
 def write_matlab(recording: Recording, path: Path) -> list[str]:
-    """Write a ``.mat`` file of version 5; a remark says which names MATLAB would not allow."""
+    """Write a ``.mat`` file of version 5; a remark states which names MATLAB would not permit."""
     from scipy.io import savemat
 
     if len(recording) * 8 > _LARGEST:

@@ -22,7 +22,7 @@ KEY = "mckibben"
 
 
 class Sidecar(NamedTuple):
-    """Channels by name without their values, the meta, and how many samples there shall be where that is said."""
+    """Channels by name without their values, metadata, and the stated number of samples."""
 
     channels: dict[str, Channel]
     meta: dict[str, Any]

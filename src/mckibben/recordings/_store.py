@@ -113,7 +113,7 @@ def write_csv(recording: Recording, path: Path) -> list[str]:
 
 
 def is_recording_csv(path: Path) -> bool:
-    """Whether a file is a recording of mckibben as CSV: its first line says so."""
+    """Whether a CSV file is a recording of mckibben, by its first line."""
     if path.suffix.lower() != ".csv":
         return False
     with open(path, "rb") as stream:
@@ -143,7 +143,7 @@ def read_csv(path: Path) -> ImportResult:
 
 
 def _csv_head(stream: io.TextIOBase) -> tuple[dict[str, str], list[str]]:
-    """The comment lines by their key, and the header's cells; the stream then stands at the numbers."""
+    """Read the comment lines by their key, and the cells of the header; the stream is then at the numbers."""
     head: dict[str, str] = {}
     for number, line in enumerate(stream):
         line = line.rstrip("\r\n")

@@ -96,7 +96,7 @@ def _log(name: str) -> logging.Logger | None:
 
 
 def _group(group: Any, cut_off: bool) -> list[ForeignColumn]:
-    """The channels of a group; of a file that was cut off, as many samples as all of them have."""
+    """Channels of a group; of a truncated file, as many samples as all of them have."""
     columns = {channel.name: np.asarray(channel[:]) for channel in group.channels()}
     most = min(map(len, columns.values()), default=0) if cut_off else None
     return [_column(group.name, channel, columns[channel.name][:most]) for channel in group.channels()]

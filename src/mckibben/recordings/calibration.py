@@ -1,4 +1,4 @@
-"""Calibrations: per channel gain, zero and skew with their uncertainties, and where each of them comes from.
+"""Calibrations: gain, zero and skew per channel, with uncertainties and origins.
 
     true = gain (indicated - zero),   true(t) = recorded(t + skew)
 
@@ -104,7 +104,7 @@ class CorrectionTerm:
     origin: Origin | None = None
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """The two-sided interval, by Student's t [unit]; NaN where nobody determined it."""
+        """Two-sided interval, by Student's t [unit]; NaN if it was never determined."""
         half = coverage(self.degrees, confidence) * self.uncertainty
         return self.value - half, self.value + half
 
@@ -247,7 +247,7 @@ def coverage(degrees: float, confidence: float = 0.95) -> float:
 
 
 def correction_table(one: Correction, *, bare: bool) -> dict[str, Any]:
-    """The table of a correction that `read_plain` reads: numbers in SI without units where it is `bare`, else in words."""
+    """Table of a correction that `read_plain` reads: SI numbers if `bare`, else text with units."""
     units = {"channel": one.unit}
     out = {"unit": one.unit, "sensor": one.sensor, "correlation": one.correlation} if bare else {}
     out |= schema.write_table(one, units=units, bare=bare, skip=("terms",))

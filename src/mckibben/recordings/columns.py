@@ -136,7 +136,7 @@ def _index(
 def check_vacuum(
     name: str, label: str, values: np.ndarray, ambient: float, place: Callable[[int], str], where: str
 ) -> None:
-    """Refuse a pressure below vacuum [Pa]; `place` words where value i stands, NaN are passed over."""
+    """Refuse a pressure below vacuum [Pa]; `place` describes the position of value i, NaN are ignored."""
     absolute = name.endswith("_abs")
     lowest = 0.0 if absolute else -ambient
     below = values < lowest
@@ -156,7 +156,7 @@ def assemble(
     period: float | None = None,
     notes: Mapping[str, Any] | None = None,
 ) -> ImportResult:
-    """Make a recording of another program's columns: one clock, SI units, names as the laboratory writes them.
+    """Combine the columns of another program to a recording: one clock, SI units, names of this package.
 
     Args:
         path: the file, for messages and the meta.
@@ -220,7 +220,7 @@ def _sources_of(
 def _units(
     sources: Mapping[str, ColumnSource], foreign: Sequence[ForeignColumn], units: dict[str, str], where: str
 ) -> dict[str, str | None]:
-    """The unit in words of each channel that is read, the time among them."""
+    """Unit of each channel that is read, including the time."""
     labels = {foreign[column.at].label: name for name, column in sources.items()}
     words = {name: column.unit for name, column in sources.items()}
     for key, unit in units.items():
@@ -234,7 +234,7 @@ def _units(
 def _clock(
     sources: dict[str, ColumnSource], foreign: Sequence[ForeignColumn], chosen: bool, where: str
 ) -> tuple[str, list[str]]:
-    """The one clock of all channels; columns of others leave `sources`, if the file has a time that says which."""
+    """Common clock of all channels; columns with other clocks are removed if the file states which is which."""
     clocks = dict.fromkeys(foreign[column.at].clock for column in sources.values())
     if len(clocks) == 1:
         return next(iter(clocks)), []

@@ -97,7 +97,7 @@ def read_any(
 
 
 def write(recording: Recording, path: str | Path) -> list[str]:
-    """Write a recording as the suffix says; a reader never meets half a file.
+    """Write a recording in the format of the suffix, atomically.
 
     Returns:
         A line for each thing that the format holds otherwise than a recording does.
@@ -121,7 +121,7 @@ def convert(
     units: Mapping[str, str] | None = None,
     period: float | None = None,
 ) -> ImportResult:
-    """Read a file, and write it as the other's suffix says; the target is replaced when all is written.
+    """Read a file, and write it in the format of the target's suffix, atomically.
 
     Args:
         source: of mckibben or of another program.

@@ -249,7 +249,7 @@ def recognise_columns(header: list[str]) -> dict[str, list[str]]:
 
 
 def unit_of(column: str, what: str) -> tuple[str | None, bool]:
-    """The unit that a header says, if it does, and whether a pressure is absolute."""
+    """Unit that a header states, if any, and whether a pressure is absolute."""
     _, tail = split_header(column, _UNIT_WORDS)
     absolute = any(w.lower() in _ABSOLUTE for w in tail)
     found = [w for w in tail if w in _UNIT_WORDS]
@@ -405,7 +405,7 @@ def preview_table(path: str | Path, rows: int = 60) -> TablePreview:
 
 
 def stated_unit(column: str, what: str) -> str:
-    """The unit that a header says, as ``--unit`` takes it; nothing where it says none."""
+    """Unit that a header states, as ``--unit`` takes it; empty if it states none."""
     if what not in COLUMNS:
         return ""
     unit, absolute = unit_of(column, what)

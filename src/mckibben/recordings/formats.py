@@ -53,7 +53,7 @@ class ForeignColumn(NamedTuple):
 
 
 class ForeignTable(NamedTuple):
-    """The columns of a file that another program wrote, what else it says for the meta, and a line for each loss."""
+    """Columns of a file of another program, its metadata, and a line for each loss."""
 
     columns: list[ForeignColumn]
     notes: Mapping[str, Any] = {}

@@ -201,7 +201,7 @@ class LiveLog:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
-        """Close it; what went wrong inside becomes its message."""
+        """Close the log; an error becomes its message."""
         if kind is None:
             self.close()
         else:

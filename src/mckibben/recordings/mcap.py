@@ -92,7 +92,7 @@ def read_log(path: str | Path) -> LogContent:
 
 
 def is_log(path: Path) -> bool:
-    """Whether an MCAP file is of mckibben: one of two places in its beginning says so, and one may be damaged."""
+    """Whether an MCAP file is of mckibben: two places near its start state so, of which one may be damaged."""
     with open(path, "rb") as stream:
         begin = stream.read(4096)
     return struct.pack("<I", len(KEY)) + KEY.encode() in begin[:64] or HEAD.encode() in begin

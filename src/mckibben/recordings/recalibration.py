@@ -223,7 +223,7 @@ def _number(table: Any, key: str, path: str) -> float:
 
 
 def _shifted(time: np.ndarray, values: np.ndarray, skew: float) -> np.ndarray:
-    """Values at a time later by the skew [s]; NaN beyond the ends, in gaps, and beside NaN."""
+    """Values at a time later by the skew [s]; NaN beyond the ends, in gaps, and next to NaN."""
     if len(time) < 2:
         return np.full(len(time), np.nan)
     at = time + skew

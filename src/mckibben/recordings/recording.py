@@ -106,7 +106,7 @@ class Channel:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording:
-    """Channels over one time, and what is known about the run. Immutable; every method returns a new one.
+    """Channels over a common time, and metadata of the run. Immutable; every method returns a new one.
 
     Args:
         time: (n,) [s], finite and strictly increasing, n at least 1.
@@ -179,7 +179,7 @@ class Recording:
         return [name for name, channel in self.channels.items() if kind in (None, channel.kind)]
 
     def unit(self, name: str) -> str:
-        """SI unit of a channel in words."""
+        """SI unit of a channel."""
         return "s" if name == "time" else self._channel(name).unit
 
     @property
@@ -195,7 +195,7 @@ class Recording:
         return float(self.time[-1] - self.time[0])
 
     def select(self, start: float | None = None, end: float | None = None) -> Recording:
-        """The samples from `start` to `end` [s], both included; an end that is left out is open. The time is kept."""
+        """Samples from `start` to `end` [s], inclusive; an omitted end is open. Times are unchanged."""
         low, high = -math.inf if start is None else float(start), math.inf if end is None else float(end)
         # Times are sums of periods: 0.30000000000000004 s is meant by 0.3 s.
         room = 1e-6 * self.period if len(self) > 1 else 0.0
@@ -248,11 +248,11 @@ class Recording:
 
     @property
     def notes(self) -> list[Note]:
-        """The notes of a person by time, from the meta; what is no note there is passed over."""
+        """Notes by time, from the metadata; invalid ones are skipped."""
         return notes_of(self.meta)
 
     def with_note(self, time: float, text: str) -> Recording:
-        """The recording with one more note of a person.
+        """Return the recording with one more note.
 
         Args:
             time: within the recording [s].
@@ -290,7 +290,7 @@ class Recording:
         return dataset
 
     def save(self, path: str | Path) -> Path:
-        """Write to a ``.nc`` (netCDF) or ``.csv`` file; a file of that name is replaced only when all is written.
+        """Write to a ``.nc`` (netCDF) or ``.csv`` file, atomically.
 
         Returns:
             The path written.

@@ -120,7 +120,7 @@ def plain_text(cell: str) -> str:
 
 
 def check_width(rows: Rows, width: int, wanted: str, where: str) -> None:
-    """Refuse the first row that has not `width` cells; `wanted` says why it should."""
+    """Refuse the first row that has not `width` cells; `wanted` states why it should."""
     for number, row in rows:
         if len(row) != width:
             raise InputError(f"row {number}", f"{len(row)} cells", wanted, where=where)
@@ -158,7 +158,7 @@ def _left_out(label: str, numbers: list[int]) -> str:
 
 
 def split_header(cell: str, words: Container[str]) -> tuple[str, list[str]]:
-    """A header as its stem in lower case and the words after it: ``pressure_kPa_gauge`` -> pressure, [kPa, gauge].
+    """Split a header to its stem in lower case and the suffixes: ``pressure_kPa_gauge`` -> pressure, [kPa, gauge].
 
     Args:
         cell: the header.

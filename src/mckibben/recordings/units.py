@@ -1,4 +1,4 @@
-"""Units of channels: which words are SI, and the way from any other word to SI."""
+"""Units of channels: SI units, and conversion of any other unit to SI."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def is_pressure(si_unit: str) -> bool:
 
 
 def si_of(unit: str, *, field: str, where: str | None = None) -> tuple[str, float, float]:
-    """The SI unit that a unit in words becomes, and how: value [SI] = value * scale + offset.
+    """SI unit of a unit, and the conversion: value [SI] = value * scale + offset.
 
     Raises:
         InputError: the unit is unknown.

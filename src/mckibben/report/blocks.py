@@ -43,7 +43,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Gauge:
-    """A number on a scale of its own, drawn in a cell: a band that is allowed, a tick that is theirs, a dot that is ours.
+    """A number on its own scale, drawn in a cell: a permitted band, a tick of the paper, a dot of ours.
 
     Places lie between -1 and 1; a dot or a whisker beyond is an arrow at the end. `label` is for those who cannot see.
     """
@@ -58,7 +58,7 @@ class Gauge:
 
 @dataclass(frozen=True)
 class TableCell:
-    """A cell that needs more than its text: a look, or a hint at what a dash stands for."""
+    """A table cell with a style, or an explanation of a dash."""
 
     text: Text
     look: Literal["", "best", "caution", "stop"] = ""
@@ -67,7 +67,7 @@ class TableCell:
 
 @dataclass(frozen=True)
 class TableColumn:
-    """A column of a table: its title and unit, whether it holds numbers, whether it takes the room that is left.
+    """A table column: title and unit, whether it is numeric, whether it takes the remaining width.
 
     Neighbours of the same `group` share a heading above theirs.
     """
@@ -81,7 +81,7 @@ class TableColumn:
 
 @dataclass(frozen=True)
 class TableRow:
-    """A row of a table; a note stands below its cells, from the one that names the row on."""
+    """A table row; a note stands below its cells, beginning at the one that names the row."""
 
     cells: tuple[Text | TableCell | Gauge, ...]
     note: Text = ""
@@ -157,7 +157,7 @@ class NoteBox:
 
 @dataclass(frozen=True)
 class Listing:
-    """Text whose lines and spaces are kept, such as BibTeX."""
+    """Preformatted text, such as BibTeX."""
 
     text: str
 
@@ -174,7 +174,7 @@ class Fold:
 
 @dataclass(frozen=True)
 class References:
-    """The papers that a report rests on, numbered, by their keys; a key that is not known stands for itself."""
+    """References of a report, numbered, by their keys; an unknown key stands for itself."""
 
     keys: tuple[str, ...]
 

@@ -66,7 +66,7 @@ class Document:
         return document_pdf.pdf(self)
 
     def write(self, path: str | Path) -> Path:
-        """Write to an ``.html`` or ``.pdf`` file; its ending says which.
+        """Write to an ``.html`` or ``.pdf`` file, by its suffix.
 
         Raises:
             InputError: the ending is another, the folder is not there, or what sets a PDF file is not installed.

@@ -1,4 +1,4 @@
-"""A document as a PDF file, set by typst: tagged, with words for those who cannot see a picture, and without a date.
+"""PDF output of documents, by typst: tagged, with descriptions of figures, and without a date.
 
 Every word goes to typst as a string, which it does not read as markup.
 """
@@ -63,7 +63,7 @@ def pdf(document: Document) -> bytes:
 
 
 def compiler(instead: str = "HTML reports do without it") -> Any:
-    """The library that sets PDF files; `instead` says what does without it.
+    """Load the library for PDF files; `instead` states what works without it.
 
     Raises:
         MissingLibraryError: it is not installed.
@@ -77,13 +77,13 @@ def sources(document: Document) -> dict[str, bytes]:
 
 
 def quoted(text: str) -> str:
-    """A string of typst that stands for just these signs."""
+    """Quote a text as a string of typst."""
     escaped = printable(text).replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\t", "\\t")
     return f'"{escaped}"'
 
 
 def _wrapped(png: bytes) -> bytes:
-    """A PNG picture inside an SVG file: what typst is given beside the text must be text too."""
+    """Wrap a PNG picture in an SVG file, since typst takes further inputs as text only."""
     wide, high = (int.from_bytes(png[at : at + 4], "big") for at in (16, 20))
     data = base64.b64encode(png).decode("ascii")
     return (
@@ -104,7 +104,7 @@ def _very_wide(block: Block) -> bool:
 
 
 def _fonts() -> list[str]:
-    """Where the font of the figures' text lies: it is there wherever matplotlib is."""
+    """Folder of the figures' font, which is part of matplotlib."""
     from matplotlib import get_data_path
 
     return [str(Path(get_data_path()) / "fonts" / "ttf")]

@@ -1,4 +1,4 @@
-"""The report of working cycles: numbers, both loops, where the input goes, and efficiency over the supply's pressure."""
+"""Report of working cycles: numbers, both loops, division of the input, and efficiency over supply pressure."""
 
 from __future__ import annotations
 

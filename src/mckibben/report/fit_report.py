@@ -299,7 +299,7 @@ def _cell(value: float | None, best: float, column: int, size: float, converged:
 
 
 def _state(fit: Fit, size: float) -> TableCell:
-    """A mark and a few words: whether a fit converged, and what to mind."""
+    """Cell with a mark and a few words: whether a fit converged, and cautions."""
     if not fit.converged:
         return TableCell("did not converge", "stop")
     words = []

@@ -39,7 +39,7 @@ class Study:
 
 
 def known_of(spec: Specimen | None) -> dict[str, float]:
-    """Dimensions of a specimen that laws of it need and a fit does not find [SI], by the parameter's name."""
+    """Dimensions of a specimen that its laws need and a fit does not determine [SI], by the parameter's name."""
     places = {"rest_inner_diameter": ("rest_diameter", "m"), "wall_thickness": ("wall_thickness", "m")}
     properties = {} if spec is None else spec.properties
     return {
@@ -50,7 +50,7 @@ def known_of(spec: Specimen | None) -> dict[str, float]:
 
 
 def published_of(spec: Specimen | None, points: ForceMap) -> list[tuple[str, np.ndarray]]:
-    """Title and error at the taut points [N] of each law whose coefficients somebody else printed for this map."""
+    """Title and error at the taut points [N] of each law with published coefficients for this map."""
     found = []
     for name in spec.laws if spec is not None and spec.map else ():
         if spec is not None and not any(p.note.startswith("fitted") for p in spec.laws[name].values()):

@@ -30,7 +30,7 @@ SAME = 1e-6  # relative; a value that differs by more from its file's was set fo
 
 
 class ResolvedParameters(NamedTuple):
-    """A parameter of the run: its dotted path, value and unit in words, origin in words, and whether it was inferred."""
+    """A parameter of the run: its dotted path, value and unit, origin as text, and whether it was inferred."""
 
     path: str
     value: str
@@ -94,7 +94,7 @@ def inferred_inputs(meta: Mapping[str, Any]) -> list[InferredInput]:
 
 
 def _repeated(path: str, entry: Any, all_of_them: Mapping[str, Any]) -> bool:
-    """Whether a part of the circuit says again what the circuit's gas is."""
+    """Whether a part of the circuit repeats the circuit's gas."""
     _, inside, last = path.partition(".gas.")
     return bool(inside) and f"circuit.gas.{last}" != path and all_of_them.get(f"circuit.gas.{last}") == entry
 

@@ -81,7 +81,7 @@ def clock(record: Recording) -> list[str]:
 
 
 def channels(record: Recording) -> ReportTable:
-    """Smallest, mean and largest value of every channel, and how much of it is known."""
+    """Smallest, mean and largest value of every channel, and the share of samples that are known."""
     columns = (
         TableColumn("Channel"),
         TableColumn("Kind"),
@@ -308,7 +308,7 @@ LEAST_TURN = 0.02  # share of the largest value by which a channel must move to 
 
 
 def as_written(drawn: Drawing) -> Drawing:
-    """The figure with its words as they stand: a dollar sign in a name from outside begins no formula."""
+    """Escape dollar signs in a figure's texts, so that names from outside start no formula."""
     from matplotlib.text import Text
 
     for text in drawn.findobj(Text):
@@ -317,7 +317,7 @@ def as_written(drawn: Drawing) -> Drawing:
 
 
 def loop_blocks(record: Recording) -> list[Block]:
-    """Figures and tables of loops, for each label of steps in which the length or the pressure goes through cycles."""
+    """Figures and tables of loops, for each label of steps in which the length or the pressure is cyclic."""
     blocks: list[Block] = []
     for label, parts in _groups(record):
         length, tension, pressure = (_first(parts[0], names) for names in (LENGTHS, TENSIONS, PRESSURES))

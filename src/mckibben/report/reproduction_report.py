@@ -1,4 +1,4 @@
-"""The papers, number by number and figure by figure: what is printed, what is computed, and what that says.
+"""Report of the reproduction: printed and computed values, number by number and figure by figure, with verdicts.
 
 The figures come from the registry `paper_figures.FIGURES`; each is drawn anew from the laboratory's own runs.
 """
@@ -266,7 +266,7 @@ def _row(outcome: RowOutcome, drawn: Sequence[Drawn]) -> TableRow:
 
 
 def _said(note: str) -> Text:
-    """A note in type; what stands between backticks is code."""
+    """Format a note; text between backticks is code."""
     return tuple(Span(p, "code") if i % 2 else minus(p.replace("+-", "±")) for i, p in enumerate(note.split("`")))
 
 

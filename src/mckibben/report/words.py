@@ -18,7 +18,7 @@ _SCALED = {"kg/s": "g/s", "kg": "g"}
 
 
 def person_unit(si_unit: str) -> str:
-    """The unit in which a person reads a quantity, in words of `quantities`."""
+    """Usual unit for display of a quantity."""
     return _SCALED.get(si_unit, shown_unit(si_unit))
 
 
@@ -57,7 +57,7 @@ def minus(text: str) -> str:
 
 
 def amount(value: float, si_unit: str, digits: int = 4) -> str:
-    """An SI value with the unit in which a person reads it."""
+    """Format an SI value with its usual unit."""
     unit = person_unit(si_unit)
     return tied(significant(from_si(value, si_unit, unit), digits), unit)
 

@@ -1,4 +1,4 @@
-"""The papers, number by number: what is printed, what we compute, and what that says.
+"""Reproduction of the papers, number by number: printed and computed values, and verdicts.
 
 Rows are computed from the first one on. Where several need recordings, a second process computes them from the last one on,
 only to make recordings, which it leaves in a folder.
@@ -71,7 +71,7 @@ def helped(identifiers: list[str]) -> Iterator[None]:
 
 
 def _help(place: str, identifiers: list[str]) -> None:
-    """The second process: what fails is left to the first, which says why."""
+    """Compute rows in the second process; failures are left to the first, which reports them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process ends this one
     with kept_in(Folder(Path(place))):
         for row in reversed(select(None, identifiers)):

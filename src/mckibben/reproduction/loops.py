@@ -50,7 +50,7 @@ def triangle(
     accept_saturation: bool = False,
     cycles: int | None = None,
 ) -> Recording:
-    """The recorded cycles of one triangle; as many as the protocol has, where nothing is said."""
+    """Recorded cycles of one triangle; as many as the protocol has by default."""
     more = {} if cycles is None else {"cycles": cycles}
     whole = recording(
         "quasi-static",

@@ -117,7 +117,7 @@ def recording(
     accept_saturation: bool = False,
     **values: Any,
 ) -> Recording:
-    """The recording of a shipped protocol, made when it is first asked for.
+    """Recording of a shipped protocol, made at the first call.
 
     Args:
         name: of the protocol.

@@ -1,4 +1,4 @@
-"""The printed numbers, and what it means to reproduce one of them."""
+"""Printed numbers, and the criteria of their reproduction."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class PrintedRow(NamedTuple):
 
 
 class RowOutcome(NamedTuple):
-    """A row with ours beside it, in the row's unit; ``ok`` is None while no verdict is possible."""
+    """A row with our value, in the row's unit; ``ok`` is None without a verdict."""
 
     row: PrintedRow
     ours: float | None
@@ -116,7 +116,7 @@ def all_rows() -> tuple[PrintedRow, ...]:
 
 
 def select(part: str | None = None, identifiers: list[str] | None = None) -> list[PrintedRow]:
-    """Rows of one part (``I`` to ``IV``, ``discussion``) or whose identifier begins with one of the given words."""
+    """Rows of one part (``I`` to ``IV``, ``discussion``) or whose identifier begins with one of the given texts."""
     rows = list(all_rows())
     parts = list(dict.fromkeys(r.part for r in rows))
     if part is not None:

@@ -1,1 +1,1 @@
-"""Questions: studies that the laboratory answers as a whole, with fixed inputs and seeds."""
+"""Complete studies of one question each, with fixed inputs and seeds."""

@@ -105,7 +105,7 @@ class DesignStudy:
 
 
 def protocol(**values: Any) -> Protocol:
-    """The cycles and the step, with other values of its parameters in words.
+    """Cycles and step, with other values of parameters as text.
 
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.

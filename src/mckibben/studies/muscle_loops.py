@@ -73,7 +73,7 @@ def _file(folder: str | Path, name: str) -> Path:
 
 
 def _columns(path: Path, word: str, names: tuple[str, ...]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """A column of words and columns of numbers of a file, each (n,)."""
+    """Read a column of text and columns of numbers from a file, each (n,)."""
     where, lines = str(path), read_rows(path, str(path))
     header = [cell.strip() for cell in lines[0][1]] if lines else []
     for name in (word, *names):

@@ -273,7 +273,7 @@ class TubeModelResult:
 
 
 def fitted(model: TubeModel, cases: Sequence[Case]) -> TubeModelResult:
-    """Fit a model to records of one accumulator; where nothing of it is free it is run as it is."""
+    """Fit a model to records of one accumulator; a model without free parameters is run unchanged."""
     if not model.free:
         return _judged(model, model.heat, cases, {})
     return min((_fit(model, cases, start) for start in model.starts), key=lambda r: r.rms)

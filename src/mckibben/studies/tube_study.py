@@ -63,7 +63,7 @@ class TubeStudy:
         return tuple(self.results)
 
     def result(self, thermal: str, model: str, accumulator: str, *, refitted: bool = False) -> TubeModelResult:
-        """A model's result on an accumulator; on the small one transferred, unless the refitted one is asked for.
+        """Result of a model on an accumulator; on the small one transferred, or refitted on request.
 
         Raises:
             KeyError: if the study did not run it.
@@ -74,7 +74,7 @@ class TubeStudy:
         raise KeyError(f"{model}, {accumulator}, {thermal}")
 
     def has(self, model: str) -> bool:
-        """Whether a model was part of it."""
+        """Whether the study includes a model."""
         return all(any(r.model == model for r in many) for many in self.results.values())
 
 

@@ -36,7 +36,7 @@ AARL_ZERO = to_si(9.2, "kPa", "Pa", field="pressure")  # what the sensor of thos
 
 
 class Applied(NamedTuple):
-    """A law of a specimen that is applied to a data set as it stands; `scaled` gives it the muscles' rest lengths."""
+    """A law of a specimen that is applied unchanged; `scaled` gives it the muscles' rest lengths."""
 
     specimen: str
     law: str

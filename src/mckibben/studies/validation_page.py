@@ -195,7 +195,7 @@ def _notes(one: StaticResult) -> list[str]:
 
 
 def _gathered(warnings: Iterable[str]) -> list[str]:
-    """Warnings about pairs of parameters as one: a law with four of them may have six pairs."""
+    """Merge warnings about pairs of parameters: a law with four of them may have six pairs."""
     said: list[str] = []
     together: list[str] = []
     for warning in warnings:

@@ -1,1 +1,1 @@
-"""The laboratory's screen: one server, seven pages, one state; `laboratory` is that state, `server` shows it."""
+"""The web interface: one server, seven pages, one state; `laboratory` is that state, `server` serves it."""

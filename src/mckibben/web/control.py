@@ -1,4 +1,4 @@
-"""Who holds the controls of a laboratory, and who watches.
+"""Control of the machine: which page has it, and which pages watch.
 
 One page at a time is in control. It goes by the public name of its `identity`, which a reload keeps. When it vanishes,
 whatever runs runs on; after `HOLD` [s] the next page that asks gets the controls without being asked for.
@@ -16,7 +16,7 @@ AFTER = 1.0  # until then what was held by hand is vented, before a page that di
 
 @dataclass
 class Watcher:
-    """A page that looks on.
+    """A watching page.
 
     Attributes:
         lines: how many connections it has; none while it is away.

@@ -1,4 +1,4 @@
-"""Pages whose elements live on the server: a tree of tags, written into the page as HTML and kept in step over one line.
+"""Pages whose elements live on the server: a tree of tags, sent as HTML and updated over a socket.
 
 A page that is asked for becomes a `PageDocument` with a tree of `Element`. The first answer is its whole HTML, so that it
 stands before any script runs; what changes later goes over the document's WebSocket as a few kinds of operations, which
@@ -197,7 +197,7 @@ class Element:
 
 
 class Timer:
-    """Calls a function of a page again and again, while `active` and while the page is there."""
+    """Calls a function repeatedly, while `active` and while the page exists."""
 
     def __init__(self, document: PageDocument, period: float, do: Callable[[], object], active: bool = True) -> None:
         self.active = active
@@ -251,7 +251,7 @@ class PageDocument:
             LOGGER.error("a page failed", exc_info=task.exception())
 
     def when_connected(self, do: Callable[[], object]) -> None:
-        """Call a function once the page has its line, in the place where this is said."""
+        """Call a function once the page is connected, within the present element."""
 
         async def begin() -> None:
             await self._arrived.wait()
@@ -260,7 +260,7 @@ class PageDocument:
         self.spawn(begin())
 
     def on_close(self, do: Callable[[], object]) -> None:
-        """Call a function when the page is gone; a line that is lost for a moment closes nothing."""
+        """Call a function when the page is closed; a short loss of the connection does not close it."""
         self._ends.append(do)
 
     def call_script(self, name: str, *arguments: object) -> None:
@@ -282,7 +282,7 @@ class PageDocument:
         return self._count
 
     def record(self, kind: str, element: Element) -> None:
-        """Note that an element is new or has changed; it goes to the browser when the present code has run."""
+        """Note that an element is new or has changed; it is sent when the present code has run."""
         if kind == "insert":
             self.elements[element.number] = element
         if self._written and not self.closed:
@@ -306,7 +306,7 @@ class PageDocument:
     # ---- what the server uses
 
     def html(self) -> str:
-        """The page's first HTML; what changes from now on goes over its line."""
+        """The first HTML of the page; later changes are sent over its socket."""
         self._written = True
         found = self.root.html()
         self._flush_soon()  # calls that were made meanwhile
@@ -365,7 +365,7 @@ class PageDocument:
             await self.call(handler, value)
 
     def close(self) -> None:
-        """The page is gone."""
+        """Close the page."""
         if self.closed:
             return
         self.closed = True
@@ -377,7 +377,7 @@ class PageDocument:
 
 
 def _operations(records: list[tuple[str, Element]]) -> list[list[object]]:
-    """The operations of a flush: an element that came or changed is told once, with what it is now."""
+    """Operations of a flush: a new or changed element is sent once, in its final state."""
     fresh = {element.number for kind, element in records if kind == "insert"}
     gone = {element.number for kind, element in records if kind == "remove"}
 
@@ -436,7 +436,7 @@ class Documents:
         self._ends: dict[str, asyncio.TimerHandle] = {}
 
     def open(self) -> PageDocument:
-        """A document for a page that is asked for."""
+        """Create a document for a requested page."""
         document = PageDocument()
         self._documents[document.key] = document
         self._await(document)

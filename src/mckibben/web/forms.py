@@ -50,7 +50,7 @@ def accept(name: str, words: str, quantity: Quantity, old: float) -> Accepted:
 
 
 def shown(value: float, quantity: Quantity) -> str:
-    """A value as its field shows it: in the unit that stands beside it."""
+    """Value as its field displays it, in the unit beside it."""
     return f"{from_si(value, quantity.unit, shown_unit(quantity.unit)) if quantity.unit != '1' else value:.6g}"
 
 
@@ -127,5 +127,5 @@ def form(
 
 
 def allowed(low: float, high: float, unit: str) -> str:
-    """Bounds [SI] in words, for a label."""
+    """Format bounds [SI] for a label."""
     return f"{with_unit(low, unit)} to {with_unit(high, unit)}"

@@ -194,7 +194,7 @@ class _Safe:
 
 
 def _is_page(heads: dict[str, str]) -> bool:
-    """Whether a browser asks for what it shows to a person."""
+    """Whether a browser requests a page to display."""
     return "text/html" in heads.get("accept", "")
 
 

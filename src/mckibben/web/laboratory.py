@@ -34,7 +34,7 @@ class PageMachine(Protocol):
         """Get ready, in threads of its own."""
 
     def status(self) -> dict[str, Any]:
-        """State, why, times: what the state block says."""
+        """State, reason and times for the state block."""
 
     def describe(self) -> dict[str, Any]:
         """Rarely changing properties: muscle, rig, protocol, limits, dry run."""
@@ -49,7 +49,7 @@ class PageMachine(Protocol):
         """Vent at once."""
 
     def shown(self, epoch: int, samples: int) -> None:
-        """So much of what goes on has the page in control drawn."""
+        """Note how many samples the page in control has drawn."""
 
     def control_lost(self) -> None:
         """Nobody is in control."""
@@ -58,7 +58,7 @@ class PageMachine(Protocol):
         """Somebody is again."""
 
     def close(self) -> None:
-        """Vent, and let go of it."""
+        """Vent, and release the machine."""
 
 
 class Laboratory:
@@ -94,7 +94,7 @@ class Laboratory:
 
     @property
     def server(self) -> str:
-        """Identity of this server, which stands in every frame of its samples too; another one after a restart."""
+        """Identity of this server, also contained in every frame of samples; new after a restart."""
         return self.machine.stream.server
 
     def saved_before(self, name: str) -> str | None:
@@ -136,7 +136,7 @@ class Laboratory:
         return made[2]
 
     def act(self, page: str, action: str, words: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Do something for a page; never raises for what a person got wrong.
+        """Perform an action for a page; errors of the user are returned, not raised.
 
         Returns:
             ``ok``, and ``said``: what came of it, or why it was refused, with ``field`` where one is to blame.
@@ -168,7 +168,7 @@ class Laboratory:
             self.machine.shown(epoch, samples)
 
     def delete(self, name: str) -> None:
-        """Delete a recording, with a way back for as long as its toast stands."""
+        """Delete a recording; it can be restored while its notice is shown."""
         word = self.recordings.delete(name)
         self.toasts.tell(
             f"Deleted {Path(name).stem}.", undo=lambda: self.recordings.restore(word, name),

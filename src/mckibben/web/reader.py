@@ -68,12 +68,12 @@ class ReaderProcess:
 
     @property
     def left(self) -> float | None:
-        """Time that reading will still take [s], once that can be said."""
+        """Remaining time of reading [s], as soon as it can be estimated."""
         gone = time.monotonic() - self._begun
         return gone * (1.0 - self.share) / self.share if self._begun and self.share > 0.05 and gone > 1.0 else None
 
     def stop(self) -> None:
-        """End it; whoever waits for the result hears of it."""
+        """End the process; a waiting caller gets an error."""
         self._stop.set()
 
     def result(self) -> Any:

@@ -1,4 +1,4 @@
-"""The server of a laboratory: pages, sheets, the socket of every page, and downloads; nothing comes from elsewhere."""
+"""The web server: pages, style sheets, the socket of every page, and downloads; nothing is loaded from elsewhere."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ UNKNOWN_DOCUMENT = 4404  # code with which a line is closed whose page is not kn
 
 
 def build(lab: Laboratory, host: str, port: int, token: str | None = None) -> Guard:
-    """The application of a laboratory, guarded.
+    """Build the application, guarded.
 
     Args:
         lab: itself.
@@ -188,7 +188,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: Callable[[str], None]) -> None:
-    """Serve until somebody ends it; the laboratory is closed then.
+    """Serve until interrupted, then close the machine.
 
     Args:
         lab: itself.

@@ -62,7 +62,7 @@ class Shelf:
         return path
 
     def ready(self) -> Path:
-        """The folder, which is there now."""
+        """Folder, created if necessary."""
         self.folder.mkdir(parents=True, exist_ok=True)
         return self.folder
 
@@ -75,7 +75,7 @@ class Shelf:
         return name
 
     def free(self, name: str) -> str:
-        """The name, or one like it that nobody has."""
+        """The name, or a similar unused one."""
         path = self.path(name)
         stem, ending = path.stem, path.suffix
         for number in range(2, 10_000):
@@ -134,7 +134,7 @@ class Shelf:
 
 
 def plain(words: str, otherwise: str = "run") -> str:
-    """A stem for a file's name from any words."""
+    """Stem of a file name from any text."""
     found = re.sub(r"[^A-Za-z0-9_-]+", "-", words).strip("-_")[:80]
     return found or otherwise
 

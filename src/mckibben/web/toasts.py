@@ -94,7 +94,7 @@ class Toasts:
             toast.commit()
 
     def tick(self) -> None:
-        """Make final what nobody brought back in its time."""
+        """Commit actions whose time for Undo is over."""
         now = self._clock()
         with self._lock:
             over = [t.number for t in self._kept.values() if t.since is not None and now - t.since >= t.left]
@@ -102,7 +102,7 @@ class Toasts:
             self.close(number)
 
     def finish(self) -> None:
-        """Make all of it final."""
+        """Commit all actions."""
         for number in list(self._kept):
             self.close(number)
 

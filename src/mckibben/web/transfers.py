@@ -22,7 +22,7 @@ AWAY = 5.0  # time for which a page may lose its line before what it reads is st
 
 
 async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *given: Any) -> Any:
-    """Do what takes a while in another thread; `place` keeps its size and says what is done.
+    """Run slow work in another thread; `place` keeps its size and shows a label.
 
     Returns:
         What `work` returns; None where it was refused, with the sentence in the place.
@@ -44,7 +44,7 @@ async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *g
 async def read_with_progress(
     place: Element, words: str, work: Callable[..., Any], path: Path, *given: Any, passes: int = 1
 ) -> Any:
-    """Read a file, in a process of its own where it is large; `place` says how far it is, and has a button that stops it.
+    """Read a file, in a separate process if it is large; `place` shows the progress, and a button to stop.
 
     A page that is left for longer than `AWAY` stops it too.
 
@@ -90,7 +90,7 @@ async def read_with_progress(
 
 
 class IncomingFile:
-    """A file that a page sent: its name and a copy of its own, which is there until `close`, or until nobody has it."""
+    """An uploaded file: its name and a temporary copy, which exists until `close`, or until it is released."""
 
     def __init__(self, name: str) -> None:
         folder = Path(tempfile.mkdtemp(prefix="mckibben-"))

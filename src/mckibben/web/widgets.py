@@ -85,7 +85,7 @@ def button(
     words: str, click: Callable[..., object] | None = None, *, primary: bool = False, small: bool = False,
     quiet: bool = False, key: str = "",
 ) -> Element:  # fmt: skip
-    """A button; its words are a verb."""
+    """Build a button; its label is a verb."""
     kinds = [k for k, on in (("pri", primary), ("s", small), ("q", quiet)) if on]
     markup = html.escape(words) + (f" <kbd>{html.escape(key)}</kbd>" if key else "")
     made = raw(markup, "button", " ".join(["btn", *kinds])).set(type="button")
@@ -93,7 +93,7 @@ def button(
 
 
 def segments(names: Mapping[str, str], chosen: str, change: Callable[[str], object], label: str) -> Element:
-    """A row of buttons of which one is pressed: value -> words."""
+    """Build a row of buttons of which one is pressed: value -> label."""
     buttons: dict[str, Element] = {}
 
     def choose(value: str) -> object:
@@ -112,7 +112,7 @@ def segments(names: Mapping[str, str], chosen: str, change: Callable[[str], obje
 def select(
     options: Mapping[str, str], chosen: str, change: Callable[[str], object], label: str, classes: str = ""
 ) -> Element:
-    """A list of which one is chosen: value -> words; a quantity's class (P, F, L, q, v) colours it."""
+    """Build a drop-down list: value -> label; a quantity's class (P, F, L, q, v) colours it."""
     with box("div", "field s"):
         with box("select", classes).set(aria_label=label) as one:
             for value, words in options.items():
@@ -122,7 +122,7 @@ def select(
 
 
 def check(words: str, on: bool, change: Callable[[bool], object], more: str = "") -> Element:
-    """A box that is ticked or not, with words behind it, and more at the end of the line."""
+    """Build a check box with a label, and more at the end of the line."""
     with box("label", "row") as one:
         box("input").set(type="checkbox", checked=on).on_value("change", lambda value: change(bool(value)))
         text("span", words)
@@ -151,7 +151,7 @@ def empty(words: str, button_words: str = "", go: str | Callable[..., object] | 
 
 
 def refused(words: str) -> Element:
-    """A sentence beside what was refused."""
+    """Build a message beside what was refused."""
     with box("div", "err").set(role="alert") as one:
         raw(SIGNS["field"], "span")
         text("span", words)
@@ -226,7 +226,7 @@ class Dialog:
             self._element.delete()
 
     def answer(self, words: str) -> None:
-        """A sentence below its fields; no words take it away."""
+        """Show a message below the fields; an empty one removes it."""
         if self._answer is None:
             if not words:
                 return
@@ -243,7 +243,7 @@ class Dialog:
 
 
 class TypedField:
-    """A field of words in a dialog: `value` is what stands in it."""
+    """A text field in a dialog: `value` is its text."""
 
     def __init__(
         self, label: str, value: str = "", *, unit: str = "", about: str = "", done: Callable[[], object] | None = None
@@ -276,5 +276,5 @@ def link(**state: object) -> None:
 
 
 def tell(words: str) -> None:
-    """A line at the foot of the page that goes by itself."""
+    """Show a passing notice at the foot of the page."""
     call_script("tell", words)

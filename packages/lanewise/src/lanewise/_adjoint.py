@@ -75,7 +75,7 @@ class ReverseAnalysis:
         raise LoweringError("a loop", "its derivative needs a number of trips that is known before it runs")
 
     def divides(self, node: Entry) -> bool:
-        """Whether the reciprocal of a division in a loop is kept."""
+        """Whether the reciprocal of a division in a loop is stored."""
         if not isinstance(node, Node) or node.op != "div" or node not in self.active.nodes:
             return False
         home = self.home[node]
@@ -102,7 +102,7 @@ class ReverseAnalysis:
         return buffer.size <= SMALL and not any(n.attr[0] is buffer and n.attr[1] for n in self.loads)
 
     def read(self, buffer: Buffer) -> bool:
-        """Whether what stands in a buffer, or in one inside of it, is read again as something that changes."""
+        """Whether a buffer, or one inside it, is read again as a changing value."""
         return any(n in self.active.nodes and buffer in enclosing_buffers(n.attr[0]) for n in self.loads)
 
     def begun(self, entries: list[Entry]) -> list[Buffer]:
@@ -119,7 +119,7 @@ class ReverseAnalysis:
         return [b for b in found if self._here(b, entries)]
 
     def _here(self, buffer: Buffer, entries: list[Entry]) -> bool:
-        """Whether all that reads a buffer stands in a block or inside of it."""
+        """Whether all readers of a buffer are in a block or inside it."""
         inside = {x for e in entries if isinstance(e, Loop) for x in self.inside[e]}
         own = {e for e in entries if isinstance(e, Node)}
         return all(
@@ -142,13 +142,13 @@ class ReverseAnalysis:
         return any(buffer in enclosing_buffers(s.buffer) for x in self.inside[loop] - {loop} for s in x.stores)
 
     def local(self, loop: Loop) -> list[Buffer]:
-        """Memory that one trip writes, by loops inside of it, and reads."""
+        """Memory that one trip writes, by inner loops, and reads."""
         written = {s.buffer for x in self.inside[loop] - {loop} for s in x.stores}
         read = {n.attr[0] for n in self.loads if self.home[n] in self.inside[loop]}
         return sorted(written & read, key=lambda b: b.serial)
 
     def again(self, most: int) -> set[Loop]:
-        """Loops that go forwards once more through what is inside of them, in every trip on the way back."""
+        """Loops whose content is recomputed in every trip of the reverse pass."""
         found = {x for x in self.moving if self.local(x)}
         size = 0
         for loop in self.moving:

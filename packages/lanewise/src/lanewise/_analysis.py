@@ -40,7 +40,7 @@ class Liveness(NamedTuple):
 
 
 def enclosing_buffers(buffer: Buffer) -> Iterable[Buffer]:
-    """A buffer and all in which it stands."""
+    """Iterate over a buffer and all that contain it."""
     found: Buffer | None = buffer
     while found is not None:
         yield found
@@ -132,7 +132,7 @@ class _Search:
 
 
 def find_homes(graph: Graph, live: Liveness) -> dict[Any, Loop | None]:
-    """The loop in which each node stands, as far out as what it depends on allows; the same for each loop itself."""
+    """Loop of each node, as far out as its dependencies allow; the same for each loop itself."""
     home: dict[Any, Loop | None] = {}
     outer: dict[Loop, set[Loop]] = {x: set() for x in live.loops}  # what is used inside and stands outside
     ends: dict[Loop, int] = {}
@@ -239,7 +239,7 @@ def rewrite(
     known: dict[Node, Node] | None = None,
     order: list[Node] | None = None,
 ) -> Graph:
-    """The living part of a graph made anew, node by node; the rule returns None where a node stays what it is.
+    """Rebuild the live part of a graph, node by node; the rule returns None for an unchanged node.
 
     Args:
         graph: stays as it is.

@@ -82,7 +82,7 @@ class Group(NamedTuple):
 
     @property
     def is_replaced(self) -> bool:
-        """Whether the function reads it and writes it anew."""
+        """Whether the function reads and overwrites it."""
         return self.is_read and any(m.result is not None for m in self.members)
 
     def describe(self) -> str:
@@ -114,7 +114,7 @@ def make_groups(
 
 
 def _same(called: str, before: list[Member], after: list[Member]) -> None:
-    """Refuse a result that cannot stand where the argument stood."""
+    """Refuse a result that does not match the argument it replaces."""
     places = [{m.path: (m.kind, m.shape) for m in members} for members in (before, after)]
     for path in (*places[0], *places[1]):
         if places[0].get(path) != places[1].get(path):

@@ -1,4 +1,4 @@
-"""Forward derivatives: a program beside which its changes in several directions are computed.
+"""Forward derivatives: programs that also compute tangents in several directions.
 
 Every number gets its changes in all directions, as sums over what it depends on. In a loop without further loops the graph
 of these sums is shortened first: a value with few inputs and uses is replaced by products of partial derivatives, taken once
@@ -112,7 +112,7 @@ def product(g: Graph, x: Node, y: Node) -> Node:
 
 
 def total(g: Graph, x: Node, y: Node) -> Node:
-    """Sum of x and y, where what a choice gives to one and what it gives to the other are one choice."""
+    """Add x and y; choices by the same condition are merged."""
     if x.op == y.op == "select" and x.args[0] is y.args[0]:
         for a, b in ((x, y), (y, x)):
             if is_zero(a.args[2]) and is_zero(b.args[1]):
@@ -364,7 +364,7 @@ class Replay:
 
     @staticmethod
     def turns(scope: Scope, loop: Loop) -> bool:
-        """Whether the loop that stands for one goes backwards."""
+        """Whether the loop that replaces a loop runs backwards."""
         found: Scope | None = scope
         while found is not None and loop not in found.loops:
             found = found.around

@@ -48,7 +48,7 @@ class Format:
 
 
 class Builder:
-    """Short words for the nodes of a formula."""
+    """Shorthand for the nodes of a formula."""
 
     def __init__(self, graph: Graph, form: Format) -> None:
         self.g, self.form = graph, form

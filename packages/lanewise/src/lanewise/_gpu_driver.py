@@ -1,4 +1,4 @@
-"""NVIDIA's driver by its C interface: devices, memory, modules and launches; needs no package beside the driver itself."""
+"""NVIDIA's driver by its C interface: devices, memory, modules and launches, without further packages."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ class Buffer:
 
 @dataclasses.dataclass(frozen=True, eq=False, slots=True)
 class Store:
-    """Write a value to element scale * index + offset of a buffer, or add it to what stands there."""
+    """Write a value to element scale * index + offset of a buffer, or add it to the present value."""
 
     buffer: Buffer
     scale: int
@@ -156,7 +156,7 @@ class Graph:
         return self.intern(key, "const", (), value, kind)
 
     def make(self, op: str, args: tuple[Node, ...], attr: Any = None, kind: str | None = None) -> Node:
-        """A node, folded where that is possible, or the one that is there already."""
+        """Return a node, folded if possible, or an existing one."""
         if kind is None:
             kind = "bool" if op in TRUTH else args[-1].kind
         if op in COMMUTE and args[0].serial > args[1].serial:
@@ -210,7 +210,7 @@ class Graph:
         return phi
 
     def close_loop(self, loop: Loop, nexts: Iterable[Node]) -> list[Node]:
-        """End a loop with what goes to the next trip; returns what it leaves behind."""
+        """End a loop with the values for the next trip; return its results."""
         if self._open.pop() is not loop:
             raise ValueError("loops are closed in the reverse order of opening")
         loop.nexts = list(nexts)
@@ -246,7 +246,7 @@ class Graph:
         return len(self._open)
 
     def unwind(self, depth: int) -> None:
-        """Give up loops that are open, down to a depth: what stood in them was refused."""
+        """Discard open loops, down to a depth, after their content was refused."""
         del self._open[depth:]
 
 
@@ -497,7 +497,7 @@ def _compare(op: str) -> Fold:
 
 
 def _same(g: Graph, op: str, a: Node, b: Node) -> Node | None:
-    """Fold eq and ne of what is a truth value, of a number and an extreme of it, and of a number with itself."""
+    """Fold eq and ne of truth values, of a number and an extreme of it, and of a number with itself."""
     for x, y in ((a, b), (b, a)):
         if y.op == "const" and x.op in ("real", "int") and x.args[0].kind == "bool" and y.attr in (0, 1):
             return x.args[0] if (y.attr == 1) == (op == "eq") else g.make("not", (x.args[0],))

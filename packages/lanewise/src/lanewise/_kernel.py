@@ -73,7 +73,7 @@ def host() -> Host:
 
 @functools.cache
 def emitter_version() -> str:
-    """A hash of this package's own sources, without which a cache would outlive a change of them."""
+    """Hash of this package's own sources, so that changes of them invalidate the cache."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
@@ -222,7 +222,7 @@ class Kernel:
             one.result()
 
     def _last(self, arrays: list[np.ndarray], n: int, rest: int) -> None:
-        """The lanes that fill no block, the last of them repeated, in arrays of their own."""
+        """Run the lanes that fill no block, the last of them repeated, in separate arrays."""
         own = []
         for slot, array in zip(self.slots, arrays, strict=True):
             if not slot.differs:

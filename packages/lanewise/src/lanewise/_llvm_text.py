@@ -211,7 +211,7 @@ class Memory(Text):
             self.put(pointer, many, store.value, store.adds)
 
     def _scatter(self, pointers: str, store: Store) -> None:
-        """Write to an address per lane; no two lanes have an address in common, for what differs stands apart by lanes."""
+        """Write to an address per lane; no two lanes share one, since varying values are stored by lanes."""
         if store.value.kind != "real" or not self.differs(list(enclosing_buffers(store.buffer))[-1]):
             raise LoweringError("a store", "its place differs from lane to lane")
         one, name = self.real, self.name(store.value, True)
@@ -225,7 +225,7 @@ class Memory(Text):
         self.lines.append(f"  call void @{made}({whole} {name}, {where}, {mask} splat (i1 true))")
 
     def put(self, pointer: str, many: bool, value: Node, adds: bool = False) -> None:
-        """Write a value to an address, or add it to what is there."""
+        """Write a value to an address, or add it to the present value."""
         one = self.memory(value.kind)
         name, whole = self.name(value, many), self.type(value.kind, many)
         inside = f"<{self.width} x {one}>" if many else one

@@ -118,7 +118,7 @@ def _order(live: Liveness, chosen: dict[Node, list[Node]]) -> list[Node]:
 
 
 def restore_divisions(graph: Graph) -> Graph:
-    """A reciprocal that is used once, by a product beside it, becomes the division that it was."""
+    """Restore a division from a reciprocal that is used once, by a product."""
     live = find_live(graph)
     home, times = find_homes(graph, live), count_uses(graph, live)
 
@@ -252,7 +252,7 @@ def combine_lines(graph: Graph) -> Graph:
 
 
 def regroup_products(graph: Graph, *, together: bool) -> Graph:
-    """The graph with every product put together anew.
+    """Regroup the factors of every product.
 
     Args:
         graph: stays as it is.

@@ -467,7 +467,7 @@ def _misshapen(leaf: Leaf, array: np.ndarray, lanes: int | None) -> ArgumentErro
 
 
 def _write_whole(path: Path, data: bytes) -> None:
-    """Write a file beside its place, and move it there when it is complete: a reader never meets half of it."""
+    """Write a file atomically."""
     part = path.with_name(f".{secrets.token_hex(4)}.part{path.suffix}")
     try:
         with open(part, "wb") as stream:

@@ -44,7 +44,7 @@ FEW = 32  # elements up to which parts of memory are joined outside of it
 
 
 def make_array(graph: Graph, shape: tuple[int, ...], kind: str, element: Callable[[tuple[Any, ...]], Node]) -> Any:
-    """A value from what stands at each index: written out where it is small."""
+    """Build a value from the elements at each index: written out if it is small."""
     view = LazyArray(shape, kind, element)
     return view if is_long(view) else unwrap_scalar(materialise(graph, view))
 

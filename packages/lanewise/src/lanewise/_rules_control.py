@@ -66,7 +66,7 @@ def _call(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
 
 
 def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
-    """A function that says its derivatives itself: they are traced beside it, one input at a time."""
+    """Trace a function with its own derivatives, one input at a time."""
     found = t.run(eqn.params["call_jaxpr"].jaxpr, [t.constant(c) for c in eqn.params["call_jaxpr"].consts], values)
     inputs = [k for k, v in enumerate(values) if isinstance(v, Node) and v.kind == "real" and v.op != "const"]
     numbers = all(isinstance(v, Node) for v in (*values, *found))
@@ -95,7 +95,7 @@ def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
 
 
 def _slope(eqn: Any, names: list[Any], by: Any) -> Any:
-    """The derivatives of a call by one of its inputs, as a jaxpr of all of them."""
+    """Jaxpr of the derivatives of a call by one of its inputs."""
     own = eqn.params["call_jaxpr"].jaxpr
     call = jaxpr_as_fun(ClosedJaxpr(own.replace(constvars=[], invars=names, outvars=eqn.outvars, eqns=[eqn]), ()))
     change = tuple(jnp.zeros(v.aval.shape, _tangent(v)) if v is not by else jnp.ones(()) for v in names)
@@ -402,7 +402,7 @@ def _after(g: Graph, value: Any, loop: Loop) -> Any:
 
 @rule("while")
 def _while(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
-    """A loop whose number of trips is known when it begins: a count up to a limit that stays."""
+    """Lower a loop whose number of trips is known at its start: a count up to a constant limit."""
     g, p = t.graph, eqn.params
     n_cond, n_body = p["cond_nconsts"], p["body_nconsts"]
     cond_consts, known, inits = values[:n_cond], values[n_cond : n_cond + n_body], list(values[n_cond + n_body :])

@@ -33,7 +33,7 @@ Value = Any  # a node, an array of nodes, a view, or a refusal
 
 
 class LazyArray:
-    """An array of nodes that are made when asked for; `element_at` takes one int or int node per axis.
+    """An array whose nodes are created on request; `element_at` takes one int or int node per axis.
 
     `fill` is the node that stands everywhere, where one does.
     """
@@ -46,7 +46,7 @@ class LazyArray:
 
     @property
     def touched(self) -> bool:
-        """Whether an element has been asked for."""
+        """Whether an element has been requested."""
         return bool(self._made)
 
     def at(self, index: Index) -> Node:
@@ -66,7 +66,7 @@ class ConstantArray(LazyArray):
 
 
 class BufferArray(LazyArray):
-    """The whole of a buffer, in C order; readable once the tokens are there.
+    """A whole buffer, in C order; readable after its tokens.
 
     `written` says that a loop writes every element of it, so that it may stand inside a larger buffer; `sum_of` that it
     began as zeros and was only added to.
@@ -219,7 +219,7 @@ def element_of_join(graph: Graph, parts: Sequence[Value], axis: int, index: Inde
 
 
 def _picked(graph: Graph, value: np.ndarray, index: Index) -> Node:
-    """An element of an array of nodes at an index that is not known beforehand."""
+    """Element of an array of nodes at an index that is known at run time only."""
     fixed = tuple(i if isinstance(i, int) else slice(None) for i in index)
     part, moving = value[fixed], tuple(i for i in index if not isinstance(i, int))
     flattened, place = part.ravel(), flat_index(graph, moving, part.shape)
@@ -346,7 +346,7 @@ class Tracer:
         return self.run(closed.jaxpr, [self.constant(c) for c in closed.consts], values)
 
     def constant(self, value: Any) -> Any:
-        """A number or an array that is known."""
+        """Return a known number or array as a value."""
         if type(value) in (float, int, bool):
             return self.graph.const(value, {float: "real", int: "int", bool: "bool"}[type(value)])
         array = np.asarray(value)

@@ -1,4 +1,4 @@
-"""Files that are kept so that nothing is made twice: machine code and programs, bounded, in one private folder.
+"""Cache of machine code and programs, of limited size, in one private folder.
 
 The folder is the user's cache folder, or the one that an environment variable names; "off" there keeps nothing. An
 application that keeps its programs in a folder of its own says so with `use_cache` before it compiles anything. A file is
@@ -57,7 +57,7 @@ def use_cache(application: str, variable: str) -> None:
 
 
 def cache_folder() -> Path | None:
-    """The folder in use; None where nothing is to be kept, or where other users could change it (with a warning)."""
+    """Folder in use; None if caching is off, or if other users could change it (with a warning)."""
     folder = _configured_folder()
     if folder is None or is_private(folder):
         return folder
@@ -87,7 +87,7 @@ def _configured_folder() -> Path | None:
 
 
 def load(file: str) -> tuple[bytes, Description] | None:
-    """The content of a kept file and the words that were kept with it; None where there is none, or it is damaged."""
+    """Content and description of a cached file; None if there is none, or it is damaged."""
     folder = cache_folder()
     if folder is None:
         return None
@@ -106,7 +106,7 @@ def load(file: str) -> tuple[bytes, Description] | None:
 
 
 def store(file: str, data: bytes, description: Description) -> None:
-    """Keep data and a description of plain words and numbers; a folder that cannot be written to is no error."""
+    """Cache data with a description of plain text and numbers; a read-only folder is no error."""
     folder = cache_folder()
     if folder is None:
         return
@@ -125,7 +125,7 @@ def store(file: str, data: bytes, description: Description) -> None:
 
 
 def load_or_make(file: str, make: Callable[[], tuple[bytes, Description]]) -> tuple[bytes, Description]:
-    """The content of a kept file and its description; both are made and kept where there is none."""
+    """Content and description of a cached file, created if there is none."""
     known = load(file)
     if known is not None:
         return known
@@ -135,7 +135,7 @@ def load_or_make(file: str, make: Callable[[], tuple[bytes, Description]]) -> tu
 
 
 def _delete_oldest(folder: Path) -> None:
-    """Delete what was not used for longest, if there is too much, and what nobody will finish."""
+    """Delete the files unused for longest, if there are too many, and abandoned ones."""
     entries = []
     for entry in os.scandir(folder):
         if _OWN_FILES.fullmatch(entry.name):
@@ -153,7 +153,7 @@ def _delete_oldest(folder: Path) -> None:
 
 
 def is_private(place: str | os.PathLike[str] | int) -> bool:
-    """Whether nobody but this user and the administrator owns a folder or file, and can write to it.
+    """Whether only this user and the administrator own a folder or file, and can write to it.
 
     Args:
         place: a path, which is private where there is nothing yet, or the number of an open file.

@@ -1,4 +1,4 @@
-"""Errors that this package raises on purpose; each carries one sentence for a person."""
+"""Errors that this package raises on purpose; each has a message of one sentence."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class LoweringError(LanewiseError):
 
 
 class UnavailableError(LanewiseError):
-    """The machine lacks what was asked for: LLVM, a driver, or a GPU that is new enough."""
+    """A requested resource is missing: LLVM, a driver, or a GPU that is new enough."""
 
 
 class DriverError(LanewiseError):
-    """A GPU's driver refused a call; the message has the driver's own words."""
+    """A GPU's driver refused a call; the message contains the driver's own text."""
 
 
 class CacheWarning(UserWarning):
@@ -59,5 +59,5 @@ class CacheWarning(UserWarning):
 
 
 def shorten(text: str) -> str:
-    """Cut a text in its middle where it would fill the screen."""
+    """Shorten a long text in its middle."""
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 20]}..{text[-18:]}"

@@ -30,7 +30,7 @@ class SampleRows(Protocol):
 
 
 class SimulatedMachine:
-    """A machine behind its converters that goes on from sample to sample.
+    """A simulated machine with converters, advanced sample by sample.
 
     Args:
         plant: the machine.

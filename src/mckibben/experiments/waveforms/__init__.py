@@ -1,4 +1,4 @@
-"""Waveforms as data: what a signal shall do over time, from a table of words to numbers and to a sentence.
+"""Waveforms as data: signals over time, read from tables, sampled, and described in sentences.
 
 A waveform is an immutable value in the unit of its signal. `Waveform.at` gives its values at any times; the same times give
 the same values on every machine, noise included. ``straight`` says how it goes on between two samples: along a line, or

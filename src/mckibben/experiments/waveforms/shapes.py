@@ -56,7 +56,7 @@ class Constant(Waveform):
 @register
 @dataclass(frozen=True, kw_only=True)
 class Staircase(Waveform):
-    """A staircase: from each time on, the value beside it. The first time is 0 s."""
+    """A staircase: each value holds from its time on. The first time is 0 s."""
 
     kind: ClassVar[str] = "steps"
     digest_name: ClassVar[str] = "Steps"
@@ -163,7 +163,7 @@ class PulseWidth(Waveform):
 @register
 @dataclass(frozen=True, kw_only=True)
 class Binary(Waveform):
-    """A pseudo-random binary sequence of a shift register: low or high anew after each `hold`; it repeats after 2^order - 1.
+    """A pseudo-random binary sequence of a shift register, redrawn after each `hold`; its period is 2^order - 1.
 
     Source of the taps: P. Alfke, Xilinx application note XAPP 052, 1996; each gives the longest sequence of its order.
     """
@@ -198,7 +198,7 @@ def _sequence(order: int) -> np.ndarray:
 
 
 def pair(wave: Any, unit: str) -> str:
-    """The lower and the upper value in words."""
+    """Format the lower and the upper value."""
     return f"{words(wave.low, unit)} to {words(wave.high, unit)}"
 
 
@@ -284,7 +284,7 @@ class Sine(Waveform):
 @register
 @dataclass(frozen=True, kw_only=True)
 class Chirp(Waveform):
-    """A sine whose frequency goes from one to another, and stays there; `sweep` is ``linear`` or ``log``."""
+    """A sine whose frequency changes from first to last and then stays; `sweep` is ``linear`` or ``log``."""
 
     kind: ClassVar[str] = "chirp"
     straight: ClassVar[bool] = True
@@ -457,14 +457,14 @@ class PointTable(Waveform):
 @register
 @dataclass(frozen=True, kw_only=True)
 class Sum(Waveform):
-    """Several waveforms added; straight where one of them is."""
+    """A sum of waveforms, interpolated linearly if one of them is."""
 
     kind: ClassVar[str] = "sum"
     parts: tuple[Waveform, ...] = schema.entry(read_parts)
 
     @property
     def straight(self) -> bool:
-        """Whether one of them is."""
+        """Whether one of the parts is interpolated linearly."""
         return any(p.straight for p in self.parts)
 
     def at(self, times: Any) -> np.ndarray:
@@ -492,7 +492,7 @@ class Sequence(Waveform):
 
     @classmethod
     def prepared(cls, table: FileTable, unit: str, files: ReadTable | None) -> tuple[FileTable, dict[str, Any]]:
-        """Part the times of the parts, which each states beside its kind, from the parts."""
+        """Separate the times of the parts, which each states beside its kind."""
         table.only(("parts",), "a sequence has")
         parts = table.listed("parts")
         for one in parts:
@@ -503,7 +503,7 @@ class Sequence(Waveform):
 
     @property
     def straight(self) -> bool:
-        """Whether one of them is."""
+        """Whether one of the parts is interpolated linearly."""
         return any(p.straight for p in self.parts)
 
     def at(self, times: Any) -> np.ndarray:

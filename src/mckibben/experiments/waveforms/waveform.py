@@ -38,7 +38,7 @@ class Waveform(abc.ABC):
     @property
     @abc.abstractmethod
     def straight(self) -> bool:
-        """Whether it goes along a line between samples; else each sample is held."""
+        """Whether values between samples are interpolated linearly; else each sample is held."""
 
     @abc.abstractmethod
     def at(self, times: Any) -> np.ndarray:
@@ -55,7 +55,7 @@ class Waveform(abc.ABC):
 
     @classmethod
     def prepared(cls, table: FileTable, unit: str, files: ReadTable | None) -> tuple[FileTable, dict[str, Any]]:
-        """Rewrite a table that states the waveform in another way than by its fields: the table, and fields made of it."""
+        """Rewrite a table that states the waveform by other keys than its fields: the table, and fields derived from it."""
         return table, {}
 
 
@@ -99,7 +99,7 @@ def _read_below(raw: Any, unit: str, place: Place) -> Waveform:
 
 
 def words(value: float, unit: str) -> str:
-    """A value as a person reads it; in rest lengths where the unit is one of `RELATIVE`."""
+    """Format a value with its unit; in rest lengths if the unit is one of `RELATIVE`."""
     if unit in RELATIVE:
         return f"{float(value):.4g} {unit}"
     return with_unit(float(value), unit)

@@ -108,7 +108,7 @@ class BiologicalMuscle(Module):
         return self.maximum_tension_intensity * self.section_area
 
     def elastic_tension(self, length: Any) -> Scalar:
-        """Passive part of the tension [N], the whole of it without activation."""
+        """Passive tension [N], the total without activation."""
         return self.maximum_tension * self.passive_curve(jnp.asarray(length, float) / self.rest_length)
 
     def active_tension(self, length: Any, activation: Any, velocity: Any = 0.0) -> Scalar:

@@ -30,7 +30,7 @@ def spring_volume(
 
 
 def volume_when_unknown(*, rest_length: Any, upper_length: Any, shortest_length: Any, per_pressure: Any) -> Scalar:
-    """A rest volume that leaves the gas room up to the upper working length, where none was measured [m^3].
+    """Rest volume, large enough for the gas up to the upper working length, if none was measured [m^3].
 
     It only keeps the formulas in their domain; a law that uses it says that it has no volume. The factor is that of the
     nylon muscle.

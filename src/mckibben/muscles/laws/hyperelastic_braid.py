@@ -84,7 +84,7 @@ class HyperelasticBraid(TensionLaw):
         return derivative(lambda x: self.wall_energy(x, 0.0), length)
 
     def gas_energy(self, length: Any, pressure: Any) -> Scalar:
-        """Gas energy [J]; the threads' strain gives back what the wall takes."""
+        """Gas energy [J]; the strain of the threads compensates the volume of the wall."""
         return self.wall_energy(length, 0.0) - self.potential(length, pressure)
 
     def potential(self, length: Any, pressure: Any) -> Scalar:

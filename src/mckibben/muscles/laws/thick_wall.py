@@ -1,4 +1,4 @@
-"""The virtual-work law with a wall: bladder and braid of constant thickness tk take room from the gas.
+"""The virtual-work law with a wall: bladder and braid of constant thickness tk reduce the gas volume.
 
     F = (pi D0^2 P'/4)(3 cos^2 theta - 1) + pi P' [D0 tk (2 sin theta - 1/sin theta) - tk^2]               (eqs. 9, 10)
 

@@ -41,7 +41,7 @@ class End(Module):
         """Flux out of the tube; ``inside`` has its velocity outward, ``area`` is the tube's section [m^2]."""
 
     def rate(self, gas: Gas, state: EndState, face: TubeFace, area: Any) -> EndState:
-        """Time derivative of the state: what passes the end is kept."""
+        """Time derivative of the state: flow through the end."""
         return EndState(face.mass * area, face.energy * area, jnp.zeros_like(face.mass))
 
     def least_volume(self) -> Any:
@@ -138,7 +138,7 @@ class VesselEnd(End):
         return open_face(medium, inside, self.outside(medium.gas, state, time), self.opening, area)
 
     def rate(self, gas: Gas, state: EndState, face: TubeFace, area: Any) -> EndState:
-        """Mass and energy enter; the heat model adds what its wall gives."""
+        """Time derivative of the state: inflow of mass and energy, and heat of the wall."""
         zero = jnp.zeros_like(face.mass)
         inside = self.outside(gas, state, 0.0)
         inflow = Inflow(face.mass * area, face.energy * area)

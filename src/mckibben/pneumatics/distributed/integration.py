@@ -1,4 +1,4 @@
-"""Integration of the distributed tube in time, and what is recorded of it.
+"""Integration of the distributed tube in time, and its recording.
 
 Heun's method (the strong-stability-preserving Runge-Kutta method of second order) with a step chosen from the state: the
 waves, the wall and the vessels bound it, and it divides the rest of the sample period. Friction and heat are part of every

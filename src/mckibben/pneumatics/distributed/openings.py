@@ -33,7 +33,7 @@ class TubeFace(NamedTuple):
 
 
 class Opening(Module):
-    """The relation between the flow through an end and the pressures on both sides of it.
+    """Relation between the flow through an end and the pressures on both sides.
 
     Both residuals are the drive minus the flow: they fall with the speed and vanish where it is right.
     """
@@ -88,7 +88,7 @@ class Restriction(Opening):
     command: Scalar = quantity("1", (0.0, 1.0), "share of the restriction that is open", default=1.0)
 
     def __check_init__(self) -> None:
-        """Refuse what gives no flow."""
+        """Refuse a restriction without flow."""
         super().__check_init__()
         if not isinstance(self.flow, TwoPort) and not callable(self.flow):
             raise InputError("flow", self.flow, "must be an element or a function of P_up, T_up and P_down")
@@ -113,7 +113,7 @@ class Restriction(Opening):
         return self._entering_flow(outside, entering, leaves=False) / area - density * entering.velocity
 
     def choked_pressure(self, medium: Medium, entering: Primitive, residual: Any) -> Scalar:
-        """The pressure at which the tube takes what the restriction gives [Pa]."""
+        """Pressure at which the tube takes the choked flow of the restriction [Pa]."""
         density = residual / jnp.maximum(entering.velocity, 1e-3)
         return entering.pressure + density * medium.gas.gas_constant * entering.temperature
 

@@ -38,7 +38,7 @@ class EndRecord(NamedTuple):
 
 
 class TubeBalance(NamedTuple):
-    """Balances over the whole run: contents at both ends of it against fluxes integrated on their own.
+    """Balances of the whole run: change of contents against independently integrated fluxes.
 
     The heat of an isothermal wall (or vessel) is what its temperature asks for: there the energy balance proves nothing
     about the heat, and `heat_is_remainder` says so.

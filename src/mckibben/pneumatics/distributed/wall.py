@@ -1,4 +1,4 @@
-"""The wall: friction of developed pipe flow, and the heat it gives.
+"""Friction of developed pipe flow at the wall, and heat transfer.
 
     dP/dx = -f rho u |u| / (2 D)                                                    f as in `pneumatics.wall_friction`
     q = (Nu k/D) (Tw - T - r u^2/(2 cp)),    Nu = 3.66                                              laminar

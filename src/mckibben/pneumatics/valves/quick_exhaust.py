@@ -1,4 +1,4 @@
-"""A quick exhaust valve: what comes in goes to the work port, what would go back goes straight out.
+"""Quick exhaust valve: inflow is passed to the work port, return flow directly to the exhaust.
 
     y = 1 + (Pin - Pwork + Pc)/band                       1 or more: inlet feeds work; 0 or less: work vents to exhaust
     feed: f(y),   vent: 1 - f(y),   f = y^2 (3 - 2 y) between 0 and 1

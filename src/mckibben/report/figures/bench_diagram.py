@@ -82,7 +82,7 @@ class _Drawing:
     # ---- rows
 
     def bands(self, rate: float) -> None:
-        """The grounds of physics and software, with what each is called and how often it goes on."""
+        """Draw the backgrounds of physics and software, with their names and rates."""
         period = time_words(self.rig.computer.period(rate))
         for (low, high), top, name, note in (
             (
@@ -234,7 +234,7 @@ class _Drawing:
         self.marks += [m.placed(x, y) for m in marks]
 
     def box(self, x: float, top: float, wide: float, high: float, words: list[Words]) -> None:
-        """A frame with lines of words in its middle."""
+        """Draw a frame around lines of text."""
         self.marks.append(rectangle(x, top - high, x + wide, top, fill=PANEL))
         block = sum(1.25 * w.size + 0.5 for w in words)
         self.write(words, x + wide / 2, top - (high - block) / 2, "center")
@@ -249,7 +249,7 @@ class _Drawing:
         self.marks.append(head._replace(fill=colour, colour=colour))
 
     def write(self, words: list[Words], x: float, top: float, align: str) -> None:
-        """Lines of words below each other."""
+        """Draw lines of text below each other."""
         self.texts += stacked(words, x, top, align)
 
 

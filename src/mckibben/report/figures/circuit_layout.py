@@ -51,7 +51,7 @@ class SymbolCell(NamedTuple):
 
     @property
     def box(self) -> Box:
-        """The rectangle around all of it."""
+        """Bounding rectangle."""
         lines = [Box(x, y, x, y) for port in self.ports for x, y in port.route]
         return around([self.symbol, *self.triangles, *(t.box for t in self.texts), *lines])
 
@@ -158,7 +158,7 @@ def _routes(symbol: Symbol, ends: Sequence[str], sides: Sequence[int]) -> tuple[
 def _outside(
     symbol: Symbol, free: Sequence[int], inward: set[int], ends: Sequence[str], low: float, marks: list[Stroke]
 ) -> tuple[list[Box], list[Text]]:
-    """The triangles of ports to the air outside, with its name, beside the symbol and below its ports."""
+    """Triangles of ports to free air, with names, beside the symbol and below its ports."""
     boxes: list[Box] = []
     texts: list[Text] = []
     for side in (-1, 1):
@@ -313,7 +313,7 @@ class _Board:
 def rows(
     wires: DiagramWiring, column: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], SymbolCell]
 ) -> dict[tuple[str, str], int]:
-    """The row of each node and element: a branch goes straight on, further branches go below."""
+    """Row of each node and element: a branch continues straight, further branches go below."""
     board = _Board(wires, column, cells)
     roots = [("element", e) for e, ends in wires.left.items() if not ends] + [("node", n) for n in wires.order]
     for root in roots:
@@ -334,7 +334,7 @@ def rows(
 
 
 class Net(NamedTuple):
-    """The lines that a node's pressure fills, and the dots where three or more of them meet."""
+    """Lines of a node, and the dots where three or more of them meet."""
 
     lines: tuple[tuple[Point, ...], ...]
     dots: tuple[Point, ...]
@@ -438,7 +438,7 @@ def _widths(
     cells: Mapping[tuple[str, str], SymbolCell],
     tracks: Mapping[tuple[str, int], tuple[int, int]],
 ) -> tuple[dict[int, float], dict[int, float]]:
-    """The place of each column's origin, and of the first track right of it."""
+    """Position of each column's origin, and of the first track right of it."""
     x: dict[int, float] = {}
     channels: dict[int, float] = {}
     at = 0.0

@@ -134,7 +134,7 @@ def arrow(start: Point, end: Point, width: float = THIN) -> list[Stroke]:
 
 
 def spring(x: float, y: float, height: float, width: float = 8.0) -> Stroke:
-    """A zigzag that stands on (x, y)."""
+    """Draw a zigzag above (x, y)."""
     turns = 5
     rows = [(x + (width / 2 if i % 2 else -width / 2), y + height * (i + 0.5) / turns) for i in range(turns)]
     return line((x, y), *rows, (x, y + height), width=THIN)
@@ -299,7 +299,7 @@ def plain_box(name: str, width: float) -> Callable[[Sequence[str], bool], Symbol
 
 
 def level_ports(x: float) -> tuple[Port, Port]:
-    """The ports of a part that stands in its line."""
+    """Ports of a part in line."""
     return Port(-x, 0.0, -1), Port(x, 0.0, 1)
 
 

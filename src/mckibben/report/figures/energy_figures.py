@@ -54,7 +54,7 @@ Printed = Mapping[tuple[str, bool], tuple[float, float]]
 
 
 class EfficiencyLine(NamedTuple):
-    """A curve of efficiency with the words at its end, or none; the dash tells curves apart."""
+    """A curve of efficiency with an optional label; the dash distinguishes curves."""
 
     words: str
     curve: EnergyCurve
@@ -63,7 +63,7 @@ class EfficiencyLine(NamedTuple):
 
 
 class PrintedEfficiency(NamedTuple):
-    """A printed efficiency [1] at a gauge pressure [Pa], with words, and whether it is a misprint."""
+    """A printed efficiency [1] at a gauge pressure [Pa], with a label, and whether it is a misprint."""
 
     pressure: float
     efficiency: float
@@ -148,7 +148,7 @@ def printed_joules() -> Printed:
 
 
 def efficiency_lines() -> list[EfficiencyLine]:
-    """The curves of Fig. 12c, and beside them those with the consistent volume."""
+    """Curves of Fig. 12c, and those with the consistent volume."""
     lines = []
     for volume, dash, colour in (("paper", "-", INK), ("potential", style.RECORDING_DASHES[1], INK_3)):
         for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
@@ -176,7 +176,7 @@ def printed_marks() -> list[PrintedEfficiency]:
 
 
 def _row(fig: Figure, shares: tuple[float, ...], above: float, right: float = 0.25) -> list[Axes]:
-    """Panels beside each other, `above` the lower edge of the figure [inch]."""
+    """Place panels side by side, `above` the lower edge of the figure [inch]."""
     wide, tall = fig.get_size_inches()
     gap = 0.62
     room = (wide - LEFT - right - gap * (len(shares) - 1)) / sum(shares)
@@ -349,7 +349,7 @@ def _wasted(ax: Axes, isotonic: CyclePath, valve: CycleLoops, ml: float, bar: fl
 
 
 def _areas(ax: Axes, said: Sequence[tuple[str, float, float | None]], *, left: bool = False) -> None:
-    """Areas in words, ours and in brackets the printed one."""
+    """List areas: ours, and the printed one in brackets."""
     for i, (word, ours, paper) in enumerate(said):
         text = f"{word}  {number(ours, 2)} J" + (f"  (printed {number(paper, 2)})" if paper is not None else "")
         style.note(
@@ -484,7 +484,7 @@ def energy_flow_figure(account: EnergyAccount, *, title: str = "Where the exergy
 
 
 def _draw(ax: Axes, found: Streams, supply: float) -> float:
-    """Draw into empty axes; says how wide a stream of 1 J is [pixels]."""
+    """Draw into empty axes; return the width of a stream of 1 J [pixels]."""
     from matplotlib.patches import Rectangle
 
     ax.set_axis_off()

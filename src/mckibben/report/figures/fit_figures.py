@@ -105,7 +105,7 @@ def tension_grid(law: TensionLaw, lengths: np.ndarray, pressures: Iterable[float
 
 
 def _draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, room: float = 10.5) -> None:
-    """Points and lines into axes; labels right of them, which need about 45 pt."""
+    """Draw points and lines into axes; labels right of them need about 45 pt."""
     taut = points.select(points.taut)
     levels, near = levels_of(points)
     low, high = float(points.length.min()), float(points.length.max())
@@ -414,7 +414,7 @@ def _share(ax: Axes, row: float) -> float:
 
 
 def _decades(values: list[float]) -> tuple[float, float]:
-    """Ends of the logarithmic axis [%]; an error beyond the largest tension itself is not worth the room."""
+    """Limits of the logarithmic axis [%]; errors above the largest tension itself are cut off."""
     if not values:
         return 0.1, 100.0
     low, high = min(values), max(values)

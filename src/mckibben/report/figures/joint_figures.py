@@ -21,7 +21,7 @@ WIDTH = 8.4  # [inch]
 
 
 class _Line(NamedTuple):
-    """A channel, its words in the key, and whether it is a set-point or the second of two."""
+    """A channel, its label in the key, and whether it is a set-point or the second of two."""
 
     name: str
     words: str

@@ -117,7 +117,7 @@ def usual_channels(parts: Sequence[Recording]) -> list[str]:
 
 
 def told_apart(parts: Sequence[Recording]) -> list[ChannelFamily]:
-    """The parts by what varies among them: the words of their cases, else their labels; sorted by amount."""
+    """Label the parts by what varies among them: values of their cases, else their labels; sorted by amount."""
     steps = [part.meta.get("step") for part in parts]
     if not all(isinstance(step, Mapping) for step in steps):
         return [ChannelFamily("", list(parts))]
@@ -398,7 +398,7 @@ def _key(ax: Axes, **options: Any) -> None:
 
 
 def _key_words(record: Recording, name: str) -> str:
-    """A channel's name as it stands in a key; where all are true, without the quantity that the axes state."""
+    """Name of a channel in a key; without the quantity on the axes if all channels are true values."""
     words, kind = name, record.channels[name].kind
     if not record.names("measured"):
         owner, _, last = name.rpartition(".")
@@ -415,7 +415,7 @@ def _time_limits(parts: Sequence[Recording]) -> tuple[float, float]:
 
 
 def _lane(ax: Axes, steps: Sequence[tuple[float, float, list[str]]], limits: tuple[float, float]) -> None:
-    """The steps as bars above the axes, with their words where these fit."""
+    """Draw the steps as bars above the axes, with labels where these fit."""
     box = ax.get_window_extent()
     height, points = box.height * 72.0 / ax.figure.dpi, box.width * 72.0 / ax.figure.dpi
     lane = ax.inset_axes((0.0, 1.0 + 20.0 / height, 1.0, 13.0 / height))
@@ -459,7 +459,7 @@ def _draw_against(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPan
 
 
 def _name_families(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPanel, x: ChannelPanel) -> None:
-    """The words of each family at the right end of its line, or in a key beside it where the lines end in one place.
+    """Label each family at the right end of its line, or in a key if the lines end at one place.
 
     Of very many families only some, evenly chosen.
     """

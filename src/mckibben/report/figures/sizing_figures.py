@@ -138,7 +138,7 @@ def _map(ax: Axes, found: Sizing, law: str) -> None:
 
 
 def _margin(ax: Axes, found: Sizing, cm: float) -> None:
-    """The wish, and how far beyond it the chosen muscle goes in force and in stroke."""
+    """Draw the requirements, and the margins of the chosen muscle in force and in stroke."""
     wish, one = found.wish, found.chosen
     x, y = wish.stroke * cm, wish.force
     if one.promised_force > 1.02 * wish.force:

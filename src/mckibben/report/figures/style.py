@@ -187,7 +187,7 @@ def _short(value: float, sign: bool) -> str:
 
 
 def pressure_text(pressure_bar: float, *, unit: bool = False) -> str:
-    """A pressure as it stands at a line [bar]."""
+    """Format a pressure as a label of a line [bar]."""
     return f"{pressure_bar:.2f}" + ("\N{NO-BREAK SPACE}bar" if unit else "")
 
 
@@ -225,7 +225,7 @@ def spread(places: Sequence[float], gap: float, low: float = -math.inf, high: fl
 def end_labels(
     ax: Axes, ends: Iterable[tuple[float, float, str]], *, quantity: str | None, gap: float = 10.5, bold: bool = True
 ) -> None:
-    """Write labels beside line ends, right of the axes, moved apart where they would touch.
+    """Label line ends, right of the axes, moved apart where they would overlap.
 
     Args:
         ax: axes whose limits and place are final.
@@ -275,7 +275,7 @@ def note(
 
 
 def rule(ax: Axes, start: float, end: float, above: float) -> None:
-    """A thin line over columns of text right of the axes, from and to points right of them, `above` their top [pt]."""
+    """Draw a thin line over columns of text right of the axes, from and to points right of them, `above` their top [pt]."""
     from matplotlib.lines import Line2D
 
     box = ax.get_window_extent()

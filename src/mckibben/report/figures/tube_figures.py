@@ -1,4 +1,4 @@
-"""The tube study in one picture: pressures behind the tube, the models' errors below, and their rms errors beside."""
+"""Figure of the tube study: pressures behind the tube, errors of the models, and their rms errors."""
 
 from __future__ import annotations
 

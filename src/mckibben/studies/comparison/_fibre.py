@@ -143,7 +143,7 @@ def fibre_run(muscle: BiologicalMuscle, protocol: Protocol, *, full_pressure: fl
 
 
 def _groups(steps: Sequence[PlannedStep]) -> Iterator[list[PlannedStep]]:
-    """Steps that can be integrated in one piece: all span, known beforehand and without a test; else one at a time."""
+    """Group steps that can be integrated in one piece: known spans without a test; else one at a time."""
     group: list[PlannedStep] = []
     for step in steps:
         if step.mode not in ("span", "tension"):

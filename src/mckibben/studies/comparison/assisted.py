@@ -1,4 +1,4 @@
-"""A McKibben muscle with elements added: a spring and a damper beside the braid, a tendon behind it, a delay before it.
+"""McKibben muscles with added elements: a parallel spring and damper, a tendon in series, a delay before the valve.
 
     T = tendon(X - L) = max(braid(L, P') + spring(L) - Fc(P') + c v, 0)       in steady shortening at v = dX/dt < 0
 
@@ -26,7 +26,7 @@ HALVINGS = 50
 
 
 class Accompanied(TensionLaw):
-    """A law with a spring beside the braid: one length, the forces add. The gas knows nothing of the spring.
+    """A law with a parallel spring: one length, added forces. The spring does not affect the gas.
 
     Range: that of the law.
     """
@@ -112,7 +112,7 @@ def steady(unit: MuscleUnit, span: Any, pressure: Any, velocity: Any = 0.0, dire
 
 
 class Mounted(System):
-    """A muscle between fixed ends whose pressure is known: input ``pressure`` [Pa], gauge."""
+    """A muscle between fixed ends under a known pressure: input ``pressure`` [Pa], gauge."""
 
     unit: MuscleUnit
     span: Scalar

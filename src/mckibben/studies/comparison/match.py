@@ -1,4 +1,4 @@
-"""The search behind `match`: what is free, the curves as a function of it, and bounded least squares from several starts."""
+"""Search behind `match`: free parameters, their curves, and bounded least squares from several starts."""
 
 from __future__ import annotations
 

@@ -66,14 +66,14 @@ class Trials:
     notes: tuple[str, ...]
 
     def column(self) -> MuscleColumn:
-        """The column of the table with these numbers beside those of the law."""
+        """Column of the table with these numbers and those of the law."""
         of_law = law_column(self.muscle)
         values = {**of_law.values, **self.values}
         return MuscleColumn(of_law.name, of_law.title, "law and protocols", values, of_law.notes + self.notes)
 
 
 def normalised(name: str, muscle: ComparedMuscle) -> Protocol:
-    """A protocol in the words of a muscle: full pressure, loads over F0.
+    """Scale a protocol to a muscle: full pressure, loads over F0.
 
     Raises:
         InputError: if it is none of `NAMES`.

@@ -238,7 +238,7 @@ class PropertyRow(NamedTuple):
 
 @dataclass(frozen=True)
 class MuscleTable:
-    """Columns beside one another; rows are the properties that any of them has, or that are published."""
+    """Columns of muscles; rows are the properties that any of them has, or that are published."""
 
     columns: tuple[MuscleColumn, ...]
     published: Mapping[str, PublishedRange]
@@ -472,7 +472,7 @@ def _channel(record: Recording, names: tuple[str, ...], what: str) -> str:
 
 
 def _muscle(record: Recording) -> ComparedMuscle | None:
-    """The specimen that the recording names, where it is known."""
+    """Specimen named by the recording, if it is known."""
     name = record.meta.get("specimen")
     if not isinstance(name, str):
         return None

@@ -112,7 +112,7 @@ class Course:
 
 
 class _Watched(System):
-    """A circuit of which only the muscle's pressure and tension are kept: accounts would double the compilation."""
+    """A circuit with the muscle's pressure and tension as outputs; accounts would double the compilation."""
 
     circuit: Circuit
     law: TensionLaw
@@ -153,7 +153,7 @@ def line_conductance(valve: FlowElement, tube: LumpedTube) -> float:
 
 
 def time_scale(lane: Lane, port: float) -> float:
-    """Volume over conductance times the pressure of the room: about what filling takes [s]; port volume [m^3]."""
+    """Approximate filling time: volume over conductance times atmospheric pressure; port volume [m^3]."""
     volume = float(lane.unit.law.braid_volume(lane.length - lane.stroke, lane.pressure))
     volume += float(lane.tube.inner_volume()) + port
     return volume / (line_conductance(lane.valve, lane.tube) * float(lane.environment.pressure_abs))

@@ -65,7 +65,7 @@ class Sizes(NamedTuple):
 def design(
     wish: Requirements, *, law: str = BRAID_LAWS[0], objective: str = "mass", fitting: bool = True
 ) -> tuple[Candidate | None, tuple[Shortfall, ...]]:
-    """The smallest braid, or what stands in its way.
+    """Find the smallest braid, or the shortfalls.
 
     Args:
         wish: what is wanted.
@@ -218,7 +218,7 @@ def _built(wish: Requirements, law: str, error: LawError, shapes: Shapes, sizes:
 
 
 def _misses(wish: Requirements, law: str, error: LawError) -> tuple[Shortfall, ...]:
-    """Each part of the wish alone: how much of it could be had with all else as wished; the nearest first."""
+    """For each requirement, the part that could be met with all others as required; the nearest first."""
     angles, contractions = np.linspace(*ANGLES, GRID), np.linspace(*CONTRACTIONS, GRID)
     shapes = shapes_of(law, wish.pressure, angles, contractions)
     found = [

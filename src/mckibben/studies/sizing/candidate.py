@@ -114,7 +114,7 @@ class Judged:
 
 
 class Ends:
-    """A law in plain numbers at one gauge pressure [Pa], asked for many lengths at once."""
+    """A law evaluated with plain numbers at one gauge pressure [Pa], for many lengths at once."""
 
     def __init__(self, law: TensionLaw, pressure: float) -> None:
         self.law, self.pressure, self.probe = law, pressure, Probe(PotentialMuscle(law))
@@ -198,7 +198,7 @@ def _margins(muscle: Candidate, wish: Requirements, ends: Ends, said: float, err
 
 
 def air_of_cycle(muscle: Candidate, wish: Requirements, dead: float = 0.0) -> float:
-    """Air that a cycle takes from the room: full at the short end, emptied and drawn out again [kg].
+    """Air of a cycle from the atmosphere: filled at the short end, emptied and extended again [kg].
 
     Args:
         muscle: which.

@@ -34,7 +34,7 @@ def of_specimens(wish: Requirements) -> list[Candidate]:
 
 
 def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:
-    """A specimen as a candidate, by the law of it that errs least; None where no law of it knows its volume."""
+    """Candidate of a specimen, by its most accurate law; None if no law of it has a known volume."""
     stated = specimen(spec) if isinstance(spec, str) else spec
     laws = {}
     for name in stated.laws:

@@ -24,7 +24,7 @@ ALLOWED: dict[str, tuple[str, float, float]] = {
 
 @dataclass(frozen=True)
 class Requirements:
-    """A wish; what is None is not asked for.
+    """Requirements of a muscle; None stands for no requirement.
 
     Attributes:
         force: with which it still pulls at the end of the stroke, while it shortens [N].
@@ -69,7 +69,7 @@ class Requirements:
 
 @dataclass(frozen=True)
 class Shortfall:
-    """A part of a wish that stands in the way, all else as wished: what was asked, and up to or from where it could be had.
+    """A requirement that is not met, with all others as required: the required value, and the nearest possible one.
 
     `reachable` is None where no value of this part alone would help.
     """

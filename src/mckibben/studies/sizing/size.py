@@ -84,7 +84,7 @@ def _work(wish: Requirements) -> float:
 
 
 def _isothermal(part: CataloguePart, wish: Requirements, pressure: float) -> float:
-    """Least work to bring gas from the room to a gauge pressure [J/kg]."""
+    """Least work to compress gas from atmospheric to a gauge pressure [J/kg]."""
     room = float(wish.environment.pressure_abs)
     return part.values["gas_constant"] * float(wish.environment.temperature) * math.log1p(pressure / room)
 
@@ -146,7 +146,7 @@ def _compressor(part: CataloguePart, muscle: Judged, wish: Requirements, air: fl
 
 
 def adiabatic_work(wish: Requirements, pressure: float) -> float:
-    """Work to compress air from the room to a gauge pressure without heat exchange and losses [J/kg]."""
+    """Work to compress ambient air to a gauge pressure without heat exchange and losses [J/kg]."""
     machine = Compressor(displacement=1e-5, speed=150.0, clearance=0.0, efficiency=1.0)
     room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
     gas = (GasState(room, warm), GasState(pressure + room, warm))

@@ -1,4 +1,4 @@
-"""Bench: the test machine in front of whoever looks; what moves on it is drawn in the browser, from ``static/js/bench.js``.
+"""The Bench page: the test machine, drawn in the browser by ``static/js/bench.js``.
 
 The link may name ``muscle``, ``rig``, ``protocol``, ``window`` [s], ``view`` (``edit``) and ``theme``. The page needs
 nothing of NiceGUI: it lives by its socket alone, and is never built anew while something moves.

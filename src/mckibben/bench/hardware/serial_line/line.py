@@ -1,4 +1,4 @@
-"""The host's end of the line: bytes to and from a port, messages, and which sample is there.
+"""The host's side of the serial line: bytes of a port, messages, and the sequence of samples.
 
 Where the port has a file descriptor, the system is asked directly; elsewhere (Windows) the port's own read and write are.
 Writing is safe for several threads. Frames are sorted as they come into those taken, lost, repeated and late.
@@ -246,7 +246,7 @@ class EndedError(Exception):
 
 
 class Taken(NamedTuple):
-    """A sample that is there: its message, or None where it is missing; and how late it is [s]."""
+    """A sample: its message, or None if it is missing; and its lateness [s]."""
 
     message: SampleMessage | None
     lateness: float
@@ -281,7 +281,7 @@ class Arrivals:
         self._queue.append((at, message))
 
     def damage(self, at: float) -> None:
-        """Something came that was no frame, and when [s]."""
+        """Note damaged bytes, and their time [s]."""
         self._damaged = at
 
     def take(self, sample: int) -> Taken | None:
@@ -315,7 +315,7 @@ class Arrivals:
         return max(self._damaged, self._origin + (sample + GRACE) * self.period)
 
     def without(self, sample: int, at: float, ahead: int = 1) -> Taken:
-        """A sample that is missing, the first of `ahead`, as is known at a time [s].
+        """Give up a missing sample, the first of `ahead`, at a time [s].
 
         Raises:
             EndedError: if too many are.

@@ -180,7 +180,7 @@ _COUNT = 4  # [B]
 
 
 class Hello(NamedTuple):
-    """The host is there, and speaks a version of the protocol."""
+    """Greeting of the host, with its version of the protocol."""
 
     sequence: int
     version: int

@@ -286,7 +286,7 @@ def _begun(line: Connection) -> str:
 
 
 def _asked(line: Connection) -> DeviceReport | None:
-    """The report of a process that is told to stop, or has stopped."""
+    """Request the report of a process that is told to stop, or has stopped."""
     with contextlib.suppress(OSError):
         line.send("stop")
     return line.recv() if line.poll(BEGINNING) else None
@@ -295,7 +295,7 @@ def _asked(line: Connection) -> DeviceReport | None:
 def _serve(
     line: Connection, factory: Callable[..., DeviceMachine], arguments: tuple[Any, ...], options: dict[str, Any]
 ) -> None:
-    """The process: until it is told to stop, or whoever began it is gone."""
+    """Run the process until it is told to stop, or its parent has ended."""
     try:
         end, other, port = _pair()
         microcontroller = Microcontroller(factory(*arguments), end, **({"spin": SPIN} | options))

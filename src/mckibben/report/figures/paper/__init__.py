@@ -1,1 +1,1 @@
-"""The figures of the papers in the papers' own form, drawn from what the laboratory computes."""
+"""Figures of the papers in the papers' own form, drawn from our computations."""

@@ -36,7 +36,7 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def panel(height: float, *, wide: float = MIDDLE, beside: float = BESIDE) -> tuple[Figure, Axes]:
-    """A figure with one pair of axes, and room right of them [inch]."""
+    """Create a figure with one pair of axes, and space right of them [inch]."""
     fig, (ax,) = stack([1.0], height, wide=wide, beside=beside)
     return fig, ax
 
@@ -80,7 +80,7 @@ def title(ax: Axes, figure: str, words: str, *, above: float = 26.0) -> None:
 
 
 def label(figure: str) -> str:
-    """A key of the registry as it stands over a figure: ``3a``, ``table1``, ``1994-3a``."""
+    """Displayed form of a figure's key: ``3a``, ``table1``, ``1994-3a``."""
     year, _, name = figure.rpartition("-")
     words = "Table 1" if name == "table1" else f"Fig. {name}"
     return f"{words}, {year}" if year else words
@@ -112,7 +112,7 @@ def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
 
 @functools.cache
 def outcome(identifier: str) -> RowOutcome:
-    """A row with ours beside it."""
+    """A row with our value."""
     assert reproduction
     return reproduce_row(row(identifier))
 
@@ -130,7 +130,7 @@ def printed(identifier: str) -> float:
 
 
 class NumberEntry(NamedTuple):
-    """A line of the numbers: words with their unit, ours and the paper's as text, and what is to be said of it.
+    """A line of the list of numbers: label with unit, our value and the paper's as text, and a remark.
 
     `mark` is ``*`` where ours is no prediction, ``†`` where the paper's is a misprint, ``§`` where a difference stays open,
     else empty.
@@ -143,7 +143,7 @@ class NumberEntry(NamedTuple):
 
 
 def entry(words: str, identifier: str, digits: int = 3) -> NumberEntry:
-    """The line of a row, with the row's unit after the words."""
+    """Line of a row, with the row's unit after the label."""
     one = outcome(identifier)
     assert one.ours is not None
     unit = unit_words(one.row.unit)

@@ -255,7 +255,7 @@ def figure_9a() -> Figure:
 
 @style.styled()
 def figure_9b() -> Figure:
-    """Inertial model, small accumulator, parameters kept."""
+    """Draw the inertial model, small accumulator, with its parameters kept."""
     words = "with the parameters of 10 in³"
     return _responses("9b", Pressures("inertial", SMALL), words, [entry("rms", "tube.inertial_rms_3in3")])
 

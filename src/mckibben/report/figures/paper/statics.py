@@ -80,7 +80,7 @@ def lengths() -> np.ndarray:
 def _over_length(
     figure: str, words: str, y: tuple[str, str | None], without: Any, wall: Any | None
 ) -> tuple[Figure, Axes, list[Any]]:
-    """A panel of Fig. 5 with its one or two curves, and what goes into its key."""
+    """Draw a panel of Fig. 5 with one or two curves; return the entries of its key."""
     fig, ax = panel(TALL)
     at = lengths() * CM
     ax.plot(at, np.asarray(without), gid="without wall", **ours(y[1]))

@@ -1,4 +1,4 @@
-"""Table 1 of both papers: the three muscles beside biological muscle, ours with the printed value in brackets."""
+"""Table 1 of both papers: three muscles and biological muscle, our values with the printed ones in brackets."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ CM = from_si(1.0, "m", "cm")
 
 
 class TableEntry(NamedTuple):
-    """Ours and the printed value in words, either empty; a mark as of `Entry`, or ``‡`` for what we took from the paper."""
+    """Our value and the printed one as text, either empty.
+
+    A mark as of `Entry`, or ``‡`` for values taken from the paper.
+    """
 
     ours: str = ""
     paper: str = ""
@@ -111,7 +114,7 @@ def _efficiency() -> TableEntry:
 
 @style.styled()
 def table(figure: str) -> Figure:
-    """The table, ours in bold and the printed values in brackets."""
+    """Draw the table, our values in bold and the printed ones in brackets."""
     rows = cells()
     high = HEAD + ROW * len(rows) + FOOT
     fig = style.figure(WIDE, high)

@@ -1,4 +1,4 @@
-"""The diagram of a circuit for the screen: the layout and the symbols of the reports, in the colours of the screen.
+"""Circuit diagrams of the web interface: layout and symbols of the reports, in the page's colours.
 
 Every node and element is a group that can be focused, picked, and dropped on.
 """
@@ -25,7 +25,7 @@ SUBS = str.maketrans("0123456789", "\u2080\u2081\u2082\u2083\u2084\u2085\u2086\u
 
 
 def nicely(name: str) -> str:
-    """A name of a file as a person reads it."""
+    """Name of a file in readable form."""
     return html.escape(name.replace("_", " ").replace("-", " "))
 
 

@@ -18,7 +18,7 @@ DASHES = {"linear_tube": "B", "quadratic_tube": "C", "inertial_tube": "D"}
 
 
 def span(seconds: float) -> str:
-    """A short time as a person reads it."""
+    """Format a short time."""
     return f"{from_si(seconds, 's', 'ms'):.3g} ms" if abs(seconds) < 1.0 else with_unit(seconds, "s", 3)
 
 

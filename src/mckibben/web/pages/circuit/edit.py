@@ -1,4 +1,4 @@
-"""Parts put into a circuit and taken out of it: each edit makes another document, which has to be a circuit again."""
+"""Editing of circuits: parts are added and removed; each edit returns another valid document."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def insert(document: Document, plan: CircuitPlan, part: str, at: str) -> tuple[D
 
 
 def line(plan: CircuitPlan, at: str) -> tuple[str, str]:
-    """The node that is meant, and the element behind which a part goes ("" for in front of the node)."""
+    """Node of a position, and the element behind which a part is inserted ("" for in front of the node)."""
     if at in plan.nodes and plan.nodes[at].kind not in AIR:
         return at, ""
     if at in plan.circuit.elements:
@@ -158,7 +158,7 @@ def _free(document: Document, stem: str) -> str:
 
 
 def remove(document: Document, plan: CircuitPlan, name: str) -> Document:
-    """Take a part out: what it joined is joined, or what only it reached goes with it.
+    """Remove a part: its neighbours are joined, or what only it reached is removed too.
 
     Raises:
         InputError: nothing that is left is a circuit.
@@ -228,7 +228,7 @@ def _steps(low: Any, high: Any) -> Document:
 
 
 def top(document: Document, plan: CircuitPlan) -> str:
-    """The gauge pressure between which and nothing a step goes, in words."""
+    """Upper gauge pressure of a step, as text."""
     for words in document.get("signals", {}).values():
         values = [v for v in words.get("values", []) if isinstance(v, str) and "bar" in v]
         if words.get("kind") == "steps" and values:

@@ -1,4 +1,4 @@
-"""The fields of what is selected: every one from its declaration, a refused value beside it in the command line's words."""
+"""Fields of the selected part, from declarations; a refused value is shown with the message of the command line."""
 
 from __future__ import annotations
 

@@ -165,7 +165,7 @@ class CircuitPage:
         self.renew()
 
     def change_whole(self, make: Callable[[Document], Document]) -> None:
-        """A choice; what speaks against it is said above the diagram."""
+        """Apply a choice; an error is shown above the diagram."""
         if self._guarded(lambda: self.desk.take(make(self.desk.document))):
             self.select(self.desk.chosen, moved=False)
             self.renew()

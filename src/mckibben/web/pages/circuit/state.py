@@ -99,7 +99,7 @@ class CircuitState:
         return other
 
     def toggle(self, what: list[str], name: str) -> None:
-        """Take a name into a list, or out of it; the last one stays."""
+        """Add a name to a list, or remove it; the last one stays."""
         if name not in what:
             what.append(name)
         elif len(what) > 1:
@@ -128,7 +128,7 @@ class CircuitState:
     # ---- in another thread
 
     def quick(self, wait: bool = False) -> CircuitAnswer:
-        """The response by kernels; tube models and longer runs whose kernels are compiled, or all of them with `wait`."""
+        """Response by kernels; of tube models and longer runs only compiled ones, or all of them with `wait`."""
         document, plan, node = self.document, self.plan, self.read
         done = respond(plan, self.method)
         self.method = done.method

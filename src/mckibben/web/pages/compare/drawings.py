@@ -28,7 +28,7 @@ def number(value: float | None) -> str:
 
 
 def bar(row: PropertyRow, i: int, largest: float, paper: float | None, living: bool) -> str:
-    """A cell: the number, a bar on the row's own scale, the paper's value as a tick and in words, or the published range."""
+    """Draw a cell: the number, a bar on the row's scale, a tick for the paper's value, or the published range."""
     value = row.shown()[i]
     ends = row.shown_range()
     if value is None and living and ends is not None:
@@ -59,12 +59,12 @@ def bar(row: PropertyRow, i: int, largest: float, paper: float | None, living: b
 
 
 def _within(share: float, most: float = 100.0) -> float:
-    """A place on a bar that begins at zero; below zero nothing of it is drawn, and the number stands above."""
+    """Position on a bar that begins at zero; below zero nothing is drawn, and the number stands above."""
     return min(max(share, 0.0), most) if share == share else 0.0
 
 
 def published(row: PropertyRow) -> str:
-    """The published range of biological muscle, in words and with its sources."""
+    """Published range of biological muscle, with its sources."""
     ends, p = row.shown_range(), row.published
     if ends is None or p is None:
         return f'<span class="none">{DASH}</span>'

@@ -34,7 +34,7 @@ _guard = threading.Lock()
 
 
 def _once(key: Any, make: Callable[[], Any]) -> Any:
-    """A result that every visitor shares; made once, complaints made anew."""
+    """Result shared by all visitors, computed once; errors are not cached."""
     with _guard:
         lock = _guards.setdefault(key, threading.Lock())
     with lock:
@@ -44,7 +44,7 @@ def _once(key: Any, make: Callable[[], Any]) -> Any:
 
 
 def subject_of(what: str | Path, pressure: float) -> ComparedMuscle:
-    """A muscle at a full pressure [Pa]; what was asked for once is kept while its file stays as it is."""
+    """Muscle at a full pressure [Pa]; cached while its file is unchanged."""
     stamp = what.stat().st_mtime_ns if isinstance(what, Path) else 0
     found: ComparedMuscle = _once(("subject", str(what), stamp, pressure), lambda: subject(what, pressure=pressure))
     return found
@@ -74,14 +74,14 @@ def run_known(one: ComparedMuscle, name: str) -> Trials | None:
 
 
 def table(columns: Sequence[MuscleColumn]) -> MuscleTable:
-    """Columns beside what is published of biological muscle."""
+    """Table of columns with the published values of biological muscle."""
     from ....specimens.published import published_ranges
 
     return MuscleTable(tuple(columns), published_ranges())
 
 
 def with_runs(one: ComparedMuscle, of_law: MuscleColumn) -> MuscleColumn:
-    """The column of a law with what its protocols told."""
+    """Column of a law with the results of its protocols."""
     values, notes, kind = dict(of_law.values), of_law.notes, of_law.kind
     for name in PROTOCOLS:
         found = run_known(one, name)
@@ -186,7 +186,7 @@ def exported(found: MuscleTable) -> bytes:
 
 
 def shown_rows(found: MuscleTable) -> list[PropertyRow]:
-    """The rows that are drawn as lines; the ends of the dynamic range stand in one of them, efficiencies at the side."""
+    """Rows drawn as lines; the ends of the dynamic range share one of them, efficiencies are at the side."""
     apart = ("shortest", "longest", "efficiency", "efficiency_accumulator")
     return [r for r in found.rows() if r.property.name not in apart]
 

@@ -1,4 +1,4 @@
-"""The page Energy: the cycles of Part IV over the supply's pressure, and where the energy of a recording went."""
+"""The Energy page: cycles of Part IV over the supply pressure, and the energy flow of recordings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LINKED = (
 
 
 def build(lab: Laboratory, request: Any) -> None:
-    """Fill it; what is heavy comes once the page stands."""
+    """Build the page; slow parts follow when it is displayed."""
     words = asked(request, *LINKED)
     with page_frame(
         "energy", sub="What goes in as compressed air, what comes out as work", sheets=("energy.css",),

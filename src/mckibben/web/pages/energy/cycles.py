@@ -115,7 +115,7 @@ def _corner_x(loops: CycleLoops) -> float:
 def _rows(
     choice: EnergyChoice, main: EnergyCycle, other: EnergyCycle | None, between: Conditions, volume: str
 ) -> list[dict[str, Any]]:
-    """Numbers of one cycle: words, value, unit, quantity, and what is printed at 5 bar."""
+    """Numbers of one cycle: label, value, unit, quantity, and the printed value at 5 bar."""
     accumulated = choice.exchange == "accumulator"
     printed = _printed(choice, between, volume)
     a, b, c = ("A", "B", "C") if choice.cycle == "maximal" else ("E", "F", "G")

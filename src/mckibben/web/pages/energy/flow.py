@@ -41,7 +41,7 @@ def _account(path: str, changed: int, kind: str, muscle: str) -> tuple[EnergyAcc
 
 
 def account(path: Path, kind: str = "", muscle: str = "") -> tuple[EnergyAccount, str, bool]:
-    """The account of a recording, its title, and whether the run kept one of its own.
+    """Account of a recording, its title, and whether the run recorded one.
 
     Args:
         path: of the recording.

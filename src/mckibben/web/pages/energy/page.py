@@ -89,7 +89,7 @@ class EnergyPage:
         page_document().spawn(self.draw())
 
     async def draw(self) -> None:
-        """Compute and show the newest choice; those that came while another was computed are passed over."""
+        """Compute and show the newest choice; superseded ones are skipped."""
         self.wish += 1
         if self.busy:
             return
@@ -215,7 +215,7 @@ class CycleControls:
         self.view.changed(pressure=min(max(value, LOW), max(HIGH, value)) * 1e5 if value == value else 5e5)
 
     def entered(self, words: object) -> None:
-        """A number was typed; refused beside the field, in the words of the command line."""
+        """Read a typed number; an error is shown beside the field."""
         choice = self.view.choice
         found = accept("pressure", str(words)[:60], SETTINGS["pressure"], choice.pressure)
         why = found.said
@@ -289,7 +289,7 @@ class CycleControls:
         self._say_conditions()
 
     def _set(self, name: str, value: float) -> None:
-        """Take a condition; refused, with the old value kept, where no cycle is possible."""
+        """Set a condition; if no cycle is possible, show why and keep the old value."""
         choice = _with(self.view.choice, **{name: value})
         conditions(choice)
         if name == "accumulator_pressure" and value >= choice.pressure:
@@ -354,7 +354,7 @@ class RecordedFlow:
         page_document().spawn(self.load())
 
     async def dropped(self, one: IncomingFile) -> None:
-        """A file came; it is kept with the recordings."""
+        """Store an uploaded file with the recordings."""
         path = await asyncio.to_thread(self.view.lab.recordings.store, one.name, one.path)
         one.close()
         self.name = path.name
@@ -417,7 +417,7 @@ class RecordedFlow:
             raise InputError("file", name, f"no account can be made of what is in it ({why})") from None
 
     def draw(self) -> None:
-        """Draw the account that is there."""
+        """Draw the present account."""
         if self.account is None:
             return
         link(part=self.part or None)

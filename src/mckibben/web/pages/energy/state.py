@@ -56,7 +56,7 @@ LINKED = ("muscle", "law", "cycle", "exchange", "volume", "reading", *SETTINGS)
 
 
 def from_link(words: Mapping[str, str]) -> tuple[EnergyChoice, list[str]]:
-    """The choice of a link's words, and a sentence for each that is refused; what is refused is as without it."""
+    """Read a choice from a link, with a sentence for each refused value, which gets its default."""
     found, said = EnergyChoice(), []
     for name, text in words.items():
         try:
@@ -77,7 +77,7 @@ def from_link(words: Mapping[str, str]) -> tuple[EnergyChoice, list[str]]:
 
 
 def to_link(choice: EnergyChoice) -> dict[str, str | None]:
-    """The words of a link; None where the choice is what it is without one."""
+    """Parameters of a link; None for default values."""
     usual = EnergyChoice()
     found: dict[str, str | None] = {}
     for name in LINKED:
@@ -114,7 +114,7 @@ class ResolvedMuscle(NamedTuple):
 
     @property
     def volume(self) -> str:
-        """The one that was asked for."""
+        """Name of the requested volume."""
         return next(iter(self.muscles))
 
 

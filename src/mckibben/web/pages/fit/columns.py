@@ -1,4 +1,4 @@
-"""Panel 1: the file, what its columns hold and in which units with a preview, and what is known beside them."""
+"""Panel 1: the file, the meaning and units of its columns with a preview, and other known values."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def _unit_words(unit: str, what: str) -> str:
 def words_field(
     name: str, label: str, unit: str, words: str, change: Callable[[str], Any], about: str = "", mark: str = ""
 ) -> None:
-    """A field that may stay empty; what is typed is checked by `change`, whose `InputError` stands below it.
+    """Build an optional text field; input is checked by `change`, whose `InputError` is shown below it.
 
     Args:
         name: of the field, for everybody.

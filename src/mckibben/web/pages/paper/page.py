@@ -132,7 +132,7 @@ class PaperPage:
         self.chosen()
 
     async def report(self, ending: str) -> None:
-        """Download the report of what is there."""
+        """Download the report of the present results."""
         with self.under:
             place, line = box("div"), text("p", "", "p-caption")
         self.writing.append((line, told := ["starting"]))
@@ -183,7 +183,7 @@ class PaperPage:
         self.drawn()
 
     def chosen(self) -> None:
-        """Show the figure that is chosen, and draw it if nobody has."""
+        """Show the chosen figure, and draw it if necessary."""
         self.shown = None
         of = self.figures.get(self.figure)
         if of is not None and self.asks and self.form == "form" and self.figure not in self.all.refused:

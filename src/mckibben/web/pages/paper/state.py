@@ -125,7 +125,7 @@ class Reproduction:
     # ---- figures
 
     def draw(self, name: str, *, pressing: bool = True) -> None:
-        """Draw a figure, if nobody has yet.
+        """Draw a figure, if it is not drawn yet.
 
         Raises:
             InputError: there is no such figure.
@@ -167,7 +167,7 @@ class Reproduction:
     # ---- report
 
     def report(self, ending: str, tell: Callable[[str], None]) -> bytes:
-        """The report of the command line, of what is there now; waits until it is written.
+        """Write the report of the command line from the present results; wait for it.
 
         Raises:
             InputError: it cannot be written; says why.

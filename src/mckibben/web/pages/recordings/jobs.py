@@ -1,4 +1,4 @@
-"""Files of recordings: import, export, repair, reports; all in the words of the command line."""
+"""Files of recordings: import, export, repair, reports, with the messages of the command line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_ROWS = 5_000_000  # of a table that becomes a recording: more than an hour 
 
 
 def said_of(error: MckibbenError, path: Path, name: str) -> str:
-    """A sentence with the file's own name in the place of where it was kept."""
+    """Message of an error, with the file's original name instead of the path of its copy."""
     return str(error).replace(str(path), name)
 
 
@@ -74,7 +74,7 @@ def imported(path: Path, name: str, target: Path, columns: Mapping[str, str], un
 
 
 def check_kind(name: str) -> None:
-    """Refuse a file whose name says that it holds something else."""
+    """Refuse a file whose name states another content."""
     if Path(name).suffix.lower() not in IMPORTED:
         allowed = f"allowed is a name that ends in {', '.join(IMPORTED)}; nothing was stored"
         raise InputError("file", name[:120], allowed)
@@ -138,7 +138,7 @@ def report(path: Path) -> tuple[str, bytes]:
 
 
 def pairs(text: str, option: str, example: str) -> dict[str, str]:
-    """Lines or words such as ``NAME=COLUMN``, parted by semicolons or new lines, as a table."""
+    """Parse text such as ``NAME=COLUMN``, separated by semicolons or new lines, to a table."""
     found = {}
     for word in text.replace("\n", ";").split(";"):
         if not word.strip():

@@ -27,7 +27,7 @@ THIN = "\u2009\u2060"
 
 
 def tools(words: dict[str, str], change: Callable[[str, str], Any]) -> Element:
-    """Search and filters; the place of the filters is given back, to be filled when the entries are known."""
+    """Build search and filters; return the place of the filters, to be filled when the entries are known."""
     with box("div", "hd finds"):
         with box("div", "field grow"):
             raw(GLASS, "span")
@@ -63,7 +63,7 @@ def wanted(entries: Sequence[RecordingEntry], words: dict[str, str]) -> list[Rec
 
 
 class RecordingLines:
-    """The lines; a click, Enter or Space chooses one or lets it go. Those that stay as they are are not made anew.
+    """Lines of the list; a click, Enter or Space toggles the choice. Unchanged lines are not rebuilt.
 
     Args:
         place: that they stand in.
@@ -76,7 +76,7 @@ class RecordingLines:
         self._made: dict[str, Any] = {}
 
     def clear(self) -> None:
-        """Something else stands in the place."""
+        """Clear the lines, for other content."""
         self._place.clear()
         self._shown, self._made = {}, {}
 
@@ -121,7 +121,7 @@ def _line(one: RecordingEntry, letter: str) -> str:
 
 
 def when(seconds: float) -> str:
-    """A date as a person says it: the time today, the day before that."""
+    """Format a date: the time today, the day before that."""
     if not seconds:
         return "\u2013"
     then, now = datetime.fromtimestamp(seconds), datetime.fromtimestamp(time.time())
@@ -141,5 +141,5 @@ def duration(seconds: float) -> str:
 
 
 def amount(size: int) -> str:
-    """A size of files in words."""
+    """Format the size of a file."""
     return f"{size / 2**20:.3g}{THIN}MB" if size >= 2**20 else f"{size / 2**10:.3g}{THIN}kB"

@@ -56,7 +56,7 @@ class OverlaidPart:
 
 
 def steps(record: Recording) -> list[tuple[str, Recording]]:
-    """The recorded steps with a name for each; all of it where it has none."""
+    """Recorded steps with a name for each; the whole recording if it has none."""
     from ....analysis.segments import segments, varied
 
     if not record.meta.get("steps"):
@@ -124,7 +124,7 @@ def over_length(parts: Sequence[OverlaidPart]) -> Chart | None:
 
 
 def less_the_law(parts: Sequence[OverlaidPart]) -> Chart | str:
-    """Tension less what the muscle's law says at the recorded length and pressure: friction, or the law's fault."""
+    """Tension minus that of the muscle's law at the recorded length and pressure: friction, or error of the law."""
     lines, why = [], ""
     for part in parts:
         try:

@@ -64,7 +64,7 @@ class RecordingsPage:
         Timer(document, LOOKS, self.look)
 
     async def begin(self) -> None:
-        """Show what is known at once, the rest as it is read; a name of the link that is not there is passed over."""
+        """Show cached entries at once, others as they are read; unknown names of the link are skipped."""
         there = self.lab.recordings.names()
         for name in [n for n in self.chosen if n not in there]:
             self.chosen.remove(name)
@@ -75,7 +75,7 @@ class RecordingsPage:
     # ---- list
 
     async def look(self) -> None:
-        """See whether files came, went or changed."""
+        """Look for new, removed or changed files."""
         state = await asyncio.to_thread(self._state)
         if state == self._seen or self._reading:
             return
@@ -265,7 +265,7 @@ class RecordingActions:
     async def _take(
         self, one: IncomingFile, place: Element, columns: Mapping[str, str], units: Mapping[str, str], period: str
     ) -> tuple[str, list[str]]:
-        """Make a recording of a file that came; its name, and remarks."""
+        """Import an uploaded file; return its name, and remarks."""
         jobs.check_kind(one.name)
         shelf, target = self._view.lab.recordings, one.path.with_name("taken.nc")
         words = f"Reading {one.name}"

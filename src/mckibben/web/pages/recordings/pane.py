@@ -68,7 +68,7 @@ class OverlayPane:
                 button("Add note", self._add, primary=True)
 
     def forget(self) -> None:
-        """The page is gone: let go of what it showed."""
+        """Release the shown recordings when the page is closed."""
         self._asking += 1
         self._parts = []
 
@@ -83,7 +83,7 @@ class OverlayPane:
     # ---- what is shown
 
     async def show(self, names: Sequence[str]) -> None:
-        """Read the chosen ones and show them; one that cannot be read says why, and the other is shown."""
+        """Read the chosen recordings and show them; an unreadable one is replaced by its error."""
         self._asking += 1
         mine, wrong = self._asking, []
         if not names:

@@ -32,7 +32,7 @@ _lock = threading.Lock()
 
 @dataclass(frozen=True)
 class RecordingEntry:
-    """A line of the list; all of it is text of a user's file, but for the thumbnail.
+    """An entry of the list; all text but the thumbnail's is from a user's file.
 
     Attributes:
         name: of the file.
@@ -63,7 +63,7 @@ class RecordingEntry:
     thumb: str = ""
 
     def holds(self, words: str) -> bool:
-        """Whether all words are somewhere in it."""
+        """Whether the entry contains all search terms."""
         text = " ".join(
             (self.name, self.about, self.muscle, self.protocol, self.origin, self.said, *self.notes)
         ).lower()
@@ -77,7 +77,7 @@ def key_of(path: Path) -> Any:
 
 
 def whole(path: Path) -> Recording:
-    """A recording, or a file of somebody else as one.
+    """Read a recording, or import a file of another program.
 
     Raises:
         InputError: it cannot be read; says why.
