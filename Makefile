@@ -54,7 +54,7 @@ validation: $(VENV)/.test ## Run all tests on measured data, which must be in th
 	@test -d "$(DATA)" || { echo "No measured data: $(DATA) is no folder; name theirs in MCKIBBEN_DATA"; exit 2; }
 	MCKIBBEN_DATA="$(DATA)" $(RUN) pytest -m validation -rA
 
-lint: $(VENV)/.test ## Style, types and the import order of the house
+lint: $(VENV)/.test ## Style, types and the import order
 	$(RUN) ruff check .
 	$(RUN) ruff format --check .
 	$(RUN) mypy

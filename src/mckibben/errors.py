@@ -1,7 +1,7 @@
 """All errors that the package raises on purpose.
 
 All of them carry one clear sentence for a person. `InputError` means that the caller's input is wrong (the command line
-exits with 2); the others name a state that the laboratory could not bring about.
+exits with 2); the others name a state that could not be reached.
 """
 
 from __future__ import annotations

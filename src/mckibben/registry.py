@@ -55,7 +55,7 @@ class Registry(Mapping[str, T], Generic[T]):
     Args:
         group: of the entry points.
         noun: what a kind is called in a complaint, such as ``law``.
-        known: the laboratory's own; a text ``module:name`` is imported when it is asked for.
+        known: kinds of this package; a text ``module:name`` is imported on demand.
     """
 
     def __init__(self, group: str, noun: str, known: Mapping[str, T | str]) -> None:

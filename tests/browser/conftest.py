@@ -1,4 +1,4 @@
-"""A laboratory's screen in a real Chromium: a server in a process of its own; its pages load nothing from elsewhere."""
+"""The web interface in a real Chromium: a server in a separate process; its pages load nothing from elsewhere."""
 
 import shutil
 import signal

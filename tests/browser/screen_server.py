@@ -1,4 +1,4 @@
-"""The laboratory's screen, served by a process of its own, as a test needs it."""
+"""The web interface, served by a separate process, for tests."""
 
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""Habits of the house that no other test would miss: declarations, sources, sizes, imports."""
+"""Conventions of the repository that no other test would check: declarations, sources, sizes, imports."""
 
 import ast
 import builtins

@@ -11,7 +11,7 @@ from ..recordings import Recording
 
 # Clocks of real loops jitter; a local fit over uneven samples would need the times themselves beyond this share.
 _JITTER = 1e-2
-# Squares and products of sums must stay within float64; no quantity of a laboratory is near it.
+# Squares and products of sums must stay within float64; no measured quantity is near it.
 _LARGEST = 1e100
 
 

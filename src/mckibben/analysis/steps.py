@@ -19,7 +19,7 @@ slow swings in the last fifth are not, unless they are small. What has not settl
 its level and its times are of a step still under way.
 
 Thresholds: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753, print 0-90 %
-and 100-10 %; onsets are not defined there, 2 % is this laboratory's choice.
+and 100-10 %; onsets are not defined there, 2 % is our choice.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ class SensorKind:
     Attributes:
         unit: SI unit of its channel.
         quantity: kind of value, which decides its colour: ``pressure``, ``tension``, ``length`` or ``valve``.
-        label: in figures and on the screen, such as ``pressure, muscle``.
+        label: in figures and in the web interface, such as ``pressure, muscle``.
         symbol: as the field writes it.
         meaning: of its channel in a recording.
         true_value: what it is put to; straight-line, for it is compiled with the machine.

@@ -50,7 +50,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "size": ("size:size_muscle", "Find the muscle, valve, tube and gas source for a force and a stroke."),
     "sweep": ("sweep:sweep", "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr."),
-    "serve": ("serve:serve_screen", "Serve the laboratory's screen to a browser on this machine."),
+    "serve": ("serve:serve_screen", "Serve the web interface to a browser on this machine."),
     "circuit": ("", "Show, run, linearise and fit pneumatic circuits."),
     "circuit show": ("circuit:show", "Describe a circuit, its fastest mode, and the method with which a run begins."),
     "circuit run": ("circuit:run", "Run a circuit, close its balances of mass and energy, and save the recording."),
@@ -97,7 +97,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "calibrate skew": ("calibrate:skew", "Calibrate the lag of channels behind the first one, from a common signal."),
     "calibrate show": ("calibration:show", "Show a calibration: values, 95 % intervals, origin and age."),
     "calibrate apply": ("calibration:apply", "Apply a calibration to a recording in place of the one it carries."),
-    "study": ("", "Run the laboratory's studies of tubes, a robot, loops and all laws."),
+    "study": ("", "Run the studies of tubes, a robot, loops and all laws."),
     "study tube": ("study:study_tube", "Compare lumped models of a tube with the distributed one, claim by claim."),
     "study robot": (
         "study:study_robot",

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..report.paper_figures import PaperFigure
 
 REPORTS = ("reproduction.html", "reproduction.pdf")  # what --out writes
-WIDTH = 120  # of the table, where nobody's screen says another
+WIDTH = 120  # of the table, if the terminal states no other
 GAP = "  "
 
 

@@ -22,7 +22,7 @@ def serve_screen(
         str, typer.Option(help="Address to listen on; any other than the default can be reached from other machines.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 chooses a free one.")] = 8080,
-    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the screen in a browser.")] = True,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the web interface in a browser.")] = True,
     folder: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder in which recordings are kept.")] = Path(
         "recordings"
     ),
@@ -39,12 +39,12 @@ def serve_screen(
         ),
     ] = False,
 ) -> None:
-    """Serve the laboratory's screen to a browser on this machine.
+    """Serve the web interface to a browser on this machine.
 
-    The screen has the bench, fits, comparisons and recordings. Nothing is loaded from the internet.
+    It has pages for the bench, fits, comparisons, energy, circuits, the papers and recordings. Nothing is loaded from the internet.
     """
     for name in NEEDED:
-        library(name, "The laboratory's screen needs")
+        library(name, "The web interface needs")
     from ..web.bench import Bench, HardwareSpec  # these import what comes with the extra
     from ..web.laboratory import Laboratory
     from ..web.server import listen, serve
@@ -58,6 +58,6 @@ def serve_screen(
                 pass  # so is a machine that is not there, or not the rig's
         elif lock_step:
             raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
-        typer.echo("Getting the laboratory ready ..", err=True)
+        typer.echo("Preparing the web interface ..", err=True)
         lab = Laboratory(folder, functools.partial(Bench, muscle=muscle, rig=first, spec=real))
         serve(lab, line, host, show=show, tell=typer.echo)

@@ -1,6 +1,6 @@
 """Interfaces that the rooms above share, and nothing that computes physics.
 
-Importing this package switches JAX to float64 once for the whole laboratory: an energy balance to 1e-10 has no meaning
+Importing this package switches JAX to float64 once for the whole package: an energy balance to 1e-10 has no meaning
 in float32, and no other place may set it.
 """
 

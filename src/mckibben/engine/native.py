@@ -5,7 +5,7 @@
     results = run(*trees, lanes=1024)               # a leaf with one axis more than its example, the last, is given per lane
 
 The compiler is the package `lanewise`. Here are the programs that it lowered before, found again on disk, and its errors as
-those of the laboratory. `integration.compile_march` does the same for a system's run.
+those of this package. `integration.compile_march` does the same for a system's run.
 """
 
 from __future__ import annotations

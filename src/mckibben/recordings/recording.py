@@ -1,6 +1,6 @@
 """The recording: what happened, as channels over one time.
 
-It is the border of the laboratory: left of it is simulation or hardware, right of it nothing knows which.
+It separates production from evaluation: simulation or hardware produce it, and nothing that evaluates it knows which.
 """
 
 from __future__ import annotations

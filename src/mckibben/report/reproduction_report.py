@@ -1,6 +1,6 @@
 """Report of the reproduction: printed and computed values, number by number and figure by figure, with verdicts.
 
-The figures come from the registry `paper_figures.FIGURES`; each is drawn anew from the laboratory's own runs.
+The figures come from the registry `paper_figures.FIGURES`; each is drawn from our own runs.
 """
 
 from __future__ import annotations

@@ -221,7 +221,7 @@ class VerdictKind(NamedTuple):
     """A kind of verdict.
 
     Attributes:
-        key: its name in files and on the screen.
+        key: its name in files and in the web interface.
         verdict: of one row.
         counted: what follows its number in the headline where that is one, and where it is more.
         meaning: what it says, a phrase.

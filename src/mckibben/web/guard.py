@@ -36,7 +36,7 @@ POLICY = (
     "font-src 'self' data:; connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; "
     "frame-ancestors 'none'"
 )
-ASKS = "This laboratory asks for its token: open the address that mckibben serve printed when it began."
+ASKS = "This server requires its token: open the address that mckibben serve printed at its start."
 FULL = "This server has {} open lines, and allows no more: close pages that are not needed."
 
 

@@ -66,7 +66,7 @@ class Laboratory:
 
     Args:
         folder: of the recordings.
-        machine: what is operated; told the laboratory, for its shelf and its toasts.
+        machine: makes the test machine; given this state, for its files and notices.
         clock: seconds that only go forward.
     """
 
@@ -190,7 +190,7 @@ class Laboratory:
         self.toasts.finish()
 
     def _emergency_stop(self, page: str, reason: str = "") -> str:
-        self.machine.emergency_stop(str(reason)[:80] or "from the screen")
+        self.machine.emergency_stop(str(reason)[:80] or "from the web interface")
         return "vented"
 
     def _ask(self, page: str) -> str:

@@ -31,7 +31,7 @@ class Lines:
     """The lines of all pages; every page has an identity of its own, and one line.
 
     Args:
-        lab: the laboratory.
+        lab: state of the server.
         served: address and version, for the footer.
     """
 
@@ -77,7 +77,7 @@ class PageConnection:
 
     Args:
         socket: accepted.
-        lab: the laboratory.
+        lab: state of the server.
         page: public name of its identity.
         confirmed: called when the page has its new secret.
     """

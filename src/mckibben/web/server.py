@@ -86,7 +86,7 @@ def _page_routes(lab: Laboratory, documents: Documents) -> list[Any]:
         found = documents.find(socket.path_params["key"])
         with contextlib.suppress(WebSocketDisconnect):
             if found is None:
-                await socket.close(UNKNOWN_DOCUMENT, "The laboratory does not know this page any more.")
+                await socket.close(UNKNOWN_DOCUMENT, "The server no longer has this page.")
             else:
                 await documents.serve(found, socket)
 
@@ -204,7 +204,7 @@ def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: 
     app = build(lab, host, port)
     shown = f"[{host}]" if ":" in host else host
     address = f"http://{shown}:{port}/?token={app.token}"
-    tell(f"The laboratory is at {address}")
+    tell(f"The web interface is at {address}")
     others = "" if is_loopback(host) else "Others reach this address: "
     tell(f"{others}{'w' if others else 'W'}hoever has the token in it is let in, and may operate the machine.")
     config = uvicorn.Config(
@@ -230,7 +230,7 @@ def leading_to(address: str, folder: Path) -> str:
     A browser is opened by a command, and the words of a command are seen by everybody on the machine: so that the token is
     not among them, they name a file that nobody else may read.
     """
-    place = folder / "laboratory.html"
+    place = folder / "mckibben.html"
     with open(place, "w", encoding="utf-8", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
         file.write(f'<!doctype html><meta http-equiv="refresh" content="0;url={html.escape(address)}">')
     return place.as_uri()

@@ -26,7 +26,7 @@ class CircuitPage:
     """The page of one visitor.
 
     Args:
-        lab: the laboratory.
+        lab: state of the server.
         shelf: of the circuits that were saved.
         document: to begin with.
         view: what the address says.

@@ -29,7 +29,7 @@ class ComparePage:
     """The page of one visitor.
 
     Args:
-        lab: the laboratory.
+        lab: state of the server.
         view: what the address says.
     """
 

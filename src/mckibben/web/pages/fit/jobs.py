@@ -140,7 +140,7 @@ class FitJob:
                 self.version += 1
         except _StoppedError:
             return
-        except Exception as error:  # of this page's fit alone; the laboratory and the other pages go on
+        except Exception as error:  # only this fit fails; the server and the other pages go on
             if not stop.is_set():
                 self.failed = str(error) or type(error).__name__
         finally:

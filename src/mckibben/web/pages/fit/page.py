@@ -30,7 +30,7 @@ class FitPage:
     """The Fit page of one visitor.
 
     Args:
-        lab: the laboratory.
+        lab: state of the server.
         words: of the link.
     """
 
@@ -467,7 +467,7 @@ def _document(study: Any, kind: str) -> bytes:
 
 
 async def _specimen(view: FitPage) -> None:
-    """Download it, and keep it on the laboratory's shelf of specimens, which can be undone."""
+    """Download the specimen, and add it to the server's specimens, which can be undone."""
     study = _study(view)
     if study is None:
         return

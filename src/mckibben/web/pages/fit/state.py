@@ -135,7 +135,7 @@ def read(path: Path, asked: FitRequest) -> ForceMap:
             path, rest_length=rest, columns=dict(asked.columns), units=dict(asked.units), branch=asked.branch or None,
             pressure_zero=zero,
         )  # fmt: skip
-    except InputError as error:  # the file by its name, not by where the laboratory keeps it
+    except InputError as error:  # the file by its name, not by its path on the server
         raise error.changed(where=path.name) from None
 
 

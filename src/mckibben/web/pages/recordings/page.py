@@ -30,7 +30,7 @@ class RecordingsPage:
     """The Recordings page of one visitor.
 
     Args:
-        lab: the laboratory.
+        lab: state of the server.
         words: of the link.
     """
 

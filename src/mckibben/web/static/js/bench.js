@@ -231,7 +231,7 @@ let shownBanner = ''
 function banner () {
   const s = status(); const state = shape()
   let html = ''
-  if (state === 'lost' && lab.status) html = `<div class="note" role="alert" style="font-size:13px;padding:11px 16px"><span><b>This page lost the laboratory at ${fmt(lab.lost ?? s.time, 3)}${TS}s.</b> ${s.running ? 'The run goes on there, with its interlocks. What you miss is fetched when the line is back.' : 'It comes back by itself.'} Until then this page cannot stop it: <b>use the button on the machine.</b> Grey values are old.</span></div>`
+  if (state === 'lost' && lab.status) html = `<div class="note" role="alert" style="font-size:13px;padding:11px 16px"><span><b>This page lost the connection to the server at ${fmt(lab.lost ?? s.time, 3)}${TS}s.</b> ${s.running ? 'The run goes on there, with its interlocks. What you miss is fetched when the line is back.' : 'It comes back by itself.'} Until then this page cannot stop it: <b>use the button on the machine.</b> Grey values are old.</span></div>`
   else if (state === 'tripped') {
     const [first, ...rest] = tripWords(s.why)
     html = `<div class="banner" role="alert"><svg width="24" height="24" viewBox="0 0 28 28" aria-hidden="true"><path d="M9 2h10l7 7v10l-7 7H9l-7-7V9z" fill="var(--stop)"/><path d="M14 7v9M14 18.500v3" stroke="var(--on-stop)" stroke-width="3"/></svg><p class="grow"><b>${escape(say(first))}</b> ${escape(say(rest.join(' ')))}${s.ended?.file && s.ended.stopped ? ' The recording up to here is kept.' : ''}</p><button class="btn" id="led">What led to it</button></div>`

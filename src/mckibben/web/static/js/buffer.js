@@ -12,7 +12,7 @@ export class Buffer {
   /** Forget everything; an epoch is one of a server, and another server counts its own. */
   clear (server, epoch, period) { this.server = server; this.epoch = epoch; this.period = period; this.first = 0; this.n = 0; this.high = {}; this.low = {} }
 
-  /** Take a frame, in the units of the screen. */
+  /** Take a frame, in displayed units. */
   add ({ server, epoch, first, n, values }, factors, period) {
     if (server !== this.server || epoch !== this.epoch || first > this.first + this.n || first + n < this.first) { this.clear(server, epoch, period); this.first = first }
     let skip = this.first + this.n - first

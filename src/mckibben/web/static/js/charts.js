@@ -8,7 +8,7 @@ const charts = new Map() // figure -> {plot, spec}
 
 const colour = q => token(Q[q] ? `--q-${q}` : '--ink')
 const precision = step => Math.max(0, Math.min(6, -Math.floor(Math.log10(step) + 1e-9)))
-/** Axis settings in the style of the house. */
+/** Axis settings common to all charts. */
 export function axis (given = {}) {
   return {
     stroke: () => token('--ink-3'), font: `11px ${token('--font')}`, gap: 4, size: 46, ...given,

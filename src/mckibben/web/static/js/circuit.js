@@ -55,7 +55,7 @@ addEventListener('drop', e => {
 addEventListener('dragend', unmark)
 
 const inField = e => e.target.closest?.('input,textarea,select,[contenteditable=true]')
-// Before the laboratory's own keys: what it returns true for goes no further.
+// Called before the keys of all pages; an event for which it returns true goes no further.
 function own (e) {
   if (document.querySelector('dialog[open]')) return false
   if (inserting && e.key.length === 1 && !e.ctrlKey && !e.metaKey && !e.altKey) {

@@ -107,7 +107,7 @@ function upload (picker, file) {
   const allowed = picker.accept.split(',').some(ending => file.name.toLowerCase().endsWith(ending))
   if (!allowed || file.size > +picker.dataset.most) { send(picker.dataset.id, 'rejected', file.name); return }
   fetch(`/upload/${KEY}/${picker.dataset.id}?name=${encodeURIComponent(file.name)}`, { method: 'POST', body: file })
-    .then(answer => { if (!answer.ok) send(picker.dataset.id, 'rejected', file.name) }, () => tell(`${file.name} did not reach the laboratory.`))
+    .then(answer => { if (!answer.ok) send(picker.dataset.id, 'rejected', file.name) }, () => tell(`${file.name} did not reach the server.`))
 }
 document.addEventListener('change', ({ target }) => {
   if (target.type !== 'file' || !target.dataset.id) return

@@ -100,7 +100,7 @@ draws('.e-numbers', numbers)
 draws('.e-losses', losses)
 draws('.e-flow', sankey)
 
-// The slider: what is dragged shows at once, the laboratory's numbers follow.
+// The slider: what is dragged shows at once, the server's numbers follow.
 document.addEventListener('input', e => {
   const range = e.target.closest?.('.supply input[type=range]')
   if (!range) return

@@ -1,4 +1,4 @@
-// The pictures of the page Fit: a figure with data-fit becomes one. Every number comes from the laboratory; here it is only drawn.
+// The pictures of the page Fit: a figure with data-fit becomes one. Every number comes from the server; this script only draws.
 import { calls } from './elements.js'
 import { nice } from './plot.js'
 import { TS, clamp, escape, fmt, mark } from './words.js'

@@ -1,4 +1,4 @@
-// The line to the laboratory, and what stands on all pages: state block, emergency stop, keyboard, theme, toasts, footer.
+// The connection to the server, and the common parts of all pages: state block, emergency stop, keyboard, theme, toasts, footer.
 import { fmt, forget, say, words } from './words.js'
 
 export const events = new EventTarget()
@@ -148,7 +148,7 @@ function heard (message) {
   }
 }
 
-/** Ask the laboratory to do something; answers {ok, said, field}. */
+/** Request an action of the server; resolves to {ok, said, field}. */
 export function act (action, given = {}) {
   if (!socket || socket.readyState !== 1) return Promise.resolve({ ok: false, said: words.cannot, lost: true })
   return new Promise((resolve, reject) => {
@@ -362,7 +362,7 @@ addEventListener('DOMContentLoaded', () => {
   document.body.append($('footer.foot'), $('#toasts'))
   news()
   for (const b of document.querySelectorAll('.estop')) {
-    b.addEventListener('click', () => emergency('the button on the screen was pressed'))
+    b.addEventListener('click', () => emergency('the button on the page was pressed'))
   }
   $('.menu').onclick = () => { document.body.classList.toggle('nav'); $('.menu').setAttribute('aria-expanded', String(document.body.classList.contains('nav'))) }
   $('#theme').onclick = () => { const to = dark() ? 'light' : 'dark'; theme(to); sessionStorage.setItem('mckibben-theme', to); link({ theme: to }) }

@@ -164,7 +164,7 @@ export class Strips {
     ctx.font = `600 ${11 * px}px ${token('--font')}`; ctx.textAlign = 'center'; ctx.fillStyle = token(`--q-${q}`); ctx.fillText(fmt(v, Q[q].places), bx + w / 2, cy + px)
   }
 
-  /** A channel at a time, in the units of the screen. */
+  /** Value of a channel at a time, in displayed units. */
   value (q, time) {
     const dry = this.source
     if (!dry) return this.buffer.n && time <= this.buffer.end + 1e-9 && time >= this.buffer.t[0] ? this.buffer.c[q][this.buffer.at(time)] : NaN

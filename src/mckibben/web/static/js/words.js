@@ -1,7 +1,7 @@
 // Numbers and units as a person reads them: thin space that never breaks, minus U+2212, groups of three.
 export const TS = '\u2009\u2060'
 export const words = {
-  cannot: 'This page cannot reach the laboratory: use the button on the machine.'
+  cannot: 'This page cannot reach the server: use the button on the machine.'
 }
 const UNITS = /(\d) (bar\/s|bar|N\/cm|N|cm\/s|cm|mm|m|L\/min|%|ms|us|s|kHz|Hz|J|W|deg|MB|kB|B|L0\/s|L0)(?![\w/])/g
 /** A sentence with its numbers and units as they are set: `5 bar` with a thin space, a minus that is one. */
