@@ -41,7 +41,8 @@ def serve_screen(
 ) -> None:
     """Serve the web interface to a browser on this machine.
 
-    It has pages for the bench, fits, comparisons, energy, circuits, the papers and recordings. Nothing is loaded from the internet.
+    It has pages for the bench, fits, comparisons, energy, circuits, the papers and recordings. Nothing is loaded from the
+    internet.
     """
     for name in NEEDED:
         library(name, "The web interface needs")
