@@ -85,6 +85,15 @@ CALLS: dict[str, list[Call]] = {
     "muscles": [Call()],
     "show": [Call((MUSCLE, "--figure", "show.svg"), ["show.svg"])],
     "tension": [Call((MUSCLE, "--length", "12 cm", "--pressure", "5 bar"))],
+    "braid": [
+        Call(
+            (
+                "--length", "300 mm", "--angle", "25 deg", "--diameter", "12 mm", "--thread", "0.25 mm", "--bladder", "1 mm",
+                "--out", "braid.toml",
+            ),
+            ["braid.toml"],
+        )
+    ],
     "fit": [
         Call(("DMSP-20-300", "--law", "ideal", "--report", "fit.html", "--save", "fit.toml"), ["fit.html", "fit.toml"]),
         needs("report", "DMSP-20-300", "--report", "fit.pdf"),

@@ -20,6 +20,7 @@ from ..experiments.dry_run import Estimate, Finding, check_plan
 from ..experiments.plan import PlannedStep, ProtocolPlan
 from ..experiments.protocol import Protocol
 from ..experiments.read import shipped
+from ..muscles.build import rest_length_of
 from ..muscles.law import compiled_tension
 from ..specimens import Specimen, specimen
 from .rig import Rig
@@ -187,7 +188,7 @@ def prepare(
         spec = muscle if isinstance(muscle, Specimen) else specimen(muscle)
         unit = unit or unit_from_specimen(spec)
     layout = on.layout(wanted, plumbing)
-    rest = _rest_length(unit, spec)
+    rest = rest_length_of(spec, unit.law)
     plan = _plan(wanted, rest)
     found = check_plan(plan, on.limits(layout), expected(unit))
     known = [*on.sensors, *(["span"] if on.encoder is not None else [])]
@@ -277,16 +278,6 @@ def expected(unit: MuscleUnit) -> Estimate:
         return np.concatenate(parts).reshape(spans.shape)
 
     return tension
-
-
-def _rest_length(unit: MuscleUnit, spec: Specimen | None) -> float:
-    """Rest length ``L0`` [m]: as the specimen states it, else that of the law."""
-    if spec is not None and "rest_length" in spec.properties:
-        return spec.property_si("rest_length", "m")
-    own = getattr(unit.law, "rest_length", None)
-    if own is None:
-        raise InputError("rest_length", "unknown", "the muscle's law or its specimen has to state one", where="muscle")
-    return float(own)
 
 
 def _protocol(wanted: Protocol | str | os.PathLike[str]) -> Protocol:

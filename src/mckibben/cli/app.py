@@ -34,6 +34,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "muscles": ("catalogue:list_muscles", "List the muscles that ship, with their sources."),
     "show": ("muscles:show", "Show the parameters of a muscle with their units and sources, and its law."),
     "tension": ("muscles:tension", "Compute tension, volume and state of a muscle at one length and pressure."),
+    "braid": (
+        "braid:braid",
+        "Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known.",
+    ),
     "fit": ("fit:fit", "Fit tension laws to a measured table of length, pressure and tension, and rank them."),
     "protocols": ("catalogue:protocols", "List the protocols, or describe one of them with all its numbers."),
     "run": ("run:run_protocol", "Run a protocol on a test machine; nothing moves until the dry run passes."),

@@ -32,7 +32,10 @@ def size_muscle(
         str, typer.Option(metavar="NAME", help="Law of the braids: linear_threshold, thick_wall or ideal.")
     ] = "linear_threshold",
     muscle: Annotated[
-        str | None, typer.Option(metavar="ID", help="Candidate muscle for which valves and gas sources are sought.")
+        str | None,
+        typer.Option(
+            metavar="ID", help="Candidate, or .toml file of a muscle, for which valves and gas sources are sought."
+        ),
     ] = None,
     no_lines: Annotated[
         bool, typer.Option("--no-lines", help="Leave out valves and tubes, which are simulated.")

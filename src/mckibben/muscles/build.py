@@ -138,6 +138,38 @@ def from_specimen(
     )
 
 
+# Rest length over the longest length that a law is made for, where neither file nor law state one; 0.91 of the nylon muscle.
+REST_SHARE = 0.9
+
+
+def rest_length_of(spec: Specimen | None, law: Any = None) -> float:
+    """Rest length of a muscle [m]: as its file states it, else as its law does, else 0.9 of the law's longest length.
+
+    Args:
+        spec: what was read from a file, if anything was.
+        law: of the muscle; the default law of the file where left out.
+    """
+    if spec is not None and "rest_length" in spec.properties:
+        return spec.property_si("rest_length", "m")
+    built = _own_law(spec) if law is None else law
+    stated = getattr(built, "rest_length", None)
+    return REST_SHARE * float(built.length_range()[1]) if stated is None else float(stated)
+
+
+def upper_length_of(spec: Specimen | None, law: Any = None) -> float:
+    """Upper working length of a muscle [m]: as its file states it, else the longest length that its law is made for."""
+    if spec is not None and "upper_length" in spec.properties:
+        return spec.property_si("upper_length", "m")
+    return float((_own_law(spec) if law is None else law).length_range()[1])
+
+
+def _own_law(spec: Specimen | None) -> Any:
+    if spec is None:
+        raise InputError("muscle", "nothing", "must be a specimen or a law")
+    muscle = from_specimen(spec)
+    return getattr(muscle, "law", muscle)
+
+
 # Parameters of a friction in a specimen file, with their SI units; the first two belong to its limit.
 _FRICTION_UNITS = {
     "constant": "N", "per_pressure": "m^2", "stiffness": "N/m", "share": "1", "exponent": "1", "smoothing_velocity": "m/s",

@@ -7,5 +7,9 @@ variable ``MCKIBBEN_SPECIMENS``.
 
 from .load import KNOWN_PROPERTIES, map_file, specimen, specimen_ids, specimens
 from .model import Specimen, SpecimenNumber
+from .write import save_specimen, specimen_toml
 
-__all__ = ["KNOWN_PROPERTIES", "SpecimenNumber", "Specimen", "map_file", "specimen", "specimen_ids", "specimens"]
+__all__ = [
+    "KNOWN_PROPERTIES", "Specimen", "SpecimenNumber", "map_file", "save_specimen", "specimen", "specimen_ids",
+    "specimen_toml", "specimens",
+]  # fmt: skip

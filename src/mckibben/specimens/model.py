@@ -113,8 +113,8 @@ class Specimen:
         return dataclasses.asdict(self)
 
     def source(self) -> str:
-        """The first source, as a citation key."""
-        return self.sources[0]
+        """The first source, as a citation key; empty where the file names none."""
+        return self.sources[0] if self.sources else ""
 
     def inferred(self) -> list[str]:
         """Dotted paths of all numbers that no source prints; those of the default law first."""

@@ -323,7 +323,7 @@ def cycle_muscles(
 
 def surroundings(spec: Specimen) -> Environment:
     """Ambient conditions: those of the papers for muscles of the papers, else the standard atmosphere."""
-    return _of_the_papers() if "chou1996" in spec.sources else Environment()
+    return _of_the_papers() if spec.source() == "chou1996" else Environment()
 
 
 @functools.cache

@@ -26,7 +26,7 @@ from ...assembly.build import unit_from_specimen
 from ...assembly.muscle_unit import MuscleUnit
 from ...errors import InputError, NoVolumeError
 from ...muscles.biological import BiologicalMuscle
-from ...muscles.build import from_specimen
+from ...muscles.build import from_specimen, rest_length_of, upper_length_of
 from ...quantities import from_si, with_unit
 from ...recordings import Recording, read_recording
 from ...specimens import Specimen, specimen
@@ -111,25 +111,13 @@ def subject(
             "stated",
         )
     unit = unit_from_specimen(spec, law=law)
-    rest = _length(spec, unit, "rest_length")
-    upper = _length(spec, unit, "upper_length")
+    rest, upper = rest_length_of(spec, unit.law), upper_length_of(spec, unit.law)
     free = float(unit.law.free_length(pressure))
     if not free < LEAST * min(rest, upper):
         said = f"{spec.id} pulls nothing at its rest length of {with_unit(rest, 'm')}; allowed is a higher one"
         raise InputError("pressure", with_unit(pressure, "Pa"), said)
     area, area_from = _section(spec, unit, pressure, free)
     return ComparedMuscle(spec, unit, None, pressure, rest, upper, area, area_from)
-
-
-def _length(spec: Specimen, unit: MuscleUnit, name: str) -> float:
-    if name in spec.properties:
-        return spec.property_si(name, "m")
-    own = getattr(unit.law, name, None)
-    if own is None and name == "upper_length":
-        own = unit.law.length_range()[1]
-    if own is None:
-        raise InputError(f"properties.{name}", "missing", "a comparison needs it", where=spec.where or spec.id)
-    return float(own)
 
 
 def _section(spec: Specimen, unit: MuscleUnit, pressure: float, free: float) -> tuple[float | None, str]:

@@ -19,37 +19,26 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...identification import evaluate
-from ...muscles import braid
+from ...muscles import braid, sleeve
 from ...muscles.build import law_from_specimen
 from ...muscles.law import TensionLaw, law_name
 from ...muscles.laws.ideal import Ideal
 from ...muscles.laws.linear_threshold import LinearThreshold
 from ...muscles.laws.thick_wall import ThickWall
+from ...muscles.sleeve import InferredDimension, straight_line
 from ...recordings import read_force_map
 from ...specimens import Specimen, map_file, specimen
 
 BRAID_LAWS = ("linear_threshold", "thick_wall", "ideal")
 
 
-class InferredDimension(NamedTuple):
-    """A number that no source prints for a braid to be made: value [SI], range, and where it comes from."""
-
-    value: float
-    range: tuple[float, float]
-    note: str
-
-
 INFERRED: dict[str, InferredDimension] = {
+    **{name: sleeve.INFERRED[name] for name in ("threshold_pressure", "threshold_width", "friction_share")},
     "wall_share": InferredDimension(
         0.0762 / 1.66, (0.02, 0.1), "wall over the diameter at 90 degrees, of the nylon muscle"
     ),
-    "threshold_pressure": InferredDimension(0.903e5, (0.3e5, 1.5e5), "Pa; of the nylon muscle"),
-    "threshold_width": InferredDimension(0.85e5, (0.7e5, 1e5), "Pa; of the nylon muscle"),
     "passive_pressure": InferredDimension(392.0 / 0.466e-2, (0.0, 2e5), "Pa; Kp/Kg of the nylon muscle"),
     "rest_share": InferredDimension(1.0 / 1.1, (0.85, 1.0), "length at rest over the longest, of the nylon muscle"),
-    "friction_share": InferredDimension(
-        2.5 / 110.0, (0.01, 0.09), "friction over the largest tension, of the nylon muscle"
-    ),
     "fitting_share": InferredDimension(1.0, (0.5, 3.0), "length of each fitting over the contracted diameter"),
     "wall_density": InferredDimension(1150.0, (950.0, 1300.0), "kg/m3; rubber and nylon"),
     "fitting_density": InferredDimension(1400.0, (600.0, 2700.0), "kg/m3; half of a fitting's cylinder is aluminium"),
@@ -79,7 +68,7 @@ def braid_law(name: str, *, thread_length: Any, diameter: Any, longest: Any, sho
     thick = ThickWall(thread_length=thread_length, turns=turns, wall_thickness=wall, upper_length=longest)
     if name == "thick_wall":
         return thick
-    per_pressure, zero = _line(thick, longest, shortest)
+    per_pressure, zero = straight_line(thick, longest, shortest)
     rest = usual("rest_share") * longest
     volume = braid.inner_volume(rest, thread_length=thread_length, turns=turns, wall_thickness=wall)
     return LinearThreshold(
@@ -93,17 +82,6 @@ def braid_law(name: str, *, thread_length: Any, diameter: Any, longest: Any, sho
         rest_volume=volume,
         stop_stiffness=3e7 * (diameter / 0.0166) ** 2,
     )
-
-
-def _line(law: ThickWall, longest: Any, shortest: Any) -> tuple[Any, Any]:
-    """Least-squares slope of the force per pressure over five lengths of the stroke, Kg [m], and its zero, Lmin [m]."""
-    pressure = 1e6  # the law is proportional to it
-    shares = jnp.linspace(0.0, 1.0, 5) - 0.5
-    middle, span = 0.5 * (longest + shortest), longest - shortest
-    pull = [law.braid_tension(middle + s * span, pressure) / pressure for s in shares]
-    mean = sum(pull) / 5.0
-    slope = sum(s * f for s, f in zip(shares, pull, strict=True)) / (jnp.sum(shares**2) * span)
-    return slope, middle - mean / slope
 
 
 # What is known of laws without a map, as shares of the largest force: share, kind, and where it comes from.
@@ -144,6 +122,9 @@ def error_of_specimen(spec: Specimen, law: str) -> LawError:
     """The error of a law for a specimen."""
     if spec.map is not None:
         return _on_map(spec.id, law)
+    if "bladder_thickness" in spec.properties and law in sleeve.ERRORS:
+        known = sleeve.ERRORS[law][0]
+        return LawError(known.largest, "computed", f"of a braid's dimensions, on a muscle of the make {known.make!r}")
     return LawError(*STATED.get((spec.id, law), PUBLISHED))
 
 

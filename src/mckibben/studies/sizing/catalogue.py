@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import MckibbenError
-from ...muscles.build import law_from_specimen
+from ...errors import InputError, MckibbenError
+from ...muscles.build import law_from_specimen, upper_length_of
 from ...muscles.law import TensionLaw
 from ...specimens import Specimen, specimen, specimens
 from ...specimens.parts import CataloguePart, parts
@@ -48,9 +48,9 @@ def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:
         return None
     name = min(laws, key=lambda n: laws[n][1].share)
     law, error = laws[name]
-    longest = _property(stated, "upper_length", float(law.length_range()[1]))
+    longest = upper_length_of(stated, law)
     wall = _property(stated, "wall_thickness", 0.0)
-    if not wall and stated.sources[0] == "chou1996":
+    if not wall and stated.source() == "chou1996":
         wall = NYLON_WALL
     diameter = outer_diameter(law, wish, longest, wall)
     range_ = _range_of(stated)
@@ -72,6 +72,19 @@ def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:
         inferred=("fitting_share", *stated.inferred()),
         sources=tuple(stated.sources),
     )
+
+
+def of_file(path: str, wish: Requirements) -> Candidate:
+    """A specimen file as a candidate.
+
+    Raises:
+        InputError: it is no McKibben muscle, or no law of it knows its volume.
+    """
+    spec = specimen(path)
+    one = of_specimen(spec, wish) if spec.kind == "mckibben" else None
+    if one is None:
+        raise InputError("muscle", path, "must be a McKibben muscle whose law knows its volume")
+    return one
 
 
 def of_sizes(wish: Requirements) -> list[Candidate]:
@@ -157,8 +170,8 @@ def friction_of(
 
 def _range_of(spec: Specimen) -> CataloguePart | None:
     """The fluidic muscles of which a specimen is one."""
-    if "rest_inner_diameter" not in spec.properties:
-        return None
+    if "rest_inner_diameter" not in spec.properties or "bladder_thickness" in spec.properties:
+        return None  # a sleeve over a bladder is none, whatever its bore
     bore = spec.property_si("rest_inner_diameter", "m")
     return next((p for p in parts("fluidic_muscle") if abs(p.values["bore"] - bore) < 1e-6), None)
 

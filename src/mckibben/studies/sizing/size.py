@@ -274,7 +274,7 @@ def size(
     Args:
         wish: what is wanted.
         law: of `BRAID_LAWS`, for the braids.
-        muscle: id of the candidate for which lines and sources are looked for; the best where left out.
+        muscle: id of the candidate, or a specimen file, for which lines and sources are looked for; the best where left out.
         lines: look for valves and tubes.
         progress: is told what comes next.
 
@@ -293,6 +293,9 @@ def size(
         found.append(one)
     tell("specimens")
     found += catalogue.of_specimens(wish)
+    if muscle is not None and muscle.lower().endswith(".toml"):
+        own = catalogue.of_file(muscle, wish)
+        found, muscle = [one for one in found if one.id != own.id] + [own], own.id
     tell("fluidic muscles")
     found += catalogue.of_sizes(wish)
     order = ranked([judged(one, wish) for one in found])

@@ -19,6 +19,7 @@ from ...errors import InputError, MckibbenError
 from ...experiments.dry_run import Limits, check_lengths
 from ...experiments.protocol import Protocol
 from ...experiments.read import parse_protocol, protocol_names, shipped
+from ...muscles.build import upper_length_of
 from ...quantities import with_unit
 from ...specimens import Specimen
 from ..shelf import Shelf
@@ -228,8 +229,7 @@ class BenchSelection:
 
         rest, limits = drawing.rest_length(self.spec), self._limits()
         free = float(np.asarray(unit.law.free_length(limits.pressure[1])))
-        upper = self.spec.properties.get("upper_length")
-        longest = max(rest, self.spec.property_si("upper_length", "m") if upper is not None else rest)
+        longest = max(rest, upper_length_of(self.spec, unit.law) if "upper_length" in self.spec.properties else rest)
         low, high = free - MARGIN * rest, longest + MARGIN * rest
         lines = laws(unit, low, longest, limits.pressure[1])
         return {

@@ -13,6 +13,7 @@ import numpy as np
 from ...assembly.build import unit_from_specimen
 from ...errors import MckibbenError
 from ...muscles import braid
+from ...muscles.build import rest_length_of
 from ...specimens import Specimen, specimens
 
 # Of the table [rad]. A straight line between two is off by the square of their distance over 8 sin^2(theta), so they stand
@@ -28,8 +29,8 @@ def muscles() -> list[Specimen]:
 
 
 def rest_length(spec: Specimen) -> float:
-    """Return the stated rest length [m]."""
-    return spec.property_si("rest_length", "m")
+    """Return the rest length of the file, or of its law [m]."""
+    return rest_length_of(spec)
 
 
 def shape(spec: Specimen, law: Any = None) -> dict[str, Any] | None:

@@ -170,9 +170,10 @@ def _node(document: Document, plan: CircuitPlan, name: str, put: Put) -> None:
 
 def _other_muscle(document: Document, name: str, specimen: str) -> Document:
     """Replace the muscle, held at its own rest length."""
+    from ....muscles.build import rest_length_of
     from ....specimens import specimen as found
 
-    rest = found(specimen).property_si("rest_length", "m")
+    rest = rest_length_of(found(specimen))
     words = {k: v for k, v in document["nodes"][name].items() if k not in ("law", "parameters")}
     quantity = Quantity("m", (1e-3, 100.0), "rest length", "L0", (0.05, 1.0))
     new = {**words, "specimen": specimen} | ({"length": worded(rest, quantity)} if "length" in words else {})

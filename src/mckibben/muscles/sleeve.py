@@ -1,0 +1,417 @@
+"""A muscle from what one measures on a braided sleeve and a bladder, before anything is inflated.
+
+Given are the rest length, the outer diameter and the braid angle at that length, the diameter of a thread, and the
+thickness and Shore hardness of the bladder. The braid is two layers of threads on a bladder that touches it, so that the
+middle of the threads lies at D - 2 d, and from there bladder and inner thread reach tk = h + d inwards:
+
+    b = L0/cos theta,   n = L0 tan theta / (pi (D - 2 d))                                            (eqs. 5, 6)
+    Kg, Lmin: straight line through eq. 10 over the stroke                                            (eq. 10 to eq. 11)
+    Kp = E A / L0,   A = pi (D - 4 d - h) h,   E of the hardness
+
+Threshold pressure and friction cannot be seen on a sleeve; they are those of the nylon muscle. Range: braid angles of
+20.5 to 50 degrees at rest; muscles of four diameters and longer, because ends are not cylinders. Errors: `ERRORS`.
+Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..errors import InputError
+from ..quantities import Quantity, declared, from_si, parse, shown_unit
+from ..specimens import Specimen, SpecimenNumber
+from . import braid
+from .law import TensionLaw
+from .laws.hyperelastic_braid import HyperelasticBraid
+from .laws.ideal import Ideal
+from .laws.linear_threshold import LinearThreshold
+from .laws.thick_wall import ThickWall
+
+
+class InferredDimension(NamedTuple):
+    """A number that no source prints for a braid to be made: value [SI], range, and where it comes from."""
+
+    value: float
+    range: tuple[float, float]
+    note: str
+
+
+# What a braid does not tell, from the one braided muscle whose dimensions and forces are both printed.
+INFERRED: dict[str, InferredDimension] = {
+    "threshold_pressure": InferredDimension(0.903e5, (0.3e5, 1.5e5), "Pa; of the nylon muscle"),
+    "threshold_width": InferredDimension(0.85e5, (0.7e5, 1e5), "Pa; of the nylon muscle"),
+    "friction_share": InferredDimension(
+        2.5 / 110.0, (0.01, 0.09), "friction over the largest tension, of the nylon muscle"
+    ),
+    "shore": InferredDimension(
+        45.0, (30.0, 70.0), "not stated; soft latex is at the lower end, chloroprene at the upper"
+    ),
+    "length_share": InferredDimension(
+        1.1, (1.0, 1.15), "upper working length over the rest length, of the nylon muscle"
+    ),
+}
+
+# What is measured on a sleeve: unit, bounds, meaning; and how far a reading may be off, as a share or in the unit.
+DIMENSIONS: dict[str, Quantity] = {
+    "rest_length": Quantity("m", (5e-3, 10.0), "length between the fittings, without pressure and load", "L0", (0.05, 0.5)),
+    "diameter": Quantity("m", (1e-3, 0.5), "outer diameter of the braid at rest", "D", (5e-3, 4e-2)),
+    "braid_angle": Quantity(
+        "rad", (float(np.deg2rad(20.5)), float(np.deg2rad(50.0))), "angle of the threads at rest, from the long axis",
+        "theta0", (0.36, 0.7),
+    ),
+    "thread_diameter": Quantity("m", (1e-5, 5e-3), "diameter of one thread", "d", (1e-4, 5e-4)),
+    "bladder_thickness": Quantity("m", (5e-5, 2e-2), "wall thickness of the bladder", "h", (3e-4, 2e-3)),
+    "shore": Quantity("1", (20.0, 80.0), "Shore A hardness of the bladder", "S", (30.0, 70.0)),
+}  # fmt: skip
+READING = {"rest_length": 0.005, "diameter": 0.02, "thread_diameter": 0.1, "bladder_thickness": 0.1}  # shares
+ANGLE_READING, SHORE_READING = (
+    float(np.deg2rad(1.0)),
+    5.0,
+)  # rad; hardness of a tube of 1 mm, which is too thin for the norm
+NARROWEST = float(np.deg2rad(20.5))  # [rad] below which the law with wall loses its stiffness
+SHORTEST = (
+    0.61  # length to which the straight line is taken over the thread length: 52 degrees, little short of no pull
+)
+SLENDER = 4.0  # length over diameter
+PRESSURE = 5e5  # [Pa] at which friction and the contracted diameter are stated
+PASSIVE = (
+    0.5,
+    4.0,
+)  # range of Kp over E A/L0: that of the nylon muscle is 1.7 to 3.8 times as large, by the thread taken
+
+
+class BraidError(NamedTuple):
+    """How far the law of a braid was from the tension of a muscle, as shares of the largest tension."""
+
+    rms: float
+    largest: float
+    make: str
+
+
+# Computed by `tests/muscles/test_sleeve.py`, rounded up; the worst of the muscles of a make: the nylon muscle, whose own
+# threshold it is, and two fluidic muscles with a hardness of 70.
+ERRORS: dict[str, tuple[BraidError, ...]] = {
+    "linear_threshold": (BraidError(0.13, 0.24, "loose sleeve"), BraidError(0.17, 0.36, "threads in rubber")),
+    "hyperelastic_braid": (BraidError(0.32, 0.69, "loose sleeve"), BraidError(0.05, 0.12, "threads in rubber")),
+    "thick_wall": (BraidError(0.32, 0.38, "loose sleeve"), BraidError(0.20, 0.31, "threads in rubber")),
+    "ideal": (BraidError(0.39, 0.63, "loose sleeve"), BraidError(0.22, 0.32, "threads in rubber")),
+}
+TRUST = (
+    "Trust linear_threshold for a sleeve that lies loosely on its bladder: it alone knows the pressure below which the "
+    "bladder does not fill the braid. Trust hyperelastic_braid where the threads lie in the rubber or are glued to it, and "
+    "state the hardness. thick_wall and ideal know no elasticity and pull too much. A fit to measured points replaces all "
+    "of them"
+)
+
+
+def youngs_modulus(shore: Any) -> Any:
+    """Young's modulus of rubber of a Shore A hardness [Pa].
+
+    E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)) MPa. Range: 20-80; its author finds it valid above
+    about 40. The other relation in use, log10(E/MPa) = 0.0235 S - 0.6403, gives 1.01 times as much at 30, 1.2 at 40 and 1.8
+    at 70: hardness tells a modulus within a factor of two.
+    Source: A. N. Gent, Rubber Chemistry and Technology 31(4), 1958, doi:10.5254/1.3542351.
+
+    Args:
+        shore: Shore A hardness, any shape [1].
+    """
+    return 0.0981e6 * (56.0 + 7.62336 * shore) / (0.137505 * (254.0 - 2.54 * shore))
+
+
+def straight_line(law: TensionLaw, longest: Any, shortest: Any) -> tuple[Any, Any]:
+    """Least-squares slope of the force per pressure over five lengths of the stroke, Kg [m], and its zero, Lmin [m].
+
+    Args:
+        law: proportional to the pressure, such as `thick_wall`; its parameters may be arrays.
+        longest: end of the stroke [m].
+        shortest: its other end [m].
+    """
+    pressure = 1e6
+    shares = jnp.linspace(0.0, 1.0, 5) - 0.5
+    middle, span = 0.5 * (longest + shortest), longest - shortest
+    pull = [law.braid_tension(middle + s * span, pressure) / pressure for s in shares]
+    mean = sum(pull) / 5.0
+    slope = sum(s * f for s, f in zip(shares, pull, strict=True)) / (jnp.sum(shares**2) * span)
+    return slope, middle - mean / slope
+
+
+def braid_laws(dimensions: Mapping[str, Any], *, upper_length: Any = None) -> dict[str, TensionLaw]:
+    """The laws of a braid, by name; dimensions may be arrays of one shape.
+
+    Args:
+        dimensions: all of `DIMENSIONS` [SI].
+        upper_length: upper working length [m]; where left out, 1.1 rest lengths, less for narrow braids.
+    """
+    rest, outer, angle, thread, wall, shore = (dimensions[name] for name in DIMENSIONS)
+    layer = outer - 2.0 * thread
+    shape = braid.wound(rest_length=rest, rest_angle=angle, rest_diameter=layer)
+    upper = upper_length
+    if upper is None:
+        upper = jnp.minimum(INFERRED["length_share"].value * rest, shape.thread_length * np.cos(NARROWEST))
+    thick = ThickWall(
+        thread_length=shape.thread_length, turns=shape.turns, wall_thickness=wall + thread, upper_length=upper
+    )
+    modulus = youngs_modulus(shore)
+    slope, zero = straight_line(thick, upper, SHORTEST * shape.thread_length)
+    inner = {"thread_length": shape.thread_length, "turns": shape.turns, "wall_thickness": wall + thread}
+    linear = LinearThreshold(
+        stiffness_per_pressure=slope,
+        shortest_length=zero,
+        threshold_pressure=INFERRED["threshold_pressure"].value,
+        threshold_width=INFERRED["threshold_width"].value,
+        passive_stiffness=modulus * jnp.pi * (outer - 4.0 * thread - wall) * wall / rest,
+        rest_length=rest,
+        upper_length=upper,
+        rest_volume=braid.inner_volume(rest, **inner),
+    )
+    # The law takes the threads at the outside of its wall; its wall reaches to the middle of the threads here, so that the
+    # modulus is lowered until there is as much rubber as before.
+    bore = layer - 2.0 * (wall + thread)
+    rubber = (bore + wall) * wall / ((bore + wall + thread) * (wall + thread))
+    elastic = HyperelasticBraid(
+        rest_length=rest,
+        rest_diameter=bore,
+        wall_thickness=wall + thread,
+        thread_depth=1.0,
+        rest_angle=angle,
+        shear_modulus=modulus / 3.0 * rubber,
+        upper_length=jnp.minimum(upper, 1.03 * rest),
+    )
+    ideal = Ideal(thread_length=shape.thread_length, turns=shape.turns)
+    return {"linear_threshold": linear, "hyperelastic_braid": elastic, "thick_wall": thick, "ideal": ideal}
+
+
+def from_braid(
+    *,
+    rest_length: float | str,
+    diameter: float | str,
+    braid_angle: float | str,
+    thread_diameter: float | str,
+    bladder_thickness: float | str,
+    shore: float | str | None = None,
+    name: str = "braid",
+) -> Specimen:
+    """The specimen of a muscle made of a braided sleeve and a bladder, with a range for each number that is not known.
+
+    Args:
+        rest_length: length between the fittings, without pressure and load [m].
+        diameter: outer diameter of the braid at that length [m].
+        braid_angle: angle of the threads from the long axis at that length [rad], 20.5 to 50 degrees.
+        thread_diameter: of one thread [m].
+        bladder_thickness: wall of the bladder [m].
+        shore: Shore A hardness of the bladder, such as 40 or ``"40A"``; 45 with a range of 30 to 70 where left out.
+        name: id of the specimen.
+
+    Returns:
+        The specimen with the laws `linear_threshold`, `hyperelastic_braid`, `thick_wall` and `ideal` and Maxwell-slip
+        friction; each number has its unit, source, note and range.
+
+    Raises:
+        InputError: a dimension is out of its bounds, or bladder and threads fill the braid.
+    """
+    given = {
+        "rest_length": rest_length, "diameter": diameter, "braid_angle": braid_angle, "thread_diameter": thread_diameter,
+        "bladder_thickness": bladder_thickness, "shore": INFERRED["shore"].value if shore is None else _hardness(shore),
+    }  # fmt: skip
+    at = {key: _number(key, value) for key, value in given.items()}
+    bore = at["diameter"] - 4.0 * at["thread_diameter"] - 2.0 * at["bladder_thickness"]
+    if bore < 0.05 * at["diameter"]:
+        filled = at["diameter"] - bore
+        allowed = f"must be more than {filled / 0.95 * 1e3:.3g} mm, for bladder and threads fill {filled * 1e3:.3g} mm"
+        raise InputError("diameter", f"{at['diameter'] * 1e3:.3g} mm", allowed, where="braid")
+    laws, upper, pull, bore = _computed(_varied(at, shore is None))
+    return Specimen(
+        id=name,
+        kind="mckibben",
+        title=f"Braid of {at['rest_length'] * 1e3:.4g} mm and {np.degrees(at['braid_angle']):.3g} deg, nothing measured yet",
+        sources=["gent1958", "chou1996"],
+        law="linear_threshold",
+        note=TRUST,
+        properties=_properties(at, float(upper), float(bore), shore is None),
+        laws={law: _group(law, laws[law]) for law in ERRORS},
+        friction={"maxwell_slip": _friction(float(pull), at["rest_length"])},
+    )
+
+
+@jax.jit
+def _computed(varied: dict[str, Any]) -> tuple[dict[str, TensionLaw], Any, Any, Any]:
+    """The laws of varied dimensions; of the dimensions as read the upper length, tension at rest, and contracted bore."""
+    at = {name: values[0] for name, values in varied.items()}
+    nominal: dict[str, Any] = braid_laws(at)
+    linear, thick = nominal["linear_threshold"], nominal["thick_wall"]
+    laws = braid_laws(varied, upper_length=linear.upper_length)
+    bore = braid.inner_diameter(
+        linear.free_length(PRESSURE),
+        thread_length=thick.thread_length,
+        turns=thick.turns,
+        wall_thickness=thick.wall_thickness,
+    )
+    return laws, linear.upper_length, linear.tension(at["rest_length"], PRESSURE), bore
+
+
+def slenderness_caution(spec: Specimen) -> str | None:
+    """What is to be said of a braid that is too short for its diameter; None where it is slender enough."""
+    length, wide = spec.property_si("rest_length", "m"), spec.property_si("outer_diameter", "m")
+    if length >= SLENDER * wide:
+        return None
+    said = f"the braid is {length / wide:.2g} diameters long; below {SLENDER:g} its ends, which are no cylinders, weaken it"
+    return f"{said}, and no law of it knows them"
+
+
+def _hardness(shore: float | str) -> float | str:
+    """A hardness without the letter of its scale."""
+    if not isinstance(shore, str):
+        return shore
+    text = shore.strip()
+    if text[-1:].upper() == "D" or "00" in text:
+        raise InputError("shore", shore, "must be a hardness on the A scale, such as 40A", where="braid")
+    return text[:-1].strip() if text[-1:].upper() == "A" else text
+
+
+def _number(key: str, value: Any) -> float:
+    q = DIMENSIONS[key]
+    number = parse(value, q.unit, field=key, where="braid") if isinstance(value, str) else float(value)
+    q.check(key, number, where="braid")
+    return number
+
+
+def _varied(at: Mapping[str, float], unknown: bool) -> dict[str, np.ndarray]:
+    """The dimensions as read, then each reading off to either side, alone: arrays (13,) [SI]."""
+    hardness = INFERRED["shore"].range if unknown else (at["shore"] - SHORE_READING, at["shore"] + SHORE_READING)
+    ends = {name: (at[name] * (1.0 - share), at[name] * (1.0 + share)) for name, share in READING.items()}
+    ends["braid_angle"] = (max(at["braid_angle"] - ANGLE_READING, NARROWEST), at["braid_angle"] + ANGLE_READING)
+    ends["shore"] = (max(hardness[0], 20.0), min(hardness[1], 80.0))
+    rows = [dict(at)] + [{**at, name: end} for name, pair in ends.items() for end in pair]
+    return {name: np.array([row[name] for row in rows]) for name in DIMENSIONS}
+
+
+def _group(law: str, built: TensionLaw) -> dict[str, SpecimenNumber]:
+    """The parameters of a law, with the ranges that the readings leave."""
+    return {key: _parameter(law, key, q.unit, getattr(built, key)) for key, q in declared(built).items()}
+
+
+def _parameter(law: str, key: str, unit: str, values: Any) -> SpecimenNumber:
+    values = np.broadcast_to(np.asarray(values, float), (1 + 2 * len(DIMENSIONS),))
+    value, off = float(values[0]), values[1:] - values[0]
+    # Readings are independent: their effects to either side add as squares.
+    below, above = (float(np.sqrt(np.sum(np.where(off * sign > 0.0, off, 0.0) ** 2))) for sign in (-1.0, 1.0))
+    low, high = value - below, value + above
+    if key in ("rest_length", "rest_angle"):
+        return stated_number(value, unit, note=AS_READ, interval=(low, high))
+    if key in INFERRED and law == "linear_threshold":
+        known = INFERRED[key]
+        return stated_number(value, unit, source="chou1996", note=known.note.split("; ")[-1], interval=known.range)
+    if key in _MODULI:
+        least, most, note = _MODULI[key]
+        return stated_number(value, unit, source="gent1958", note=note, interval=(least * low, most * high))
+    if key in _UNSEEN:
+        ends, note = _UNSEEN[key]
+        return stated_number(value, unit, source="inferred", note=note, interval=ends)
+    if key == "upper_length":
+        return stated_number(value, unit, source="chou1996", note="as the property of that name")
+    return stated_number(value, unit, source="chou1996", note="computed of the dimensions", interval=(low, high))
+
+
+# Elastic parameters: factors of the range that hardness and readings leave, and the note.
+_MODULI = {
+    "passive_stiffness": (*PASSIVE, "E A/L0 of the bladder, E of its hardness"),
+    "shear_modulus": (0.7, 2.0, "E/3 of the hardness, for as much rubber as the bladder has"),
+}
+# What cannot be seen on a sleeve and stays at the default of its law: range and note.
+_UNSEEN: dict[str, tuple[tuple[float, float] | None, str]] = {
+    "thread_compliance": ((0.0, 3e-8), "not seen on a sleeve; default of the law"),
+    "inactive_share": ((0.0, 1.5), "not seen on a sleeve; default of the law"),
+    "threshold_width": ((1e3, 1e5), "not seen on a sleeve; default of the law"),
+    "thread_depth": (None, "assumed: the threads lie on the outside"),
+    "length_factor": (None, "assumed: the rest length is the true one"),
+    "stop_stiffness": ((0.0, 3e7), "not seen on a sleeve; no stop is assumed"),
+}
+
+
+def _properties(at: Mapping[str, float], upper: float, contracted: float, unknown: bool) -> dict[str, SpecimenNumber]:
+    wall = at["bladder_thickness"] + 2.0 * at["thread_diameter"]
+    hardness, share = INFERRED["shore"], INFERRED["length_share"]
+    longest = max(share.range[1] * at["rest_length"], upper)
+    return {
+        "rest_length": stated_number(at["rest_length"], "m", note=AS_READ),
+        "outer_diameter": stated_number(at["diameter"], "m", note=AS_READ),
+        "rest_angle": stated_number(at["braid_angle"], "rad", note=AS_READ),
+        "thread_diameter": stated_number(at["thread_diameter"], "m", note=AS_READ),
+        "bladder_thickness": stated_number(at["bladder_thickness"], "m", note=AS_READ),
+        "shore_hardness": stated_number(at["shore"], "1", source="inferred", note=hardness.note, interval=hardness.range)
+        if unknown
+        else stated_number(at["shore"], "1", note=AS_READ),
+        "rest_inner_diameter": stated_number(
+            at["diameter"] - 2.0 * wall, "m", note="outer diameter less bladder and two layers of threads"
+        ),
+        "wall_thickness": stated_number(wall, "m", note="bladder and two layers of threads"),
+        "upper_length": stated_number(
+            upper, "m", source="chou1996", note=f"{share.note}; less for narrow braids",
+            interval=(at["rest_length"], longest),
+        ),
+        "diameter_shortened": stated_number(
+            contracted, "m", source="chou1996", note="inner, at 5 bar without load, of the braid's geometry",
+            interval=(0.9 * contracted, 1.1 * contracted),
+        ),
+    }  # fmt: skip
+
+
+def _friction(largest: float, rest: float) -> dict[str, SpecimenNumber]:
+    """Friction like that of the nylon muscle, for a largest tension [N] at 5 bar and a rest length [m]."""
+    share = INFERRED["friction_share"]
+    low, high = (end / share.value for end in share.range)
+    # A fifth of it without pressure, and travels over the rest length, as in the nylon muscle.
+    constant, growth = 0.2 * share.value * largest, 0.8 * share.value * largest / PRESSURE
+    note = f"{100 * share.value:.2g} % of the tension at rest length and 5 bar, as in the nylon muscle"
+    short, long = 0.2 / 140.0 * rest, 8.0 / 140.0 * rest
+
+    def inferred(value: float, unit: str, said: str, spread: tuple[float, float]) -> SpecimenNumber:
+        ends = spread[0] * value, spread[1] * value
+        return stated_number(value, unit, source="chou1996", note=said, interval=ends)
+
+    travel = "over the rest length as in the nylon muscle"
+    return {
+        "constant": inferred(constant, "N", note, (low, high)),
+        "per_pressure": inferred(growth, "m^2", note, (low, high)),
+        "elements": stated_number(8, "1", source="chou1996", note="as in the nylon muscle"),
+        "shortest": inferred(short, "m", travel, (0.3, 3.0)),
+        "longest": inferred(long, "m", travel, (0.3, 3.0)),
+        "at_pressure": stated_number(PRESSURE, "Pa", source="chou1996", note="as in the nylon muscle"),
+    }
+
+
+def stated_number(
+    value: float, unit: str, *, source: str = "", note: str = "", interval: tuple[float, float] | None = None
+) -> SpecimenNumber:
+    """A number of a specimen in the unit that people read, rounded to six digits.
+
+    Args:
+        value: [unit].
+        unit: SI unit.
+        source: what it was inferred from, a citation key or ``inferred``; empty for a number that was measured.
+        note: where it comes from.
+        interval: in which it lies [unit].
+    """
+    people = _UNITS.get(unit, shown_unit(unit))
+    if unit == "Pa" and "rubber" in note:
+        people = "MPa"
+    ends = None
+    if interval is not None:
+        ends = _rounded(from_si(interval[0], unit, people)), _rounded(from_si(interval[1], unit, people))
+    return SpecimenNumber(
+        value=_rounded(from_si(value, unit, people)), unit=people, source="" if source == "inferred" else source,
+        inferred=bool(source), note=note, range=ends,
+    )  # fmt: skip
+
+
+AS_READ = "as measured on the sleeve"
+_UNITS = {"m": "mm", "N/m": "N/mm", "m^2": "N/bar"}
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")

@@ -1,0 +1,214 @@
+"""What a braid's dimensions tell of a muscle: its laws are those of the paper, and its errors those that are stated."""
+
+import functools
+import json
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from mckibben.bench.prepare import prepare
+from mckibben.cli.app import main
+from mckibben.errors import InputError
+from mckibben.experiments.read import shipped
+from mckibben.muscles import law_from_specimen, sleeve
+from mckibben.muscles.build import rest_length_of, upper_length_of
+from mckibben.muscles.sleeve import DIMENSIONS, ERRORS, braid_laws, from_braid, youngs_modulus
+from mckibben.recordings import read_force_map
+from mckibben.specimens import Specimen, map_file, save_specimen, specimen
+from mckibben.studies.comparison.table import subject
+from mckibben.studies.sizing import catalogue
+from mckibben.studies.sizing.requirements import Requirements
+from mckibben.web.bench import drawing
+
+BRAID = {
+    "rest_length": "300 mm", "diameter": "12 mm", "braid_angle": "25 deg", "thread_diameter": "0.25 mm",
+    "bladder_thickness": "1 mm",
+}  # fmt: skip
+POINTS = 128  # to which tables are padded
+THREAD = 0.15e-3  # of the muscles whose threads nobody measured [m]
+MAKES = {"nylon": "loose sleeve", "DMSP-10-250": "threads in rubber", "DMSP-20-300": "threads in rubber"}
+SHORE = {"nylon": 40.0, "DMSP-10-250": 70.0, "DMSP-20-300": 70.0}  # latex and chloroprene
+
+
+@functools.cache
+def braid() -> Specimen:
+    return from_braid(**BRAID)
+
+
+def dimensions(name: str) -> dict[str, float]:
+    """The braid of a published muscle [SI]; the thickness of the threads is taken from the wall."""
+    spec = specimen(name)
+    rest = spec.property_si("rest_length", "m")
+    if name == "nylon":
+        shape = law_from_specimen(spec, "thick_wall")
+        angle = float(np.arccos(rest / shape.thread_length))
+        layer = float(shape.thread_length * np.sin(angle) / (np.pi * shape.turns))
+        outer, wall = layer + 2.0 * THREAD, float(shape.wall_thickness) - THREAD
+    else:
+        thick = spec.property_si("wall_thickness", "m")
+        angle = spec.property_si("rest_angle", "rad")
+        outer, wall = spec.property_si("rest_inner_diameter", "m") + 2.0 * thick, thick - 2.0 * THREAD
+    return dict(zip(DIMENSIONS, (rest, outer, angle, THREAD, wall, SHORE[name]), strict=True))
+
+
+@functools.cache
+def points(name: str) -> tuple[np.ndarray, ...]:
+    """Length [m], pressure [Pa] and tension [N] of a muscle.
+
+    Of the nylon muscle by the law that its authors fitted to it, 75 to 102 % of its rest length, 1 to 5 bar.
+    """
+    spec = specimen(name)
+    if spec.map is not None:
+        table = read_force_map(map_file(spec), rest_length=spec.property_si("rest_length", "m"))
+        return table.length, table.pressure, table.tension
+    length, pressure = (a.ravel() for a in np.meshgrid(np.linspace(0.105, 0.143, 20), np.linspace(1e5, 5e5, 5)))
+    return length, pressure, np.asarray(law_from_specimen(spec).tension(length, pressure))
+
+
+@jax.jit
+def tensions(at: dict[str, float], upper: float, length: np.ndarray, pressure: np.ndarray) -> dict[str, jax.Array]:
+    """Compiled once for all muscles."""
+    return {name: law.tension(length, pressure) for name, law in braid_laws(at, upper_length=upper).items()}
+
+
+@functools.cache
+def errors(name: str) -> dict[str, tuple[float, float]]:
+    """The errors of a braid's laws where a muscle or its law pulls, rms and largest, over the largest tension."""
+    length, pressure, measured = (np.pad(a, (0, POINTS - a.size), mode="edge") for a in points(name))
+    pulls = tensions(dimensions(name), specimen(name).property_si("upper_length", "m"), length, pressure)
+    found, count = {}, points(name)[0].size
+    for law, pull in pulls.items():
+        error = ((np.asarray(pull) - measured) / measured.max())[:count][measured[:count] > 0.0]
+        found[law] = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
+    return found
+
+
+@pytest.mark.parametrize("law", ERRORS)
+def test_the_stated_errors_are_those_of_published_muscles(law: str) -> None:
+    for stated in ERRORS[law]:
+        rms, largest = (
+            max(errors(name)[law][i] for name, make in MAKES.items() if make == stated.make) for i in (0, 1)
+        )
+        # Stated in whole percents, rounded up: 1 % below the stated value would be another one.
+        assert stated.rms - 0.0101 <= rms <= stated.rms, (law, stated.make, rms)
+        assert stated.largest - 0.0101 <= largest <= stated.largest, (law, stated.make, largest)
+
+
+def test_youngs_modulus_of_a_hardness_is_that_of_gent() -> None:
+    # 0.0981 (56 + 7.62336 50)/(0.137505 (254 - 127)) = 2.4559 by hand; printed tables round to two digits.
+    assert youngs_modulus(50.0) == pytest.approx(2.456e6, rel=2e-4)
+    # The other relation in use: equal at 30, and 1.8 times as much at 70, which is the factor of two that the range has.
+    other = 10.0 ** (0.0235 * np.array([30.0, 70.0]) - 0.6403) * 1e6
+    assert other / youngs_modulus(np.array([30.0, 70.0])) == pytest.approx([1.01, 1.83], abs=0.01)
+
+
+def test_a_saved_braid_is_read_as_it_was_made(tmp_path: Path) -> None:
+    path = tmp_path / "my.toml"
+    save_specimen(braid(), path)
+    again = specimen(path)
+    assert again.laws == braid().laws
+    assert again.properties == braid().properties
+    assert again.friction == braid().friction
+
+
+def test_every_number_that_was_not_measured_is_marked_and_has_a_note() -> None:
+    groups = {"properties": braid().properties, **braid().laws, **braid().friction}
+    for name, group in groups.items():
+        for key, number in group.items():
+            assert number.note, (name, key)
+            if number.range is not None:
+                assert number.range[0] <= number.value <= number.range[1], (name, key)
+            measured = (
+                key in DIMENSIONS or "diameter" in key or key in ("rest_angle", "wall_thickness", "shore_hardness")
+            )
+            assert number.inferred or measured, (name, key)
+
+
+def test_a_stated_hardness_narrows_the_range_of_the_elastic_parameters() -> None:
+    known = from_braid(**BRAID, shore="45A")
+    for law, key in (("linear_threshold", "passive_stiffness"), ("hyperelastic_braid", "shear_modulus")):
+        (low, high), (least, most) = known.laws[law][key].range, braid().laws[law][key].range
+        assert least < low < high < most
+        assert known.laws[law][key].value == braid().laws[law][key].value
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (
+            {"diameter": "3 mm"},
+            "braid: diameter must be more than 3.16 mm, for bladder and threads fill 3 mm, got 3 mm",
+        ),
+        ({"braid_angle": "54.7 deg"}, "braid: braid_angle must be between 20.5 deg and 50 deg, got 54.7 deg"),
+        ({"shore": "40D"}, "braid: shore must be a hardness on the A scale, such as 40A, got '40D'"),
+    ],
+)
+def test_a_braid_that_cannot_be_is_refused_in_a_sentence(change: dict[str, str], sentence: str) -> None:
+    with pytest.raises(InputError) as error:
+        from_braid(**(BRAID | change))
+    assert str(error.value) == sentence
+
+
+def test_the_command_writes_what_the_function_returns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [
+        "--length",
+        "300 mm",
+        "--angle",
+        "25 deg",
+        "--diameter",
+        "12 mm",
+        "--thread",
+        "0.25 mm",
+        "--bladder",
+        "1 mm",
+    ]
+    with pytest.raises(SystemExit) as end:
+        main(["braid", *words, "--out", str(tmp_path / "my.toml"), "--json"])
+    assert end.value.code == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["errors"]["linear_threshold"][0] == {"rms": 0.13, "largest": 0.24, "make": "loose sleeve"}
+    assert specimen(tmp_path / "my.toml").laws == braid().laws
+
+
+def test_a_stubby_braid_is_cautioned() -> None:
+    assert sleeve.slenderness_caution(braid()) is None
+    stubby = from_braid(**(BRAID | {"diameter": "100 mm"}))
+    assert "3 diameters long" in str(sleeve.slenderness_caution(stubby))
+
+
+THICK = """
+schema = 1
+id = "no-rest"
+kind = "mckibben"
+title = "A muscle whose file states no rest length"
+sources = []
+law = "thick_wall"
+[laws.thick_wall]
+thread_length = { value = 16.42, unit = "cm" }
+turns = { value = 3.15, unit = "1" }
+wall_thickness = { value = 0.5, unit = "mm" }
+upper_length = { value = 15.4, unit = "cm" }
+"""
+
+
+def test_a_file_without_a_rest_length_takes_part_everywhere(tmp_path: Path) -> None:
+    path = tmp_path / "no-rest.toml"
+    path.write_text(THICK)
+    spec = specimen(path)
+    assert rest_length_of(spec) == pytest.approx(0.9 * 0.154)  # the share that is stated beside the function
+    assert upper_length_of(spec) == pytest.approx(0.154)
+    bench = prepare(shipped("isometric-step"), muscle=spec, rig="modern")
+    assert bench.plan.rest_length == rest_length_of(spec)
+    assert subject(spec, pressure=5e5).rest_length == rest_length_of(spec)
+    assert drawing.rest_length(spec) == rest_length_of(spec)
+    wish = Requirements(force=20.0, stroke=0.01, pressure=3e5)
+    assert catalogue.of_file(str(path), wish).id == "no-rest"
+
+
+def test_a_stated_rest_length_goes_before_the_laws() -> None:
+    nylon = specimen("nylon")
+    assert rest_length_of(nylon) == nylon.property_si("rest_length", "m")
+    assert rest_length_of(specimen("fast-fibre")) == pytest.approx(0.14)  # of its law
+    assert rest_length_of(None, law_from_specimen(nylon)) == 0.14
