@@ -35,8 +35,8 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
     """The text of a file.
 
     Args:
-        path: of a file in UTF-8.
-        field: what a complaint calls it.
+        path: path of a file in UTF-8.
+        field: its name in error messages.
 
     Raises:
         InputError: there is no such file, or it is no text.
@@ -82,7 +82,7 @@ def parse_json(text: str | bytes, **options: Any) -> Any:
     """The value of a text of JSON.
 
     Args:
-        text: of any length; whoever takes it from outside bounds that.
+        text: text of any length; whoever takes it from outside bounds that.
         **options: of `json.loads`.
 
     Raises:
@@ -167,9 +167,9 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[Path], object], *
     A reader never meets half a file, and what stood there stays until then.
 
     Args:
-        path: of the file.
+        path: path of the file.
         write: makes a file at the path that it is given, which has the same ending.
-        field: what a complaint calls it.
+        field: its name in error messages.
 
     Returns:
         The path written.
@@ -208,7 +208,7 @@ class ErrorKeepingFile(io.RawIOBase):
     Whoever closes this file is told.
 
     Args:
-        path: of the file.
+        path: path of the file.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:

@@ -87,11 +87,11 @@ def suggest(word: object, known: Iterable[object]) -> str:
     """The beginning of a clause that suggests the known word next to an unknown one, for `compose_sentence`.
 
     Args:
-        word: what was given.
-        known: what could have been meant.
+        word: the unknown word.
+        known: the known words.
 
     Returns:
-        ``did you mean volume? ``, or nothing where no known word is close.
+        ``did you mean volume? ``, or nothing if no known word is close.
     """
     import difflib
 

@@ -91,9 +91,9 @@ def quantity(
     """Declare a physical parameter as a field of a module.
 
     Args:
-        unit: SI unit in words, ``"1"`` for a pure number.
+        unit: SI unit as text, ``"1"`` for a pure number.
         bounds: smallest and largest allowed value, inclusive [unit].
-        doc: what it means, one phrase.
+        doc: meaning, one phrase.
         symbol: as the field writes it.
         typical: range from which a fit draws its starting points [unit]; the bounds where it is left out.
         default: value where none is given [unit].
@@ -162,7 +162,7 @@ def _unit(text: str) -> Any:
 
 
 def _usual(unit: str, si_unit: str) -> tuple[float, float] | None:
-    """Factors to the SI unit and back; None where pint has to be asked."""
+    """Factors to the SI unit and back; None if pint has to be asked."""
     unit = unit.strip()
     return (1.0, 1.0) if unit == si_unit else _USUAL.get(si_unit, {}).get(unit)
 
@@ -207,8 +207,8 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
     Args:
         text: such as ``"12 cm"`` or ``"5 bar"``; for a pure number ``"3.1"`` or ``"12 %"``.
         si_unit: the SI unit of the result.
-        field: name used in the complaint.
-        where: place used in the complaint.
+        field: name used in the error message.
+        where: place used in the error message.
         bare: take a number without a unit as SI. Off where a forgotten unit would be a trap.
 
     Returns:
@@ -245,8 +245,8 @@ def split_values(text: str, *, field: str, where: str | None = None) -> list[str
 
     Args:
         text: the list.
-        field: name used in the complaint.
-        where: place used in the complaint.
+        field: name used in the error message.
+        where: place used in the error message.
 
     Raises:
         InputError: says how the number, and how the list, is written.
@@ -285,7 +285,7 @@ def has_dimension(text: str, si_unit: str) -> bool:
 
 
 def leading_number(text: str) -> str | None:
-    """The number with which a text begins; None where it begins with something else."""
+    """The number with which a text begins; None if it begins with something else."""
     import re
 
     match = re.match(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)", text)

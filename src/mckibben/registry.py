@@ -53,8 +53,8 @@ class Registry(Mapping[str, T], Generic[T]):
     """Kinds by name, those of this package first.
 
     Args:
-        group: of the entry points.
-        noun: what a kind is called in a complaint, such as ``law``.
+        group: group of the entry points.
+        noun: what a kind is called in an error message, such as ``law``.
         known: kinds of this package; a text ``module:name`` is imported on demand.
     """
 
@@ -100,9 +100,9 @@ class Registry(Mapping[str, T], Generic[T]):
         """The kind of a name.
 
         Args:
-            name: of it.
-            field: dotted path for a complaint; the noun where it is left out.
-            where: file for a complaint.
+            name: name of the kind.
+            field: dotted path for an error message; the noun where it is left out.
+            where: file for an error message.
 
         Raises:
             InputError: there is none of that name.

@@ -54,11 +54,11 @@ class FileTable:
         return f"{self.path}.{key}" if self.path else key
 
     def fail(self, key: str, value: object, allowed: str) -> InputError:
-        """Make the complaint about the value of a key, to be raised."""
+        """Make the error message about the value of a key, to be raised."""
         return InputError(self.field(key), shown(value), allowed, where=self.where or None)
 
     def located(self, error: InputError) -> InputError:
-        """Make the complaint of a part that does not know its path one about this table."""
+        """Make the error message of a part that does not know its path one about this table."""
         inside = error.field if self.path and error.field.startswith(f"{self.path}.") else self.field(error.field)
         return error.changed(field=inside, where=self.where or None)
 
@@ -88,11 +88,11 @@ class FileTable:
         return value
 
     def text(self, key: str) -> str:
-        """Read a text, or nothing where it is left out."""
+        """Read a text, or nothing if it is left out."""
         return self.word(key) if key in self.values else ""
 
     def texts(self, key: str, demand: str = "must be a list of words") -> tuple[str, ...]:
-        """Read a list of texts, empty where it is left out."""
+        """Read a list of texts, empty if it is left out."""
         raw = self.values.get(key, [])
         if not isinstance(raw, list | tuple) or not all(isinstance(v, str) for v in raw):
             raise self.fail(key, raw, demand)
@@ -122,7 +122,7 @@ class FileTable:
         return value
 
     def table(self, key: str) -> FileTable:
-        """The table below a key; empty where it is left out."""
+        """The table below a key; empty if it is left out."""
         return FileTable.of(self.values.get(key, {}), self.field(key), self.where)
 
     def tables(self, key: str, pattern: str = NAME) -> Iterator[tuple[str, FileTable]]:
@@ -234,7 +234,7 @@ class FieldType:
     Attributes:
         read: makes the value [SI] of what stands at a place.
         write: makes words of the value, for a place whose units it takes.
-        doc: what the field means, one phrase.
+        doc: meaning of the field, one phrase.
         key: its name in a file, where that is another than the field's.
     """
 
@@ -374,7 +374,7 @@ def read_table(
 
     Args:
         kind: a dataclass whose fields are declared as this module's head says.
-        table: what a file states.
+        table: table of a file.
         units: SI units by key or by declared unit, for fields whose unit depends on where the table stands.
         bare: numbers are in SI and have no units.
         files: what reads the files that values name, for fields that can name one.
@@ -405,7 +405,7 @@ def write_table(
     """Write a value to the table that reads back to it; fields at their defaults are omitted.
 
     Args:
-        value: of a dataclass that `read_table` reads.
+        value: value of a dataclass that `read_table` reads.
         units: SI units by key or by declared unit, as `read_table` takes them.
         bare: write numbers in SI without their units.
         skip: names of fields to leave out.
@@ -433,8 +433,8 @@ def read_number(
         raw: the words, or a number where the unit is ``1`` or `bare` is true.
         unit: SI unit of the result.
         bounds: smallest and largest allowed value, inclusive [unit].
-        field: dotted path for complaints.
-        where: file for complaints.
+        field: dotted path for error messages.
+        where: file for error messages.
         bare: take a number without a unit as SI.
 
     Returns:
@@ -473,7 +473,7 @@ def read_whole(raw: Any, low: int, high: int, field: str, where: str | None) -> 
 
 
 def shown(value: object) -> Any:
-    """A value as a complaint shows it: numbers and texts as they are, all else with its type."""
+    """A value as an error message shows it: numbers and texts as they are, all else with its type."""
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         return f"{type(value).__name__} {value}"
     return value

@@ -3,7 +3,7 @@
 A valve may open and close between two samples. So the mass that passed in an interval is taken from what the volumes hold at
 its ends, wherever the network allows it, and from the sampled flows only where it does not; what it was worth is the mean of
 both ends. The error of such sums stands as a remainder and is folded into no part: below a thousandth of the supply for
-intervals of 1 ms. Where a whole run is asked for, its own integrals are better.
+intervals of 1 ms. Where a whole run is requested, its own integrals are better.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Flows:
         out: by name.
         stored: by name.
         air: drawn from supplies (n,) [kg].
-        work_out: of the shaft where it is positive (n,) [J].
+        work_out: work out of the shaft where it is positive (n,) [J].
         vented: to the room, by path: upstream absolute pressure (n - 1,) [Pa] and mass (n - 1,) [kg] of every interval.
     """
 

@@ -36,7 +36,7 @@ class RecordedMachine:
         self._laws: Mapping[str, str] = (record.meta.get("energy") or {}).get("laws", {})
 
     def find(self, path: str) -> Any:
-        """The value at a path [SI], None where it is not stated."""
+        """The value at a path [SI], None if it is not stated."""
         return next((self._values[p + path] for p in PREFIXES if p + path in self._values), None)
 
     def below(self, path: str) -> dict[str, Any]:

@@ -53,8 +53,8 @@ def linear_fit(matrix: np.ndarray, target: np.ndarray, *, what: str, confidence:
     Args:
         matrix: (n, p), columns of any scale.
         target: (n,).
-        what: the points, for complaints.
-        confidence: of the two-sided intervals.
+        what: the points, for error messages.
+        confidence: confidence of the two-sided intervals.
 
     Raises:
         InputError: fewer points than p + 1, or points that do not tell the coefficients apart.

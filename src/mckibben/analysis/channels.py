@@ -81,9 +81,9 @@ def window_samples(window: float, period: float, count: int, order: int = 2) -> 
 
     Args:
         window: [s].
-        period: of the clock [s].
+        period: period of the clock [s].
         count: samples of the record.
-        order: of the polynomial.
+        order: order of the polynomial.
     """
     wide = 2 * round(0.5 * positive("window", window, "s") / period) + 1
     wide = max(wide, order + 1 + order % 2)
@@ -100,7 +100,7 @@ def smoothed(values: np.ndarray, *, period: float, window: float, derivative: in
 
     Args:
         values: on a uniform clock (n,).
-        period: of the clock [s].
+        period: period of the clock [s].
         window: width of the parabola [s].
         derivative: 0, 1 or 2.
     """
@@ -140,7 +140,7 @@ def saturation(
 
     Args:
         record: with the channel.
-        channel: its name.
+        channel: name of the channel.
         ends: lowest and highest value that the converter gives [unit of the channel], None for an end that has none;
             left out where unknown.
         least_samples: without `ends`, the shortest stay that counts.

@@ -185,7 +185,7 @@ def work_density(curve: Callable[[Any], Any], tension_intensity: float, over: Dy
     Args:
         curve: relative tension against L/L0 [1].
         tension_intensity: tension per cross section where the curve is 1 [N/m^2].
-        over: limits of the integral [L0]; the curve's own dynamic range where left out.
+        over: limits of the integral [L0]; the curve's own dynamic range by default.
 
     Returns:
         The integral by 20,000 trapezoids, to 1e-8 of the result for curves with kinks.
@@ -216,7 +216,7 @@ def peak_power_density(muscle: BiologicalMuscle, *, fraction: float | None = Non
 
     Args:
         muscle: gives tension intensity and largest velocity.
-        fraction: power over Fmax vmax [1], such as McMahon's 0.1; from the muscle's own curve where left out.
+        fraction: power over Fmax vmax [1], such as McMahon's 0.1; from the muscle's own curve by default.
     """
     share = peak_power(muscle.velocity_curve).fraction if fraction is None else fraction
     return share * float(muscle.maximum_tension_intensity) * float(muscle.maximum_velocity)

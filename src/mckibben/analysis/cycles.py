@@ -32,8 +32,8 @@ def turns(values: np.ndarray, *, what: str = "drive") -> tuple[np.ndarray, np.nd
     """Samples of the low and of the high turns, each in order (k,).
 
     Args:
-        values: of the driven channel (n,), finite.
-        what: its name, for complaints.
+        values: values of the driven channel (n,), finite.
+        what: its name, for error messages.
 
     Raises:
         InputError: the channel is constant.
@@ -68,9 +68,9 @@ def find_cycles(values: np.ndarray, *, skip: int = 0, what: str = "drive") -> tu
     """The full cycles of a channel, from low turn to low turn, or between high turns where these give more.
 
     Args:
-        values: of the driven channel (n,), finite.
+        values: values of the driven channel (n,), finite.
         skip: cycles left out at the beginning, such as the first after rest.
-        what: its name, for complaints.
+        what: its name, for error messages.
 
     Raises:
         InputError: there is no full cycle left, or a cycle has fewer than 8 samples.
@@ -107,8 +107,8 @@ def cycle_frequency(time: np.ndarray, values: np.ndarray, *, what: str = "drive"
 
     Args:
         time: (n,) [s].
-        values: of the driven channel (n,), finite.
-        what: its name, for complaints.
+        values: values of the driven channel (n,), finite.
+        what: its name, for error messages.
     """
     low, high = turns(values, what=what)
     found = find_cycles(values, what=what)

@@ -48,9 +48,9 @@ def energy_account(
     """The account of a recording; of all that a simulation ran, or of a stretch of what is recorded.
 
     Args:
-        record: of a test machine or a joint.
-        start: of the stretch [s].
-        end: of the stretch [s].
+        record: record of a test machine or a joint.
+        start: start of the stretch [s].
+        end: end of the stretch [s].
         cycle: channel whose cycles are told apart; the first muscle's span where that moves, else its pressure.
         measured: use measured channels although the recording has true ones.
         **options: of `energy_measured.estimate`.
@@ -215,12 +215,12 @@ def estimate(
 
     Args:
         record: with the three channels.
-        muscle: its law, a specimen or its id; what the recording's parameters say where left out.
+        muscle: its law, a specimen or its id; what the recording's parameters say by default.
         pressure: name of the gauge pressure in the muscle [Pa].
         tension: name of the tension [N].
         span: name of the span [m].
-        supply: gauge pressure of the supply [Pa]; what the parameters say where left out.
-        dead_volume: of ports, tubes and fittings [m^3]; likewise.
+        supply: gauge pressure of the supply [Pa]; what the parameters say by default.
+        dead_volume: dead volume of ports, tubes and fittings [m^3]; likewise.
         cycle: channel whose low turns part the cycles instead of the mass.
 
     Raises:

@@ -68,9 +68,9 @@ class CycleEnergy(NamedTuple):
         start: [s].
         end: [s].
         air: drawn [kg].
-        supply: its exergy.
+        supply: exergy of the supply.
         compressor: least work to compress it in one stage without cooling.
-        shaft_work: of the muscles on the load, over the whole path.
+        shaft_work: shaft work of the muscles on the load, over the whole path.
         work_out: where it is positive.
         parts: all of the account, the remainder with them.
     """
@@ -86,7 +86,7 @@ class CycleEnergy(NamedTuple):
 
     @property
     def efficiency(self) -> float:
-        """Shaft work over supply exergy; NaN where none was drawn."""
+        """Shaft work over supply exergy; NaN if none was drawn."""
         return self.shaft_work / self.supply if self.supply > 0.0 else float("nan")
 
 
@@ -96,8 +96,8 @@ class Saving(NamedTuple):
     Attributes:
         pressure: gauge, of the accumulator [Pa].
         air: that leaves at a higher pressure than that [kg].
-        exergy: of it at the accumulator's pressure and the room's temperature [J].
-        share: of the supply's exergy [1].
+        exergy: exergy of it at the accumulator's pressure and the room's temperature [J].
+        share: share of the supply's exergy [1].
         efficiency: shaft work over what the supply would still have to give [1].
     """
 
@@ -115,8 +115,8 @@ class EnergyAccount:
     Attributes:
         kind: ``simulated`` or ``measured``.
         parts: in exergy, the remainder last.
-        energy: by the first law; empty where it is not known.
-        load: what became of the shaft work; likewise.
+        energy: by the first law; empty if it is not known.
+        load: result of the shaft work; likewise.
         throughput: that errors are compared to [J].
         air: drawn [kg].
         compressor: least work for it, ``isothermal`` and ``adiabatic`` [J].

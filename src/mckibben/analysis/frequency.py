@@ -36,7 +36,7 @@ class FrequencyResponse(NamedTuple):
         return self.magnitude * np.exp(1j * self.phase)
 
     def cutoff(self, reference: float | None = None) -> float:
-        """First frequency at which the magnitude has fallen by 3 dB [Hz]; NaN where it has not.
+        """First frequency at which the magnitude has fallen by 3 dB [Hz]; NaN if it has not.
 
         Args:
             reference: the magnitude it has fallen from; that of the lowest frequency where it is left out.
@@ -138,7 +138,7 @@ def sine_response(
 
     Args:
         record: any clock, without its transient.
-        frequencies: of the input [Hz], (k,).
+        frequencies: frequencies of the input [Hz], (k,).
         source: name of the input channel.
         response: name of the output channel.
 

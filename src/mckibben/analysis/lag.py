@@ -30,7 +30,7 @@ def time_lead(first: np.ndarray, second: np.ndarray, *, period: float, longest: 
     Args:
         first: values on a uniform clock, (n,).
         second: the same of the other, (n,).
-        period: of the clock [s].
+        period: period of the clock [s].
         longest: largest lead or lag looked for [s].
 
     Raises:
@@ -123,9 +123,9 @@ def unfiltered(
 
     Args:
         record: on a uniform clock.
-        cutoff: of the filter [Hz].
+        cutoff: cutoff of the filter [Hz].
         channels: their names.
-        window: of the parabola [s]; five samples where it is left out.
+        window: window of the parabola [s]; five samples by default.
     """
     period = uniform_period(record)
     width = 5.0 * period if window is None else positive("window", window, "s")
@@ -178,7 +178,7 @@ def corrected_loop(
     Args:
         record: with both channels.
         lag: dead time of the tension behind the length [s].
-        cutoff: of a first-order filter before the tension [Hz], or none.
+        cutoff: cutoff of a first-order filter before the tension [Hz], or none.
         length: name of the driven channel.
         tension: name of the other.
         skip: cycles left out at the beginning.

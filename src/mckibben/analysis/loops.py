@@ -44,7 +44,7 @@ class TensionPath(NamedTuple):
         return np.array([self.read(float(x))[0] for x in np.atleast_1d(lengths)])
 
     def length_at(self, tension: float) -> float:
-        """First length [m] at which the path passes a tension [N]; NaN where it never does."""
+        """First length [m] at which the path passes a tension [N]; NaN if it never does."""
         span = self.length[-1] - self.length[0]
         grid = np.linspace(self.length[0] + 0.01 * span, self.length[-1] - 0.01 * span, 101)
         changes = np.flatnonzero(np.diff(self._coarse(grid) >= tension))
@@ -136,7 +136,7 @@ def path_distance(first: TensionPath, second: TensionPath, *, trim: float = 0.05
         first: one path.
         second: the other.
         trim: share of the common length range left out at either end, where turning mixes the paths.
-        points: of the common grid.
+        points: points of the common grid.
 
     Raises:
         InputError: no length is on both paths.
@@ -389,7 +389,7 @@ def fit_linear_tension(points: Sequence[StaticPoint], *, confidence: float = 0.9
 
     Args:
         points: five or more, of two or more lengths at each of two or more pressures; the paper took ten.
-        confidence: of the intervals, to first order.
+        confidence: confidence of the intervals, to first order.
 
     Raises:
         InputError: too few points, or points that do not tell the four numbers apart.

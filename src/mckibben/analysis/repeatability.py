@@ -68,8 +68,8 @@ def between_cycles(
 
     Args:
         record: with both channels.
-        channel: what is compared.
-        drive: what turns.
+        channel: the channel to compare.
+        drive: the periodic channel.
         skip: cycles left out at the beginning.
         points: phases in a cycle.
 
@@ -92,8 +92,8 @@ def between_runs(records: Sequence[Recording], *, channel: str = "muscle.tension
 
     Args:
         records: two or more on one time axis.
-        channel: what is compared.
-        points: of the common time.
+        channel: the channel to compare.
+        points: points of the common time.
     """
     if not records:
         raise InputError("recordings", 0, "needed are 2 or more")
@@ -134,7 +134,7 @@ def trend(over: Sequence[float], numbers: Sequence[float], *, confidence: float 
     Args:
         over: the independent numbers (n,), three or more.
         numbers: the dependent ones (n,).
-        confidence: of the intervals.
+        confidence: confidence of the intervals.
     """
     x, y = finite(over, "over"), finite(numbers, "numbers")
     if x.shape != y.shape:

@@ -30,8 +30,8 @@ def segments(record: Recording, /, label: str | None = None, **case: Any) -> lis
     The time is kept. A step of which no sample is there, such as one that a selection left out, is passed over.
 
     Args:
-        record: of the test machine.
-        label: of the step; any where it is left out.
+        record: record of the test machine.
+        label: label of the step; any where it is left out.
         **case: what was varied, such as ``pressure="5 bar"``; a number is in SI.
 
     Raises:
@@ -174,7 +174,7 @@ def _checked(step: Any, field: str) -> dict[str, Any]:
 
 
 def _part(record: Recording, step: Mapping[str, Any]) -> Recording | None:
-    """The samples of a step, or None where there are none."""
+    """The samples of a step, or None if there are none."""
     # Times are sums of periods: 0.30000000000000004 s is meant by 0.3 s.
     room = 1e-6 * record.period if len(record) > 1 else 0.0
     first, end = np.searchsorted(record.time, [step["start"] - room, step["end"] - room])

@@ -57,8 +57,8 @@ def shortening_power(
         record: on a uniform clock, with both channels.
         length: name of the length, or of the span where the muscle hangs in series with a tendon [m].
         tension: name of the tension [N].
-        frequency: of the cycles [Hz]; from the length where it is left out.
-        window: of the parabola that gives velocities [s]; a fiftieth of a cycle where it is left out.
+        frequency: frequency of the cycles [Hz]; from the length where it is left out.
+        window: window of the parabola that gives velocities [s]; a fiftieth of a cycle by default.
         skip: cycles left out at the beginning.
 
     Raises:
@@ -162,7 +162,7 @@ def force_velocity_point(
         at_length: where [m].
         length: name of the length.
         tension: name of the tension.
-        window: of the parabola through both [s].
+        window: window of the parabola through both [s].
 
     Raises:
         InputError: a channel is missing, or the length is never passed shortening.
@@ -214,7 +214,7 @@ def fit_hill(velocity: np.ndarray, tension: np.ndarray, *, confidence: float = 0
     Args:
         velocity: shortening velocities [m/s], (n,), 0 or more.
         tension: [N], (n,).
-        confidence: of the intervals.
+        confidence: confidence of the intervals.
 
     Raises:
         InputError: fewer than four points, lengthening, all of one velocity, or no tension.

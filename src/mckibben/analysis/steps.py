@@ -79,7 +79,7 @@ def find_steps(record: Recording, command: str, *, share: float = 0.1) -> tuple[
 
     Args:
         record: with the channel.
-        command: its name.
+        command: name of the channel with the command.
         share: smallest change from one sample to the next that is part of a step, over the range of the command [1].
 
     Raises:
@@ -193,8 +193,8 @@ def settling(time: np.ndarray, values: np.ndarray, step: float) -> tuple[float, 
     """Whether a channel keeps its level over a while.
 
     Args:
-        time: of the while (n,), three samples or more [s].
-        values: of the channel (n,).
+        time: time of the while (n,), three samples or more [s].
+        values: values of the channel (n,).
         step: by which it changed before [unit of the channel].
 
     Returns:
@@ -213,7 +213,7 @@ def settling(time: np.ndarray, values: np.ndarray, step: float) -> tuple[float, 
 
 
 def unsettled(response: StepResponse, channel: str) -> str:
-    """A sentence about a channel that has not settled after a step; nothing where it has."""
+    """A sentence about a channel that has not settled after a step; nothing if it has."""
     if response.settled:
         return ""
     return (
@@ -228,11 +228,11 @@ def unsettled_at_end(record: Recording, channels: Sequence[str], since: float) -
 
     Args:
         record: with the channels.
-        channels: of one cause; those that change by less than 1 % of the largest change are left out.
+        channels: channels of one cause; those that change by less than 1 % of the largest change are left out.
         since: when they were last driven to another value [s].
 
     Returns:
-        The sentences; none where the record holds fewer than 15 samples from then on.
+        The sentences; none if the record holds fewer than 15 samples from then on.
     """
     after = record.time >= since
     late = record.time >= record.time[-1] - LAST * (record.time[-1] - since)

@@ -21,11 +21,11 @@ class Accounts(NamedTuple):
     """Relative errors of each balance, over the throughput; zero is perfect.
 
     Attributes:
-        mass: of gas, over the mass that crossed the border; over the mass at the start where that is more.
+        mass: mass of gas, over the mass that crossed the border; over the mass at the start where that is more.
         gas: energy of the gas, over the enthalpy that crossed the border; over the work in the muscles where that is more.
         muscle: energy stored in bladder and braid, over the work exchanged with them both ways.
         mechanics: kinetic and elastic energy and what friction took, over the work exchanged with braids and outside.
-        energy: of the whole, over the same and the outside work; nothing that passes from part to part enters it.
+        energy: energy of the whole, over the same and the outside work; nothing that passes from part to part enters it.
         friction: work that friction and creep took [J], as their own ledger says.
         dissipated: what they turned into heat of it [J].
         exergy: of the whole in exergy, over the exergy that crossed the border, from the supply and to the room; over the
@@ -50,8 +50,8 @@ def accounts(
     """The accounts of a run.
 
     Args:
-        machine: what was run.
-        start: its state and memory at the start.
+        machine: the machine that was run.
+        start: state and memory at the start.
         run: as the engine returned it.
         first: inputs at the start.
         last: inputs at the end.
@@ -100,9 +100,9 @@ class _Held(NamedTuple):
     """Contents of a machine in one state.
 
     Attributes:
-        mass: of all gas [kg].
+        mass: mass of all gas [kg].
         gas: its internal energy [J].
-        exergy: of it [J].
+        exergy: exergy of it [J].
         tendon: energy of end masses and tendons [J].
         load: energy of the load [J].
         friction: work that friction and creep took until then [J].

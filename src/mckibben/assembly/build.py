@@ -81,7 +81,7 @@ def unit_from_specimen(
 
     Args:
         spec: a McKibben specimen, or its id.
-        law: one of the laws it states; its default law where left out.
+        law: one of the laws it states; its default law by default.
         friction: one of the frictions it states; where left out Maxwell-slip, and if only Coulomb's is stated, Maxwell-slip
             elements with its limit, since a friction without memory chatters at rest.
         rubs: False for a muscle without friction.
@@ -92,7 +92,7 @@ def unit_from_specimen(
         **mechanics: ``end_mass`` [kg], ``viscosity`` and ``stop_damping`` [N s/m].
 
     Raises:
-        InputError: if the specimen is no McKibben muscle, or states something else than what was asked for.
+        InputError: if the specimen is no McKibben muscle, or states something else than what was requested.
     """
     stated = specimen(spec) if isinstance(spec, str) else spec
     if stated.kind != "mckibben":
@@ -123,7 +123,7 @@ class AirLine(NamedTuple):
             restrictions, fill and vent, driven by ``<muscle>.fill`` and ``<muscle>.vent``.
         tube: between the valve's port and the muscle.
         port_volume: at the valve [m^3].
-        heat: of the gas in port and muscle.
+        heat: heat of the gas in port and muscle.
         dead: volume of the muscle's fittings [m^3].
     """
 
@@ -150,7 +150,7 @@ def circuit_for(
     Args:
         units: the muscles by name.
         supply: a reservoir, or its gauge pressure [Pa].
-        line: of every muscle, or by the name of each.
+        line: line of every muscle, or by the name of each.
         environment: the room.
         tank: a volume behind the supply that the muscles share, so that they feel each other.
         feed: from the supply to the tank, needed with one.

@@ -75,15 +75,15 @@ class CircuitPlan:
     """A circuit with its signals and settings, from `read_circuit`; immutable.
 
     Attributes:
-        title: of the circuit.
+        title: title of the circuit.
         circuit: the state equation.
         nodes: what the file says of each node.
         signals: by name.
         environment: the surroundings.
-        duration: of the run [s].
-        period: of the samples [s].
+        duration: duration of the run [s].
+        period: period of the samples [s].
         step: largest step of the physics [s].
-        method: of the integration.
+        method: method of the integration.
         document: the file's tables, with what `change` replaced.
         fit: how records are read, and what is fitted to them.
         overrides: parameters that `change` replaced and no key of the file states [SI].
@@ -137,7 +137,7 @@ class CircuitPlan:
         """Input signals of the circuit, including delayed commands; ready for `integrate`.
 
         Args:
-            times: of the samples, instead of the plan's own [s].
+            times: times of the samples, instead of the plan's own [s].
             given: values of some signals at these times, such as from a recording, instead of their waveforms [SI].
             sensed: those of pressures were measured, and are straight between samples whatever the waveform is.
         """
@@ -193,7 +193,7 @@ class CircuitPlan:
         loss. A parameter that no key states is replaced in what was built.
 
         Args:
-            changes: dotted path to a value in words, such as ``{"elements.tube.length": "2 m"}``; the bare number of a
+            changes: dotted path to a value as text, such as ``{"elements.tube.length": "2 m"}``; the bare number of a
                 declared parameter is SI.
 
         Raises:

@@ -45,9 +45,9 @@ class PlannedNode:
         kind: as the file names it.
         start: gauge pressure at the start [Pa].
         signal: name of the signal that gives its gauge pressure, its length or its stroke.
-        unit: of that signal.
-        length: of a muscle that does not move [m].
-        law: of a muscle.
+        unit: unit of that signal.
+        length: length of a muscle that does not move [m].
+        law: law of a muscle.
         words: what a sentence says of it.
         needs_volume: whether only its neighbours give it volume.
     """
@@ -190,7 +190,7 @@ def _law(entry: FileTable) -> tuple[TensionLaw, str]:
 
 
 def _missing(entry: FileTable, changes: FileTable, spec: Specimen, error: MissingParametersError) -> InputError:
-    """A complaint that names the parameters that neither the specimen nor the file states, and how they are given."""
+    """An error message that names the parameters that neither the specimen nor the file states, and how they are given."""
     has = f"states {', '.join(spec.laws)}" if error.law not in spec.laws else "does not state all of it"
     paths = ", ".join(
         f"{changes.path}.{key} = '.. {shown_unit(q.unit)}'".replace(" 1'", "'") for key, q in error.missing

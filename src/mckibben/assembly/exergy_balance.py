@@ -1,7 +1,7 @@
 """Exergy and energy balances of a run, part by part, from independent integrals and end states.
 
 Exergy is measured against the room. Its ledger ends where the load begins: what the muscles did there is ``shaft_work``, and
-`Load` says what became of it. Every part is an integral or a difference of end states; what is left is a remainder.
+`Load` says result of it. Every part is an integral or a difference of end states; what is left is a remainder.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ class StoredChange(NamedTuple):
 
     Attributes:
         gas: gain of internal energy of the gas.
-        gas_exergy: of its exergy.
-        muscle: of energy in bladder and braid.
-        tendon: of energy in end masses and tendons.
-        load: of energy in the load.
+        gas_exergy: gas exergy of its exergy.
+        muscle: muscle of energy in bladder and braid.
+        tendon: tendon of energy in end masses and tendons.
+        load: load of energy in the load.
         friction: what friction and creep took.
         dissipated: and turned into heat.
         lifted: work on the atmosphere by muscles that swell.
@@ -78,10 +78,10 @@ class ExergyBalance:
     """The accounts of a run in parts.
 
     Attributes:
-        exergy: of gas and muscles.
+        exergy: exergy of gas and muscles.
         energy: the same by the first law.
-        load: what the muscles did to the load, and what became of that.
-        air: drawn from supplies [kg]; NaN where a signal gives a supply's pressure.
+        load: what the muscles did to the load, and result of that.
+        air: drawn from supplies [kg]; NaN if a signal gives a supply's pressure.
         compressor: least work to compress that air from the room, cooled (``isothermal``) or not (``adiabatic``) [J].
     """
 
@@ -159,7 +159,7 @@ def _exergy(machine: Machine, flow: Mapping[str, float], got: StoredChange, musc
 
 
 def _wall(machine: Machine) -> float | None:
-    """Temperature that all walls have [K], None where they differ."""
+    """Temperature that all walls have [K], None if they differ."""
     heats = [node.heat for node in machine.circuit.nodes.values() if isinstance(node, Chamber)]
     found = {float(h.wall_temperature) for h in heats if isinstance(h, WallHeat)}
     return found.pop() if len(found) == 1 else None
@@ -195,7 +195,7 @@ def document(machine: Machine, parts: Sequence[ExergyBalance]) -> dict[str, Any]
 
     Args:
         machine: the last one.
-        parts: of the run.
+        parts: parts of the run.
     """
     whole, circuit = parts[0], machine.circuit
     for other in parts[1:]:

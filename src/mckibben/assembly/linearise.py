@@ -124,7 +124,7 @@ def linearise(
     """The linear model about a point, which need not be at rest.
 
     Args:
-        machine: what moves, or a circuit alone.
+        machine: the machine, or a circuit alone.
         state: continuous state at the point.
         memory: memory there.
         inputs: all signals there.
@@ -219,7 +219,7 @@ def settle(
     steps that grow: where nothing fixes a temperature it stays what it came to.
 
     Args:
-        machine: what moves.
+        machine: the machine.
         state: where it starts.
         memory: held; give the relaxed one for a point without friction.
         inputs: constant values of all signals; their rates are taken as zero.

@@ -17,11 +17,11 @@ def read_points(
 
     Args:
         path: a CSV file as `read_record` takes it.
-        time: header of its times; found by itself where left out.
-        column: header of its values; the only other column where left out.
+        time: header of its times; found by itself by default.
+        column: header of its values; the only other column by default.
         unit: SI unit of the signal; a pressure is gauge.
-        field: dotted path of the signal, for complaints.
-        where: the file that names the table, for complaints.
+        field: dotted path of the signal, for error messages.
+        where: the file that names the table, for error messages.
 
     Raises:
         InputError: names what the table lacks.

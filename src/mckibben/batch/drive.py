@@ -22,7 +22,7 @@ class SweepReport(NamedTuple):
 
     Attributes:
         runs: variants with a result.
-        new: of them run by this call.
+        new: number of those run by this call.
         failed: whose result is none that reached its end.
         codes: how many have each result code, by its name.
         store: path of the results.
@@ -56,9 +56,9 @@ def run_sweep(
     A keyboard interrupt leaves a store from which the next call goes on.
 
     Args:
-        sweep: what to run.
+        sweep: the sweep to run.
         out: folder.
-        workers: where; a Dask cluster on this machine where left out.
+        workers: where; a Dask cluster on this machine by default.
         progress: told how far it is.
 
     Raises:

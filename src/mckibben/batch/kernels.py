@@ -59,16 +59,16 @@ class KernelKey(NamedTuple):
     """Properties on which a compiled function depends.
 
     Attributes:
-        structure: of the tree of a lane's part.
-        shared: of every array, whether all lanes have the same.
-        depth: of the history of commands, in samples.
+        structure: structure of the tree of a lane's part.
+        shared: whether all lanes have the same, for every array.
+        depth: depth of the history of commands, in samples.
         every: samples of the loop per sample of the protocol.
-        outputs: of the sweep.
+        outputs: outputs of the sweep.
         kept: channels whose samples are given back.
         accounts: whether the engine's integrals are wanted.
         seeds: whether every lane has noise of its own.
         engine: that compiles it.
-        threads: of native kernels; all cores where 0.
+        threads: threads of native kernels; all cores where 0.
     """
 
     structure: Any
@@ -146,7 +146,7 @@ class LaneKernels:
     def _lowered(
         self, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int, stiff: bool
     ) -> EngineFunction | None:
-        """The native kernel; None where there is none, and XLA has to do."""
+        """The native kernel; None if there is none, and XLA has to do."""
         if self.kind.engine != "xla" and stiff not in self._native:
             one = tuple(x if s else x[0] for x, s in zip(leaves, self.kind.shared, strict=True))
             row = jax.tree.map(lambda x: x[0], rows) if self.kind.seeds else rows
@@ -263,10 +263,10 @@ def at_rest(plant: InstrumentedPlant, software: Any, pressure: Any, depth: int, 
 
     Args:
         plant: the machine behind its converters.
-        software: what commands it.
+        software: the software that commands it.
         pressure: in every volume, and asked of the valve [Pa].
-        depth: of the history of commands, in samples.
-        row: of a sample without noise.
+        depth: depth of the history of commands, in samples.
+        row: row of a sample without noise.
     """
     commands = {"valve": pressure, "motor": jnp.zeros(()), "open": jnp.ones(())}
     held = {n: Signal(jnp.full((2,), v)) for n, v in plant.convert(commands).items()}

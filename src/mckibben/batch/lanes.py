@@ -40,9 +40,9 @@ class LaneStructure(NamedTuple):
     """Properties that lanes of one compiled function share and that are not arrays.
 
     Attributes:
-        structures: of the trees of every part.
-        shapes: of the arrays of every part.
-        timing: of the loop; its latency is an array of the trees.
+        structures: structures of the trees of every part.
+        shapes: shapes of the arrays of every part.
+        timing: timing of the loop; its latency is an array of the trees.
         every: samples of the loop per sample of the protocol.
     """
 
@@ -56,9 +56,9 @@ class BuiltVariant(NamedTuple):
     """A variant that was built for real.
 
     Attributes:
-        bench: of it.
-        machines: of every part.
-        parts: of the plan.
+        bench: bench of it.
+        machines: machines of every part.
+        parts: parts of the plan.
         fixed: what other lanes must have too.
         leaves: arrays of every part.
         guard: what the dry run looked at beside the muscle; a parameter that changes it is none that a lane can be given.
@@ -76,7 +76,7 @@ def build(factory: RunFactory, values: Mapping[str, Any]) -> BuiltVariant:
     """A variant.
 
     Args:
-        factory: of the batch.
+        factory: factory of the batch.
         values: by path.
 
     Raises:
@@ -176,7 +176,7 @@ class LaneGroup(NamedTuple):
     """Variants that one compiled function runs.
 
     Attributes:
-        family: what they have in common.
+        family: their common structure.
         lanes: them.
     """
 

@@ -80,7 +80,7 @@ def part(
         leaves: arrays of the lanes.
         sums: totals so far; lanes that are not going stay as they are.
         rows: noise.
-        period: of the samples [s].
+        period: period of the samples [s].
         inner: steps of the physics per sample.
         tell: told how many samples all lanes have done.
     """

@@ -5,7 +5,7 @@ Channels are those that a recording of `mckibben run` has, and only samples that
     [outputs.peak]
     channel = "tension"
     reduce = "max"
-    step = "steps"            # only while the step with this label is under way; all recorded samples where left out
+    step = "steps"            # only while the step with this label is under way; all recorded samples by default
 
 | reduce | result |
 |---|---|
@@ -49,11 +49,11 @@ class Output(NamedTuple):
     """Definition of one output of every variant.
 
     Attributes:
-        name: of the array in the store.
+        name: name of the array in the store.
         reduce: one of `KINDS`.
         channel: that it is made of; the integral's or balance's name for these.
         over: second channel of an area.
-        share: of the way, for ``time_to``.
+        share: share of the way, for ``time_to``.
         step: label of the step under way; empty for all.
     """
 
@@ -178,7 +178,7 @@ class RunningTotals(NamedTuple):
         stopped: whether something stopped the machine (bool).
         samples: that were used.
         left: samples that follow a stop.
-        sums: of every running output.
+        sums: sums of every running output.
     """
 
     going: Any
@@ -253,11 +253,11 @@ def add_samples(
 
     Args:
         totals: so far.
-        outputs: of the sweep.
+        outputs: outputs of the sweep.
         look: the samples.
-        windows: of every output, at which steps it looks (steps,).
+        windows: windows of every output, at which steps it looks (steps,).
         kept: which samples a recording has (n,).
-        period: of the samples [s].
+        period: period of the samples [s].
         every: samples of the loop per one that is kept.
     """
     step = look.shown["step"].astype(int)
@@ -320,7 +320,7 @@ def _along(
 
 
 def final_values(one: Output, sums: Mapping[str, np.ndarray]) -> np.ndarray:
-    """A running output of all lanes (lanes,); NaN where no sample counted."""
+    """A running output of all lanes (lanes,); NaN if no sample counted."""
     found = sums[NEEDS[one.reduce][0]]
     if one.reduce in ("mean", "rms"):
         found = found / np.maximum(sums["count"], 1)
@@ -332,12 +332,12 @@ def final_values(one: Output, sums: Mapping[str, np.ndarray]) -> np.ndarray:
 def time_to(one: Output, time: np.ndarray, values: np.ndarray) -> float:
     """Time from the first sample until a share of the change from first to last value is first passed [s].
 
-    Passings lie between samples by a straight line; NaN where the values end where they begin.
+    Passings lie between samples by a straight line; NaN if the values end where they begin.
 
     Args:
         one: the output.
-        time: of the samples that count (n,) [s].
-        values: of the channel (n,).
+        time: time of the samples that count (n,) [s].
+        values: values of the channel (n,).
     """
     if len(values) < 2 or not np.isfinite(values).all() or values[-1] == values[0]:
         return float("nan")
@@ -353,8 +353,8 @@ def drift(time: np.ndarray, values: np.ndarray) -> tuple[float, bool]:
     NaN, and settled, where the values end where they begin or are too few.
 
     Args:
-        time: of the samples that count (n,) [s].
-        values: of the channel (n,).
+        time: time of the samples that count (n,) [s].
+        values: values of the channel (n,).
     """
     if len(values) < 2 or not np.isfinite(values).all() or values[-1] == values[0]:
         return float("nan"), True

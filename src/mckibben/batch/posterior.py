@@ -31,7 +31,7 @@ def draws(
         mean: (n,).
         covariance: (n, n).
         bounds: lowest and highest, (n,) each.
-        count: of the draws.
+        count: count of the draws.
         seed: same seed, same draws.
 
     Raises:
@@ -75,9 +75,9 @@ def of_json(
     """Draw variants from the output of ``mckibben fit --json``: intervals, without correlations.
 
     Args:
-        path: of the file.
+        path: path of the file.
         law: whose fit; the first of the file where empty.
-        count: of the variants.
+        count: count of the variants.
         known: what a path names.
         seed: same seed, same variants.
 
@@ -109,8 +109,8 @@ def of_samples(
     """Rows of a table whose headers are ``path [unit]``, a sample each.
 
     Args:
-        path: of a CSV file.
-        count: of the variants, drawn without replacement; all rows in their order where left out.
+        path: path of a CSV file.
+        count: count of the variants, drawn without replacement; all rows in their order by default.
         known: what a path names.
         seed: same seed, same rows.
 

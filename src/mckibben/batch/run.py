@@ -45,10 +45,10 @@ class Runner:
     """Runs variants of one template; remembers what it compiled and found out.
 
     Args:
-        template: of all variants.
+        template: template of all variants.
         ranges: lowest and highest value of every varied number in the whole sweep [SI].
         engine: that compiles the lanes: ``auto``, ``native``, ``gpu`` or ``xla``.
-        threads: of native kernels; all cores where 0.
+        threads: threads of native kernels; all cores where 0.
     """
 
     def __init__(

@@ -35,16 +35,16 @@ class RunTemplate:
     """Everything that is equal in all variants, and the files that any of them needs.
 
     Attributes:
-        protocol: what to do.
+        protocol: the protocol.
         muscle: the specimen's name, where no variant states another.
         rig: the rig's name, likewise.
         specimens: every muscle that a variant may name.
         rigs: the documents of every rig that a variant may name.
         given: words by path that hold for all variants.
-        settings: what every varied path is.
-        outputs: what is kept of a variant.
+        settings: setting of every varied path.
+        outputs: outputs of every variant.
         plumbing: a way to join the rig's parts; by what the protocol needs where empty.
-        noise_seed: of the sensors' noise.
+        noise_seed: seed of the sensors' noise.
         step: largest step of the physics [s].
         accept_saturation: go on where only the cell's range would be exceeded.
     """

@@ -92,7 +92,7 @@ def setting(path: str, protocol: Protocol, rig: Rig, unit: Any, *, where: str | 
         protocol: that is swept.
         rig: it runs on.
         unit: the muscle.
-        where: file, for complaints.
+        where: file, for error messages.
 
     Raises:
         InputError: names a path that is unknown, with the nearest known ones.
@@ -120,7 +120,7 @@ def setting(path: str, protocol: Protocol, rig: Rig, unit: Any, *, where: str | 
 
 
 def _of_rig(rig: Rig, path: str) -> Quantity | None:
-    """The declaration of a number of the rig's file, None where it is a word or of no known part."""
+    """The declaration of a number of the rig's file, None if it is a word or of no known part."""
     table, _, key = path.rpartition(".")
     names = table.split(".")
     if names[0] == "frame" and key in ("shortest", "longest"):

@@ -32,13 +32,13 @@ class Sweep:
     """Variants of a template, as a file states them or as they were made in Python.
 
     Attributes:
-        template: what they share.
+        template: their common part.
         variants: them.
         title: for people.
         engine: that compiles the lanes.
         block: variants that are run and stored at once; chosen by their number where 0.
         memory: most that the samples of a block may take in a worker [bytes].
-        where: file, for complaints.
+        where: file, for error messages.
     """
 
     template: RunTemplate
@@ -101,7 +101,7 @@ class Sweep:
 
         Args:
             workers: that share the work.
-            samples: of the longest variant.
+            samples: samples of the longest variant.
 
         Raises:
             InputError: if one variant alone takes more than the memory.
@@ -150,7 +150,7 @@ def run_batch(sweep: Sweep, *, progress: Callable[[float], None] = lambda _: Non
     """Run all variants of a sweep in this process.
 
     Args:
-        sweep: what to run.
+        sweep: the sweep to run.
         progress: told the share of the work that is done.
 
     Raises:

@@ -23,7 +23,7 @@ muscle = "bridgestone"
 [posterior]                            # fit = what `mckibben fit --json` printed, or samples = a CSV table
 fit = "fit.json"
 count = 200
-[outputs.peak]                         # see `outputs`; the usual ones where left out
+[outputs.peak]                         # see `outputs`; the usual ones by default
 channel = "tension"
 reduce = "max"
 [run]

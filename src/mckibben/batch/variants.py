@@ -62,7 +62,7 @@ def latin(ranges: Mapping[str, tuple[float, float, str]], count: int, *, seed: i
 
     Args:
         ranges: low, high [SI] and spacing, ``linear`` or ``log``, of each path.
-        count: of the variants.
+        count: count of the variants.
         seed: same seed, same variants.
 
     Raises:

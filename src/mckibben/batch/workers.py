@@ -47,9 +47,9 @@ class SweepJob(NamedTuple):
     Attributes:
         name: hash of the sweep.
         template: pickled.
-        ranges: of the varied numbers.
+        ranges: ranges of the varied numbers.
         engine: that compiles the lanes.
-        threads: of native kernels; all cores where 0.
+        threads: threads of native kernels; all cores where 0.
     """
 
     name: str
@@ -92,7 +92,7 @@ class Workers:
 
     Attributes:
         way: one of `WAYS`, or the address of a Dask scheduler, such as ``tcp://node1:8786``.
-        count: of worker processes on this machine; as many as cores where 0.
+        count: count of worker processes on this machine; as many as cores where 0.
     """
 
     way: str = "dask"
@@ -142,7 +142,7 @@ class WorkerTeam:
 
         Args:
             work: that is done with each.
-            blocks: of its variants.
+            blocks: blocks of its variants.
             tell: told the share of a block that is done, where the blocks are run here.
 
         Raises:

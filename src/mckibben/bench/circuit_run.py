@@ -57,7 +57,7 @@ def run_circuit(plan: CircuitPlan, *, progress: Callable[[str], None] | None = N
     A keyboard interrupt ends the run; what was reached by then is returned, with ``result`` "interrupted".
 
     Args:
-        plan: what to run.
+        plan: the circuit to run.
         progress: told how far the run is, `chunks` times.
 
     Raises:

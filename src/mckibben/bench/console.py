@@ -1,4 +1,4 @@
-"""The console of the test machine: interprets commands, one line each, and answers in words.
+"""The console of the test machine: interprets commands, one line each, and answers as text.
 
 What it knows stands once, in `COMMANDS`: help, completion and the documentation come from there. It has no
 terminal of its own, so that a prompt, a script and a page can each be one.
@@ -37,7 +37,7 @@ class ConsoleCommand(NamedTuple):
 
     Attributes:
         usage: as it is typed.
-        about: what it does, a sentence.
+        about: description, a sentence.
         follows: what can stand behind it: ``amount:UNITS``, ``file:ENDINGS``, ``protocol``, ``value``, ``command``, or
             words, separated by ``|``.
     """
@@ -135,8 +135,8 @@ def loaded(name: str, channel: str | None = None) -> Protocol:
     """Load a protocol by name, or from a file of a protocol or a waveform.
 
     Args:
-        name: of a shipped protocol, or the path of a ``.toml`` file or of a table with a time and one other column.
-        channel: what follows the table; by its unit where left out.
+        name: name of a shipped protocol, or the path of a ``.toml`` file or of a table with a time and one other column.
+        channel: what follows the table; by its unit by default.
 
     Raises:
         InputError: names what is unknown or cannot be read.

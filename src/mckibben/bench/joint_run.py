@@ -86,13 +86,13 @@ def joint_stand(
         extensor: the same kind where it is left out.
         rig: whose parts are taken: one valve and tube for each muscle.
         layout: name of its plumbing.
-        flexor_arm: 2 cm, with a span of 12.6 cm at angle zero, where left out.
-        extensor_arm: its mirror image where left out.
+        flexor_arm: 2 cm, with a span of 12.6 cm at angle zero, by default.
+        extensor_arm: its mirror image by default.
         inertia: about the axis [kg m^2].
         joint: what else `Joint` has; 0.01 N m s of damping where it says nothing about it.
         pressures: least and largest gauge pressure of the map [Pa]; the valves go from zero to the largest one.
         angles: first and last of the map [rad].
-        gains: of `JointControl`, by name.
+        gains: gains of `JointControl`, by name.
 
     Raises:
         InputError: names what does not fit.
@@ -147,16 +147,16 @@ def run_joint(
     the joint, both muscles and the air, ``joint.stiffness`` among them. The meta has the accounts under ``balance``.
 
     Args:
-        stand: of `joint_stand`.
-        duration: of the run [s].
+        stand: joint stand of the run.
+        duration: duration of the run [s].
         angle: set-point [rad].
         stiffness: set-point [N m/rad].
         moment: from outside [N m], positive towards positive angles.
         active: 1 while the angle is fed back, else 0.
-        sample_rate: of the computer [1/s].
+        sample_rate: sample rate of the computer [1/s].
         step: largest step of the physics [s].
-        seed: of the sensors' noise.
-        title: of the recording.
+        seed: seed of the sensors' noise.
+        title: title of the recording.
 
     Raises:
         InputError: names the set-point that has no number for a sample, or the rate that the computer cannot do.

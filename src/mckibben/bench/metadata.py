@@ -104,11 +104,11 @@ def run_metadata(
     """Compose the metadata of a recording, without steps, events and result.
 
     Args:
-        bench: what was run.
+        bench: the run.
         machine: the last one, whose parameters are written down.
-        timing: of the loop.
+        timing: timing of the loop.
         inner: most steps of the physics per sample.
-        closed: the accounts of every part; none where the machine is real.
+        closed: the accounts of every part; none if the machine is real.
         record: what was recorded, for its saturation.
     """
     return {

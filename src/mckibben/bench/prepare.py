@@ -47,7 +47,7 @@ class RunSegment(NamedTuple):
         steps: in their order.
         layout: name of the plumbing.
         friction: over that of the untreated muscle.
-        asked: what the person did before.
+        asked: action of the operator before the segment.
         motor_held: the muscle hangs at the motor, which holds it where another machine has a plate.
     """
 
@@ -87,7 +87,7 @@ class PreparedRun:
     """A protocol on a rig with a muscle, planned and checked, ready to start.
 
     Attributes:
-        protocol: what to do.
+        protocol: the protocol.
         rig: where.
         unit: the muscle.
         plan: the protocol on the clock of the loop.
@@ -95,7 +95,7 @@ class PreparedRun:
         specimen: that the muscle was built from.
         every: samples of the loop per sample of the protocol; more than one where its rate is too low for control.
         step: largest step of the physics [s].
-        seed: of the sensors' noise.
+        seed: seed of the sensors' noise.
         faults: wires that open during the run.
         findings: violations of limits that the dry run found; none may be left when the run starts.
         accepted: findings about the cell's range that were accepted: the recording then tells of saturation.
@@ -172,7 +172,7 @@ def prepare(
         rig: a rig, its name or file.
         plumbing: name of the way in which the pneumatic parts are joined; chosen by what the protocol needs if left out.
         step: largest step of the physics [s].
-        seed: of the sensors' noise.
+        seed: seed of the sensors' noise.
         accept_saturation: go on where only the cell's range would be exceeded.
         faults: wires that open during the run.
 

@@ -51,7 +51,7 @@ class OwnMachines:
     """A stage with a new simulated machine for every segment, at rest where the segment begins.
 
     Args:
-        clock: of the machine's time; None: whole chunks at once, with steps that the machine's own rates allow.
+        clock: clock of the machine's time; None: whole chunks at once, with steps that the machine's own rates allow.
     """
 
     hardware = None
@@ -127,7 +127,7 @@ def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True
     """Compile what a real-time run of a simulated machine needs, so that it begins at once.
 
     Args:
-        prepared: what is going to be run.
+        prepared: the run.
         wanted: asked before each segment whether somebody still wants it.
     """
     timing = timing_of(prepared)
@@ -160,8 +160,8 @@ class ProtocolRun:
         result: as that of the recording, so far.
         message: how it ended, so far that it reached its end.
         events: that the recording keeps.
-        machine: of the present segment, whose parameters are written down.
-        accounts: of the segments that are over; none of a real machine.
+        machine: machine of the present segment, whose parameters are written down.
+        accounts: accounts of the segments that are over; none of a real machine.
     """
 
     def __init__(

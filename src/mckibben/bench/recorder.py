@@ -24,8 +24,8 @@ class Chunks:
     """Samples kept in memory, chunk by chunk; a channel may be missing in some chunks.
 
     Args:
-        period: of the samples [s].
-        kinds: of every channel that may come: SI unit, kind (``"true"``, ``"measured"``, ``"command"``) and meaning.
+        period: period of the samples [s].
+        kinds: kinds of every channel that may come: SI unit, kind (``"true"``, ``"measured"``, ``"command"``) and meaning.
 
     Raises:
         InputError: if the period is no time above zero.
@@ -82,7 +82,7 @@ class Chunks:
         self._arrays.append(chosen)
 
     def recording(self, meta: Mapping[str, Any] | None = None) -> Recording:
-        """Return the samples kept so far; a channel is NaN where a chunk did not have it.
+        """Return the samples kept so far; a channel is NaN if a chunk did not have it.
 
         The meta gets ``gaps``, the times [s] before and after each place where samples were left out, if there are any.
 
@@ -114,7 +114,7 @@ class RunRecorder:
     """Recorder of a run: samples in memory and, if a log is given, in a crash-safe file.
 
     Args:
-        bench: what is run, for the head of the log.
+        bench: the run, for the header of the log.
         period: between two samples that are kept [s].
         log: path of a new ``.mcap`` file.
     """

@@ -42,7 +42,7 @@ class OperatorAction:
 
     Attributes:
         ask: the words by which a protocol asks for it.
-        plumbing: name of the way to join the parts afterwards; empty where it stays.
+        plumbing: name of the way to join the parts afterwards; empty if it stays.
         friction: friction of the muscle afterwards, over that of the untreated muscle [1].
     """
 

@@ -44,7 +44,7 @@ class Lateness(NamedTuple):
         samples: all of them; none is left out, a late one is made up for as fast as it goes.
         late: those that began later than `LATE` of a period.
         behind: those that began later than a whole period.
-        percentiles: of the lateness, 50, 99, 99.9 and 100 % [s].
+        percentiles: percentiles of the lateness, 50, 99, 99.9 and 100 % [s].
     """
 
     samples: int
@@ -94,10 +94,10 @@ class SampledMachine:
 
     Args:
         hardware: the machine.
-        period: of the samples [s].
+        period: period of the samples [s].
 
     Attributes:
-        number: of the next sample, counted since the machine was started.
+        number: number of the next sample, counted since the machine was started.
         mark: told the number of the next sample before it is taken, once.
     """
 
@@ -144,7 +144,7 @@ class SampleLoop:
         taken: samples so far.
         running: from before the first sample until after `ended`.
         lost: why the machine was lost.
-        failed: what else ended the loop.
+        failed: another error that ended the loop.
 
     Raises:
         InputError: if the machine does not have the channels or outputs that the software needs.

@@ -28,12 +28,12 @@ class Chunk(NamedTuple):
     """Consecutive samples of a run.
 
     Attributes:
-        seen: of each, as arrays (size,); without true channels where the machine is real.
+        seen: values at each, as arrays (size,); without true channels where the machine is real.
         size: number of the samples.
         inner: steps of the physics per sample; 0 where it was not computed here.
         carry: the machine after them, where it was scanned: then no stop was seen at the samples.
-        numbers: of the samples since the machine was started (size,), where they came one by one.
-        lateness: of the same (size,) [s].
+        numbers: numbers of the samples since the machine was started (size,), where they came one by one.
+        lateness: lateness of the same (size,) [s].
     """
 
     seen: sampled.SampleResult
@@ -79,10 +79,10 @@ class SegmentMachine:
     """The simulated machine of a segment.
 
     Args:
-        bench: what is run.
-        number: of the part; each has noise of its own.
-        part: itself.
-        timing: of the loop.
+        bench: the run.
+        number: number of the part; each has noise of its own.
+        part: the segment.
+        timing: timing of the loop.
         begin: time at which the part begins [s].
     """
 

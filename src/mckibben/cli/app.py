@@ -192,7 +192,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line; never shows a traceback for a wrong input.
 
     Args:
-        arguments: words after the program's name; those of the process where left out.
+        arguments: words after the program's name; those of the process by default.
     """
     command = _command()
     with warnings.catch_warnings(), _safe_children():

@@ -289,7 +289,7 @@ def ask_person(task: OperatorTask) -> float | None:
 
 
 def tell_person(error: InputError) -> None:
-    """Report that a point was refused; it is asked for again."""
+    """Report that a point was refused; it is requested again."""
     typer.echo(f"mckibben: {error}; once more", err=True)
 
 
@@ -321,7 +321,7 @@ def _names(words: str) -> Sequence[str]:
 
 
 def _value(option: str, words: str | None, unit: str, low: float = 0.0, high: float = 1e9) -> float:
-    """An option as SI; nothing where it is left out."""
+    """An option as SI; nothing if it is left out."""
     if words is None:
         return 0.0
     value = parse(words, unit, field=option)

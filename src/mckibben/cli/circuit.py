@@ -453,7 +453,7 @@ def frequency(
 
 
 def _unit_of(plan: CircuitPlan, target: str, source: str) -> str:
-    """Unit of an output over that of an input, empty where both are the same."""
+    """Unit of an output over that of an input, empty if both are the same."""
     units = {
         "pressure_abs": "Pa",
         "pressure": "Pa",

@@ -153,7 +153,7 @@ def _ended(console: Console, sentence: str, code: int) -> int:
 
 
 def _said(error: Exception) -> str:
-    """A complaint as one line."""
+    """An error message as one line."""
     return f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
 
 

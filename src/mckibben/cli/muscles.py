@@ -143,7 +143,7 @@ def tension(
 
 
 def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Specimen | None, str, Any]:
-    """The specimen, None where a law is named; the name of the law, and the muscle."""
+    """The specimen, None if a law is named; the name of the law, and the muscle."""
     if name in LAWS:
         if law is not None:
             raise InputError("--law", law, f"allowed with a specimen; {name} is a law itself")

@@ -34,7 +34,7 @@ class FlowElement(Module):
     symbol: ClassVar[str] = ""  # of ISO 1219-1 in a diagram; a box with the name of the type where it is empty
 
     def initial(self) -> Any:
-        """The element's own continuous state at rest: a tree of arrays, empty where it has none."""
+        """The element's own continuous state at rest: a tree of arrays, empty if it has none."""
         return ()
 
     def settled(self, command: Any) -> Any:
@@ -74,7 +74,7 @@ class FlowElement(Module):
         return tuple(jnp.zeros(()) for _ in self.ports)
 
     def delay(self) -> Any:
-        """Dead time of the command [s]; None where it acts at once."""
+        """Dead time of the command [s]; None if it acts at once."""
         return None
 
     def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:

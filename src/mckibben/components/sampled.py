@@ -18,8 +18,8 @@ class Plant(System):
         """Measured channels by name [SI].
 
         Args:
-            state: of the system.
-            memory: of the system.
+            state: state of the system.
+            memory: memory of the system.
             inputs: in force.
             row: what this sample brings from outside, such as draws of the noise.
         """

@@ -23,8 +23,8 @@ class IndependentPart(NamedTuple):
 
     Attributes:
         system: the part.
-        state: its continuous state.
-        memory: its memory.
+        state: continuous state.
+        memory: memory.
         signals: the inputs that it needs.
         outputs: names of its outputs in the whole, by their names in the part.
     """

@@ -48,16 +48,16 @@ class Run(NamedTuple):
     """Result of a run.
 
     Attributes:
-        time: of the samples [s], (samples + 1,).
+        time: time of the samples [s], (samples + 1,).
         outputs: by name, each (samples + 1, ...).
         state: the continuous state at the end.
         memory: the memory at the end.
         integrals: independent integrals over the whole run.
-        result: what became of it.
+        result: result of it.
         message: the sentence, with the number that matters.
         fastest: fastest rate found along the run [1/s].
         stiff: whether the Rosenbrock method was used.
-        step: of the physics [s].
+        step: step of the physics [s].
     """
 
     time: Any
@@ -86,10 +86,10 @@ def integrate(
     """Integrate over all samples of the signals; parts with dead time see theirs late, as in `march`.
 
     Args:
-        system: what to integrate.
+        system: the system to integrate.
         state: continuous state at the start, a tree of arrays.
         signals: inputs by name, all of one length.
-        period: of the samples [s].
+        period: period of the samples [s].
         memory: memory at the start.
         step_size: largest step of the physics [s]; shortened so that a whole number fits a period, and for the Rosenbrock
             method further where the system's rates ask for it.
@@ -158,15 +158,15 @@ def march(
     """The run itself, unchecked: a pure function, to be compiled, mapped and differentiated.
 
     Args:
-        system: what to integrate.
+        system: the system to integrate.
         state: continuous state at the start.
         memory: memory at the start.
         signals: inputs by name; parts with dead time see theirs late, see `System.commands`.
-        period: of the samples [s].
+        period: period of the samples [s].
         inner: steps per sample.
         samples: how many samples to go on for.
         stiff: use the Rosenbrock method.
-        integrals: whether they are wanted; empty where not.
+        integrals: whether they are wanted; empty if not.
 
     Returns:
         (state, memory, integrals) at the end, and (states, memories, outputs) at all samples.
@@ -204,10 +204,10 @@ def compile_march(
         state: continuous state at the start.
         memory: memory at the start.
         signals: inputs by name, whose length says how many samples there are.
-        period: of the samples [s].
+        period: period of the samples [s].
         inner: steps per sample.
         stiff: use the Rosenbrock method.
-        outputs: names of the outputs that are wanted, all where left out: what nobody asks for is not computed.
+        outputs: names of the outputs that are wanted, all by default: what nobody asks for is not computed.
         engine: see `native.compile_function`.
 
     Returns:

@@ -32,8 +32,8 @@ class EngineFunction:
     """A function of trees, ready to be run.
 
     Attributes:
-        engine: what runs it: ``native``, ``gpu`` or ``xla``.
-        reason: why it is not native although ``auto`` was asked for; empty otherwise.
+        engine: ``native``, ``gpu`` or ``xla``.
+        reason: why it is not native although ``auto`` was requested; empty otherwise.
     """
 
     def __init__(self, compiled: lanewise.CompiledFunction) -> None:
@@ -84,7 +84,7 @@ def compile_function(
     """Compile a JAX function for one lane or many, or find what was lowered before.
 
     Args:
-        function: of trees; whole numbers that fix its structure are closed over, all else are arguments.
+        function: function of trees; whole numbers that fix its structure are closed over, all else are arguments.
         *examples: trees like its arguments, for one lane.
         engine: ``native``, ``gpu`` (lanes on one of NVIDIA's, a single run on the processor), ``xla``, or ``auto``: native
             where the function can be lowered, else XLA.
@@ -104,7 +104,7 @@ def differentiable(function: Callable[..., Any], *examples: Any, **options: Any)
     """Compile a JAX function whose derivatives are kernels too, or find what was lowered before.
 
     Args:
-        function: of trees, as for `compile_function`.
+        function: function of trees, as for `compile_function`.
         *examples: trees like its arguments.
         **options: of `lanewise.differentiable`.
     """
@@ -120,8 +120,8 @@ def call_compiled(function: Callable[..., Any], *trees: Any, mode: str = "defaul
 
     Args:
         function: a module's own, of trees.
-        *trees: what it is called with.
-        mode: of the native engine, see `lanewise.Program`.
+        *trees: arguments of the call.
+        mode: mode of the native engine, see `lanewise.Program`.
         **fixed: more arguments, which fix its structure.
     """
     leaves, structure = jax.tree.flatten(trees)

@@ -29,11 +29,11 @@ def prediction(
     """The prediction of a JAX function that returns one array, by native kernels where it can be lowered.
 
     Args:
-        function: of (values, *fixed).
-        count: of the values.
+        function: function of (values, *fixed).
+        count: count of the values.
         *fixed: trees that stay as they are.
         engine: see `native.compile_function`.
-        name: of the function, where another one of that name, with trees of the same structure and shapes, is the same
+        name: name of the function, where another one of that name, with trees of the same structure and shapes, is the same
             function; it is then compiled once.
 
     Raises:

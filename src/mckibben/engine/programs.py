@@ -14,7 +14,7 @@ all types and functions that are neither this package's nor a library's named ab
 
 The structure of a program's results is kept with it, as words and lists: tables, tuples and modules by the places where
 their types stand. Only types of this package that are loaded are found again, and they are put together without calling
-anything that a file names. What cannot be said so, or has no key, is lowered anew in every process.
+anything that a file names. What cannot be said so, or has no key, is lowered again in every process.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def program_key(function: Callable[..., Any], examples: Sequence[Any]) -> str | 
     """The key of a function's program; None if it has none.
 
     Args:
-        function: what is traced.
+        function: the function to trace.
         examples: trees like its arguments.
     """
     name = _Name()

@@ -31,11 +31,11 @@ class Carry(NamedTuple):
     """State that is passed from one sample to the next.
 
     Attributes:
-        state: of the plant.
-        memory: of the plant.
+        state: state of the plant.
+        memory: memory of the plant.
         integrals: independent integrals of the plant since the start.
         software: state of the software.
-        history: of each input, oldest first, (n,); the last one is the newest command.
+        history: history of each input, oldest first, (n,); the last one is the newest command.
     """
 
     state: Any
@@ -49,7 +49,7 @@ class SampleResult(NamedTuple):
     """Result of a sample: true, measured, commanded and reported values.
 
     Attributes:
-        outputs: of the plant, true.
+        outputs: outputs of the plant, true.
         measured: channels that the software saw.
         commands: inputs that its commands became.
         shown: by the software.
@@ -72,11 +72,11 @@ def begin(
 
     Args:
         plant: the machine.
-        software: what commands it.
+        software: the software that commands it.
         start: state and memory of the plant.
         commands: by name, in force until the first sample's act [SI].
         row: as the first sample's.
-        depth: of the history, in samples: enough for latency and dead times, at least 2.
+        depth: depth of the history, in samples: enough for latency and dead times, at least 2.
     """
     return with_software(plant, software, rest(plant, start, commands, depth), row)
 
@@ -143,10 +143,10 @@ def sample(
 
     Args:
         plant: the machine.
-        software: what commands it.
+        software: the software that commands it.
         carry: from the sample before.
         row: what the sample brings from outside.
-        period: of the samples [s].
+        period: period of the samples [s].
         inner: whole steps of the physics per sample.
         latency: from a sample to the action of its commands [s].
         stiff: use the Rosenbrock method.

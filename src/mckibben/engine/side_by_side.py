@@ -19,8 +19,8 @@ class Split(NamedTuple):
 
     Attributes:
         example: the first part, (system, state, memory, signals).
-        places: of each leaf of a part among the leaves of the whole, (leaves, parts).
-        outputs: of each part the names in the whole by their names in the part.
+        places: places of each leaf of a part among the leaves of the whole, (leaves, parts).
+        outputs: outputs of each part the names in the whole by their names in the part.
     """
 
     example: tuple[Any, Any, Any, Any]
@@ -29,7 +29,7 @@ class Split(NamedTuple):
 
     @classmethod
     def of(cls, whole: tuple[Any, Any, Any, Any]) -> Split | None:
-        """Split a (system, state, memory, signals); None where it has no parts, or parts of several structures."""
+        """Split a (system, state, memory, signals); None if it has no parts, or parts of several structures."""
         outputs: list[dict[str, str]] = []
         structures: list[Any] = []
 
@@ -77,8 +77,8 @@ class SideBySide:
 
     Attributes:
         run: the run of a part, with the parts as lanes.
-        engine: what runs it.
-        reason: why it is not native although that was asked for.
+        engine: engine that runs it.
+        reason: why it is not native although that was requested.
     """
 
     def __init__(self, split: Split, function: Callable[..., Any], wanted: tuple[str, ...] | None, engine: str) -> None:

@@ -67,7 +67,7 @@ def step(system: System, carry: tuple[Any, Any, Any], inputs: Inputs, h: Any, st
     """Advance (continuous state, memory, integrals) by a time h [s].
 
     Args:
-        system: what is integrated.
+        system: the system to integrate.
         carry: the three trees; without numbers in the last, no integrals are taken.
         inputs: the inputs as a function of the share of the step, 0 to 1.
         h: duration of the step [s].

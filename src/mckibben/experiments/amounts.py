@@ -42,8 +42,8 @@ def read_amount(
     Args:
         raw: the words.
         unit: SI unit that is wanted.
-        field: dotted path, for complaints.
-        where: file, for complaints.
+        field: dotted path, for error messages.
+        where: file, for error messages.
         bounds: smallest and largest allowed value, inclusive [SI; or rest lengths, if it is stated so].
 
     Raises:

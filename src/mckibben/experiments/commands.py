@@ -117,7 +117,7 @@ class Command(abc.ABC):
         """Describe the command, with all its numbers."""
 
     def duration(self, start: Reach, rest_length: float) -> float | None:
-        """Time that it takes by itself from a start [s]; NaN where that is not known, None where the step decides."""
+        """Time that it takes by itself from a start [s]; NaN if that is not known, None if the step decides."""
         return None
 
     def target(self, rest_length: float) -> float | None:
@@ -222,7 +222,7 @@ class RampTo(Command):
         return frozenset(("valve" if channel == "pressure" else "motor",))
 
     def duration(self, start: Reach, rest_length: float) -> float:
-        """Time that the line takes [s]; NaN where only a speed is stated and the start is not known."""
+        """Time that the line takes [s]; NaN if only a speed is stated and the start is not known."""
         if self.seconds is not None:
             return self.seconds
         assert self.speed is not None  # the reader asks for one of the two
@@ -376,7 +376,7 @@ def read_command(raw: Any, place: Place, channel: str) -> Command:
 
     Args:
         raw: the words.
-        place: of them.
+        place: place of them.
         channel: ``pressure``, ``span``, ``velocity`` or ``tension``.
 
     Raises:
@@ -399,9 +399,9 @@ def known_set_points(values: np.ndarray, end: float, clock: StepClock) -> SetPoi
     """Set-points that are known in advance.
 
     Args:
-        values: of every sample [SI], (samples,).
+        values: values of every sample [SI], (samples,).
         end: set-point at the end of the step, which the next one begins with [SI].
-        clock: of the step; where a test may end it early, the channel is anywhere on its way afterwards.
+        clock: clock of the step; where a test may end it early, the channel is anywhere on its way afterwards.
     """
     reach = Reach(float(values.min()), float(values.max()))
     if clock.step.until is not None and not reach.known:

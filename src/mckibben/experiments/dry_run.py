@@ -127,10 +127,10 @@ def dry_run(
     """Check a protocol against the limits of a rig without moving anything; an empty list permits the start.
 
     Args:
-        protocol: what to do.
-        limits: of the rig and the muscle.
-        rest_length: of the muscle [m].
-        start_span: where the motor is [m]; the rest length where left out.
+        protocol: the protocol.
+        limits: limits of the rig and the muscle.
+        rest_length: rest length of the muscle [m].
+        start_span: where the motor is [m]; the rest length by default.
         muscle_estimate: the tension [N] expected at spans [m] and gauge pressures [Pa], or None to leave it unchecked.
     """
     try:
@@ -216,8 +216,8 @@ def check_lengths(protocol: Protocol, limits: Limits, rest_length: float) -> Non
 
     Args:
         protocol: whose parameters are checked, in every one of their values.
-        limits: of the rig.
-        rest_length: of the muscle [m], which ``L0`` stands for.
+        limits: limits of the rig.
+        rest_length: rest length of the muscle [m], which ``L0`` stands for.
 
     Raises:
         InputError: names the parameter, its value and the longest span.

@@ -91,12 +91,12 @@ def expand(protocol: Protocol, *, rest_length: float, start_span: float | None =
     """The flat plan.
 
     Args:
-        protocol: what to do.
-        rest_length: of the muscle [m], which ``L0`` stands for.
-        start_span: where the motor is at the beginning [m]; the rest length where left out. The pressure begins at zero.
+        protocol: the protocol.
+        rest_length: rest length of the muscle [m], which ``L0`` stands for.
+        start_span: where the motor is at the beginning [m]; the rest length by default. The pressure begins at zero.
 
     Raises:
-        InputError: if a line at a speed begins where nobody knows beforehand, or it has too many samples.
+        InputError: if a line at a speed begins where nobody knows in advance, or it has too many samples.
     """
     if not rest_length > 0.0:
         raise InputError("rest_length", words(rest_length, "m"), "must be a length above zero")

@@ -92,9 +92,9 @@ def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | No
     """Return a protocol with other values of its parameters, choices and settings.
 
     Args:
-        protocol: what is changed.
+        protocol: the protocol to change.
         given: words by name, a list for several values.
-        where: file, for complaints.
+        where: file, for error messages.
 
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.

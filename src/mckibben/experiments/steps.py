@@ -73,7 +73,7 @@ class ProtocolStep:
         return None
 
     def stated_duration(self) -> float | None:
-        """Longest time that it may take [s]; None where its lines decide."""
+        """Longest time that it may take [s]; None if its lines decide."""
         rate = self.frequency()
         return self.duration if self.cycles is None or rate is None else self.cycles / rate
 

@@ -50,11 +50,11 @@ class Until:
         """Advance by one sample; return the new state, and whether the step ends; see `advance`.
 
         Args:
-            state: of `start` or of the sample before.
+            state: state of `start` or of the sample before.
             measured: channels by name [SI].
             command: set-point of this channel [SI]; only ``close`` looks at it.
             dt: sampling period [s].
-            rest_length: of the muscle [m].
+            rest_length: rest length of the muscle [m].
         """
         limit = self.amount.si(rest_length)
         return advance(KINDS.index(self.kind), state, measured[self.channel], limit, self.lasting, command, dt)

@@ -25,7 +25,7 @@ def require_influence(jacobian: np.ndarray, names: Sequence[str], *, what: str) 
 
     Args:
         jacobian: derivative of the residuals to each free parameter at the solution, (n, p); any scaling.
-        names: of the parameters.
+        names: names of the parameters.
         what: was fitted, for the sentence.
 
     Raises:
@@ -57,7 +57,7 @@ def require_progress(
         end: the same at the solution (p,).
         jacobian: derivative of the residual to the scaled parameters at the solution, (n, p).
         residual: at the solution, (n,).
-        bounds: of the scaled parameters, lower and upper (p,) each.
+        bounds: bounds of the scaled parameters, lower and upper (p,) each.
         what: was fitted, for the sentence.
 
     Raises:

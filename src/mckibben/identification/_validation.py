@@ -16,7 +16,7 @@ MOST_GROUPS, BINS = 30, 10
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Errors of the taut points, each predicted by a fit without its group [N]; NaN where a fold could not be fitted."""
+    """Errors of the taut points, each predicted by a fit without its group [N]; NaN if a fold could not be fitted."""
 
     scheme: str
     groups: int
@@ -54,7 +54,7 @@ def groups(points: ForceMap, scheme: str) -> np.ndarray:
 def cross_validate(
     problem: Problem, full: Solution, scheme: str, *, progress: Callable[[], None] | None = None
 ) -> CrossValidation | None:
-    """Leave each group out once, refit, and predict it; None where the table has only one group.
+    """Leave each group out once, refit, and predict it; None if the table has only one group.
 
     A fold starts from the full solution, which saves the search and does not move the optimum.
     """
@@ -76,7 +76,7 @@ def cross_validate(
 
 
 def predict_rest(problem: Problem, train: np.ndarray, *, near: Solution | None = None) -> Solution | None:
-    """Fit to the points in `train` only; None where these are too few or the fit did not converge.
+    """Fit to the points in `train` only; None if these are too few or the fit did not converge.
 
     With a solution `near`, the fit starts there: it decides how long the search takes, not where the optimum lies.
     """

@@ -223,9 +223,9 @@ def fit_circuit(
         free: dotted paths, such as ``elements.tube.loss``; a pattern such as ``elements.valve_*.conductance`` is one
             value for all that it matches. ``signals.<name>.delay`` is the delay of an input.
         predict: records to predict without refitting.
-        start: first guesses by the same names [SI]; the circuit's own values where left out.
-        step: of the integration [s].
-        progress: is told a sentence after every evaluation.
+        start: first guesses by the same names [SI]; the circuit's own values by default.
+        step: step of the integration [s].
+        progress: called with a sentence after every evaluation.
         evaluations: most of them.
 
     Returns:

@@ -28,7 +28,7 @@ class Constraint(NamedTuple):
 
     Attributes:
         what: ``tension``, ``stiffness``, ``free_length`` or ``volume``.
-        value: what is printed [N, N/m, m or m^3].
+        value: printed value [N, N/m, m or m^3].
         pressure: gauge pressure it holds at [Pa].
         length: length it holds at [m]; a free length needs none.
     """
@@ -72,11 +72,11 @@ def fit_constraints(
     """Solve printed constraints for the parameters of a law.
 
     Args:
-        law: its name.
-        constraints: what is printed.
+        law: name of the law.
+        constraints: printed numbers.
         known: parameters taken as given [SI].
-        start: starting values of free parameters [SI]; the middle of their usual range where left out.
-        free: which to solve for; those that a fit of this law frees and that are not known, where left out.
+        start: starting values of free parameters [SI]; the middle of their usual range by default.
+        free: which to solve for; those that a fit of this law frees and that are not known, by default.
 
     Raises:
         InputError: if a constraint is incomplete or a parameter neither known nor free.

@@ -89,16 +89,16 @@ def fit_creep(
     """Fit a chain of creep elements to the stroke after a step.
 
     Args:
-        time: of the samples (n,), rising [s]; the first is t = 0.
+        time: time of the samples (n,), rising [s]; the first is t = 0.
         stroke: (n,) [m].
-        train: which samples the fit sees, bool (n,); all where left out. The first half is ``creep_half(time)``.
+        train: which samples the fit sees, bool (n,); all by default. The first half is ``creep_half(time)``.
         law: ``free``, an amplitude for each element, or ``logarithmic``, one amplitude for all.
-        shortest: shortest time constant [s]; three sampling intervals where left out.
-        longest: longest time constant [s]; the span of the seen samples where left out.
+        shortest: shortest time constant [s]; three sampling intervals by default.
+        longest: longest time constant [s]; the span of the seen samples by default.
         per_decade: elements per decade of time.
-        pressure: gauge pressure of the samples (n,) [Pa]; taken as held where left out.
+        pressure: gauge pressure of the samples (n,) [Pa]; taken as held by default.
         pressure_slope: stroke per pressure of the branch that the step ended on [m/Pa].
-        name: of the record, for complaints.
+        name: name of the record, for error messages.
 
     Returns:
         Intervals of 95 %, widened for residuals that follow one another. An amplitude on its bound of zero has none of

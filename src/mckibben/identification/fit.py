@@ -52,16 +52,16 @@ class Fit(ErrorMeasures):
     """Result of a fit of one law; errors in newton, of the tension that a sensor would measure.
 
     Attributes:
-        law: its name.
+        law: name of the law.
         parameters: that were fitted, with their intervals [SI].
         known: that were not [SI].
         points: with tension, to which it was fitted.
-        error: of the tension at them [N].
+        error: error of the tension at them [N].
         converged: whether the solver reached its tolerance.
-        message: of the solver.
-        warnings: in words.
+        message: message of the solver.
+        warnings: as text.
         cross: cross-validations by scheme.
-        correlation: of the parameters.
+        correlation: correlation of the parameters.
         holdout: prediction of points above the pressures of a separate fit.
         at_bound: parameters that ended at a bound.
         not_contained: parameters without influence on the tension at any point.
@@ -134,10 +134,10 @@ def fit(
     """Fit one law.
 
     Args:
-        law: its name.
+        law: name of the law.
         points: the measured table.
         known: parameters that are not fitted [SI], by name; those the law does not have are passed over.
-        free: which parameters to fit; the law's own choice where left out.
+        free: which parameters to fit; the law's own choice by default.
         slack: also use the slack points that say where the law may not pull, see `ForceMap.informative_slack`; their
             errors are not counted.
         schemes: cross-validations to run, of ``pressure``, ``length``, ``block``, ``rest_length``.
@@ -197,7 +197,7 @@ def fit_all(
 
     Args:
         points: the measured table.
-        laws: their names; all of them where left out, and then a law that the table cannot feed is passed over with its
+        laws: their names; all of them by default, and then a law that the table cannot feed is passed over with its
             reason in `skipped`. So is one whose fit fails.
         known: as for `fit`.
         skipped: filled with reasons by name.

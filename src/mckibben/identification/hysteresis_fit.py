@@ -134,11 +134,11 @@ def fit_loop(
     Args:
         record: the loop; it turns at least once.
         model: one of `MODELS`; Maxwell-slip may end on another minimum than the lowest, see `SHAKEN`.
-        law: tension law of the muscle at its own length; where left out, a monotone curve is fitted in its place.
-        train: which samples the fit sees, bool (n,); all where left out. The pressure is read along the whole path.
-        known: parameters that are not fitted, by name [SI]; ``spring`` and ``pressure_zero`` are zero where left out.
+        law: tension law of the muscle at its own length; by default, a monotone curve is fitted in its place.
+        train: which samples the fit sees, bool (n,); all by default. The pressure is read along the whole path.
+        known: parameters that are not fitted, by name [SI]; ``spring`` and ``pressure_zero`` are zero by default.
             ``pressure_zero=float("nan")`` or ``spring=float("nan")`` frees them.
-        knots: of the monotone curve.
+        knots: knots of the monotone curve.
 
     Raises:
         InputError: names the field and what is allowed; for a parameter on which no seen sample depends.

@@ -80,7 +80,7 @@ class PathRecord:
     def width(self, pressure: Any) -> np.ndarray:
         """Stroke while falling less stroke while rising at gauge pressures [Pa], of the largest branches [m].
 
-        NaN where a branch does not reach; each branch is read by straight lines between samples in order of pressure.
+        NaN if a branch does not reach; each branch is read by straight lines between samples in order of pressure.
         """
         rising, falling = (self._read(way, np.asarray(pressure, float)) for way in (1, -1))
         return falling - rising
@@ -95,7 +95,7 @@ class PathRecord:
         return np.interp(at, level, mean, left=np.nan, right=np.nan)
 
     def chosen(self, train: np.ndarray | None) -> np.ndarray:
-        """A selection of samples as bool (n,); all where left out."""
+        """A selection of samples as bool (n,); all by default."""
         seen = np.ones(len(self.pressure), bool) if train is None else np.asarray(train)
         if seen.shape != self.pressure.shape or seen.dtype != bool:
             allowed = f"allowed is bool ({len(self.pressure)},)"

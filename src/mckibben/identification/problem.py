@@ -211,11 +211,11 @@ def solve(
     """Fit a problem.
 
     Args:
-        problem: what to fit.
-        train: which points count, bool (n,); all where left out. The compiled function is shared by all such subsets.
+        problem: the problem to solve.
+        train: which points count, bool (n,); all by default. The compiled function is shared by all such subsets.
         near: scaled starting points to try first.
         search: also search from starting points drawn over the usual ranges.
-        seed: of that draw.
+        seed: seed of that draw.
 
     Returns:
         The solution with the smallest sum of squares. It is marked converged only if a solver reached its tolerance.

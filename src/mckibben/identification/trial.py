@@ -27,13 +27,13 @@ class Trial:
     """A record on a uniform clock, ready to be compared with a circuit.
 
     Args:
-        name: in tables and complaints.
+        name: in tables and error messages.
         circuit: the model, with the parameters known so far.
-        signals: what drove it, on the record's clock.
+        signals: input signals, on the record's clock.
         initial: absolute pressure of every volume at the start [Pa].
         measured: by the name of a circuit's output, such as ``tank.pressure_abs``, one value per sample [SI].
-        period: of the samples [s].
-        temperature: of all gas at the start [K].
+        period: period of the samples [s].
+        temperature: temperature of all gas at the start [K].
         follows: signals that come from another one, by its name; what delays that one delays them too.
     """
 
@@ -227,8 +227,8 @@ def trial_from_record(
 
     Args:
         plan: the circuit as read from its file.
-        record: what was measured or simulated.
-        name: of the trial, for tables and complaints.
+        record: measured or simulated recording.
+        name: name of the trial, for tables and error messages.
         measured: what to compare instead: a volume's name to the channel that recorded its pressure.
         inputs: what drives instead: a signal's name to the channel that recorded it.
 

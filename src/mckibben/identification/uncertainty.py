@@ -42,8 +42,8 @@ def uncertainty(
     Args:
         jacobian: derivative of the prediction to each parameter, (n, p); any scaling.
         residual: prediction less measurement, (n,).
-        names: of the parameters, for the warnings.
-        confidence: of the two-sided interval.
+        names: names of the parameters, for the warnings.
+        confidence: confidence of the two-sided interval.
 
     Returns:
         Student's t quantile for n - p degrees of freedom; standard errors are infinite for parameters in an undetermined
@@ -114,11 +114,11 @@ class PartialFit(abc.ABC):
         """Error of every sample (n,)."""
 
     def rmse(self, *, seen: bool) -> float:
-        """Root mean square error of the samples that the fit saw, or of those that it did not; NaN where there are none."""
+        """Root mean square error of the samples that the fit saw, or of those that it did not; NaN if there are none."""
         some = self.error[self.train == seen]
         return float(np.sqrt(np.mean(some**2))) if some.size else float("nan")
 
     def max_error(self, *, seen: bool) -> float:
-        """Largest of those errors; NaN where there are none."""
+        """Largest of those errors; NaN if there are none."""
         some = self.error[self.train == seen]
         return float(np.abs(some).max()) if some.size else float("nan")

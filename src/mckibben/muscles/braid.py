@@ -83,7 +83,7 @@ def wound(*, rest_length: Any, rest_angle: Any, rest_diameter: Any) -> BraidShap
 
 
 def braid_of(law: Any) -> BraidShape | None:
-    """The braid of a law from its own parameters, as plain numbers; None where the law has no braid."""
+    """The braid of a law from its own parameters, as plain numbers; None if the law has no braid."""
     given = {n: float(v) for n in _SHAPE if (v := getattr(law, n, None)) is not None}
     if {"thread_length", "turns"} <= given.keys():
         return BraidShape(given["thread_length"], given["turns"])

@@ -22,8 +22,8 @@ def law_from_specimen(
     """The tension law of a specimen.
 
     Args:
-        spec: what was read from a specimen file.
-        law: one of the laws that the file states; its default law where left out.
+        spec: the specimen, as read from a file.
+        law: one of the laws that the file states; its default law by default.
         changes: parameters to replace, by field name [SI].
 
     Raises:
@@ -121,9 +121,9 @@ def from_specimen(
     """A `Muscle` of a McKibben specimen, or the `BiologicalMuscle` of a biological one.
 
     Args:
-        spec: what was read from a specimen file.
-        law: one of the laws it states; its default law where left out.
-        friction: one of the frictions it states; the first where left out, none where it states none.
+        spec: the specimen, as read from a file.
+        law: one of the laws it states; its default law by default.
+        friction: one of the frictions it states; the first by default, none if it states none.
         changes: parameters of the law to replace, by field name [SI].
     """
     if spec.kind == "biological":

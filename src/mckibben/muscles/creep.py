@@ -12,7 +12,7 @@ Kelvin-Voigt elements in series, each a spring with a damper beside it, add an e
 Both are stepped by the exact exponential for a constant velocity or force during the step, so any step is stable, and
 the ledgers are the exact integrals of that step. Range: linear, small strains, time constants within the span of the
 record they were identified from; a muscle's creep is close to linear in the logarithm of time, which elements one or
-two per decade follow. The exponentials depend on the step alone and cost nothing where the step is constant.
+two per decade follow. The exponentials depend on the step alone and cost nothing if the step is constant.
 Source: W. N. Findley, J. S. Lai and K. Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials,
 North-Holland 1976, chapter 5 (the generalised models).
 """

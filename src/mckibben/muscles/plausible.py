@@ -52,7 +52,7 @@ def pressure_caution(pressure: float, spec: Specimen | None = None, *, text: str
 
 
 def likely_pressure(text: str) -> str:
-    """A question after a pressure that can only be a slip, such as ``; was 500 kPa meant?``; nothing where it is none."""
+    """A question after a pressure that can only be a slip, such as ``; was 500 kPa meant?``; nothing if it is none."""
     return _likely(text, "Pa", PRESSURE_UNITS, 0.02 * HIGHEST_PRESSURE, HIGHEST_PRESSURE, USUAL_PRESSURE)
 
 
@@ -65,7 +65,7 @@ def length_caution(length: float, longest: float, *, text: str | None = None, na
         length: between the anchors [m].
         longest: that the law is made for [m].
         text: as it was typed.
-        name: of the length, in the sentence.
+        name: name of the length, in the sentence.
     """
     if longest / SLIP <= length <= longest * SLIP:
         return None
@@ -75,7 +75,7 @@ def length_caution(length: float, longest: float, *, text: str | None = None, na
 
 
 def _likely(text: str | None, si_unit: str, units: Iterable[str], low: float, high: float, usual: float) -> str:
-    """A question with the same number in the unit that makes it usual; nothing where there is none, or nothing was typed."""
+    """A question with the same number in the unit that makes it usual; nothing if there is none, or nothing was typed."""
     number = float("nan" if text is None else leading_number(text) or "nan")
     found = [
         (abs(math.log(si / usual)), unit)

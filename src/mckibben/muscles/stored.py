@@ -29,8 +29,8 @@ def stored_along(law: TensionLaw, length: np.ndarray, pressure: np.ndarray) -> n
     Between the edges of a thousand pieces of length the elastic part is interpolated, within a millionth of its range.
 
     Args:
-        law: of the muscle.
-        length: of the braid (n,) [m].
+        law: law of the muscle.
+        length: length of the braid (n,) [m].
         pressure: gauge (n,) [Pa].
     """
     low, high = float(np.min(length)), float(np.max(length))

@@ -25,9 +25,9 @@ def balance(circuit: Circuit, start: Any, end: Any, first: Any, last: Any, integ
     """Compare stored mass and energy of the end states with independent integrals over the border.
 
     Args:
-        circuit: what was run.
-        start: its state at the start.
-        end: its state at the end.
+        circuit: the circuit that was run.
+        start: state at the start.
+        end: state at the end.
         first: inputs at the start.
         last: inputs at the end.
         integrals: as `Circuit.integrands` names them, integrated over the run.

@@ -114,7 +114,7 @@ def build_element(
     Args:
         kind: one of `ELEMENTS`.
         values: words with units, such as ``"600 l/min"``; bare numbers for pure numbers only.
-        where: place used in a complaint.
+        where: place used in an error message.
         specimen: a valve whose published numbers stand for what the values leave out.
 
     Raises:
@@ -137,12 +137,12 @@ def valve_from_specimen(
     """A valve as published.
 
     Args:
-        spec: what was read from a specimen file.
+        spec: the specimen, as read from a file.
         kind: build this element from its flow instead of the one that the file names; what the file states of the other is
             then left out, but for passages.
         effective: take the effective flow, which was inferred from experiments, instead of the rated one.
         values: what to replace or add, as for `build_element`.
-        where: place used in a complaint about the values.
+        where: place used in an error message about the values.
 
     Raises:
         InputError: if it is no valve, its file does not state the flow, or a value is refused.

@@ -47,7 +47,7 @@ class Circuit(System):
         Args:
             nodes: reservoirs and chambers by name.
             branches: elements by name, with the nodes at their ports.
-            gas: what flows.
+            gas: the working gas.
 
         Raises:
             InputError: names a dangling port, a node that nothing reaches, supplies in short circuit, a valve without a
@@ -84,7 +84,7 @@ class Circuit(System):
         return {"mass": masses, "pressure": values, "elements": elements}
 
     def _driven(self, name: str, inputs: Mapping[str, Any]) -> Any:
-        """The command of an element at the start, or None where it is not known."""
+        """The command of an element at the start, or None if it is not known."""
         signal = self.ends[name][1]
         return None if signal is None or signal not in inputs else self._command(name, inputs)
 

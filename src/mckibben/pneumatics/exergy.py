@@ -37,7 +37,7 @@ ROOM = "room"  # how the node of the room's air is called
 
 
 class ExergyStream(NamedTuple):
-    """Gas on one path: the nodes at its ends, mass flow [kg/s], power added on the way [W], None where nothing can."""
+    """Gas on one path: the nodes at its ends, mass flow [kg/s], power added on the way [W], None if nothing can."""
 
     element: str
     ends: tuple[str, str]
@@ -50,11 +50,11 @@ class Passing(NamedTuple):
 
     Attributes:
         gas: at every node.
-        volumes: of every chamber.
+        volumes: volumes of every chamber.
         streams: by path.
         inflow: into every node.
         added: by machines to the gas, all together [W].
-        pressure_rates: of every chamber [Pa/s].
+        pressure_rates: pressure rates of every chamber [Pa/s].
         heat: into the gas of every chamber [W].
     """
 

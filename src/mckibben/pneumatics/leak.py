@@ -54,7 +54,7 @@ class Leak(TwoPort):
 
         Args:
             decay: fall of pressure per time [Pa/s], positive, at the temperature of the reference atmosphere.
-            volume: of the vessel [m^3].
+            volume: volume of the vessel [m^3].
             pressure: gauge pressure in it [Pa].
             ambient: absolute pressure outside [Pa].
         """

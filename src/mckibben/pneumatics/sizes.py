@@ -149,7 +149,7 @@ def put_value(values: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]
     Args:
         values: by key.
         key: that is set.
-        value: in words.
+        value: as text.
     """
     prefix, target = _prefix(key, PREFIXES), canonical(key, PREFIXES)
     base, gone = target.removeprefix(prefix), set()

@@ -44,7 +44,7 @@ def seal(path: Path) -> None:
 
 
 def sealed(path: Path) -> bool | None:
-    """Whether a file is as it was when its seal was put; None where it has none."""
+    """Whether a file is as it was when its seal was put; None if it has none."""
     size = os.path.getsize(path) - DIGEST - len(MARK)
     if size < 0:
         return None

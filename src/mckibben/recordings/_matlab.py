@@ -68,7 +68,7 @@ def _allowed(name: str) -> str:
 
 
 def read_matlab(path: Path) -> ImportResult | ForeignTable:
-    """Read a recording of mckibben, or of another program's file the vectors, with small values for the meta.
+    """Read a recording of mckibben, or of another program's file the vectors, with small values for the metadata.
 
     Raises:
         InputError: the file cannot be read, or a newer version wrote it.

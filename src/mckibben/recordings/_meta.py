@@ -78,7 +78,7 @@ def from_json(text: str) -> Any:
 
 
 def file_attributes(meta: Mapping[str, Any]) -> dict[str, Any]:
-    """The global attributes of a netCDF file: the meta as JSON, and title and date once more for other programs."""
+    """The global attributes of a netCDF file: the metadata as JSON, and title and date once more for other programs."""
     plain = {key: meta[key] for key in ("title", "created") if _is_line(meta.get(key))}
     return {**plain, "schema": SCHEMA, "meta": to_json(meta)}
 

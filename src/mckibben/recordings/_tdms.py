@@ -1,7 +1,7 @@
 """TDMS files of LabVIEW and DIAdem.
 
 Written are a group ``recording`` with the channel ``time`` and one of each channel's name, with the properties
-``unit_string``, ``description`` and ``kind``, and at the root title and ``mckibben``, a line of JSON with the meta.
+``unit_string``, ``description`` and ``kind``, and at the root title and ``mckibben``, a line of JSON with the metadata.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def write_tdms(recording: Recording, path: Path) -> list[str]:
 
 
 def read_tdms(path: Path) -> ImportResult | ForeignTable:
-    """Read a recording of mckibben, or of another program's file the channels, with its properties for the meta.
+    """Read a recording of mckibben, or of another program's file the channels, with its properties for the metadata.
 
     Raises:
         InputError: the file cannot be read, or a newer version wrote it.

@@ -46,7 +46,7 @@ def read_record(
         path: the file.
         columns: channel name -> header or number of the column from 1; then only these, and the time, are read. A file
             without a header needs it. The time's name is ``time``.
-        units: channel name -> unit in words, over the header; a time without a unit is in seconds.
+        units: channel name -> unit as text, over the header; a time without a unit is in seconds.
         period: interval of the samples [s] where the file has no time; the first is then at 0 s.
         pressure_zero: what gauge pressures read at zero [Pa], one for all or by channel; it is subtracted.
         ambient: environment pressure, which says where vacuum is [Pa].

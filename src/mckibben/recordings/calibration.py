@@ -67,7 +67,7 @@ class Origin:
         date: in ISO 8601.
         reference: what it was compared with, such as ``M1 masses, S/N 7``.
         reference_uncertainty: of the reference, standard, of each of its values [unit of the channel].
-        scale_uncertainty: of the reference, standard, of all its values alike, as a share [1].
+        scale_uncertainty: scale uncertainty of the reference, standard, of all its values alike, as a share [1].
         valid_for: time after the date [s], or infinite.
         points: how many were compared.
     """
@@ -117,8 +117,8 @@ class Correction:
         unit: SI unit of the channel.
         terms: ``gain`` [1], ``zero`` [unit], ``skew`` [s]; those that were determined.
         sensor: serial number or name.
-        correlation: of gain and zero [1].
-        linearity: largest departure of a compared point from the line [unit]; NaN where none were compared.
+        correlation: correlation of gain and zero [1].
+        linearity: largest departure of a compared point from the line [unit]; NaN if none were compared.
     """
 
     unit: str
@@ -271,8 +271,8 @@ def read_plain(table: object, *, where: str = "calibration", bare: bool = True) 
     """Make a calibration of a table, as `Calibration.plain` makes it and a recording's meta has it.
 
     Args:
-        table: of words and numbers.
-        where: file for complaints.
+        table: table of words and numbers.
+        where: file for error messages.
         bare: take numbers without a unit as SI; a file states units.
 
     Raises:

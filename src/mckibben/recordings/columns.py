@@ -85,7 +85,7 @@ def choose_columns(
         width: number of columns.
         columns: channel name -> cell, name that a cell tells, or number from 1; empty for all.
         timed: a column named time is the time; else it must be asked for by name.
-        where: how complaints name the file.
+        where: how error messages name the file.
     """
     if header is None and not columns:
         allowed = "a file without a header needs the number of each column, such as time 1 and tank.pressure 2"
@@ -159,12 +159,12 @@ def assemble(
     """Combine the columns of another program to a recording: one clock, SI units, names of this package.
 
     Args:
-        path: the file, for messages and the meta.
-        foreign: its columns.
+        path: the file, for messages and the metadata.
+        foreign: columns of the file.
         columns: channel name -> label or number of a column from 1; empty for all.
-        units: channel name or label -> unit in words, over what the file says; a time without a unit is in seconds.
+        units: channel name or label -> unit as text, over what the file says; a time without a unit is in seconds.
         period: interval of the samples [s] where the file has no time.
-        notes: what else the file says, for the meta.
+        notes: further content of the file, for the metadata.
 
     Raises:
         InputError: names file, column, value and what is allowed.

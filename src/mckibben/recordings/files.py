@@ -34,7 +34,7 @@ RECORDINGS = (".nc", ".csv", ".mcap")  # that `read_recording` takes
 def read_recording(path: str | Path) -> Recording:
     """Read a recording: netCDF and CSV as `Recording.save` wrote them, or the live log of a bench (``.mcap``).
 
-    What a log lost, because it was never closed or is damaged, stands in the meta's ``warnings``.
+    What a log lost, because it was never closed or is damaged, stands in the metadata's ``warnings``.
 
     Raises:
         InputError: there is no such file, it is no recording, or a newer version wrote it.
@@ -124,11 +124,11 @@ def convert(
     """Read a file, and write it in the format of the target's suffix, atomically.
 
     Args:
-        source: of mckibben or of another program.
+        source: source of mckibben or of another program.
         target: ends in the suffix of a format that is written.
         columns: of another program's file, channel name -> label or number of the column from 1; then only these are read.
-        units: of another program's file, channel name -> unit in words, where the file states none or a wrong one.
-        period: of another program's file without a time, the interval of the samples [s].
+        units: units of another program's file, channel name -> unit as text, where the file states none or a wrong one.
+        period: period of another program's file without a time, the interval of the samples [s].
 
     Returns:
         The recording, and a line for each thing that was lost or changed on the way.

@@ -40,7 +40,7 @@ class ForeignColumn(NamedTuple):
     Args:
         label: its name in the file.
         values: (n,) numbers, flags or dates.
-        unit: in words, where the file states one beside the name.
+        unit: as text, where the file states one beside the name.
         clock: columns that share their samples share this word.
         time: (n,) [s] where the file implies it, by a rate or by stamps.
     """
@@ -74,7 +74,7 @@ class FileFormat:
     Attributes:
         title: its name in the plural, for sentences, such as ``"TDMS files"``.
         read: reads a file, as a recording of mckibben or as the columns of another program's table; raises `InputError`.
-        write: writes a recording and returns a line for each thing that the format holds otherwise; None where the format
+        write: writes a recording and returns a line for each thing that the format holds otherwise; None if the format
             is only read.
         requires: library without which nothing is written, a key of `extras.LIBRARIES`.
     """
@@ -120,7 +120,7 @@ def is_text_table(path: Path) -> bool:
 
 
 def format_of(path: Path) -> FileFormat | None:
-    """The format of a path by its suffix; None where no package knows it."""
+    """The format of a path by its suffix; None if no package knows it."""
     return FORMATS.get(path.suffix.lower().removeprefix("."))
 
 

@@ -2,7 +2,7 @@
 
 The file is MCAP (https://mcap.dev). A sample is one message on the topic ``/recording``: the time and each channel as
 float64, in the encoding of ROS 2 messages (CDR) whose schema names every field, so that other programs read and plot it.
-The head, an attachment with a checksum, holds units, kinds, meanings and the meta. Samples stand in chunks of at most
+The head, an attachment with a checksum, holds units, kinds, meanings and the metadata. Samples stand in chunks of at most
 0.05 s, each with its checksum; a remark is a JSON message on ``/events``. What `close` adds is an attachment at the end.
 
 What is lost: if the process is killed, at most the last 0.05 s of samples. If the power fails, at most what came since the
@@ -48,13 +48,13 @@ class LiveLog:
     Args:
         path: a new file, ``.mcap``; one that is there is never touched.
         channels: by name; unit, kind and meaning are taken, values are not looked at.
-        meta: what is known beforehand.
+        meta: metadata known at the start.
         flush: the file has what is older than this, by the clock of the samples and by that on the wall [s].
         sync: the disk has what is older than this [s]; None leaves it to the operating system.
-        start: Unix time of the first sample [ns], for other programs; now where left out.
+        start: Unix time of the first sample [ns], for other programs; now by default.
 
     Raises:
-        InputError: a channel or the meta is not allowed, or the file cannot be made.
+        InputError: a channel or the metadata is not allowed, or the file cannot be made.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class LiveLog:
             self._out()
 
     def annotate(self, text: str, time: float) -> None:
-        """Add a remark at a time [s]; it becomes one of the meta's ``events``."""
+        """Add a remark at a time [s]; it becomes one of the metadata's ``events``."""
         with self._lock:
             self._usable()
             if not isinstance(text, str) or not np.isfinite(time):
@@ -165,7 +165,7 @@ class LiveLog:
         """End the log; a second call does nothing.
 
         Args:
-            result: how the run ended, such as ``"DONE"``, for the meta.
+            result: how the run ended, such as ``"DONE"``, for the metadata.
             message: the sentence to that.
             meta: what became known only now, over what was known before.
 

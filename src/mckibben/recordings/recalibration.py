@@ -1,12 +1,12 @@
 """Recalibration of recordings: from corrected values back to indicated ones, and to another calibration.
 
-    indicated = low + n q,   n = round((indicated - low)/q)        of the meta's ``converters``: low, high, bits
-    travel = n r                                                   of the meta's ``encoder``: resolution, mounted
+    indicated = low + n q,   n = round((indicated - low)/q)        of the metadata's ``converters``: low, high, bits
+    travel = n r                                                   of the metadata's ``encoder``: resolution, mounted
 
 The counts n are recovered from the recorded values, so nothing is lost by rounding, however often it is done. The meta's
 ``converters`` and ``saturation`` go on to speak of counts and stay as they are. ``encoder`` has the travel per count [m],
 and ``mounted``: the span [m] at which it was zeroed, or a list of ``[from time, span]`` where that changed. A channel that
-does not lie on its counts, since somebody resampled it, is taken back to rounding, and the meta's ``warnings`` say so.
+does not lie on its counts, since somebody resampled it, is taken back to rounding, and the metadata's ``warnings`` say so.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Indicated(NamedTuple):
     Attributes:
         values: (n,) [unit of the channel]; of an encoder the travel since it was zeroed.
         base: what is added to the true travel of an encoder [m], (n,) or 0.
-        counts: (n,), whole numbers, or None where the values do not lie on counts.
+        counts: (n,), whole numbers, or None if the values do not lie on counts.
         low_end: whether the lowest count is an end of the range, rather than nothing at all.
         last: the highest count, or None for an encoder.
     """
@@ -104,12 +104,12 @@ def recalibrate(recording: Recording, calibration: Calibration | None, *, skew: 
     """The recording with another calibration, or with none.
 
     Channels that the new calibration does not know become what they indicated. The old calibration goes to the list
-    ``calibration_history`` in the meta.
+    ``calibration_history`` in the metadata.
 
     Args:
         recording: with or without a calibration in its meta.
         calibration: the new one; None takes the old one off.
-        skew: also shift the channels by their skews, by straight lines between samples; NaN where that leaves the recording.
+        skew: also shift the channels by their skews, by straight lines between samples; NaN if that leaves the recording.
             The meta lists them under ``skew_corrected``, and ``<channel>.indicated`` keeps what was indicated.
 
     Raises:

@@ -63,7 +63,7 @@ class Channel:
 
     Args:
         values: float64 (n,), copied and read-only; NaN is allowed and means that nothing is known there.
-        unit: SI unit in words, without prefixes: ``"Pa"``, ``"kg/s"``, ``"1"`` for a pure number.
+        unit: SI unit as text, without prefixes: ``"Pa"``, ``"kg/s"``, ``"1"`` for a pure number.
         kind: ``"true"`` for the state of a simulation, ``"measured"`` behind a sensor, ``"command"`` for what was asked.
         meaning: one phrase for a person.
 
@@ -226,7 +226,7 @@ class Recording:
         It smooths nothing: a period much above the old one folds what is faster than it.
 
         Args:
-            period: of the new clock [s]; the median interval where it is left out.
+            period: period of the new clock [s]; the median interval where it is left out.
         """
         step = self.period if period is None else float(period)
         if not (math.isfinite(step) and 0.0 < step and self.duration <= step * _MOST_SAMPLES):
@@ -278,7 +278,7 @@ class Recording:
         return self.with_meta(notes=[note._asdict() for note in notes])
 
     def to_xarray(self) -> xarray.Dataset:
-        """The recording as an xarray dataset: coordinate ``time`` [s], a variable per channel, the meta as attributes.
+        """The recording as an xarray dataset: coordinate ``time`` [s], a variable per channel, the metadata as attributes.
 
         Raises:
             MissingLibraryError: xarray is not installed.

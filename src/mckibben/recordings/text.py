@@ -32,7 +32,7 @@ def read_rows(path: Path, where: str) -> Rows:
 
     Args:
         path: the file.
-        where: how complaints name it.
+        where: how error messages name it.
 
     Raises:
         InputError: there is no such file, it is no text, or a column has numbers with points and with commas.
@@ -132,7 +132,7 @@ def without_blanks(rows: Rows, columns: Mapping[int, str], where: str) -> tuple[
     Args:
         rows: with their numbers.
         columns: number of each column that is used, from 0, and its label.
-        where: how complaints name the file.
+        where: how error messages name the file.
 
     Raises:
         InputError: a column is blank in more than half of the rows.

@@ -46,13 +46,13 @@ def comparison_report(
     """A report of tables and figures.
 
     Args:
-        title: of the report.
+        title: title of the report.
         tables: in their order.
         figures: below them.
-        lead: what is compared.
-        remarks: of what or whom, and what is to be said.
+        lead: summary under the title.
+        remarks: remarks of what or whom, and what is to be said.
         details: blocks after the figures, such as what a search reached.
-        keys: of the papers.
+        keys: keys of the papers.
     """
     said = (Heading("Remarks"), KeyValues(tuple(remarks))) if remarks else ()
     sections = [Section("Side by side", (*tables, *said), "table")]

@@ -21,9 +21,9 @@ class Document:
     """A report.
 
     Attributes:
-        title: of the report.
+        title: title of the report.
         sections: in their order.
-        lead: what it is about, under the title.
+        lead: summary under the title.
 
     Raises:
         ValueError: two anchors are the same, or a link or a citation leads nowhere.

@@ -45,7 +45,7 @@ def gauge_svg(gauge: Gauge, *, recoloured: bool = False) -> str:
     """The picture as an SVG element.
 
     Args:
-        gauge: what it shows.
+        gauge: the gauge.
         recoloured: in the colours of the page around it, light or dark.
     """
     # ink for our value, grey for the permitted range

@@ -32,12 +32,12 @@ def energy_report(
     """The document.
 
     Args:
-        title: of the muscle.
-        law: its name.
+        title: title of the muscle.
+        law: name of the law.
         muscles: under each volume; the first is the one of the loops.
-        loops: of one cycle, the first the one that is asked for, others with another exchange.
+        loops: loops of one cycle, the first the one that is requested, others with another exchange.
         curves: efficiency over the supply's pressure, each with its words.
-        numbers: of the cycle by exchange and volume.
+        numbers: numbers of the cycle by exchange and volume.
     """
     first = loops[0]
     c, volume = first.conditions, next(iter(muscles))

@@ -92,7 +92,7 @@ def write_fit_report(studies: Iterable[Study], path: str | Path) -> Path:
 
     Args:
         studies: one for each force map, with its fits, best first.
-        path: of the file.
+        path: path of the file.
 
     Returns:
         The path.

@@ -65,7 +65,7 @@ def write_specimen(fits: list[Fit], like: Specimen | None, path: Path) -> None:
     Args:
         fits: ranked, of one table.
         like: specimen whose properties are known for this muscle, if any.
-        path: of the TOML file; written whole or not at all.
+        path: path of the TOML file; written whole or not at all.
 
     Raises:
         ConvergenceError: if no fit converged.

@@ -31,7 +31,7 @@ class PaperFigure(NamedTuple):
         paper: citation key.
         part: ``I`` to ``IV`` or ``discussion``.
         title: in a few words.
-        caption: what is shown, of what it was computed, and what differs from the paper.
+        caption: content of the figure, its origin, and differences from the paper.
         rows: identifiers of the printed numbers that it shows.
         draw: draws it; computes what it needs.
         recordings: whether that takes recordings of the simulated test machine.

@@ -435,7 +435,7 @@ def recording_report(record: Recording, *, name: str = "") -> Document:
 
     Args:
         record: any recording.
-        name: of its file, which stands for a missing title.
+        name: name of its file, which stands for a missing title.
     """
     meta = record.meta
     sections = [

@@ -35,7 +35,7 @@ def reproduce(
     """Compute rows of the papers and judge each.
 
     Args:
-        part: ``I`` to ``IV`` or ``discussion``; all where left out.
+        part: ``I`` to ``IV`` or ``discussion``; all by default.
         rows: beginnings of identifiers, such as ``table1.nylon``.
         progress: called with each row before it is computed.
         tell: called with words while a recording is made, of which several rows are computed; that takes minutes.

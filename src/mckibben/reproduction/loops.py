@@ -209,7 +209,7 @@ class SineLoop(NamedTuple):
     """The loop at one frequency.
 
     Attributes:
-        loop: of the tension.
+        loop: loop of the tension.
         velocity: peak that was reached [L0/s].
         pressure_gap: pressure on the rising path less that on the falling one, at mid-range [Pa].
     """
@@ -227,7 +227,7 @@ def recorded_sines(frequency: float) -> Recording:
     """The sine of a frequency [Hz] with about the amplitude of the figure.
 
     Raises:
-        ConvergenceError: no amplitude that was asked for gave it.
+        ConvergenceError: no amplitude that was requested gave it.
     """
     words = _words(frequency)
     every = tuple(_words(f) for f in (*FIGURE, FASTEST))

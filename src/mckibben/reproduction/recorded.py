@@ -34,8 +34,8 @@ class Folder:
     """Folder of the recordings of both processes.
 
     Args:
-        place: of the folder.
-        alive: whether the other process lives, for whose recording it is waited then; where left out, nobody waits.
+        place: place of the folder.
+        alive: whether the other process lives, for whose recording it is waited then; by default, nobody waits.
     """
 
     def __init__(self, place: Path, alive: Callable[[], bool] | None = None) -> None:
@@ -120,7 +120,7 @@ def recording(
     """Recording of a shipped protocol, made at the first call.
 
     Args:
-        name: of the protocol.
+        name: name of the protocol.
         muscle: id of a specimen.
         rig: name of a rig.
         plumbing: name of the way in which the pneumatic parts are joined.

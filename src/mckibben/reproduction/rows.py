@@ -19,11 +19,11 @@ class PrintedRow(NamedTuple):
     """A printed number: what it is, its value and unit in print, and the tolerance of agreement.
 
     Attributes:
-        id: its name.
-        part: of the paper.
-        what: it is.
-        paper: its value in print, or the two ends of an interval.
-        unit: of the value.
+        id: identifier.
+        part: part of the paper.
+        what: description.
+        paper: printed value, or the two ends of an interval.
+        unit: unit of the value.
         expect: what agreement means, as the head of ``rows.toml`` says.
         tolerance: relative, for ``near``.
         calibrated: an input was inferred from this row or its companion.
@@ -79,8 +79,8 @@ class Computation(NamedTuple):
 
     Attributes:
         compute: gives the value.
-        si_unit: of the value.
-        note: what is said to it.
+        si_unit: si unit of the value.
+        note: remark.
         recordings: whether it is computed of recordings of the simulated test machine, which take their time to make.
     """
 
@@ -162,7 +162,7 @@ def needs_recording(row: PrintedRow) -> bool:
 
 
 def judge(row: PrintedRow, ours: float) -> bool | None:
-    """Whether our value, in the row's unit, is what the row expects; None where nothing is expected."""
+    """Whether our value, in the row's unit, is what the row expects; None if nothing is expected."""
     if row.expect in ("open", "synthetic"):
         return None
     if row.expect == "range":
@@ -191,7 +191,7 @@ def decimals_of(row: PrintedRow) -> int:
 
 
 def accepted_band(row: PrintedRow) -> tuple[float, float] | None:
-    """Middle and half-width of what counts as agreement [the row's unit]; None where nothing does."""
+    """Middle and half-width of what counts as agreement [the row's unit]; None if nothing does."""
     if isinstance(row.paper, tuple):
         low, high = row.paper
         return 0.5 * (low + high), 0.5 * (high - low)
@@ -222,7 +222,7 @@ class VerdictKind(NamedTuple):
 
     Attributes:
         key: its name in files and in the web interface.
-        verdict: of one row.
+        verdict: verdict of one row.
         counted: what follows its number in the headline where that is one, and where it is more.
         meaning: what it says, a phrase.
     """
@@ -272,9 +272,9 @@ class Tally(NamedTuple):
     """Number of rows of a kind, and the range of their differences, where defined.
 
     Attributes:
-        kind: of verdict.
-        rows: of that kind.
-        lowest: relative difference from the print; None where no row has one, or none is of interest.
+        kind: kind of verdict.
+        rows: rows of that kind.
+        lowest: relative difference from the print; None if no row has one, or none is of interest.
         highest: the same.
     """
 
@@ -292,7 +292,7 @@ def kind_of(outcome: RowOutcome) -> VerdictKind:
 def relative_difference(row: PrintedRow, ours: float | None) -> float | None:
     """Difference of our value from the print, relative to the print, or from the nearer end of an interval; 0 within it.
 
-    None where nothing is computed or the print is zero.
+    None if nothing is computed or the print is zero.
     """
     if ours is None:
         return None
@@ -305,7 +305,7 @@ def relative_difference(row: PrintedRow, ours: float | None) -> float | None:
 
 
 def relative_tolerance(row: PrintedRow) -> float | None:
-    """Half of what counts as agreement over its middle; None where nothing does."""
+    """Half of what counts as agreement over its middle; None if nothing does."""
     allowed = accepted_band(row)
     return None if allowed is None or not allowed[0] else abs(allowed[1] / allowed[0])
 
@@ -334,7 +334,7 @@ def headline(outcomes: Sequence[RowOutcome]) -> str:
 
 
 def _between(tally: Tally) -> str:
-    """The differences of a kind in per cent, in brackets; nothing where there are none."""
+    """The differences of a kind in per cent, in brackets; nothing if there are none."""
     if tally.lowest is None or tally.highest is None:
         return ""
     ends = dict.fromkeys(percent(d) for d in (tally.lowest, tally.highest))

@@ -89,7 +89,7 @@ def map_file(spec: Specimen) -> Path:
 
 @functools.cache
 def _shipped(name: str) -> Specimen | None:
-    """A shipped specimen by its id in small letters, which is the name of its file; None where there is none."""
+    """A shipped specimen by its id in small letters, which is the name of its file; None if there is none."""
     if not name.replace("-", "").replace("_", "").isalnum() or len(name) > LONGEST:
         return None
     file = resources.files(__package__) / "data" / f"{name}.toml"

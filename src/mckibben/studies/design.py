@@ -69,11 +69,11 @@ class Design:
         response: time to nine tenths of the tension's way [s]; NaN, as all below, where it could not be run.
         tension: largest after the step [N].
         air: drawn in a cycle [kg].
-        work: of a cycle [J].
+        work: work of a cycle [J].
         efficiency: work over the exergy of the air [1].
         best: whether no other design beats it in response, air and efficiency.
         settled: whether the tension was at rest after the step; where not, the response is to a value on the way.
-        message: what became of its run.
+        message: message about its run.
     """
 
     muscle: str
@@ -128,7 +128,7 @@ def design_sweep(
     Args:
         muscles: ids of specimens.
         tube_lengths: words such as ``"50 cm"``, as the next two.
-        tube_diameters: of the bore.
+        tube_diameters: tube diameters of the bore.
         valve_flows: into the room, from the pressure that the rig states.
         rig: whose plumbing ``direct`` they are built into.
         **values: of the protocol.
@@ -187,7 +187,7 @@ def judged(
     """The study from results in memory, or from those of a store (`store.read_results`).
 
     Args:
-        sweep: of `design_sweep`.
+        sweep: sweep of `design_sweep`.
         variants: that were run.
         code: result codes (n,).
         message: a sentence for each.

@@ -89,7 +89,7 @@ def robot_study(
         predicted: folders of those that are only predicted.
         free: parameters to fit instead of the circuit's own list.
         evaluations: most of them.
-        progress: is told a sentence after every evaluation.
+        progress: called with a sentence after every evaluation.
 
     Returns:
         The fit, and all its trials in that order.

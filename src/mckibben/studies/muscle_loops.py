@@ -172,7 +172,7 @@ class LoopStudy:
         return max((w for w in self.widths if w.middle), key=lambda w: abs(w.error))
 
     def branch_errors(self) -> dict[str, float]:
-        """Largest error of a mid-range width from one branch alone [share], ``up`` and ``down``; none where not fitted."""
+        """Largest error of a mid-range width from one branch alone [share], ``up`` and ``down``; none if not fitted."""
         middle = [w for w in self.widths if w.middle]
         at, measured = np.array([w.pressure for w in middle]), np.array([w.measured for w in middle])
         errors = [float(np.abs(fit.width(at)[0] / measured - 1.0).max()) for fit in self.branches]
@@ -203,10 +203,10 @@ def loop_study(
     Args:
         folder: with both files.
         frictions: which are tried on each half; the half alone chooses between them.
-        knots: of the curve without friction.
+        knots: knots of the curve without friction.
         alone: fit each branch alone as well.
         draws: for the bands of the creep.
-        progress: is told what comes next, `STAGES` times if each branch is fitted alone.
+        progress: called with a description of the next stage, `STAGES` times if each branch is fitted alone.
 
     Raises:
         MissingDataError: if a file is not there.
@@ -256,7 +256,7 @@ Segment = tuple[np.ndarray, np.ndarray, np.ndarray]  # time [s], stroke [m], gau
 
 
 def _hold(segment: str, rows: Segment, where: str) -> Segment:
-    """A segment from where its pressure is held, or a complaint that it is not."""
+    """A segment from where its pressure is held, or an error message that it is not."""
     start, name = HELD_FROM[segment], f"{where}, {segment}"
     time, stroke, pressure = (x[rows[0] >= start - 1e-6] for x in rows)
     if len(time) < 2 * FEWEST:
@@ -289,7 +289,7 @@ def _creep(segment: str, rows: Segment, after: Segment | None, record: PathRecor
 def _band(fit: CreepFit, at: np.ndarray, longest: float, draws: int) -> tuple[np.ndarray, np.ndarray]:
     """Between which strokes 95 % of the samples to come should lie, from what the fit saw alone.
 
-    Its errors are drawn anew in runs of a quarter of the record, for they follow one another, and the fit is repeated;
+    Its errors are drawn again in runs of a quarter of the record, for they follow one another, and the fit is repeated;
     once with its own elements and once with slower ones, up to `longest` [s], which the seen half cannot exclude. The
     band holds both, and the scatter of single samples.
     """
@@ -311,7 +311,7 @@ def _band(fit: CreepFit, at: np.ndarray, longest: float, draws: int) -> tuple[np
 
 
 def _slope(record: PathRecord, pressure: float) -> float:
-    """Stroke per pressure of the rising branch within half a bar of a pressure [m/Pa]; NaN where it has no samples."""
+    """Stroke per pressure of the rising branch within half a bar of a pressure [m/Pa]; NaN if it has no samples."""
     near = (record.branch == 1) & (
         np.abs(record.pressure - pressure) <= 0.5 * to_si(1.0, "bar", "Pa", field="pressure")
     )

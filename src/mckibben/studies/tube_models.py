@@ -134,7 +134,7 @@ def reference(pressure_abs: np.ndarray, volume: float, thermal: str) -> Referenc
 
     Args:
         pressure_abs: in front of the tube [Pa], on the clock.
-        volume: of the accumulator [m^3].
+        volume: volume of the accumulator [m^3].
         thermal: ``isothermal``, ``adiabatic`` or ``wall_heat``, for the tube's wall and for the vessel's alike.
     """
     conductance = CONDUCTANCE * surface_share(volume) if thermal == "wall_heat" else 0.0

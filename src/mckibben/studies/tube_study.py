@@ -99,8 +99,8 @@ def tube_study(
     Args:
         seeds: one noise and one steps record each.
         thermals: which references.
-        keys: which models, as `tube_models.models` names them; all where left out.
-        progress: is told what comes next.
+        keys: which models, as `tube_models.models` names them; all by default.
+        progress: called with a description of the next stage.
     """
     tell = progress or (lambda _: None)
     chosen, some = _chosen(keys), records(tuple(seeds))
@@ -180,7 +180,7 @@ def measure_cost(case: Case, known: Mapping[str, TubeModelResult]) -> Cost:
     """Time the inertial and the improved model on one record at the default step, in turns.
 
     Args:
-        case: what to run.
+        case: the case to run.
         known: the results ``inertial`` and ``lumped``, whose parameters and vessel are used.
     """
     heat = WallHeat(conductance=0.5) if known["lumped"].vessel == "wall_heat" else Isothermal()

@@ -116,7 +116,7 @@ def measured_data(folder: str | Path | None = None) -> Path | None:
 
 
 def branches_apart(points: ForceMap) -> tuple[float, float] | None:
-    """Half of the gap between the rising and the falling branch, rms and largest [N]; None where only one was measured.
+    """Half of the gap between the rising and the falling branch, rms and largest [N]; None if only one was measured.
 
     A law without friction lies at best in the middle, so that its error on both branches cannot be smaller. At each
     length the falling branch is read by straight lines between its points.
@@ -192,7 +192,7 @@ class Unfitted(ErrorMeasures):
     """A law with published parameters on a data set.
 
     Attributes:
-        title: of the law.
+        title: title of the law.
         origin: source of the parameters.
         error: at the taut points [N].
     """
@@ -283,11 +283,11 @@ def validation(
 
     Args:
         folder: of measured data; the one that MCKIBBEN_DATA names where left out. Without either, only what ships is used.
-        only: data sets by name, or ``loops``, ``robot``; all of them where left out.
-        laws: by name; all of them where left out.
+        only: data sets by name, or ``loops``, ``robot``; all of them by default.
+        laws: by name; all of them by default.
         schemes: cross-validations, as of `identification.fit`.
         evaluations: most of the robot's circuit.
-        progress: is told what comes next, at most `stages` times.
+        progress: called with a description of the next stage, at most `stages` times.
 
     Raises:
         InputError: for an unknown name, a folder that is not there, a file that cannot be read.

@@ -62,9 +62,9 @@ def page(found: Validation, *, figure: str = "", version: str = "") -> str:
     """The page.
 
     Args:
-        found: what was computed.
-        figure: path of the figure, as seen from the page; none where left out.
-        version: of the package that computed it.
+        found: the results.
+        figure: path of the figure, as seen from the page; none by default.
+        version: version of the package that computed it.
     """
     parts = [FRONT, "# Validation", HEAD, INTRO, _seen(found, version)]
     if found.static:

@@ -28,10 +28,10 @@ class Axis:
     """An axis.
 
     Attributes:
-        label: what it shows.
-        unit: in words; it stands once, in the title.
-        quantity: one of `QUANTITIES`, which colours the title; ink where left out.
-        low: where it begins; from the values where left out.
+        label: title of the chart.
+        unit: as text; it stands once, in the title.
+        quantity: one of `QUANTITIES`, which colours the title; ink by default.
+        low: where it begins; from the values by default.
         high: where it ends.
     """
 
@@ -49,14 +49,14 @@ class ChartLine:
     Attributes:
         x: (n,) in the axis's unit.
         y: (n,).
-        label: at its end; nothing where left out.
-        quantity: its colour; ink where left out.
+        label: at its end; nothing by default.
+        quantity: its colour; ink by default.
         dash: ``own`` of the quantity, a letter of `LETTERS`, or nothing: solid.
         width: [px].
         points: draw the quantity's markers.
         line: draw the line.
         fill: shade what it encloses.
-        opacity: of all of it.
+        opacity: opacity of all of it.
     """
 
     x: Sequence[float] | np.ndarray
@@ -86,7 +86,7 @@ class Chart:
     """Content of a chart.
 
     Attributes:
-        name: of it, for everybody.
+        name: name of it, for everybody.
         summary: in a sentence, for who cannot see it.
         x: axis.
         y: axis.

@@ -1,6 +1,6 @@
 """Pages whose elements live on the server: a tree of tags, sent as HTML and updated over a socket.
 
-A page that is asked for becomes a `PageDocument` with a tree of `Element`. The first answer is its whole HTML, so that it
+A page that is requested becomes a `PageDocument` with a tree of `Element`. The first answer is its whole HTML, so that it
 stands before any script runs; what changes later goes over the document's WebSocket as a few kinds of operations, which
 ``static/js/elements.js`` carries out. Events of the browser come back over the same line. All of it is used from the
 server's event loop only; what takes long is awaited in a thread.

@@ -22,7 +22,7 @@ class Accepted(NamedTuple):
 
     Attributes:
         value: the one in use [SI].
-        said: why the words were refused; nothing where they were not.
+        said: why the words were refused; nothing if they were not.
     """
 
     value: float
@@ -33,7 +33,7 @@ def accept(name: str, words: str, quantity: Quantity, old: float) -> Accepted:
     """Convert the text of a field to a value [SI]; a number without a unit is in the unit that the field shows.
 
     Args:
-        name: of the field, for complaints.
+        name: name of the field, for error messages.
         words: that were typed.
         quantity: the declaration.
         old: value that stays in use where the words are refused [SI].
@@ -66,11 +66,11 @@ def field(
     """Build one field with its label, unit, meaning and bounds.
 
     Args:
-        name: of the parameter.
-        quantity: its declaration.
+        name: name of the parameter.
+        quantity: declaration of the parameter.
         value: to begin with [SI].
         change: told every value that was accepted [SI]; may raise `InputError`, which is shown beside the field.
-        label: its words; the name where left out.
+        label: its words; the name by default.
         about: say what it means and what is allowed.
     """
     words = label or name.replace("_", " ")
@@ -118,7 +118,7 @@ def form(
         owner: that declares them.
         values: to begin with, by name [SI].
         change: told name and value [SI]; may raise `InputError`.
-        names: label by name of those that are shown; all where left out.
+        names: label by name of those that are shown; all by default.
     """
     with box("div", "form") as one:
         for name, quantity in fields(owner, names).items():

@@ -1,7 +1,7 @@
 """Who may speak to the server: browsers that have opened the address with its token, and pages that it served itself.
 
 Every request and every socket is looked at here before anything else sees it. A name in ``Host`` that is not this server's
-is refused, so that a foreign site cannot let a name of its own point here; so is a foreign ``Origin``. A token is asked for
+is refused, so that a foreign site cannot let a name of its own point here; so is a foreign ``Origin``. A token is requested
 once, on the loopback too, for others who work on the same machine reach that as well; a cookie remembers it. The token is
 another one for every server, and so is the cookie.
 """
@@ -52,10 +52,10 @@ class Guard:
     """ASGI middleware.
 
     Args:
-        app: what is guarded.
+        app: the application to guard.
         host: address that the server listens on.
-        port: its port.
-        token: asked for; a new one where left out.
+        port: port number.
+        token: asked for; a new one by default.
     """
 
     def __init__(self, app: Any, host: str, port: int, token: str | None = None) -> None:

@@ -21,8 +21,8 @@ class Identity:
 
     Attributes:
         name: public.
-        digest: of the secret that the page is known to have; empty before it said so.
-        next_digest: of the secret that it was given last; empty once the page has confirmed it.
+        digest: digest of the secret that the page is known to have; empty before it said so.
+        next_digest: digest of the secret that it was given last; empty once the page has confirmed it.
     """
 
     name: str

@@ -65,7 +65,7 @@ class Laboratory:
     """State of a server, shared by all its pages.
 
     Args:
-        folder: of the recordings.
+        folder: folder of the recordings.
         machine: makes the test machine; given this state, for its files and notices.
         clock: seconds that only go forward.
     """

@@ -212,7 +212,7 @@ def _key(toasts: list[dict[str, Any]]) -> list[Any]:
 
 
 def _read(text: str) -> dict[str, Any]:
-    """An object of JSON; nothing where it is something else."""
+    """An object of JSON; nothing if it is something else."""
     try:
         found = parse_json(text[:LONGEST])
     except (ValueError, RecursionError):

@@ -156,7 +156,7 @@ def check_rows(path: Path, most: int, use: str) -> None:
     Args:
         path: a file; one that is no text has no lines.
         most: that are allowed.
-        use: what they are for, in words.
+        use: description of their purpose.
 
     Raises:
         MckibbenError: says how many there are and how many are allowed.

@@ -34,10 +34,10 @@ def build(lab: Laboratory, host: str, port: int, token: str | None = None) -> Gu
     """Build the application, guarded.
 
     Args:
-        lab: itself.
+        lab: state of the server.
         host: address that the server listens on.
-        port: its port.
-        token: that is asked for; a new one where left out.
+        port: port number.
+        token: that is requested; a new one by default.
     """
     from starlette.applications import Starlette
 
@@ -191,9 +191,9 @@ def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: 
     """Serve until interrupted, then close the machine.
 
     Args:
-        lab: itself.
+        lab: state of the server.
         line: from `listen`.
-        host: address as it was asked for.
+        host: address as it was requested.
         show: open a browser.
         tell: given the lines that a person has to see.
     """

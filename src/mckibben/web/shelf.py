@@ -25,7 +25,7 @@ class Shelf:
 
     Args:
         folder: where it is.
-        endings: of the files that it takes, in small letters, such as ``.nc``.
+        endings: endings of the files that it takes, in small letters, such as ``.nc``.
     """
 
     def __init__(self, folder: Path, endings: Iterable[str]) -> None:

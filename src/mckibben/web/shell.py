@@ -18,9 +18,9 @@ class Page(NamedTuple):
     """One of the seven pages.
 
     Attributes:
-        path: of its address.
+        path: path of its address.
         name: in the top bar.
-        module: of `pages` that builds it.
+        module: module of `pages` that builds it.
         key: that leads there after G.
     """
 
@@ -50,7 +50,7 @@ def frame(page: Page, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] 
     """Set the frame of the page under construction.
 
     Args:
-        page: itself.
+        page: the page.
         sheets: further style sheets of `static`.
         scripts: further modules of `static`.
     """
@@ -70,11 +70,11 @@ def document(
     """The HTML of a page.
 
     Args:
-        page: itself.
+        page: the page.
         content: HTML between top bar and footer.
         sheets: further style sheets of `static`.
         scripts: further modules of `static`.
-        key: of its document; nothing for a page whose content is drawn by scripts of its own.
+        key: key of its document; nothing for a page whose content is drawn by scripts of its own.
     """
     body = f' data-document="{key}"' if key else ' class="raw"'
     return (

@@ -30,7 +30,7 @@ class Stream:
         kept: samples.
 
     Attributes:
-        server: identity of the server whose stream it is: 16 hexadecimal digits, drawn anew by every one.
+        server: identity of the server whose stream it is: 16 hexadecimal digits, drawn again by every one.
     """
 
     def __init__(self, kept: int = KEPT) -> None:
@@ -70,7 +70,7 @@ class Stream:
         """Samples of an epoch that a page with `seen` samples does not have yet.
 
         Returns:
-            The bytes, empty where there is nothing new; the epoch and the samples that it has then.
+            The bytes, empty if there is nothing new; the epoch and the samples that it has then.
         """
         with self._lock:
             first = seen if epoch == self.epoch else 0

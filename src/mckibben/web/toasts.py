@@ -18,8 +18,8 @@ class Toast:
 
     Attributes:
         number: counted from 1.
-        text: what was done, a sentence.
-        undo: brings it back; None where nothing can.
+        text: description of the action, a sentence.
+        undo: brings it back; None if nothing can.
         commit: makes it final once its time is over.
         left: time that is left while nobody looks at it closely [s].
         since: when that began to run [s]; None while it waits.

@@ -25,7 +25,7 @@ async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *g
     """Run slow work in another thread; `place` keeps its size and shows a label.
 
     Returns:
-        What `work` returns; None where it was refused, with the sentence in the place.
+        What `work` returns; None if it was refused, with the sentence in the place.
     """
     place.clear()
     with place, loading(words):
@@ -109,7 +109,7 @@ class UploadPlace:
     Args:
         words: that stand in it.
         take: is given each `IncomingFile`, and may raise `InputError`.
-        endings: of the files that it takes.
+        endings: endings of the files that it takes.
 
     Attributes:
         element: the place itself.

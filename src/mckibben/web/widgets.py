@@ -27,8 +27,8 @@ def page_frame(
     """A page in the shell, with its name in a bar; yields that bar's place for buttons.
 
     Args:
-        module: of `pages`, which says which page it is.
-        title: heading; the page's name where left out.
+        module: module of `pages`, which says which page it is.
+        title: heading; the page's name by default.
         sub: a few words beside it.
         sheets: further style sheets of `static`.
         scripts: further modules of `static`.
@@ -188,7 +188,7 @@ class Dialog:
     """A native dialog, which Esc closes while nothing moves; elements of its ``with`` block go into its body.
 
     Args:
-        title: its heading.
+        title: heading.
         classes: further ones of the element.
         body: those of its body.
         once: take it out of the page when it is closed.

@@ -318,8 +318,8 @@ def adjoint(program: Program, places: Sequence[int], *, most: int = MOST) -> Pro
     """A program with the derivatives of a weighted sum of its results.
 
     Args:
-        program: what is differentiated.
-        places: of the arguments by which, real numbers.
+        program: the program to differentiate.
+        places: places of the arguments by which, real numbers.
         most: numbers per lane that may be kept of a run.
 
     Returns:

@@ -2,7 +2,7 @@
 
 `find_live` works backwards from the results through loops and memory; `find_homes` puts every node as far out of the
 loops as its arguments allow; `make_schedule` orders nodes, loops and stores as a tree of blocks that an emitter walks
-once; `find_divergence` says which values differ from lane to lane. `rewrite` makes the live part of a graph anew by a
+once; `find_divergence` says which values differ from lane to lane. `rewrite` makes the live part of a graph again by a
 rule.
 """
 
@@ -244,9 +244,9 @@ def rewrite(
     Args:
         graph: stays as it is.
         rule: what becomes of a node.
-        exact: of the new graph.
+        exact: whether the new graph is exact.
         known: filled with the new node of each old one.
-        order: of the nodes; as they were made where left out.
+        order: order of the nodes; as they were made by default.
     """
     live = find_live(graph)
     for loop, places in live.carried.items():
@@ -341,7 +341,7 @@ class Schedule(NamedTuple):
 
     Attributes:
         live: what the results depend on.
-        home: of nodes and loops, the loop they stand in, or None.
+        home: the enclosing loop of nodes and loops, or None.
         root: what is done in order outside of all loops.
         bodies: what is done in every trip of a loop. A node stands before what uses it; constants, indices, carried
             values, ends and tokens stand nowhere.
@@ -446,7 +446,7 @@ def find_divergence(graph: Graph, plan: Schedule, arguments: set[Buffer], *, lan
 
     Args:
         graph: the program's.
-        plan: its order.
+        plan: order of its entries.
         arguments: buffers that are given per lane.
         lanes: whether results are wanted per lane; without lanes nothing differs.
     """

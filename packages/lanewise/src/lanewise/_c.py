@@ -55,7 +55,7 @@ class Member(NamedTuple):
     Attributes:
         name: in C.
         path: dotted.
-        kind: of its numbers.
+        kind: kind of its numbers.
         shape: () for a number, else the member is an array of all elements in C order.
         argument: its place among the program's arguments, None for a result.
         result: its place among the program's results, None for an argument that is only read.
@@ -189,11 +189,11 @@ def to_c(
     """The two files of a program in C99.
 
     Args:
-        program: what is written.
-        name: of the function, the files and all names in them.
+        program: the program.
+        name: name of the function, the files and all names in them.
         mode: see `Program`.
         real: type of its numbers.
-        arguments: what its arguments are called, in order; ``argument0`` .. where left out.
+        arguments: what its arguments are called, in order; ``argument0`` .. by default.
         results: what its results are called; ``result0`` .., or ``result`` of a function that returns no tuple.
         values: by name of an argument, numbers that the file is to hold, as `NAME_default_ARGUMENT`: one array per leaf.
 

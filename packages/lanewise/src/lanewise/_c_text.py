@@ -218,11 +218,11 @@ class Statements:
     """The text of a function's body while it grows.
 
     Args:
-        graph: what is written.
-        plan: its order.
+        graph: the graph to write.
+        plan: order of its entries.
         bases: address of the first element of each buffer's memory, in C.
         real: type of its numbers.
-        prefix: of the names of helper functions.
+        prefix: prefix of the names of helper functions.
     """
 
     def __init__(

@@ -41,8 +41,8 @@ class CompiledFunction:
     """A function of trees, ready to be run.
 
     Attributes:
-        engine: what runs it: ``native``, ``gpu`` or ``xla``.
-        reason: why it is not native although ``auto`` was asked for; empty otherwise.
+        engine: ``native``, ``gpu`` or ``xla``.
+        reason: why it is not native although ``auto`` was requested; empty otherwise.
     """
 
     def __init__(
@@ -94,9 +94,9 @@ class CompiledFunction:
         Args:
             *trees: like the examples; leaves per lane have one axis more, the last.
             lanes: how many; None for one run.
-            mode: of the native engine, see `Program`.
+            mode: mode of the native engine, see `Program`.
             real: type of the native engine's numbers, ``float64`` or ``float32``.
-            threads: of the native engine, at most; all cores where left out.
+            threads: threads of the native engine, at most; all cores by default.
 
         Raises:
             ArgumentError: the trees are not like the examples.
@@ -148,7 +148,7 @@ def compile(
     """Compile a JAX function for one lane or many.
 
     Args:
-        function: of trees; whole numbers that fix its structure are closed over, all else are arguments.
+        function: function of trees; whole numbers that fix its structure are closed over, all else are arguments.
         *examples: trees like its arguments, for one lane.
         engine: ``native``, ``gpu`` (lanes on one of NVIDIA's, a single run on the processor), ``xla``, or ``auto``: native
             where the function can be lowered, else XLA.

@@ -24,11 +24,11 @@ from .errors import ArgumentError
 
 
 def partials(g: Graph, node: Node, args: tuple[Node, ...], made: Node) -> list[Node | None]:
-    """Derivatives of a node by its arguments, None where there is none.
+    """Derivatives of a node by its arguments, None if there is none.
 
     Args:
         g: where they are made.
-        node: of the old graph.
+        node: node of the old graph.
         args: its arguments in the new one.
         made: itself in the new one.
     """
@@ -316,7 +316,7 @@ class Replay:
 
     Args:
         old: the graph.
-        plan: its order.
+        plan: order of its entries.
         new: where it goes.
         outer: all that stands for what is outside of all loops, buffers of arguments and results among it.
     """
@@ -407,8 +407,8 @@ class DerivedGraph:
     """A program's graph, looked over, and the new graph in which its derivatives are put.
 
     Args:
-        program: what is differentiated.
-        places: of the arguments by which.
+        program: the program to differentiate.
+        places: places of the arguments by which.
     """
 
     def __init__(self, program: Program, places: Sequence[int]) -> None:
@@ -429,9 +429,9 @@ def tangents(program: Program, places: Sequence[int], count: int) -> Program:
     """A program with its derivatives.
 
     Args:
-        program: what is differentiated.
-        places: of the arguments by which, real numbers.
-        count: of directions.
+        program: the program to differentiate.
+        places: places of the arguments by which, real numbers.
+        count: count of directions.
 
     Returns:
         One whose arguments are those of the program and, for each of the places, its change in each direction, (count,

@@ -44,12 +44,12 @@ def differentiable(
     """A JAX function that is computed, and differentiated, by native kernels.
 
     Args:
-        function: of trees, as for `compile`.
+        function: function of trees, as for `compile`.
         *examples: trees like its arguments.
         engine: ``native``, ``xla``, or ``auto``: native where the function can be lowered, else the function itself.
-        title: what errors call it.
-        mode: of the kernels, see `Program`.
-        threads: of the kernels, at most; all cores where left out.
+        title: its name in error messages.
+        mode: mode of the kernels, see `Program`.
+        threads: threads of the kernels, at most; all cores by default.
         lower: as for `compile`.
 
     Returns:

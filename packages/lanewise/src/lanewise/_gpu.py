@@ -58,7 +58,7 @@ class MemoryLayout(NamedTuple):
     """Offsets of slots in bytes from the start of their memory; the stride is a multiple of 8 lanes.
 
     Attributes:
-        begins: of each slot (a, b): it begins at a + b stride.
+        begins: start of each slot (a, b), at a + b stride.
         fixed: bytes of what is one value for all lanes.
         per_lane: bytes of the others per lane of the stride.
     """
@@ -74,7 +74,7 @@ def gpu_assembly(
     """LLVM assembly for a GPU, and what its caller must know: slots, and bytes of scratch memory to bring for each lane.
 
     Args:
-        program: what is written.
+        program: the program.
         differs: places of the arguments that are given per lane.
         mode: see `Program`.
         real: type of its numbers.
@@ -150,7 +150,7 @@ def to_ptx(
     """PTX of a program for lanes, with the entry ``lanes`` that the docstring of this module describes.
 
     Args:
-        program: what is written.
+        program: the program.
         per_lane: names of the arguments that have a value per lane.
         mode: see `Program`.
         real: type of its numbers, ``float64`` or ``float32``.
@@ -172,7 +172,7 @@ def compile_ptx(text: str, capability: tuple[int, int] = USUAL) -> str:
 
     Args:
         text: the assembly.
-        capability: of the GPU; above `USUAL` that of `USUAL` is written.
+        capability: capability of the GPU; above `USUAL` that of `USUAL` is written.
     """
     binding, machine = _machine(f"sm_{''.join(map(str, min(capability, USUAL)))}")
     module = binding.parse_assembly(text)
@@ -212,11 +212,11 @@ class GpuKernel(Kernel):
     Args:
         device: where it runs.
         text: its PTX.
-        slots: of its arguments and results, in its order.
+        slots: slots of its arguments and results, in its order.
         places: where they begin.
         scratch: bytes of memory to bring for each lane.
         real: type of its numbers.
-        most: lanes at a time, at most; what fits the memory where left out.
+        most: lanes at a time, at most; what fits the memory by default.
 
     Attributes:
         seconds: that the GPU took for the last call, copies left out [s].
@@ -333,9 +333,9 @@ def to_gpu(program: Program, *, device: int = 0, most: int | None = None) -> Gpu
     """Compile a program for a GPU.
 
     Args:
-        program: what is to run there.
+        program: the program to compile.
         device: which one, from 0.
-        most: lanes at a time, at most; as many as fit its memory where left out.
+        most: lanes at a time, at most; as many as fit its memory by default.
 
     Raises:
         UnavailableError: no driver, no GPU, or one that is too old; says which in one line.

@@ -22,7 +22,7 @@ The node set, by `Node.op` (arguments in brackets; one kind throughout unless sa
 * made by the last passes: ``invert`` [d..] attr n, the reciprocals of n numbers with one division, see `_passes` (only in
   mode ``fast``); ``item`` [invert] attr k, one of them (real)
 
-A fold takes (graph, arguments, kind) and returns a node, or None where nothing is known. With ``graph.exact`` no fold
+A fold takes (graph, arguments, kind) and returns a node, or None if nothing is known. With ``graph.exact`` no fold
 changes a value, apart from the sign of zero.
 """
 
@@ -105,7 +105,7 @@ class Store:
 
 
 class Loop:
-    """Trips 0 .. n-1; `trips` is their number, an int of at least 1 or an int node of any value (none where below 1).
+    """Trips 0 .. n-1; `trips` is their number, an int of at least 1 or an int node of any value (none if below 1).
 
     `inits`, `phis` and `nexts` belong together place by place; the stores are made once per trip; `after` are tokens. A loop
     stands as far out as what it uses allows, but inside of `pinned`, whose every trip must do it again.

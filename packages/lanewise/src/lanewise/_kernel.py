@@ -165,7 +165,7 @@ class Kernel:
 
     Args:
         code: where it stands.
-        slots: of its arguments and results, in its order.
+        slots: slots of its arguments and results, in its order.
         width: lanes per block.
         scratch: bytes of scratch memory per thread.
         real: type of its numbers.
@@ -188,7 +188,7 @@ class Kernel:
             arguments: arrays by place, those per lane with the lanes as last axis.
             results: how many there are.
             lanes: how many, None for one call without lanes.
-            threads: at most; all cores where left out.
+            threads: at most; all cores by default.
         """
         n = 1 if lanes is None else lanes
         arrays: list[np.ndarray] = []

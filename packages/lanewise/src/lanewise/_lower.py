@@ -25,7 +25,7 @@ class TracedFunction(NamedTuple):
         arguments: buffers of the leaves of the arguments.
         results: the same for the results.
         tree: structure of the results, for JAX.
-        shapes: of the results' leaves.
+        shapes: shapes of the results' leaves.
     """
 
     graph: Graph
@@ -74,10 +74,10 @@ def lower(function: Callable[..., Tree], *examples: Tree, title: str = "") -> tu
     """Lower a JAX function to a program; return it with the tree structure of the results.
 
     Args:
-        function: of trees of numbers and arrays, made of arithmetic, choices, calls and counted loops, such as
+        function: function of trees of numbers and arrays, made of arithmetic, choices, calls and counted loops, such as
             a fixed-step integration with its number of steps fixed, or a derivative of it.
         *examples: trees like its arguments; shapes and types count, values do not.
-        title: what errors call it.
+        title: its name in error messages.
 
     Raises:
         LoweringError: an operation that no kernel can do; names it and where it is written.

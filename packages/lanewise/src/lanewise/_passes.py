@@ -4,7 +4,7 @@ In order; `share_divisions` only in mode ``fast``, in mode ``strict`` only the l
 
 * `combine_lines`: k (x + a) + b, and longer chains that end with a sum, become K x + B with K and B taken before the loop.
 * `regroup_products`: a product of products and quotients is a bag of factors, each with exponent 1 or -1, and is put
-  together anew: x/(a (b/(c y))) -> (c/(a b)) x y, with c/(a b) taken before the loop where a, b and c stay the same in
+  together again: x/(a (b/(c y))) -> (c/(a b)) x y, with c/(a b) taken before the loop where a, b and c stay the same in
   it. What stands in the numerator and in the denominator goes. Divisors that change in the loop have one reciprocal
   between them, or each its own where another product has it already. What does not change in the innermost loop of a
   bag is multiplied before that loop; so are constants and signs. Two factors that several products of a loop have in
@@ -305,7 +305,7 @@ def _in_product(neg: Node, at: Survey, users: dict[Node, list[Node]]) -> bool:
 
 
 def _factorise(root: Node, at: Survey) -> FactorBag | None:
-    """The factors of a product; None where there are too many."""
+    """The factors of a product; None if there are too many."""
     here, constant = at.home[root], 1.0
     factors: list[tuple[Node, int]] = []
     stack = [(root, 1)]

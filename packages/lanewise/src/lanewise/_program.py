@@ -326,7 +326,7 @@ class Program:
             lanes: whether there are lanes.
             mode: see `Program`.
             real: type of its numbers, ``float64`` or ``float32``.
-            width: lanes per block; chosen for this processor where left out.
+            width: lanes per block; chosen for this processor by default.
         """
         known = (differs, lanes, mode, real, width)
         if known not in self._kernels:
@@ -391,7 +391,7 @@ class Program:
             lanes: how many; None for a single run.
             mode: see `Program`.
             real: type of its numbers.
-            threads: at most; all cores where left out.
+            threads: at most; all cores by default.
             width: lanes per block.
 
         Returns:

@@ -478,7 +478,7 @@ def _of_jax(eqn: Any) -> bool:
 
 
 def source_location(eqn: Any) -> str | None:
-    """File, line and function in which an operation is written; None where JAX does not know."""
+    """File, line and function in which an operation is written; None if JAX does not know."""
     try:
         from jax._src import source_info_util
 

@@ -3,7 +3,7 @@
 The folder is the user's cache folder, or the one that an environment variable names; "off" there keeps nothing. An
 application that keeps its programs in a folder of its own says so with `use_cache` before it compiles anything. A file is
 named by a hash of everything that its content depends on. It is written beside its place and moved there whole, so that
-neither a process that dies nor a second one that does the same leaves half a file; a damaged file is made anew.
+neither a process that dies nor a second one that does the same leaves half a file; a damaged file is made again.
 
 The files are machine code, and whoever can write them can run anything. Only a folder and files that nobody but this user
 (or the administrator) owns and can write to are used; the checksum finds damage, not malice.

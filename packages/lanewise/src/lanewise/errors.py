@@ -20,8 +20,8 @@ class ArgumentError(LanewiseError, ValueError):
     """An argument is not allowed, or a file is not what it should be.
 
     Attributes:
-        argument: what is wrong, such as ``lanes``, or the name of an array.
-        sentence: what is wrong with it.
+        argument: the wrong argument, such as ``lanes``, or the name of an array.
+        sentence: description of the error.
         source: the program or file that it belongs to, if there is one.
     """
 

@@ -30,7 +30,7 @@ def energy_curve(muscle: CycleMuscle, name: str, pressures: Any, conditions: Con
 
     Args:
         muscle: from `cycle_muscle`.
-        name: of `CYCLES`.
+        name: name of `CYCLES`.
         pressures: gauge pressures above the threshold and the exchange (n,) [Pa].
         conditions: all else; its own pressure must be allowed and is otherwise not used.
     """
@@ -114,8 +114,8 @@ class CycleLoops(NamedTuple):
     """A cycle as two paths, both in the order of time.
 
     Attributes:
-        name: of the cycle.
-        cycle: its numbers.
+        name: name of the cycle.
+        cycle: numbers of the cycle.
         conditions: that it was run between.
         piston: absolute pressure over the volume of the piston plus that of the stretched muscle.
         tendon: tension over length.
@@ -137,9 +137,9 @@ def cycle_loops(muscle: CycleMuscle, name: str, conditions: Conditions, *, point
 
     Args:
         muscle: from `cycle_muscle`.
-        name: of `CYCLES`.
+        name: name of `CYCLES`.
         conditions: between which pressures and lengths.
-        points: of each curved leg.
+        points: points of each curved leg.
     """
     cycle = energy_cycle(muscle, name, conditions)
     probe = Probe(muscle)

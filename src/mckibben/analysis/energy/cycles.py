@@ -56,7 +56,7 @@ class Conditions(NamedTuple):
         exchange_pressure: gauge pressure of the accumulator; zero is the surroundings [Pa].
         friction: Coulomb friction while shortening [N].
         return_friction: the same while stretched again, zero in the paper [N].
-        reading: of `READINGS`, where friction acts in the isotonic cycles.
+        reading: reading of `READINGS`, where friction acts in the isotonic cycles.
     """
 
     pressure: float
@@ -127,7 +127,7 @@ def energy_cycle(muscle: CycleMuscle, name: str, conditions: Conditions) -> Ener
 
     Args:
         muscle: from `cycle_muscle`.
-        name: of `CYCLES`.
+        name: name of `CYCLES`.
         conditions: between which pressures and lengths, and with which friction.
 
     Raises:
@@ -307,9 +307,9 @@ def cycle_muscles(
     """Name of a specimen's law, and its muscle with each available volume; the requested one is the first.
 
     Args:
-        spec: of a McKibben muscle.
+        spec: spec of a McKibben muscle.
         law: where the specimen states several.
-        volume: of `VOLUMES`; the paper's where the law has it, if left out.
+        volume: volume of `VOLUMES`; the paper's where the law has it, if left out.
         changes: parameters of the law that are replaced [SI].
     """
     if spec.kind != "mckibben":

@@ -34,7 +34,7 @@ class Load(Module):
 
     @abc.abstractmethod
     def initial(self) -> Any:
-        """The continuous state at the start, a tree of arrays; empty where the motion is given."""
+        """The continuous state at the start, a tree of arrays; empty if the motion is given."""
 
     @abc.abstractmethod
     def spans(self, state: Any, inputs: Any) -> dict[str, SpanState]:

@@ -21,7 +21,7 @@ class Devices:
         pressure, span, velocity, tension: set-points; without a motor there is only the pressure.
         measured: signals by channel.
         true: signals by channel, of a simulated machine.
-        machine: what they share.
+        machine: shared context.
     """
 
     pressure: SetPoint

@@ -40,8 +40,8 @@ class ProtocolFlyer:
         InputError: what cannot be read, or the first finding of the dry run.
 
     Attributes:
-        recording: of the last run, once it is over.
-        log: of the last run.
+        recording: recording of the last run, once it is over.
+        log: log of the last run.
     """
 
     parent = None

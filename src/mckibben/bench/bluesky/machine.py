@@ -32,9 +32,9 @@ class DeviceContext:
         name: put before every key, where there is more than one machine.
 
     Attributes:
-        names: of the channels.
+        names: names of the channels.
         moves: what goes on of the ``pressure`` and of the ``motor``.
-        lock: of the moves.
+        lock: lock of the moves.
     """
 
     def __init__(self, session: Session, name: str = "") -> None:

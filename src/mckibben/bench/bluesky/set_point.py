@@ -1,4 +1,4 @@
-"""Set-points of manual mode as devices that are moved: what is asked for, refused before it moves, and there when it is."""
+"""Set-points of manual mode as devices that are moved: what is requested, refused before it moves, and there when it is."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class SetPoint(ChannelSignal):
         self.machine.session.setup.amount(self.axis, value)
 
     def set(self, value: float | str) -> DeviceStatus:
-        """Go to a set-point, in SI or in words; done when it and what is measured are there, and the settling time over.
+        """Go to a set-point, in SI or as text; done when it and what is measured are there, and the settling time over.
 
         Raises:
             InputError: if the rig does not allow it, or the machine is not in manual mode; then nothing moves.

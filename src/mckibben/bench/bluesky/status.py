@@ -11,7 +11,7 @@ class DeviceStatus:
     """Something that goes on, and ends once; safe for use by several threads.
 
     Args:
-        what: is done, for a person.
+        what: description for the user.
     """
 
     def __init__(self, what: str = "") -> None:
@@ -72,7 +72,7 @@ class DeviceStatus:
         return self._ended.is_set() and self._error is None
 
     def exception(self, timeout: float | None = 0.0) -> BaseException | None:
-        """Why it failed; None where it did not.
+        """Why it failed; None if it did not.
 
         Args:
             timeout: longest time to wait for its end [s]; None: as long as it takes.

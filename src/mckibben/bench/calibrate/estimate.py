@@ -40,10 +40,10 @@ class ReferenceReading(NamedTuple):
     """The samples of a channel at one point [unit of the channel].
 
     Attributes:
-        mean: of all samples.
+        mean: mean of all samples.
         scatter: standard deviation of the samples.
         error: standard uncertainty of the mean, from that of the blocks' means.
-        degrees: of freedom of that.
+        degrees: degrees of freedom of that.
     """
 
     mean: float
@@ -82,8 +82,8 @@ class CalibrationLine(NamedTuple):
     Attributes:
         gain: true over indicated [1].
         zero: indicated at nothing [unit].
-        correlation: of the two [1].
-        residuals: of each point, true value by the line less that by the reference [unit].
+        correlation: correlation of the two [1].
+        residuals: residuals of each point, true value by the line less that by the reference [unit].
         hysteresis: largest difference of the residuals at one value of the reference [unit].
         misfit: chi^2 over its degrees of freedom, NaN for two points [1].
     """
@@ -195,8 +195,8 @@ def line(points: Sequence[Point], *, resolution: float, reference: Reference, wh
     Args:
         points: two different settings or more.
         resolution: one count [unit].
-        reference: what gave the true values [unit].
-        what: what the settings are called in a complaint.
+        reference: source of the true values [unit].
+        what: what the settings are called in an error message.
 
     Raises:
         InputError: if no line follows from the points.

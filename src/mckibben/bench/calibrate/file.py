@@ -11,13 +11,13 @@
     [channels.tension.gain]            # also zero and skew, those that were determined
     value = 1.0023
     uncertainty = 0.0002               # standard
-    degrees = 14.2                     # of freedom of that; infinitely many where left out
+    degrees = 14.2                     # of freedom of that; infinitely many by default
     method = "weights"
     date = "2026-03-31T12:00:00+00:00"
     reference = "M1 masses"
     reference_uncertainty = "0.01 N"   # standard, of each of its values
     scale_uncertainty = 0.0015         # standard, of all of them alike
-    valid_for = "365 day"              # for ever where left out
+    valid_for = "365 day"              # for ever by default
     points = 7
 
 The terms of a channel may come from different days; each says where it comes from.

@@ -34,7 +34,7 @@ class HardwareReadings:
         Args:
             hardware: the machine.
             converters: as `Rig.converters` has them; a calibration in there is not looked at.
-            period: of the samples [s].
+            period: period of the samples [s].
             scales: as `grids` of the rig has them, with what the transducers see; else only the converters' ends are known.
         """
         self.period, self._hardware = period, hardware

@@ -41,13 +41,13 @@ class CalibrationSession:
 
     Args:
         source: the readings.
-        ask: brings a task about; what the reference shows, or None where that is what was asked for.
+        ask: brings a task about; what the reference shows, or None if that is what was requested.
         date: in ISO 8601.
         valid_for: time for which it holds [s].
         sensor: serial number or name of the sensor.
         samples: that are averaged at each point.
         most_scatter: standard deviation of the samples of a point, as a share of the channel's range.
-        again: is told of a point that was refused, and the point is asked for again; without it the error is raised.
+        again: called with the error of a refused point, which is then requested again; without it the error is raised.
     """
 
     source: Source
@@ -230,7 +230,7 @@ class CalibrationSession:
 
 
 def _different(what: str, values: Sequence[float], unit: str, least: float = -math.inf) -> None:
-    """Refuse settings that do not determine a line, before the operator is asked for the first."""
+    """Refuse settings that do not determine a line, before the operator is requested the first."""
     for value in values:
         if not (math.isfinite(value) and value >= least):
             raise InputError(

@@ -69,7 +69,7 @@ def skew(
     Args:
         time: uniform, from 0 s on, (n,) [s].
         signals: by channel (n,), the first one first [any unit].
-        frequency: of the sine, or of the sweep at its beginning, to a period of the record or better [Hz].
+        frequency: frequency of the sine, or of the sweep at its beginning, to a period of the record or better [Hz].
         to: of a linear sweep, the frequency at the end of the record [Hz]; None for a sine.
         resolution: one count of each channel, if known [unit of the channel].
 

@@ -59,10 +59,10 @@ class OperatorTask(NamedTuple):
     """A task for the operator during a calibration.
 
     Attributes:
-        sentence: in words.
-        values: true values to bring about, by channel [unit]; empty where a waveform is asked for.
+        sentence: as text.
+        values: true values to bring about, by channel [unit]; empty if a waveform is requested.
         gauge: whether the reference shows a value that the person may answer with.
-        wave: of unit amplitude, for all channels at once.
+        wave: wave of unit amplitude, for all channels at once.
     """
 
     sentence: str

@@ -138,7 +138,7 @@ class Sensor(Module):
         Args:
             y: filtered signal at the sample.
             x: true value at the sample.
-            draw: of the normal distribution of variance 1, new for each sample.
+            draw: draw of the normal distribution of variance 1, new for each sample.
             lost: 1 where a wire is open, which drives the converter to its upper rail; else 0.
         """
         share = -jnp.expm1(-2.0 * math.pi * self.cutoff * self.converter.skew)

@@ -24,7 +24,7 @@ class Clock:
     time.
 
     Args:
-        speed: of the machine's time over that of the wall; None: as fast as it goes.
+        speed: speed of the machine's time over that of the wall; None: as fast as it goes.
         grain: shortest time for which the machine sleeps where it is ahead [s], so that other threads of the process get
             their share; it then comes at most so late. 0 keeps deadlines to some microseconds, and spins before each.
         halted: whether it stands still at first.

@@ -72,7 +72,7 @@ class Timing(NamedTuple):
     """The timing of a sample loop.
 
     Attributes:
-        period: of the samples, a whole number of timer ticks [s].
+        period: period of the samples, a whole number of timer ticks [s].
         inner: steps of the physics per sample.
         latency: from a sample to the action of its commands [s].
         depth: samples for which commands are kept, for latency and dead times.

@@ -31,7 +31,7 @@ class HardwareRequest(NamedTuple):
     Attributes:
         place: what stands behind the colon, such as a port; empty without one.
         rig: whose channels and outputs the machine must have.
-        period: of the samples [s].
+        period: period of the samples [s].
         lock_step: the machine waits for every command, as only a simulated device can.
         silence: time without a command after which the machine vents by itself [s].
     """
@@ -55,7 +55,7 @@ def connected(
     Args:
         words: name of a backend, and behind a colon what it opens.
         rig: whose channels and outputs it must have.
-        period: of the samples [s].
+        period: period of the samples [s].
         lock_step: it waits for every command, as only a simulated device can.
         silence: time without a command after which the machine vents by itself [s].
 

@@ -25,12 +25,12 @@ class Converters(Module):
     """Inputs and outputs of a rig as its software knows them.
 
     Attributes:
-        analog: of every analogue channel.
-        encoder: of the span, where there is one.
+        analog: wiring of every analogue channel.
+        encoder: encoder of the span, where there is one.
         valve: output to the valve.
         motor: output to the motor; None passes the force [N] as it is, which no real machine can.
         mounted: span at which the encoder was zeroed [m].
-        gain: of the calibrated channels, true over indicated.
+        gain: gain of the calibrated channels, true over indicated.
         zero: what they indicate at nothing [unit of the channel].
     """
 

@@ -39,7 +39,7 @@ class Hardware(abc.ABC):
         motor_rest: count at which the motor does nothing.
 
     Attributes:
-        counts: of the analogue channels at the newest sample, in the order of `names`.
+        counts: counts of the analogue channels at the newest sample, in the order of `names`.
         edges: count of the encoder at the newest sample, with its sign; 0 where it was zeroed, and without an encoder.
         valve: count written to the valve.
         motor: count written to the motor.

@@ -160,7 +160,7 @@ class Motor(Module):
 
         Args:
             current: in the coil [A].
-            velocity: of the pulley's rim [m/s].
+            velocity: velocity of the pulley's rim [m/s].
             asked_current: set-point of the current loop [A].
         """
         spare = self.voltage(current, velocity, asked_current) - self._standing(current, velocity)

@@ -35,8 +35,8 @@ class SimulatedMachine:
     Args:
         plant: the machine.
         carry: where it begins; its software is not looked at.
-        rows: what the samples bring.
-        period: of the samples [s].
+        rows: external inputs of the samples.
+        period: period of the samples [s].
         inner: steps of the physics per sample.
         latency: from a sample to the action of its commands [s].
         ahead: for so long [s] nothing is drawn while it goes.
@@ -136,7 +136,7 @@ class SimulatedHardware(Hardware):
 
     Args:
         machine: behind its converters.
-        clock: of its time; None: every sample is there when it is asked for.
+        clock: clock of its time; None: every sample is there when it is requested.
     """
 
     def __init__(self, machine: SimulatedMachine, clock: Clock | None = None) -> None:

@@ -26,8 +26,8 @@ class ManualRecording:
     """A recording of a session from one sample to another, runs included.
 
     Args:
-        prepared: what is operated, for the head of the log.
-        timing: of the loop.
+        prepared: the run, for the header of the log.
+        timing: timing of the loop.
         machine: that is sampled.
         log: a new ``.mcap`` file.
     """

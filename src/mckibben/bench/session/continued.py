@@ -32,7 +32,7 @@ class ContinuedMachine:
     Args:
         session: that has the machine.
         prepared: what is done.
-        attended: whether somebody does what the protocol asks of a person.
+        attended: whether an operator carries out the tasks of the protocol.
 
     Raises:
         InputError: if a segment cannot be played on this machine.

@@ -228,7 +228,7 @@ class SessionProxy:
         self._or(None, "control_back")
 
     def set(self, **wanted: float | str) -> None:
-        """Ask for a ``pressure``, and for one of ``span``, ``velocity`` and ``tension``, in words or SI."""
+        """Ask for a ``pressure``, and for one of ``span``, ``velocity`` and ``tension``, as text or SI."""
         self._ask("set", wanted)
 
     def vent(self) -> None:

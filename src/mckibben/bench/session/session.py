@@ -63,11 +63,11 @@ class Session:
         muscle: a specimen, its id or file, or a muscle.
         hardware: a machine, closed with the session; None: a simulated one in the same process.
         unit: what was built from the specimen, where something of it was changed.
-        span: at which the muscle is mounted, in words or [m]; the rest length where left out.
-        plumbing: the way to join the pneumatic parts; the usual one where left out.
+        span: at which the muscle is mounted, as text or [m]; the rest length by default.
+        plumbing: the way to join the pneumatic parts; the usual one by default.
         rate: samples per second [1/s].
-        speed: of a simulated machine over the wall clock. None: as fast as it goes, and only while somebody waits.
-        seed: of the sensors' noise.
+        speed: speed of a simulated machine over the wall clock. None: as fast as it goes, and only while somebody waits.
+        seed: seed of the sensors' noise.
         step: largest step of the physics [s].
         keep: time for which samples are kept for displays [s].
         hold: time for which set-points are held after `control_lost` [s].
@@ -381,7 +381,7 @@ class Session:
     # ---- by hand
 
     def set(self, **wanted: float | str) -> None:
-        """Ask for a ``pressure``, and for one of ``span``, ``velocity`` and ``tension``, in words or SI.
+        """Ask for a ``pressure``, and for one of ``span``, ``velocity`` and ``tension``, as text or SI.
 
         The set-points go there no faster than `ManualSetup.manual` allows.
 
@@ -482,7 +482,7 @@ class Session:
 
         Args:
             protocol: itself, its name, or what `prepare` made of it.
-            anew: begin on a machine that was set up for this run instead: a simulated one is made anew, with a muscle at
+            anew: begin on a machine that was set up for this run instead: a simulated one is made again, with a muscle at
                 rest where the protocol begins, a real one is started, its encoder zeroed where somebody mounted the muscle.
                 What is operated by hand stands still meanwhile.
             clock: of the time of a simulated machine that is made anew; None: as fast as it goes, whole chunks at once.

@@ -36,7 +36,7 @@ def prepare_for_session(protocol: Protocol, rig: Rig, **options: Any) -> Prepare
     """Make the dry run of a protocol for a session that is not open yet, as `Session.prepare` will.
 
     Args:
-        protocol: what is to be done.
+        protocol: the protocol.
         rig: whose machine the session will have.
         **options: of `prepare`: muscle, unit.
 
@@ -52,7 +52,7 @@ class ManualSetup:
 
     Args:
         rig: the rig.
-        span: at which the muscle is mounted, in words or [m]; the rest length where left out.
+        span: at which the muscle is mounted, as text or [m]; the rest length by default.
         rate: samples per second [1/s].
         hold: time for which set-points are held without a hand [s].
         **options: of `prepare`: muscle, unit, plumbing, seed, step.
@@ -91,7 +91,7 @@ class ManualSetup:
         return software.replace(sequencer=self.manual, start_motor=jnp.asarray(jnp.nan))
 
     def amount(self, name: str, value: float | str) -> float:
-        """Read a set-point, in words or SI, and check it against the limits of the rig [SI].
+        """Read a set-point, as text or SI, and check it against the limits of the rig [SI].
 
         Raises:
             InputError: names what is allowed.

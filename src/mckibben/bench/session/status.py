@@ -25,7 +25,7 @@ class Message(NamedTuple):
 
     Attributes:
         number: counted from 1.
-        time: of the session [s].
+        time: time of the session [s].
         kind: ``note``, ``done`` or ``stop``.
         text: a sentence.
     """
@@ -103,12 +103,12 @@ class Status:
     Attributes:
         state: idle, manual, running, stopped, lost or closed.
         why: what stopped it or how it was lost.
-        time: of the session [s].
+        time: time of the session [s].
         measured: channels.
         set_points: where they are now: of the pressure, and of what the motor controls.
         deadlines: how the manual loop kept them.
         protocol: what runs, with the time done and the longest [s].
-        recorded: how long something has been recorded by hand [s]; None where nothing is.
+        recorded: how long something has been recorded by hand [s]; None if nothing is.
     """
 
     state: str

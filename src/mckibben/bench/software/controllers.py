@@ -79,7 +79,7 @@ class MotionEstimate(Module):
         """One sample later: the new state and the velocity [m/s], positive lengthening.
 
         Args:
-            state: of `initial` or of the sample before.
+            state: state of `initial` or of the sample before.
             span: measured [m].
             dt: sampling period [s].
         """
@@ -114,8 +114,8 @@ class PressureControl(Module):
         """One sample: the new state and the pressure asked of the valve [Pa].
 
         Args:
-            state: of `initial` or of the sample before.
-            set_point: of the pressure [Pa].
+            state: state of `initial` or of the sample before.
+            set_point: set point of the pressure [Pa].
             pressure: measured [Pa].
             dt: sampling period [s].
             active: 1 while the pressure is controlled, 0 while the muscle is shut off.
@@ -166,12 +166,12 @@ class PositionControl(Module):
         """One sample: the new state and the force asked of the motor [N], positive lengthening.
 
         Args:
-            state: of `initial` or of the sample before.
-            set_point: of the span [m].
+            state: state of `initial` or of the sample before.
+            set_point: set point of the span [m].
             set_velocity: its velocity [m/s], positive lengthening.
             set_acceleration: its acceleration [m/s^2].
             span: measured [m].
-            velocity: of the measured span [m/s].
+            velocity: velocity of the measured span [m/s].
             tension: measured [N]; zero where nothing measures it.
             dt: sampling period [s].
             active: 1 while the span or the velocity is controlled, else 0.
@@ -215,10 +215,10 @@ class ForceControl(Module):
         """One sample: the new state and the force asked of the motor [N], positive lengthening.
 
         Args:
-            state: of `initial` or of the sample before.
-            set_point: of the tension [N].
+            state: state of `initial` or of the sample before.
+            set_point: set point of the tension [N].
             tension: measured [N].
-            velocity: of the measured span [m/s], positive lengthening.
+            velocity: velocity of the measured span [m/s], positive lengthening.
             dt: sampling period [s].
             active: 1 while the tension is controlled, else 0.
         """

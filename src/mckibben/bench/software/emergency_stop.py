@@ -19,7 +19,7 @@ class EmergencyStop:
     """A latching stop button, for any thread or a signal of the system. Called as a function it returns its state.
 
     Attributes:
-        reason: what was said when it was pressed.
+        reason: reason given with the stop.
         ordinary: whether somebody ended the run, and nothing had gone wrong; the machine does the same.
     """
 

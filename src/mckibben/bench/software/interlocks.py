@@ -3,7 +3,7 @@
 A step sees what the software measures and asks for. The first code that it finds stays: the caller stops the motor and vents
 the muscle. Limits count from the first sample. A reading at the upper end of its converter tells nothing about the quantity:
 it is an open wire, or more than the sensor reads, and counts as lost after `patience`. So do a reading below that of any
-intact sensor, no pressure while the valve is asked for some (for `implausible_after`), and a span that keeps the very
+intact sensor, no pressure while the valve is requested some (for `implausible_after`), and a span that keeps the very
 same count though a full force is asked that no tension balances. A reading that is no number counts at once.
 Straight-line; which channels there are is decided once, by their names.
 """
@@ -88,10 +88,10 @@ class Interlocks(Module):
         """One sample: the new state and the code of `Trip` that stays, int32.
 
         Args:
-            state: of `initial` or of the sample before.
+            state: state of `initial` or of the sample before.
             measured: those of pressure [Pa] (else valve_pressure), tension [N] and span [m] that the rig measures.
             asked: those of valve [Pa] and motor [N] that the rig has, as asked at the sample before.
-            velocity: of the measured span [m/s]; not looked at without a span.
+            velocity: velocity of the measured span [m/s]; not looked at without a span.
             dt: sampling period [s].
             pressed: 1 while the emergency stop is pressed.
         """
@@ -159,9 +159,9 @@ class Interlocks(Module):
         """Describe a violation: value, limit and action, in one sentence; empty for code 0.
 
         Args:
-            code: of `step`.
+            code: code of `step`.
             measured: channels of the sample that stopped the machine [SI]; may hold velocity [m/s].
-            time: of that sample [s].
+            time: time of that sample [s].
         """
         trip = Trip(int(code))
         if trip is Trip.NOTHING:

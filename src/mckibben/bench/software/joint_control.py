@@ -81,9 +81,9 @@ class JointControl(Module):
         """One sample: the new state and what is asked of the valves.
 
         Args:
-            state: of `initial` or of the sample before.
-            set_angle: of the joint [rad].
-            set_stiffness: of the joint [N m/rad].
+            state: state of `initial` or of the sample before.
+            set_angle: set angle of the joint [rad].
+            set_stiffness: set stiffness of the joint [N m/rad].
             angle: measured [rad].
             flexor: its pressure, measured [Pa gauge].
             extensor: its pressure, measured [Pa gauge].

@@ -52,13 +52,13 @@ class ManualPlace(NamedTuple):
         missed: False; a manual mode waits for nothing.
         pressure: [Pa].
         open: 0 while the muscle is shut off, else 1.
-        mode: of the motor.
+        mode: mode of the motor.
         span: [m]; the measured one while the tension is controlled.
-        velocity: of it [m/s].
-        acceleration: of it [m/s^2].
+        velocity: velocity of it [m/s].
+        acceleration: acceleration of it [m/s^2].
         tension: [N].
         alone: for how long nobody has been in control [s].
-        asked: of this sample.
+        asked: request of this sample.
     """
 
     step: Any
@@ -90,7 +90,7 @@ class Manual(Module):
         """The rates for a rig.
 
         Args:
-            limits: of the rig.
+            limits: limits of the rig.
             hold: time for which set-points are held while nobody is in control [s].
         """
         speed = SLOW * limits.speed if limits.speed > 0.0 else 1e-6
@@ -131,7 +131,7 @@ class Manual(Module):
         """The place of the next sample.
 
         Args:
-            place: of this sample.
+            place: place of this sample.
             measured: channels by name, with ``velocity`` [SI].
             motor_at: where the motor's channel is in each mode, for a change of mode [m, m/s, N].
             dt: period of the samples [s].

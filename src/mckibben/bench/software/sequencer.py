@@ -1,7 +1,7 @@
 """The protocol on the sample clock: which step is under way, its set-points, and the tests that end it early.
 
 A plan becomes tables that a pure step reads, so that the same program runs in a simulation and by the wall clock. The
-sample at which a test comes true is the last of its step. Set-points that nobody knows beforehand begin where the machine
+sample at which a test comes true is the last of its step. Set-points that nobody knows in advance begin where the machine
 is: at the last set-point while the motor's mode stays, else at the measured channel of the new mode.
 """
 
@@ -54,10 +54,10 @@ class SampleSetpoints(NamedTuple):
     Attributes:
         pressure: [Pa]; as it was while the muscle is shut off.
         open: 0 while the muscle is shut off, else 1.
-        mode: of the motor, see `MODES`.
+        mode: mode of the motor, see `MODES`.
         motor: [m, m/s or N].
         velocity: rate of a set-point of the span [m/s].
-        acceleration: of it [m/s^2].
+        acceleration: acceleration of it [m/s^2].
         step: index of the step.
         record: whether the sample is kept (bool).
         running: whether the protocol still goes on (bool).
@@ -113,9 +113,9 @@ class Sequencer(Module):
         """The program of some steps that follow each other.
 
         Args:
-            steps: of a plan.
-            rest_length: of the muscle [m].
-            period: of the samples [s].
+            steps: steps of a plan.
+            rest_length: rest length of the muscle [m].
+            period: period of the samples [s].
         """
         size = _padded(len(steps), LEAST_STEPS)
         offset = np.concatenate([[0], np.cumsum([s.count for s in steps])])
@@ -193,11 +193,11 @@ class Sequencer(Module):
         """The place of the next sample.
 
         Args:
-            place: of this sample.
+            place: place of this sample.
             asked: its set-points.
             measured: channels by name, with ``velocity`` [SI].
             motor_at: where the motor's channel is in each mode, for a change of mode [m, m/s, N].
-            period: of the samples [s].
+            period: period of the samples [s].
         """
         j = asked.step
         nothing, tests = jnp.zeros(()), self.tests

@@ -67,8 +67,8 @@ def read_waveform(
     Args:
         entry: such as ``{"kind": "ramp", "from": "0 bar", "to": "5 bar", "duration": "2 s"}`` or ``"3 bar"``.
         unit: SI unit of the signal.
-        field: dotted path for complaints.
-        where: file for complaints.
+        field: dotted path for error messages.
+        where: file for error messages.
         table: reads the file that a table names.
 
     Raises:

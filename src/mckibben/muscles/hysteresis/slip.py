@@ -45,9 +45,9 @@ def advanced(stiffness: Any, before: Any, displacement: Any, after: Any) -> Adva
     mean force of the ends says nothing. At rest W is zero, and a shrinking yield dissipates what it releases.
 
     Args:
-        stiffness: of each contact [N/m].
+        stiffness: stiffness of each contact [N/m].
         before: deflections before, last axis the contacts [m].
-        displacement: of all contacts, with a last axis of one [m].
+        displacement: displacement of all contacts, with a last axis of one [m].
         after: deflections after [m].
 
     """

@@ -39,8 +39,8 @@ def simulate(
 
     Args:
         tube: the tube.
-        left: what is at x = 0.
-        right: what is at x = length.
+        left: end at x = 0.
+        right: end at x = length.
         duration: time to simulate [s].
         sample_period: time between two recorded states, a whole part of the duration [s].
         pressure_abs: absolute pressure at the start, one value or one per cell [Pa].

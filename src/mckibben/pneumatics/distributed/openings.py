@@ -132,7 +132,7 @@ def open_face(medium: Medium, inside: Primitive, outside: Primitive, opening: Op
         medium: the gas.
         inside: state next to the end, velocity outward (scalars).
         outside: pressure and temperature of the gas at rest outside.
-        opening: what lies between.
+        opening: the opening.
         area: section of the tube [m^2].
     """
     wall_temperature = inside.temperature  # of use to an isothermal wall only

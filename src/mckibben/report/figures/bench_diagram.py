@@ -45,10 +45,10 @@ def draw(rig: Rig, *, layout: str | None = None, sample_rate: float = 1000.0, ti
     """Draw the way of the signals through a rig, with its numbers.
 
     Args:
-        rig: what is drawn.
-        layout: name of the plumbing; the usual one where left out.
-        sample_rate: of the software [1/s].
-        title: stands over it; the rig's own where left out.
+        rig: the rig to draw.
+        layout: name of the plumbing; the usual one by default.
+        sample_rate: sample rate of the software [1/s].
+        title: stands over it; the rig's own by default.
     """
     fig = style.figure(WIDE / 72.0, HIGH / 72.0)
     ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))

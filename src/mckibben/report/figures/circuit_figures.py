@@ -187,7 +187,7 @@ def overview(found: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figur
     Args:
         found: the fit.
         trials: all its records, fitted and predicted.
-        title: of the circuit.
+        title: title of the circuit.
 
     Raises:
         InputError: if no record holds a pressure.

@@ -178,7 +178,7 @@ _HIGH = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def braid_angle(node: MovingVolume) -> float | None:
-    """The braid angle of a muscle's law at its rest or upper working length [rad]; None where it has no braid."""
+    """The braid angle of a muscle's law at its rest or upper working length [rad]; None if it has no braid."""
     law = node.of.__self__ if isinstance(node.of, types.MethodType) else getattr(node.of, "__self__", None)
     if not isinstance(law, TensionLaw):
         return None

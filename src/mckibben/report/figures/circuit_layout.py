@@ -109,9 +109,9 @@ def element_cell(
 
     Args:
         element: the part.
-        words: its label.
+        words: label of the symbol.
         ends: the nodes at its ports.
-        sides: of the diagram on which they stand, -1 left, 1 right, 0 for the air outside.
+        sides: sides of the diagram on which they stand, -1 left, 1 right, 0 for the air outside.
         command: the signal that drives it.
     """
     symbol, inside = symbol_of(element, command is not None)

@@ -165,7 +165,7 @@ def _letters(ax: Axes, ends: Sequence[tuple[np.ndarray, np.ndarray, _Line]]) -> 
 
 
 def _per_section(curve: Any, one: Trials) -> Any:
-    """Tension per section [N/cm^2]; nothing where the section is not known."""
+    """Tension per section [N/cm^2]; nothing if the section is not known."""
     lengths, relative = curve
     area = one.muscle.section_area
     scale = np.nan if area is None else from_si(one.muscle.full_tension / area, "N/m^2", "N/cm^2")

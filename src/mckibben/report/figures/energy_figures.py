@@ -80,7 +80,7 @@ def loops_figure(loops: Sequence[CycleLoops], *, title: str, printed: Printed | 
 
     Args:
         loops: from `cycle_loops`; those of one muscle with and without an accumulator may be given together.
-        title: of the muscle.
+        title: title of the muscle.
         printed: input and output in print [J], by the name of the cycle and whether it has an accumulator.
     """
     rows = [r for r in ([p for p in loops if p.name == "maximal"], [p for p in loops if p.name != "maximal"]) if r]
@@ -466,7 +466,7 @@ def energy_flow_figure(account: EnergyAccount, *, title: str = "Where the exergy
     """Streams of an account.
 
     Args:
-        account: of `analysis.energy_accounts`.
+        account: account of `analysis.energy_accounts`.
         title: over the figure.
     """
     gas, muscle = streams(account)

@@ -93,7 +93,7 @@ def tension_grid(law: TensionLaw, lengths: np.ndarray, pressures: Iterable[float
 
     Args:
         law: the law.
-        lengths: of the braid [m], shape (n,).
+        lengths: lengths of the braid [m], shape (n,).
         pressures: gauge [Pa].
 
     Returns:
@@ -553,7 +553,7 @@ def hold_out(fit: Fit) -> Figure | None:
     """Tension over pressure per length: measured, and predicted above the pressures that a separate fit was shown.
 
     Returns:
-        None where the fit has no hold-out.
+        None if the fit has no hold-out.
     """
     if fit.holdout is None:
         return None

@@ -33,8 +33,8 @@ def bode_figure(response: FrequencyResponse, titles: BodeTitles, *, cutoff: floa
 
     Args:
         response: at frequencies in rising order.
-        titles: its words.
-        cutoff: frequency that is marked [Hz]; none where it is not a number.
+        titles: texts of the figure.
+        cutoff: frequency that is marked [Hz]; none if it is not a number.
     """
     measured = bool(np.any(response.coherence < 1.0))
     heights = [MAGNITUDE, PHASE, *([COHERENCE] if measured else [])]
@@ -88,7 +88,7 @@ def repeatability_figure(found: Repeatability, *, title: str, channel: str, over
 
     Args:
         found: the repetitions, in the unit in which they are shown.
-        title: of the figure.
+        title: title of the figure.
         channel: title of the channel with its unit, such as ``"Tension, N"``.
         over: title of the axis below, such as ``"Phase of the cycle"``.
     """

@@ -35,9 +35,9 @@ def law_curves(
 
     Args:
         law: the law.
-        title: of the muscle.
-        lengths: shortest and longest span to draw [m]; the law's own range where left out.
-        pressures: gauge pressures of the lines [Pa]; 1 to 5 bar where left out.
+        title: title of the muscle.
+        lengths: shortest and longest span to draw [m]; the law's own range by default.
+        pressures: gauge pressures of the lines [Pa]; 1 to 5 bar by default.
     """
     bars = np.array(sorted(pressures or [1e5, 2e5, 3e5, 4e5, 5e5]), float)
     span = lengths or working_lengths(law, float(bars[-1]))
@@ -145,7 +145,7 @@ def muscle_drawing(
     Args:
         shape: the braid.
         lengths: braid lengths, longest first [m]; below the thread length.
-        title: of the muscle.
+        title: title of the muscle.
         remarks: a word for each length, such as "at rest".
         threads: drawn in each direction; a real braid has more.
 

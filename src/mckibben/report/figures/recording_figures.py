@@ -96,7 +96,7 @@ def usual_channels(parts: Sequence[Recording]) -> list[str]:
     Without measured channels all pressures, tensions, lengths, flows and valves that are not zero throughout.
 
     Args:
-        parts: of one recording.
+        parts: parts of one recording.
     """
     record = parts[0]
     measured = record.names("measured")
@@ -249,7 +249,7 @@ def time_figure(
 
     Args:
         parts: a recording, or parts of one, by time, such as `analysis.segments.segments` gives.
-        channels: names; `recording_panels.usual_channels` where left out.
+        channels: names; `recording_panels.usual_channels` by default.
         title: instead of the recording's own.
 
     Raises:
@@ -290,9 +290,9 @@ def against_figure(
     """Channels over another channel, the parts of each case in a shade of their own.
 
     Args:
-        parts: of one recording, as for `time_figure`.
+        parts: parts of one recording, as for `time_figure`.
         against: name of the channel on the horizontal axis.
-        channels: names; the measured tension where left out.
+        channels: names; the measured tension by default.
         title: instead of the recording's own.
 
     Raises:

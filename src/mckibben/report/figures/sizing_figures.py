@@ -31,7 +31,7 @@ def design_map(found: Sizing, *, law: str = "linear_threshold") -> Figure:
     """Force over stroke at the wished pressure, and the time over the mass of the lines.
 
     Args:
-        found: what was found.
+        found: the result.
         law: with which the braids were designed.
     """
     both = bool(found.lines)

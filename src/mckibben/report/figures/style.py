@@ -170,7 +170,7 @@ def number(value: float, digits: int | None = None, *, sign: bool = False) -> st
 
     Args:
         value: the number.
-        digits: places after the point; as many as needed, six significant digits at most, where left out.
+        digits: places after the point; as many as needed, six significant digits at most, by default.
         sign: write a plus too.
     """
     if value is None or not math.isfinite(value):

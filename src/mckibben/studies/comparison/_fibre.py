@@ -99,14 +99,14 @@ def fibre_run(muscle: BiologicalMuscle, protocol: Protocol, *, full_pressure: fl
     """The recording of a protocol on a biological muscle.
 
     Args:
-        muscle: what is tested; its rest length is the protocol's ``L0``.
+        muscle: the tested muscle; its rest length is the protocol's ``L0``.
         protocol: as for a test machine; it may command span and tension.
         full_pressure: set-point that stands for full excitation [Pa].
         name: id of its specimen, for the recording.
 
     Returns:
         Channels ``span`` [m], ``tension`` [N], ``velocity`` [m/s], ``activation`` and ``drive`` [1] of the recorded steps,
-        which the meta lists as a test machine does.
+        which the metadata lists as a test machine does.
 
     Raises:
         InputError: the protocol asks for something that only a machine has.

@@ -77,7 +77,7 @@ def steady(unit: MuscleUnit, span: Any, pressure: Any, velocity: Any = 0.0, dire
         unit: the muscle.
         span: between the anchors [m].
         pressure: gauge pressure [Pa].
-        velocity: of span and braid alike [m/s], positive while lengthening.
+        velocity: velocity of span and braid alike [m/s], positive while lengthening.
         direction: +1 with the full friction of lengthening, -1 of shortening, 0 without.
     """
     span, pressure, velocity, direction = jnp.broadcast_arrays(
@@ -147,7 +147,7 @@ def twitch_of(muscle: Assisted, pressure: Any, period: float) -> Any:
     Args:
         muscle: with its elements.
         pressure: gauge pressure at the samples (n,) [Pa], from rest.
-        period: of the samples [s].
+        period: period of the samples [s].
 
     Returns:
         (n,) [N].

@@ -185,14 +185,14 @@ class Match(NamedTuple):
         target: the biological one.
         before: as built.
         after: with the elements found.
-        parameters: of the elements.
+        parameters: parameters of the elements.
         rms_before: root of the mean square difference of each curve [1], by name.
         rms_after: the same with the elements.
         target_curves: x and y by name; lengths in L0, velocities in L0/s, times in s, tensions over that at rest length.
-        curves_before: of the muscle as built.
+        curves_before: curves before of the muscle as built.
         curves_after: with the elements.
         simulated: the twitch with the elements on the test machine, circuit and all, where it was run.
-        rms_simulated: its difference from the target [1]; NaN where it was not run.
+        rms_simulated: its difference from the target [1]; NaN if it was not run.
     """
 
     muscle: ComparedMuscle
@@ -234,13 +234,13 @@ def match(
     Args:
         muscle: braided.
         target: biological.
-        records: of the isometric twitch by the id of the muscle, where it was recorded already.
-        rig: on which it is recorded; as `rig_for` says where left out.
+        records: records of the isometric twitch by the id of the muscle, where it was recorded already.
+        rig: on which it is recorded; as `rig_for` says by default.
         free: parameters to search with the sizes from which on each is searched by its logarithm; some of `FREE`.
         draws: starts beside the muscle as built.
         evaluations: most of each start.
         simulate: run the twitch with the elements found on the test machine.
-        progress: is told what comes next.
+        progress: called with a description of the next stage.
 
     Raises:
         InputError: the muscles are not one of each kind, or `free` names something else.

@@ -169,9 +169,9 @@ def trials(
 
     Args:
         muscle: which.
-        rig: on which a McKibben muscle does them; as `rig_for` says where left out.
-        names: of the protocols.
-        progress: is told what comes next.
+        rig: on which a McKibben muscle does them; as `rig_for` says by default.
+        names: names of the protocols.
+        progress: called with a description of the next stage.
 
     Raises:
         InputError: the rig can do none of them with this muscle; where it can do some, a note says what it refused.
@@ -214,7 +214,7 @@ def static_curves(muscle: ComparedMuscle, points: int = 181) -> dict[str, Curve]
 
 
 def stiffness_at_half(tension: np.ndarray, stiffness: np.ndarray) -> float | None:
-    """Stiffness at half of F0 on a curve of growing tension; None where it does not get there."""
+    """Stiffness at half of F0 on a curve of growing tension; None if it does not get there."""
     if not tension.max() > 0.5:
         return None
     return float(np.interp(0.5, tension, stiffness))

@@ -41,7 +41,7 @@ class ComparedMuscle:
     """A muscle in a comparison.
 
     `unit` is a braided muscle and `fibre` a biological one, the other is None; `full` is the drive that counts as 1: a
-    gauge pressure [Pa], or an activation [1]. `section_area` [m^2] is None where nothing tells it, and `area_from` says what
+    gauge pressure [Pa], or an activation [1]. `section_area` [m^2] is None if nothing tells it, and `area_from` says what
     did.
     """
 
@@ -88,7 +88,7 @@ def subject(
     Args:
         what: a specimen, its id or file.
         pressure: the gauge pressure that counts as the full drive of a McKibben muscle [Pa].
-        law: one that the specimen states; its default law where left out.
+        law: one that the specimen states; its default law by default.
 
     Raises:
         InputError: it is no muscle, the pressure is none, or the muscle does not pull at its rest length.
@@ -368,7 +368,7 @@ def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = No
     Args:
         file: a recording, or its file. Its meta must tell the rest length: ``rest_length`` [m], or a ``specimen`` that is
             known, which also tells the section.
-        name: of the column; that of the file, or of the protocol, where left out.
+        name: name of the column; that of the file, or of the protocol, by default.
 
     Raises:
         InputError: it cannot be read, has no length or no tension, tells no rest length, or has no full cycle.

@@ -33,7 +33,7 @@ def settled_courses(lanes: Sequence[Lane], done: Sequence[Course]) -> list[Cours
     """Courses of held muscles of which the tension settles before the turn.
 
     Args:
-        lanes: of the courses.
+        lanes: lanes of the courses.
         done: their courses; those that have settled are taken as they are, the others run again for longer.
 
     Returns:
@@ -67,7 +67,7 @@ class Lane:
         unit: the muscle.
         valve: between supply, port and room.
         tube: from the port to the muscle.
-        pressure: gauge pressure that is asked for [Pa].
+        pressure: gauge pressure that is requested [Pa].
         supply: gauge pressure of the supply [Pa].
         length: at which the muscle is held, or from which it is drawn [m].
         stroke: by which it shortens from the turn on; zero where it is vented instead [m].

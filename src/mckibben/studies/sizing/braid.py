@@ -68,9 +68,9 @@ def design(
     """Find the smallest braid, or the shortfalls.
 
     Args:
-        wish: what is wanted.
-        law: of `BRAID_LAWS`.
-        objective: of `OBJECTIVES`, what is to be least.
+        wish: the requirements.
+        law: law of `BRAID_LAWS`.
+        objective: objective of `OBJECTIVES`, what is to be least.
         fitting: look for what stands in the way where nothing does it.
 
     Returns:

@@ -55,7 +55,7 @@ def braid_law(name: str, *, thread_length: Any, diameter: Any, longest: Any, sho
     """The law of a braid; arrays broadcast.
 
     Args:
-        name: of `BRAID_LAWS`.
+        name: name of `BRAID_LAWS`.
         thread_length: b [m].
         diameter: D0 at 90 degrees, b/(n pi) [m].
         longest: length from which it shortens [m].

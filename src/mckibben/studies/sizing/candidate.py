@@ -31,17 +31,17 @@ class Candidate:
 
     Attributes:
         id: short name.
-        title: what it is.
+        title: description.
         kind: ``braid``, ``specimen`` or ``size``.
         law: its tension law.
         law_name: under which the law is addressed.
-        error: of the law.
+        error: error of the law.
         longest: length from which it shortens [m].
         friction: at the wished pressure, which its promised force is less [N].
         overall_length: with fittings [m].
         diameter: outer, at the end of the stroke [m].
-        mass: with fittings; None where unknown [kg].
-        rated_pressure: None where unknown [Pa].
+        mass: with fittings; None if unknown [kg].
+        rated_pressure: None if unknown [Pa].
         dimensions: what it is made with, by name [SI].
         inferred: numbers that no source prints.
         sources: citation keys.
@@ -79,7 +79,7 @@ class Judged:
         margins: by part of the wish, with the error of the law carried [1].
         nominal: margins of force and stroke as the law says, without its error [1].
         air: mass that a working cycle takes from the room, without valve and tube [kg].
-        speed: with which it still pulls with the wished force, behind the best line; None where it was not run [m/s].
+        speed: with which it still pulls with the wished force, behind the best line; None if it was not run [m/s].
     """
 
     muscle: Candidate

@@ -52,7 +52,7 @@ Both = tuple[Course, Course]  # of a held muscle: as long as filling takes, and 
 class LineResult:
     """A valve and a tube for a muscle.
 
-    Times [s]; None where it never gets there. Masses [kg], `box` the size of the valve [m^3], `power` electrical [W],
+    Times [s]; None if it never gets there. Masses [kg], `box` the size of the valve [m^3], `power` electrical [W],
     `stiffness` of the tube against bending E I [N m^2], `bend_radius` the least [m], `air` of a cycle with valve and tube
     [kg], `leak` while holding [kg/s], `supply` gauge pressure [Pa]. `keeps_up` says whether rise and fall fit into a cycle,
     `settled` whether the tension came to rest, without which its times are of a step under way.
@@ -95,10 +95,10 @@ def lines_for(
     Args:
         muscle: for which.
         wish: pressure, force, stroke, speed and frequency.
-        valves: ids of specimens; all shipped ones where left out.
+        valves: ids of specimens; all shipped ones by default.
         tubes: ids of parts.
-        lengths: of tubes, instead of the wish's [m]; no speeds are then looked for.
-        progress: is told what comes next.
+        lengths: lengths of tubes, instead of the wish's [m]; no speeds are then looked for.
+        progress: called with a description of the next stage.
     """
     tell = progress or (lambda _: None)
     wanted = valves if valves is not None else specimen_ids("valve")

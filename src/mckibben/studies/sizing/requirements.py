@@ -33,7 +33,7 @@ class Requirements:
         length: largest overall length, fittings included [m].
         diameter: largest outer diameter, when contracted [m].
         speed: at which it shortens with that force [m/s].
-        frequency: of working cycles [1/s].
+        frequency: frequency of working cycles [1/s].
         tube_length: between valve and muscle [m].
         environment: the room.
     """
@@ -71,7 +71,7 @@ class Requirements:
 class Shortfall:
     """A requirement that is not met, with all others as required: the required value, and the nearest possible one.
 
-    `reachable` is None where no value of this part alone would help.
+    `reachable` is None if no value of this part alone would help.
     """
 
     part: str

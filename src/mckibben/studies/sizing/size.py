@@ -38,19 +38,19 @@ class SourceResult:
 
     Attributes:
         id: of the part.
-        title: what it is.
+        title: description.
         form: ``bottle``, ``compressor`` or ``heated``.
         energy: that a cycle costs at the source [J].
         isothermal: what it would cost with an ideal compressor of constant temperature [J].
-        adiabatic: the same without heat exchange [J]; None where there is no compressor.
+        adiabatic: the same without heat exchange [J]; None if there is no compressor.
         efficiency: force times stroke over `energy` [1].
         gas: mass that a cycle takes [kg].
-        cycles: of one filling or battery; None where it does not end.
-        run_time: at the wished frequency [s]; None where neither is known.
-        mass: of the source [kg]; None where unknown.
+        cycles: cycles of one filling or battery; None if it does not end.
+        run_time: at the wished frequency [s]; None if neither is known.
+        mass: mass of the source [kg]; None if unknown.
         able: whether it can do it at the wished frequency.
         note: why not, or what to know.
-        temperature: highest of the gas [K]; None where it is that of the room.
+        temperature: highest of the gas [K]; None if it is that of the room.
         inferred: numbers that no source prints.
     """
 
@@ -193,7 +193,7 @@ def _heated(part: CataloguePart, muscle: Judged, wish: Requirements, air: float,
 def piston_cycle(muscle: Judged, wish: Requirements, *, accumulator: bool) -> tuple[float, float] | None:
     """Input and output of the paper's cycle of maximal shortening, quasi-stationary and isothermal [J]; None if it has none.
 
-    With an accumulator the air goes back to the threshold of the muscle's law; None where it has no threshold.
+    With an accumulator the air goes back to the threshold of the muscle's law; None if it has no threshold.
     """
     try:
         moving = cycle_muscle(muscle.muscle.law)
@@ -222,13 +222,13 @@ class Sizing:
     """Result of sizing.
 
     Attributes:
-        wish: what was asked.
+        wish: the requirements.
         muscles: every candidate, the best first.
-        misses: what stands in the way of a braid, or of the speed; empty where one does it.
+        misses: what stands in the way of a braid, or of the speed; empty if one does it.
         chosen: for which lines and sources were looked for; the best, or the one asked for.
-        lines: valves with tubes for it, the best first; empty where none were looked for.
+        lines: valves with tubes for it, the best first; empty if none were looked for.
         lengths: the best valve with tubes of other lengths.
-        sources: of gas, those that can do it first.
+        sources: sources of gas, those that can do it first.
         piston: input and output of the paper's cycle of maximal shortening without and with an accumulator [J].
     """
 
@@ -276,7 +276,7 @@ def size(
         law: of `BRAID_LAWS`, for the braids.
         muscle: id of the candidate, or a specimen file, for which lines and sources are looked for; the best where left out.
         lines: look for valves and tubes.
-        progress: is told what comes next.
+        progress: called with a description of the next stage.
 
     Raises:
         InputError: the law is unknown, or no candidate has that id.

@@ -44,7 +44,7 @@ class BenchSelection:
         machine: words of a real one, whose rig stays; empty for a simulated one.
 
     Attributes:
-        dry: of the choice; None while it is being made.
+        dry: dry run of the choice; None while it is being made.
     """
 
     def __init__(self, own: Shelf, news: Callable[[], None], *, muscle: str, rig: Rig | str, machine: str) -> None:

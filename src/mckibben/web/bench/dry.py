@@ -71,7 +71,7 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig, *, o
     """Make the dry run of a protocol; errors of the protocol become findings.
 
     Args:
-        protocol: what is to be done.
+        protocol: the protocol.
         spec: the muscle's specimen.
         unit: the muscle.
         rig: where.
@@ -111,7 +111,7 @@ def lane(bench: PreparedRun) -> list[dict[str, Any]]:
 
 
 def _curves(bench: PreparedRun) -> dict[str, np.ndarray]:
-    """Return time [s] and expected channels, (n,) each, NaN where only the machine decides."""
+    """Return time [s] and expected channels, (n,) each, NaN if only the machine decides."""
     plan = bench.plan
     rate, total = plan.sample_rate, plan.samples
     near = min(total, round(SEEN * rate))
@@ -236,7 +236,7 @@ def _holds(bench: PreparedRun, name: str, words: str) -> bool:
 
 
 def laws(unit: MuscleUnit, low: float, high: float, top: float) -> list[dict[str, Any]]:
-    """Compute the thin lines of the live plot: tension over length at whole bars [SI], with the pressure in words."""
+    """Compute the thin lines of the live plot: tension over length at whole bars [SI], with the pressure as text."""
     bar = 1.0 / from_si(1.0, "Pa", shown_unit("Pa"))
     lengths = np.linspace(low, high, 60)
     tension, found = expected(unit), []

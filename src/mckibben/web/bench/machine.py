@@ -161,7 +161,7 @@ class Bench:
     # ---- runs
 
     def start(self) -> str:
-        """Begin the protocol, on a machine that is set up anew where it begins; a real one is brought there."""
+        """Begin the protocol, on a machine that is set up again where it begins; a real one is brought there."""
         self._require_idle("start")
         prepared, manual = self.chosen.passed(), self.manual
         assert manual is not None

@@ -47,7 +47,7 @@ class ManualControl:
     Args:
         rig: whose machine it is.
         muscle: specimen.
-        speed: of a simulated machine's time over that of the wall.
+        speed: speed of a simulated machine's time over that of the wall.
         stream: that the samples go to.
         news: told that something changed.
         spec: the real machine; None: a simulated one.
@@ -57,7 +57,7 @@ class ManualControl:
         session: once it is ready.
         failed: why it could not be made ready.
         moving: whether pages see its samples.
-        time: of the newest sample that pages have [s].
+        time: time of the newest sample that pages have [s].
     """
 
     def __init__(

@@ -19,12 +19,12 @@ def of_cycle(columns: dict[str, np.ndarray], period: float, frequency: float) ->
     """Compute work, power and air of the last cycle.
 
     Args:
-        columns: of the last two cycles and some samples, (n,) each [SI].
-        period: of the samples [s].
-        frequency: of the cycles [Hz].
+        columns: columns of the last two cycles and some samples, (n,) each [SI].
+        period: period of the samples [s].
+        frequency: frequency of the cycles [Hz].
 
     Returns:
-        Name, value, unit and places of each number that could be had; nothing where the cycle has too few samples. The
+        Name, value, unit and places of each number that could be had; nothing if the cycle has too few samples. The
         work is positive where the muscle does it.
     """
     n = round(1.0 / (frequency * period))

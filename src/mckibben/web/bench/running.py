@@ -40,10 +40,10 @@ class RunController:
     Args:
         prepared: the run; its dry run has passed.
         session: that has the real machine, or operates the simulated one by hand; None: nobody does.
-        clock: of simulated time.
+        clock: clock of simulated time.
         stream: that the samples go to.
         log: that is told of cycles.
-        shelf: of the recordings.
+        shelf: shelf of the recordings.
         news: told that something changed.
         taken: called when the run begins, after a real machine was brought to where it does.
         over: given the run when it has ended.
@@ -52,7 +52,7 @@ class RunController:
         time: how far it is [s].
         record: at the end, if there is one.
         error: at the end, if it failed.
-        asked: what a person has to do now.
+        asked: task of the operator.
         words: which step or cycle it is in.
         cycle: which of how many, where the step has cycles.
         measured: on the last cycle.

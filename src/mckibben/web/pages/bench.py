@@ -1,7 +1,7 @@
 """The Bench page: the test machine, drawn in the browser by ``static/js/bench.js``.
 
 The link may name ``muscle``, ``rig``, ``protocol``, ``window`` [s], ``view`` (``edit``) and ``theme``. The page needs
-nothing of NiceGUI: it lives by its socket alone, and is never built anew while something moves.
+nothing of NiceGUI: it lives by its socket alone, and is never built again while something moves.
 """
 
 from __future__ import annotations

@@ -220,7 +220,7 @@ class Tasks:
         """Zero the counter and begin to sample.
 
         Args:
-            period: of the samples [s].
+            period: period of the samples [s].
             block: samples of one read.
             buffer: time for which samples may stay unread on their way [s].
 

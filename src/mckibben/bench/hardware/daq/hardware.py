@@ -49,7 +49,7 @@ class DaqHardware(Hardware):
     `vented` says whether the card was told to vent by what was written last.
 
     Args:
-        wiring: its terminals.
+        wiring: wiring of the card.
         block: samples of one read. With more than 1 the software gets them late, up to block - 1 periods, and what it
             sends acts as late: for runs that only record.
         buffer: time for which samples may wait to be read before some are lost [s], which ends the run; a control loop
@@ -220,7 +220,7 @@ class DaqHardware(Hardware):
             return False
 
     def _lost(self, error: LineLostError) -> LineLostError:
-        """The complaint about a card that failed, after an attempt to vent; it holds for every later call."""
+        """The error message about a card that failed, after an attempt to vent; it holds for every later call."""
         done = "the machine is vented" if self._try_rest() else "it could not be told to vent"
         self._fault = f"{error}; {done}"
         return type(error)(self._fault)

@@ -40,7 +40,7 @@ class Card:
     """Samples of a machine.
 
     Args:
-        machine: what is sampled.
+        machine: the sampled machine.
         lock_step: whether the outputs make it go on; else the clock does.
         zeroed: whether the counter is set to nothing at the start, as a card does; else the machine's own zero holds.
     """
@@ -441,7 +441,7 @@ class SimulatedDevice:
     """A device server in this process, from entering to leaving its context.
 
     Args:
-        machine: what is behind the card.
+        machine: the machine that the card operates.
         wiring: the terminals that the card has; the machine's names are those of its inputs.
         lock_step: the machine goes on when its outputs are written, which needs reads of one sample; else by the clock.
         zeroed: the counter is set to nothing at every start; else it shows the machine's own count.

@@ -202,7 +202,7 @@ class CardWiring:
         encoder: counter of the encoder, sampled by the clock of the inputs.
         clock: terminal of that clock; that of the inputs' device where it is empty.
         connection: ``local``, or ``grpc://host:port`` of a device server.
-        where: what complaints name.
+        where: name for error messages.
 
     Raises:
         InputError: names the field, the value and what is allowed.
@@ -275,9 +275,9 @@ def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq"
     """Read a wiring from its table, which is described at the top of this file.
 
     Args:
-        table: what TOML gives for ``[daq]``.
-        where: file, for complaints.
-        path: of the table, for complaints.
+        table: content of the TOML table ``[daq]``.
+        where: file, for error messages.
+        path: path of the table, for error messages.
 
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.

@@ -38,7 +38,7 @@ class DeviceMachine(CountedMachine, Protocol):
     """The machine that a device samples and drives; it states the bits of its converters.
 
     Attributes:
-        period: of the samples, set where a run begins, when it also zeroes its encoder [s].
+        period: period of the samples, set where a run begins, when it also zeroes its encoder [s].
     """
 
     period: float
@@ -52,7 +52,7 @@ class About(NamedTuple):
     """Identification of a device.
 
     Attributes:
-        firmware: its name and version.
+        firmware: name and version of the firmware.
         shortest: period it can sample with [ns].
         encoder: whether there is one.
         motor: whether there is one.
@@ -74,7 +74,7 @@ class Board:
         told: whether outputs were put since the newest sample.
         starts: how many runs were begun.
         clocked: whether the timer runs.
-        failed: what ended the machine, if something did.
+        failed: error that ended the machine, if any.
     """
 
     def __init__(self, machine: DeviceMachine, about: About, clock: Callable[[], int]) -> None:
@@ -130,7 +130,7 @@ class Device:
     """The state machine in Python.
 
     Args:
-        board: its hardware.
+        board: hardware of the device.
         send: takes the bytes of one frame.
     """
 
@@ -266,7 +266,7 @@ class CompiledDevice:
     """The state machine in C; behaves as `device.Device`.
 
     Args:
-        board: its hardware.
+        board: hardware of the device.
         send: takes the bytes of one frame.
         library: the compiled firmware.
 

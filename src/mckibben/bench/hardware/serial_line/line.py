@@ -124,7 +124,7 @@ class SerialLine:
     """A port that carries messages.
 
     Attributes:
-        name: of the port, for errors.
+        name: name of the port, for errors.
         unknown: sound frames that are no message.
 
     Raises:
@@ -256,7 +256,7 @@ class Arrivals:
     """The samples of one run, in their order.
 
     Args:
-        period: of the samples [s].
+        period: period of the samples [s].
         lock_step: whether they have no time.
         patience: samples in a row that may be missing.
 

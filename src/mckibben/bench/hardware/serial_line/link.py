@@ -31,7 +31,7 @@ class SerialStatistics(NamedTuple):
 
     Attributes:
         samples: that were taken.
-        lost: of these, those whose frame did not come, or damaged.
+        lost: number of these whose frame did not come, or damaged.
         repeated: frames of samples that had been there, dropped.
         late: frames that came more than a period late; dropped where their sample had been given up.
         bad_checksum: frames with a wrong checksum.
@@ -56,7 +56,7 @@ class SerialHardware(Hardware):
     Args:
         port: name of a serial port, or an object with `read`, `write`, `close` and `fileno`.
         channels: analogue channels that are needed, in the order wanted; the device may have more. None: those it has.
-        bits: of the converter of each channel, by name; None: as the device says.
+        bits: bits of the converter of each channel, by name; None: as the device says.
         encoder: whether one is needed.
         motor: whether one is needed.
         lock_step: the device waits for every command, as only a simulated machine can.
@@ -69,8 +69,8 @@ class SerialHardware(Hardware):
 
     Attributes:
         fresh: whether the newest sample was read, not repeated.
-        time: of the newest reading by the device's clock, of any origin [s].
-        welcome: what the device says it is.
+        time: time of the newest reading by the device's clock, of any origin [s].
+        welcome: identification of the device.
 
     Raises:
         InputError: if the port cannot be opened, or the device is not the one that is needed.

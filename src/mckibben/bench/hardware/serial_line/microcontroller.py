@@ -38,8 +38,8 @@ class Faults(NamedTuple):
     Attributes:
         at: by sample, what happens to its frame: ``checksum``, ``lost``, ``repeated``, ``late`` (with all that follow),
             ``silent`` (no frame any more) or ``unplug``.
-        delay: of a late frame [s].
-        version: of the protocol that WELCOME claims.
+        delay: delay of a late frame [s].
+        version: version of the protocol that WELCOME claims.
     """
 
     at: Mapping[int, str] = {}
@@ -61,14 +61,14 @@ class Microcontroller:
     Args:
         machine: that it samples and drives.
         line: file descriptor of its end; `run` closes it.
-        about: what it says of itself.
+        about: its identification.
         library: the compiled firmware, or None for the state machine in Python.
-        faults: what goes wrong.
+        faults: simulated faults.
         spin: time before a tick from which it does not sleep [s].
 
     Attributes:
         board: the machine and its outputs.
-        lateness: of the ticks by the timer [s].
+        lateness: lateness of the ticks by the timer [s].
     """
 
     def __init__(
@@ -216,7 +216,7 @@ def in_thread(machine: DeviceMachine, **options: Any) -> Iterator[Attached]:
 
     Args:
         machine: that is hosted.
-        options: of `Microcontroller`.
+        options: options of `Microcontroller`.
     """
     line, other, port = _pair()
     microcontroller = Microcontroller(machine, line, **options)
@@ -250,8 +250,8 @@ def in_process(factory: Callable[..., DeviceMachine], *arguments: Any, **options
 
     Args:
         factory: makes the machine there.
-        arguments: of the factory.
-        options: of `Microcontroller`.
+        arguments: arguments of the factory.
+        options: options of `Microcontroller`.
 
     Raises:
         LineLostError: if it does not begin.

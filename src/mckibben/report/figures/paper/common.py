@@ -54,7 +54,7 @@ def stack(
 
     Args:
         shares: heights relative to each other, from the top.
-        height: of the figure [inch].
+        height: height of the figure [inch].
         wide: width of the figure [inch].
         beside: room right of the axes [inch].
         gap: between axes [inch].

@@ -65,7 +65,7 @@ def starts() -> dict[str, Document]:
 
 
 def planned(document: Mapping[str, Any]) -> CircuitPlan:
-    """The plan of a document; complaints are those of the command line, without the name of a file.
+    """The plan of a document; error messages are those of the command line, without the name of a file.
 
     Raises:
         InputError: names the dotted path, its value and what is allowed.

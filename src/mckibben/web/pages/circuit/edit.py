@@ -55,7 +55,7 @@ def insert(document: Document, plan: CircuitPlan, part: str, at: str) -> tuple[D
 
     Args:
         document: the circuit.
-        plan: of it.
+        plan: plan of it.
         part: one of `PARTS` that is no sensor.
         at: name of the node or element.
 

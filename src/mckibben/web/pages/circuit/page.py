@@ -27,9 +27,9 @@ class CircuitPage:
 
     Args:
         lab: state of the server.
-        shelf: of the circuits that were saved.
+        shelf: shelf of the circuits that were saved.
         document: to begin with.
-        view: what the address says.
+        view: parameters of the address.
     """
 
     def __init__(self, lab: Laboratory, shelf: Shelf, document: Document, view: dict[str, str]) -> None:

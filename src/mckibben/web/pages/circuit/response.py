@@ -100,7 +100,7 @@ def respond(plan: CircuitPlan, method: IntegrationMethod | None = None) -> Circu
     """Compute the response of a circuit.
 
     Args:
-        plan: of the circuit.
+        plan: plan of the circuit.
         method: to begin with; another is taken where the rates that were met ask for it.
 
     Raises:
@@ -190,7 +190,7 @@ SHARES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 
 
 class ResponseNumbers(NamedTuple):
-    """Numbers of a response; None where the command does not step or nothing follows it [SI].
+    """Numbers of a response; None if the command does not step or nothing follows it [SI].
 
     Where `settled` is False, the level after the step and the times are of a step still under way: over the last fifth of
     the time after it the channel still changes by `drift` of the step. `ends` says whether another step came before.
@@ -273,7 +273,7 @@ def settled(
     """Numbers of a response that has settled: from a longer run, where the plan's own is too short.
 
     Args:
-        plan: of the circuit.
+        plan: plan of the circuit.
         found: numbers of its own run.
         node: whose pressure is read.
         method: to begin with.
@@ -352,7 +352,7 @@ def _resistance(plan: CircuitPlan, name: str) -> float:
 
 
 class ValueSweep(NamedTuple):
-    """The rise over a value of a part: its path, the values [SI], the rises [s], NaN where nothing rises or settles."""
+    """The rise over a value of a part: its path, the values [SI], the rises [s], NaN if nothing rises or settles."""
 
     key: str
     unit: str
@@ -362,7 +362,7 @@ class ValueSweep(NamedTuple):
 
 
 def grows(plan: CircuitPlan, name: str) -> str:
-    """The value of a part that the small chart varies; nothing where it has none."""
+    """The value of a part that the small chart varies; nothing if it has none."""
     section = "nodes" if name in plan.nodes else "elements"
     words = plan.document[section].get(name, {})
     if section == "nodes" and words.get("kind") not in ("volume",):

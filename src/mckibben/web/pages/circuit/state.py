@@ -41,7 +41,7 @@ class CircuitState:
         sensors: nodes whose pressure is drawn.
         flows: elements whose flow is drawn.
         models: kinds of tubes that are compared.
-        number: of the newest change; what was computed for an older one is thrown away.
+        number: number of the newest change; what was computed for an older one is thrown away.
     """
 
     def __init__(self, document: Document, chosen: str = "") -> None:

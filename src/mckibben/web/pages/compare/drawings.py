@@ -151,7 +151,7 @@ def velocity_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart:
 
 
 def step_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart | None:
-    """The isometric step of every muscle that ran it: up, and down again after the rise; None where none did."""
+    """The isometric step of every muscle that ran it: up, and down again after the rise; None if none did."""
     lines = []
     for letter, one in muscles:
         ran = jobs.run_known(one, "isometric-step")

@@ -30,7 +30,7 @@ class ComparePage:
 
     Args:
         lab: state of the server.
-        view: what the address says.
+        view: parameters of the address.
     """
 
     def __init__(self, lab: Laboratory, view: dict[str, str]) -> None:

@@ -44,7 +44,7 @@ def account(path: Path, kind: str = "", muscle: str = "") -> tuple[EnergyAccount
     """Account of a recording, its title, and whether the run recorded one.
 
     Args:
-        path: of the recording.
+        path: path of the recording.
         kind: ``measured`` for an estimate although the run kept an account.
         muscle: id of the specimen whose law gives the volume, where the recording does not say.
 

@@ -39,12 +39,12 @@ class EnergyPage:
     """The Energy page of one visitor.
 
     Args:
-        lab: of the recordings.
-        words: of the link.
+        lab: state of the server.
+        words: words of the link.
         bar: place of the buttons in the heading.
-        place: of all below.
-        choice: what the link says.
-        said: what of it was refused.
+        place: place of all below.
+        choice: the choice of the link.
+        said: messages about refused values.
         muscles: id and title of those that can be chosen.
     """
 
@@ -325,7 +325,7 @@ class RecordedFlow:
     """Energy flow of a recording.
 
     Args:
-        view: of the page.
+        view: view of the page.
         head: place of the lists in the panel's heading.
     """
 

@@ -29,14 +29,14 @@ class EnergyChoice:
     Attributes:
         muscle: id of a specimen.
         law: where it states several.
-        cycle: of `CYCLES`.
+        cycle: cycle of `CYCLES`.
         pressure: gauge pressure of the supply [Pa].
         exchange: ``atmosphere`` or ``accumulator``.
         accumulator_pressure: gauge pressure of that [Pa]; the threshold where None.
         friction: while shortening [N].
         stretched_length: where cycles begin [m].
-        volume: of `VOLUMES`; the paper's where the law has it, if empty.
-        reading: of `READINGS`.
+        volume: volume of `VOLUMES`; the paper's where the law has it, if empty.
+        reading: reading of `READINGS`.
     """
 
     muscle: str = "nylon"

@@ -146,12 +146,12 @@ def words_field(
     """Build an optional text field; input is checked by `change`, whose `InputError` is shown below it.
 
     Args:
-        name: of the field, for everybody.
+        name: name of the field, for everybody.
         label: before it.
         unit: SI unit; a number without one is in the unit that the field shows.
         words: to begin with.
-        change: given the words, or nothing where the field was emptied.
-        about: what it means.
+        change: given the words, or nothing if the field was emptied.
+        about: explanation.
         mark: class of the label.
     """
     from ....quantities import shown_unit

@@ -42,7 +42,7 @@ class FitJob:
     Attributes:
         fits: by law.
         skipped: why a law could not be fitted, by law.
-        words: what is being done.
+        words: label of the work.
         version: changes with every step.
     """
 
@@ -168,8 +168,8 @@ class TableReading(NamedTuple):
 
     Attributes:
         look: into the file.
-        size: of the file [B].
-        points: the table; nothing where it was refused.
+        size: size of the file [B].
+        points: the table; nothing if it was refused.
         wrong: why it was refused.
         asked: how it was read in the end.
     """

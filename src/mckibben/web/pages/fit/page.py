@@ -31,7 +31,7 @@ class FitPage:
 
     Args:
         lab: state of the server.
-        words: of the link.
+        words: words of the link.
     """
 
     def __init__(self, lab: Laboratory, words: Mapping[str, str]) -> None:
@@ -308,7 +308,7 @@ class FitProgress:
     Args:
         place: where it stands while there is something to say.
         work: that goes on.
-        stop: what the button does.
+        stop: called by the button.
     """
 
     def __init__(self, place: Element, work: FitJob, stop: Callable[[], Any]) -> None:

@@ -27,19 +27,19 @@ LINK = (*KINDS, "columns", "units", "known", *WORDS, "slack", "laws", "law", "vi
 
 @dataclass(frozen=True)
 class FitRequest:
-    """A table and how to read it, in words; equal ones give equal fits.
+    """A table and how to read it, as text; equal ones give equal fits.
 
     Attributes:
         kind: one of `KINDS`.
-        name: of the file or the specimen.
+        name: name of the file or the specimen.
         columns: what a column holds, and its cell of the header; over what the header says.
-        units: what a column holds, and its unit in words; over what the header says.
-        known: parameters that are not fitted, with their values in words.
-        rest: rest length in words.
+        units: what a column holds, and its unit as text; over what the header says.
+        known: parameters that are not fitted, with their values as text.
+        rest: rest length as text.
         like: a specimen whose dimensions are known.
-        branch: of the rows that are kept.
-        zero: what the pressure reads at zero, in words.
-        below: gauge pressure up to which a separate fit is trained, in words.
+        branch: branch of the rows that are kept.
+        zero: what the pressure reads at zero, as text.
+        below: gauge pressure up to which a separate fit is trained, as text.
         slack: use slack points to say where a law may not pull.
     """
 

@@ -230,7 +230,7 @@ class RecordingCache(Folder):
     """Recordings by key; whoever asks for one that another makes waits for it.
 
     Args:
-        place: of the folder.
+        place: place of the folder.
         tell: told when it is waited.
     """
 

@@ -61,7 +61,7 @@ class PaperPage:
         self.shown: Any = None  # what the body of the figure was made of
 
     def _shows(self, row: str) -> str:
-        """The figure that shows a row; nothing where none does."""
+        """The figure that shows a row; nothing if none does."""
         return next((f.id for f in self.figures.values() if row in f.rows), "")
 
     def show(self) -> None:

@@ -58,7 +58,7 @@ class Reproduction:
         """Compute rows that are still to come: the quick ones first.
 
         Args:
-            names: of rows; all where left out.
+            names: names of rows; all by default.
             recordings: off leaves out the rows that take recordings of the simulated test machine.
 
         Raises:

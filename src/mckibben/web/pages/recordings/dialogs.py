@@ -16,7 +16,7 @@ HELP = "Of a file of others, where its header does not say it."
 
 
 class ImportDialog:
-    """Import a file: dropped or chosen; if a header is insufficient, columns and units are asked for.
+    """Import a file: dropped or chosen; if a header is insufficient, columns and units are requested.
 
     Args:
         take: given the file, a place for its progress, columns, units and period; gives name and remarks, or raises why it

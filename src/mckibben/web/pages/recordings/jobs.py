@@ -42,9 +42,9 @@ def imported(path: Path, name: str, target: Path, columns: Mapping[str, str], un
         path: the file.
         name: as whoever sent it calls it.
         target: that the recording is written to, if the file is none already.
-        columns: channel name -> label or number of the column, in words.
-        units: channel name -> unit in words.
-        period: interval of the samples in words, where the file has no time.
+        columns: channel name -> label or number of the column, as text.
+        units: channel name -> unit as text.
+        period: interval of the samples as text, where the file has no time.
 
     Raises:
         InputError: names column, value and what is allowed.

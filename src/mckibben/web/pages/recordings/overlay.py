@@ -34,10 +34,10 @@ class OverlaidPart:
 
     Attributes:
         letter: A or B.
-        name: of its file.
+        name: name of its file.
         record: the step that is shown, or all of it.
         begins: time of its samples that stands at zero of the axis [s].
-        words: which step it is; nothing where it is all.
+        words: which step it is; nothing if it is all.
     """
 
     letter: str
@@ -47,7 +47,7 @@ class OverlaidPart:
     words: str = ""
 
     def values(self, what: str) -> np.ndarray | None:
-        """A quantity in the unit that is shown (n,), and nothing where it was not recorded."""
+        """A quantity in the unit that is shown (n,), and nothing if it was not recorded."""
         name = places(self.record).get(what)
         if name is None:
             return None
@@ -85,7 +85,7 @@ def begins(record: Recording) -> float:
 
 
 def last_cycle(record: Recording) -> slice | None:
-    """The samples of the last full cycle of the length; nothing where it has none."""
+    """The samples of the last full cycle of the length; nothing if it has none."""
     from ....analysis.cycles import find_cycles
 
     name = places(record).get("length")

@@ -31,7 +31,7 @@ class RecordingsPage:
 
     Args:
         lab: state of the server.
-        words: of the link.
+        words: words of the link.
     """
 
     def __init__(self, lab: Laboratory, words: Mapping[str, str]) -> None:

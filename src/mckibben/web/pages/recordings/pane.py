@@ -28,7 +28,7 @@ class OverlayPane:
 
     Args:
         view: whose recordings are chosen.
-        words: of the link.
+        words: words of the link.
     """
 
     def __init__(self, view: RecordingsPage, words: Mapping[str, str]) -> None:

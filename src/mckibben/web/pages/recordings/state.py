@@ -35,16 +35,16 @@ class RecordingEntry:
     """An entry of the list; all text but the thumbnail's is from a user's file.
 
     Attributes:
-        name: of the file.
-        about: what was done.
+        name: name of the file.
+        about: description of the experiment.
         muscle: which one.
         origin: ``simulated``, ``measured``, or ``file``.
-        protocol: its name.
+        protocol: name of the protocol.
         created: when [s since the epoch].
         duration: [s].
-        size: of the file [B].
-        sign: ``check``, ``caution`` or ``stop``; none where somebody ended it.
-        said: what is to be known.
+        size: size of the file [B].
+        sign: ``check``, ``caution`` or ``stop``; none if somebody ended it.
+        said: remark.
         notes: a person's.
         thumb: an SVG.
     """
@@ -200,7 +200,7 @@ def _sign(meta: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def channel(record: Recording, names: Sequence[str]) -> str:
-    """The first of some channels that a recording has; nothing where it has none."""
+    """The first of some channels that a recording has; nothing if it has none."""
     return next((n for n in names if n in record and np.isfinite(record[n]).any()), "")
 
 
