@@ -145,7 +145,7 @@ def braid_laws(dimensions: Mapping[str, Any], *, upper_length: Any = None) -> di
 
     Args:
         dimensions: all of `DIMENSIONS` [SI].
-        upper_length: upper working length [m]; where left out, 1.1 rest lengths, less for narrow braids.
+        upper_length: upper working length [m]; by default, 1.1 rest lengths, less for narrow braids.
     """
     rest, outer, angle, thread, wall, shore = (dimensions[name] for name in DIMENSIONS)
     layer = outer - 2.0 * thread
@@ -202,9 +202,9 @@ def from_braid(
         rest_length: length between the fittings, without pressure and load [m].
         diameter: outer diameter of the braid at that length [m].
         braid_angle: angle of the threads from the long axis at that length [rad], 20.5 to 50 degrees.
-        thread_diameter: of one thread [m].
+        thread_diameter: thread diameter of one thread [m].
         bladder_thickness: wall of the bladder [m].
-        shore: Shore A hardness of the bladder, such as 40 or ``"40A"``; 45 with a range of 30 to 70 where left out.
+        shore: Shore A hardness of the bladder, such as 40 or ``"40A"``; 45 with a range of 30 to 70 by default.
         name: id of the specimen.
 
     Returns:
@@ -255,7 +255,7 @@ def _computed(varied: dict[str, Any]) -> tuple[dict[str, TensionLaw], Any, Any, 
 
 
 def slenderness_caution(spec: Specimen) -> str | None:
-    """What is to be said of a braid that is too short for its diameter; None where it is slender enough."""
+    """What is to be said of a braid that is too short for its diameter; None if it is slender enough."""
     length, wide = spec.property_si("rest_length", "m"), spec.property_si("outer_diameter", "m")
     if length >= SLENDER * wide:
         return None

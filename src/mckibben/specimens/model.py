@@ -113,7 +113,7 @@ class Specimen:
         return dataclasses.asdict(self)
 
     def source(self) -> str:
-        """The first source, as a citation key; empty where the file names none."""
+        """The first source, as a citation key; empty if the file names none."""
         return self.sources[0] if self.sources else ""
 
     def inferred(self) -> list[str]:

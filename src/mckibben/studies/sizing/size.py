@@ -272,9 +272,9 @@ def size(
     """Find muscles, valves and tubes, and sources.
 
     Args:
-        wish: what is wanted.
-        law: of `BRAID_LAWS`, for the braids.
-        muscle: id of the candidate, or a specimen file, for which lines and sources are looked for; the best where left out.
+        wish: the requirements.
+        law: law of `BRAID_LAWS`, for the braids.
+        muscle: id of the candidate, or a specimen file, for which lines and sources are looked for; the best by default.
         lines: look for valves and tubes.
         progress: called with a description of the next stage.
 
