@@ -147,7 +147,7 @@ def rest_length_of(spec: Specimen | None, law: Any = None) -> float:
 
     Args:
         spec: what was read from a file, if anything was.
-        law: law of the muscle; the default law of the file by default.
+        law: law of the muscle; the default law of the file if omitted.
     """
     if spec is not None and "rest_length" in spec.properties:
         return spec.property_si("rest_length", "m")

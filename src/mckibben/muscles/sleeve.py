@@ -202,7 +202,7 @@ def from_braid(
         rest_length: length between the fittings, without pressure and load [m].
         diameter: outer diameter of the braid at that length [m].
         braid_angle: angle of the threads from the long axis at that length [rad], 20.5 to 50 degrees.
-        thread_diameter: thread diameter of one thread [m].
+        thread_diameter: diameter of one thread [m].
         bladder_thickness: wall of the bladder [m].
         shore: Shore A hardness of the bladder, such as 40 or ``"40A"``; 45 with a range of 30 to 70 by default.
         name: id of the specimen.

@@ -72,7 +72,7 @@ class Session:
         keep: time for which samples are kept for displays [s].
         hold: time for which set-points are held after `control_lost` [s].
         rests: a simulated machine stands still while nothing is asked of it.
-        by_hand: make the machine ready to be operated by hand; else it is there for runs `again` only.
+        by_hand: make the machine ready to be operated by hand; else it is there for runs `anew` only.
 
     Attributes:
         button: the emergency stop; another one after every reset.
@@ -482,7 +482,7 @@ class Session:
 
         Args:
             protocol: itself, its name, or what `prepare` made of it.
-            again: begin on a machine that was set up for this run instead: a simulated one is made again, with a muscle at
+            anew: begin on a machine that was set up for this run instead: a simulated one is made again, with a muscle at
                 rest where the protocol begins, a real one is started, its encoder zeroed where somebody mounted the muscle.
                 What is operated by hand stands still meanwhile.
             clock: of the time of a simulated machine that is made anew; None: as fast as it goes, whole chunks at once.
