@@ -19,7 +19,7 @@ import numpy as np
 from kernel_names import COMMON, PATHS, VALVE_PATHS
 
 from mckibben.assembly.build import AirLine, several, unit_from_specimen
-from mckibben.assembly.loads import Plate
+from mckibben.assembly.loads import PlateLoad
 from mckibben.assembly.machine import Machine
 from mckibben.assembly.muscle_unit import STOP_TRAVEL, MuscleUnit
 from mckibben.components.paths import get, put
@@ -127,7 +127,7 @@ def tube() -> Case:
         ),
     }  # fmt: skip
     circuit = Circuit.of(nodes, {"m.tube": Branch(_tube(), ("supply", "m"))})
-    machine = Machine.of(circuit, {"m": muscle}, Plate(held=("m",), span=0.16))
+    machine = Machine.of(circuit, {"m": muscle}, PlateLoad(held=("m",), span=0.16))
     start = machine.initial({"m": ROOM}, {"supply": _still(ROOM)})
 
     def wave(time: Any, phase: Any) -> list[Any]:
@@ -145,7 +145,7 @@ def valve() -> Case:
     fill, vent = Orifice(conductance=4e-9), Orifice(conductance=5e-9, critical_ratio=0.3)
     heat = WallHeat(conductance=0.2, wall_temperature=TEMPERATURE)
     line = AirLine(valve=(fill, vent), tube=_tube(), port_volume=5e-6, heat=heat, dead=1e-6)
-    machine = several({"m": unit()}, Plate(held=("m",), span=0.16), supply=6e5, line=line)
+    machine = several({"m": unit()}, PlateLoad(held=("m",), span=0.16), supply=6e5, line=line)
     start = machine.initial({"m": ROOM, "m.port": ROOM}, {"m.fill": _still(0.0), "m.vent": _still(0.0)})
 
     def wave(time: Any, phase: Any) -> list[Any]:
@@ -172,7 +172,7 @@ def rig(muscles: int) -> tuple[Machine, tuple[Any, Any], str]:
         units[name] = one
         branches[f"{name}.tube"] = Branch(_tube(), ("supply", name))
         nodes[name] = MovingVolume(of=one.law.braid_volume, ambient=ROOM, dead=1e-6, signal=f"{name}.length", heat=heat)
-    machine = Machine.of(Circuit.of(nodes, branches), units, Plate(held=tuple(units), span=0.16))
+    machine = Machine.of(Circuit.of(nodes, branches), units, PlateLoad(held=tuple(units), span=0.16))
     # one muscle at rest is all of them at rest
     alone = tube()
     state, memory = alone.start

@@ -15,7 +15,7 @@ from mckibben.assembly.build import (
     single_muscle,
     unit_from_specimen,
 )
-from mckibben.assembly.loads import Body, MomentArm, Plate
+from mckibben.assembly.loads import Body, MomentArm, PlateLoad
 from mckibben.assembly.machine import Machine
 from mckibben.components import paths
 from mckibben.engine.signals import Value
@@ -27,7 +27,7 @@ from mckibben.pneumatics.tubes import LumpedTube
 from mckibben.specimens import specimen
 
 SUPPLY = 6e5
-PLATE = Plate(held=("m",), span=0.14)
+PLATE = PlateLoad(held=("m",), span=0.14)
 VALVES = {
     "spool_valve": {"flow": "600 l/min", "flow_pressure": "6.9 bar", "lag": "5 ms"},
     "pressure_regulator": {"flow": "600 l/min", "flow_pressure": "6.9 bar", "band": "0.2 bar"},
@@ -64,7 +64,7 @@ def test_a_valve_with_three_ports_is_one_element_of_the_line(kind):
 
 
 def test_an_own_line_for_each_muscle():
-    load = Plate(held=("a", "b"), span=0.14)
+    load = PlateLoad(held=("a", "b"), span=0.14)
     lines = {"a": AirLine(), "b": AirLine(tube=LumpedTube(length=2.0, diameter=4e-3))}
     machine = several({"a": "nylon", "b": "nylon"}, load, supply=SUPPLY, line=lines)
     assert float(machine.circuit.elements["b.tube"].length) == 2.0
@@ -83,9 +83,9 @@ REFUSED = {
     "unknown mechanics": lambda: unit_from_specimen("nylon", weight=3.0),
     "negative mass": lambda: unit_from_specimen("nylon", end_mass=-1.0),
     "unknown part of a line": lambda: single_muscle("nylon", PLATE, supply=SUPPLY, hose=1.0),
-    "two muscles as one": lambda: single_muscle("nylon", Plate(held=("a", "b")), supply=SUPPLY),
+    "two muscles as one": lambda: single_muscle("nylon", PlateLoad(held=("a", "b")), supply=SUPPLY),
     "another muscle": lambda: several({"n": "nylon"}, PLATE, supply=SUPPLY),
-    "no muscle": lambda: several({}, Plate(held=()), supply=SUPPLY),
+    "no muscle": lambda: several({}, PlateLoad(held=()), supply=SUPPLY),
     "no line": lambda: several({"m": "nylon"}, PLATE, supply=SUPPLY, line={}),
     "no tank": lambda: circuit_for({"m": unit_from_specimen("nylon")}, supply=SUPPLY, feed=HOLE),
     "a leak as a valve": lambda: single_muscle(
@@ -129,7 +129,7 @@ def test_a_muscle_without_its_node_is_refused():
 
 
 def test_every_parameter_of_a_machine_has_an_address_though_names_have_dots():
-    machine = single_muscle("nylon", Plate(held=("m",), span=0.14), supply=6e5)
+    machine = single_muscle("nylon", PlateLoad(held=("m",), span=0.14), supply=6e5)
     known = dict(paths.parameters(machine))
     assert "circuit.nodes.m.port.size" in known and "circuit.elements.m.tube.length" in known
     for path in known:

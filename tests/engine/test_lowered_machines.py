@@ -7,7 +7,7 @@ import pytest
 from rubbing_systems import PERIOD, per_lane, rubbing
 
 from mckibben.assembly.build import single_muscle, unit_from_specimen
-from mckibben.assembly.loads import Plate
+from mckibben.assembly.loads import PlateLoad
 from mckibben.components.system import System
 from mckibben.engine import held, march
 from mckibben.engine.integration import compile_march
@@ -44,7 +44,7 @@ class WithoutAccounts(System):
 
 def machine():
     """The nylon muscle with friction behind a tube and ISO 6358 valves; its other end is moved."""
-    return single_muscle(unit_from_specimen("nylon"), Plate(held=("m",), signal="x"), supply=6e5)
+    return single_muscle(unit_from_specimen("nylon"), PlateLoad(held=("m",), signal="x"), supply=6e5)
 
 
 def anywhere(example, chance):

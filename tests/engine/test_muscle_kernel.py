@@ -12,7 +12,7 @@ import pytest
 
 from lanewise import Program, lower, tangents, to_ptx
 from mckibben.assembly.build import unit_from_specimen
-from mckibben.assembly.loads import Plate
+from mckibben.assembly.loads import PlateLoad
 from mckibben.assembly.machine import Machine
 from mckibben.engine import held, march
 from mckibben.engine.signals import Value
@@ -41,7 +41,7 @@ def muscle() -> tuple[Machine, tuple[Any, Any]]:
         "m": MovingVolume(of=one.law.braid_volume, ambient=ROOM, dead=1e-6, signal="m.length", heat=heat),
     }
     circuit = Circuit.of(nodes, {"m.valve": Branch(Orifice(conductance=4e-9), ("supply", "m"))})
-    machine = Machine.of(circuit, {"m": one}, Plate(held=("m",), span=0.16))
+    machine = Machine.of(circuit, {"m": one}, PlateLoad(held=("m",), span=0.16))
     return machine, machine.initial({"m": ROOM}, {"supply": Value(jnp.asarray(ROOM), jnp.zeros(()))})
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from mckibben.assembly import machine as machine_module
 from mckibben.assembly.build import AirLine, several, unit_from_specimen
-from mckibben.assembly.loads import Joint, MomentArm, Plate
+from mckibben.assembly.loads import JointLoad, MomentArm, PlateLoad
 from mckibben.engine import held
 from mckibben.engine.integration import compile_march
 from mckibben.engine.native import EngineFunction
@@ -24,7 +24,7 @@ def rig(count=MUSCLES, load=None, **more):
     units = {n: unit_from_specimen("nylon", end_mass=0.02 * (1.0 + 0.1 * k)) for k, n in enumerate(names)}
     tubes = [InertialTube(viscous=54.0, turbulent=6.4, area=7.9e-6, length=0.5 + 0.1 * k) for k in range(count)]
     lines = {n: AirLine(tube=tube) for n, tube in zip(names, tubes, strict=True)}
-    machine = several(units, load or Plate(held=tuple(names), span=0.14), supply=5e5, line=lines, **more)
+    machine = several(units, load or PlateLoad(held=tuple(names), span=0.14), supply=5e5, line=lines, **more)
     time = np.arange(SAMPLES + 1)
     signals = {f"{n}.fill": held(np.where(time >= k % 5, 1.0, 0.0)) for k, n in enumerate(names)}
     signals |= {f"{n}.vent": held(np.zeros(SAMPLES + 1)) for n in names}
@@ -73,7 +73,7 @@ def test_muscles_that_act_on_each_other_stay_together():
     machine, *_ = rig(**tank)
     assert machine.names_by_part() == {}
     arms = {f"m{k}": MomentArm(coefficients=np.array([0.02 if k % 2 else -0.02]), span=0.14) for k in range(MUSCLES)}
-    machine, *_ = rig(load=Joint(arms=arms, inertia=0.01))
+    machine, *_ = rig(load=JointLoad(arms=arms, inertia=0.01))
     assert machine.names_by_part() == {}
     few, *_ = rig(count=3)
     assert few.names_by_part() == {}

@@ -8,7 +8,7 @@ import numpy as np
 
 from mckibben.assembly.accounts import accounts
 from mckibben.assembly.build import AirLine, antagonist_pair, several, single_muscle, unit_from_specimen
-from mckibben.assembly.loads import Body, MomentArm, Plate
+from mckibben.assembly.loads import Body, MomentArm, PlateLoad
 from mckibben.assembly.wrap import Wrap
 from mckibben.engine import Result, Run, held, march
 from mckibben.engine.signals import Value
@@ -32,7 +32,7 @@ def unit(rubs=True, wrapped=False):
 
 def plate(heat=ADIABATIC):
     """One nylon muscle with friction, whose other end moves as the signal x says."""
-    return single_muscle(unit(), Plate(held=("m",), signal="x"), supply=SUPPLY, heat=heat)
+    return single_muscle(unit(), PlateLoad(held=("m",), signal="x"), supply=SUPPLY, heat=heat)
 
 
 def body(heat=ADIABATIC, wrap_angle=0.0, **load):
@@ -61,7 +61,7 @@ def shared(heat=ADIABATIC):
         "d": AirLine(heat=heat),
     }
     return several(
-        {n: unit(rubs=False) for n in names}, Plate(held=names, signal="x"), supply=SUPPLY, line=lines,
+        {n: unit(rubs=False) for n in names}, PlateLoad(held=names, signal="x"), supply=SUPPLY, line=lines,
         tank=FixedVolume(size=1e-4, heat=heat), feed=Orifice(conductance=4e-9),
     )  # fmt: skip
 

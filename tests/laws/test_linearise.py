@@ -197,6 +197,6 @@ def test_names_that_are_not_there_are_refused():
     machine, state, _ = on_a_plate()
     with pytest.raises(InputError, match="Known are m"):
         muscle_stiffness(machine, *arguments(machine, state), "n")
-    with pytest.raises(InputError, match="must be a Joint"):
+    with pytest.raises(InputError, match="must be a JointLoad"):
         joint_stiffness(machine, *arguments(machine, state))
     assert at({"x": ramped(np.zeros(2))}, 0)["x"].value == 0.0

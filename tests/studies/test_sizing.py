@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mckibben.assembly.build import single_muscle
-from mckibben.assembly.loads import Plate
+from mckibben.assembly.loads import PlateLoad
 from mckibben.citations import known_keys
 from mckibben.engine import integrate
 from mckibben.engine.signals import held
@@ -216,7 +216,7 @@ def machine_step(candidate, wish, valve, *, length, tube=3.175e-3, duration=0.3)
     # A stiff cord: what the usual one gives at 500 N is 5 mm, and no matter of the muscle.
     cord = Tendon(stiffness=2e6, toe_length=1e-4, loss=0.2)
     machine = single_muscle(
-        unit_of(candidate).replace(tendon=cord), Plate(held=("muscle",), span=length), supply=wish.pressure,
+        unit_of(candidate).replace(tendon=cord), PlateLoad(held=("muscle",), span=length), supply=wish.pressure,
         valve=element, tube=LumpedTube(length=wish.tube_length, diameter=tube),
     )  # fmt: skip
     period = 1e-3

@@ -14,6 +14,7 @@ from ..pneumatics.exergy import stored_exergy
 from .exergy_balance import ExergyBalance, StoredChange, exergy_balance
 from .machine import Machine
 
+CLOSED = ("mass", "gas", "muscle", "mechanics", "energy", "exergy")  # accounts that a recording states
 LEAST = 1e-6  # [J]; of less work than this, rounding of what is stored is all that an account shows
 
 

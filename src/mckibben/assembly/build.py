@@ -23,7 +23,7 @@ from ..pneumatics.tubes import LumpedTube
 from ..pneumatics.valves import PressureRegulator, SpoolValve, ThreeWayValve
 from ..pneumatics.volume import Chamber, FixedVolume, MovingVolume, Reservoir
 from ..specimens import Specimen, specimen
-from .loads import Joint, Load, MomentArm
+from .loads import JointLoad, Load, MomentArm
 from .machine import Machine
 from .muscle_unit import MuscleUnit
 from .wrap import Wrap
@@ -247,7 +247,7 @@ def antagonist_pair(
         flexor_arm: moment arm, positive at angle zero.
         extensor_arm: moment arm, negative at angle zero.
         inertia: about the axis [kg m^2].
-        joint: what else `Joint` has, by name.
+        joint: what else `JointLoad` has, by name.
         environment: the room.
         **line: as `AirLine` has it, for both.
 
@@ -261,7 +261,7 @@ def antagonist_pair(
             raise InputError(
                 f"{name}_arm", at, f"must be {words} moment arm at angle zero [m]", where="antagonist pair"
             )
-    load = Joint(arms={"flexor": flexor_arm, "extensor": extensor_arm}, inertia=inertia, **dict(joint or {}))
+    load = JointLoad(arms={"flexor": flexor_arm, "extensor": extensor_arm}, inertia=inertia, **dict(joint or {}))
     units = {"flexor": flexor, "extensor": extensor}
     return several(units, load, supply=supply, line=_line(line), environment=environment)
 

@@ -22,7 +22,7 @@ from ..components import Module, Scalar, jit_arrays
 from ..engine.signals import Value
 from ..errors import InputError
 from ..quantities import quantity, with_unit
-from .loads import Joint
+from .loads import JointLoad
 from .loads.joint import JointState
 from .machine import Machine
 from .muscle_unit import UnitState
@@ -103,8 +103,8 @@ def pair_map(
     Raises:
         InputError: if the machine is no such pair, or at an angle no pressures balance it with both muscles taut.
     """
-    if not isinstance(machine.load, Joint) or sorted(machine.units) != sorted(NAMES):
-        raise InputError("machine", ", ".join(machine.units), f"must be a Joint with {' and '.join(NAMES)}")
+    if not isinstance(machine.load, JointLoad) or sorted(machine.units) != sorted(NAMES):
+        raise InputError("machine", ", ".join(machine.units), f"must be a JointLoad with {' and '.join(NAMES)}")
     for name, low, high in (("highest", lowest, highest), ("angles", *angles)):
         if not low < high:
             raise InputError(name, high, f"must be more than {low:.6g}", where="pair map")

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from ..components import Scalar, derivative
 from ..errors import InputError
 from ..pneumatics.heat import Inflow, VolumeState
-from .loads import Joint
+from .loads import JointLoad
 from .machine import Machine
 from .muscle_unit import MuscleUnit
 
@@ -98,8 +98,8 @@ def joint_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any) -> S
         InputError: if the machine's load is no joint.
     """
     load = machine.load
-    if not isinstance(load, Joint):
-        raise InputError("load", type(load).__name__, "must be a Joint", where="stiffness")
+    if not isinstance(load, JointLoad):
+        raise InputError("load", type(load).__name__, "must be a JointLoad", where="stiffness")
     _, _, felt = machine.pulls(state, memory, inputs)
     angle = state["load"].angle
 

@@ -141,7 +141,7 @@ def _known(place: Path, sweep: Sweep) -> ResultStore:
 
 
 def _create(group: Any, sweep: Sweep, block: int) -> None:
-    from ..bench.metadata import versions
+    from ..recordings.provenance import versions
 
     count = len(sweep.variants)
 

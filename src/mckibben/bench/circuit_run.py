@@ -13,15 +13,16 @@ from ..analysis.steps import unsettled_at_end
 from ..assembly.circuit_file import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
 from ..components import Module, Scalar, field
+from ..components.paths import resolved
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
 from ..pneumatics.balance import balance
 from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
 from ..pneumatics.volume import MovingVolume
+from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
 from ..specimens import specimen
 from .channels import described
-from .metadata import created, resolved, versions
 
 CHUNK = 400_000  # steps of a part; each part costs some seconds beside, for its rates are examined
 

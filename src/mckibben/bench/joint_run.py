@@ -12,23 +12,25 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..assembly.accounts import Accounts, accounts
+from ..assembly.accounts import CLOSED, Accounts, accounts
 from ..assembly.build import antagonist_pair
 from ..assembly.exergy_balance import document
 from ..assembly.loads import MomentArm
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
+from ..assembly.output_names import CONSTANT
 from ..assembly.pair_map import NAMES, pair_map
+from ..components.paths import resolved
 from ..engine import STEP, sampled
 from ..engine.native import call_compiled
 from ..errors import InputError
+from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
 from ..specimens import Specimen
-from .channels import CONSTANT, described
+from .channels import described
 from .hardware.computer import Timing, configure
 from .hardware.joint_stand import MOMENT, PRESSURES, RiggedJoint
 from .hardware.motor import Encoder
-from .metadata import CLOSED, created, resolved, versions
 from .rig import Rig
 from .rig_file import rig as rig_of
 from .segment import CHUNK
@@ -89,7 +91,7 @@ def joint_stand(
         flexor_arm: 2 cm, with a span of 12.6 cm at angle zero, by default.
         extensor_arm: its mirror image by default.
         inertia: about the axis [kg m^2].
-        joint: what else `Joint` has; 0.01 N m s of damping where it says nothing about it.
+        joint: what else `JointLoad` has; 0.01 N m s of damping where it says nothing about it.
         pressures: least and largest gauge pressure of the map [Pa]; the valves go from zero to the largest one.
         angles: first and last of the map [rad].
         gains: gains of `JointControl`, by name.

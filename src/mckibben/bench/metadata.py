@@ -2,46 +2,22 @@
 
 from __future__ import annotations
 
-import datetime
-import platform
-import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import jax
 import numpy as np
 
 from .. import citations
 from ..analysis.channels import saturation
-from ..assembly.accounts import Accounts
+from ..assembly.accounts import CLOSED, Accounts
 from ..assembly.exergy_balance import document
 from ..assembly.machine import Machine
-from ..components import paths
+from ..components.paths import resolved
 from ..experiments.plan import PlannedStep
+from ..recordings.provenance import created, versions
 from ..recordings.recording import Recording
 from .hardware.computer import Timing
 from .prepare import PreparedRun
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of this package, of JAX and of Python."""
-    # The package's root gathers the verbs of all rooms, so a room cannot import it.
-    root = sys.modules[__name__.partition(".")[0]]
-    return {"mckibben": root.__version__, "jax": jax.__version__, "python": platform.python_version()}
-
-
-def created() -> str:
-    """Return the present time in UTC, ISO 8601."""
-    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-
-
-def resolved(owner: Any) -> dict[str, dict[str, Any]]:
-    """Return value [SI] and unit of every parameter below an object, by dotted path."""
-    found = paths.parameters(owner)
-    return {path: {"value": np.asarray(paths.get(owner, path)).tolist(), "unit": q.unit} for path, q in found}
-
-
-CLOSED = ("mass", "gas", "muscle", "mechanics", "energy", "exergy")
 
 
 class StepTable:

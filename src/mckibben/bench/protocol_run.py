@@ -10,6 +10,7 @@ import numpy as np
 
 from ..assembly.accounts import Accounts
 from ..assembly.machine import Machine
+from ..assembly.output_names import CONSTANT
 from ..engine import sampled
 from ..errors import ConvergenceError, EmptyRunError, InputError, LineLostError
 from ..experiments.dry_run import check
@@ -331,6 +332,6 @@ def channels_of(seen: sampled.SampleResult, used: int) -> dict[str, np.ndarray]:
     arrays |= {n: v[:used] for n, v in seen.shown.items() if n.startswith("command.")}
     arrays |= {channels.INPUTS[n]: v[:used] for n, v in seen.commands.items()}
     for name, values in seen.outputs.items():
-        if not name.startswith(channels.CONSTANT):
+        if not name.startswith(CONSTANT):
             arrays[channels.RENAMED.get(name, name)] = np.broadcast_to(values, seen.rate_bound.shape)[:used]
     return arrays

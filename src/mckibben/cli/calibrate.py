@@ -18,10 +18,10 @@ from ..bench.calibrate.machine import HardwareReadings
 from ..bench.calibrate.session import CalibrationOutcome, CalibrationSession
 from ..bench.calibrate.sources import PERIOD, Ask, OperatorTask, SimulatedPerson, SimulatedSensors, Source, grids
 from ..bench.hardware.connect import check_connection, connected
-from ..bench.metadata import created
 from ..errors import InputError
 from ..quantities import parse, split_values, with_unit
 from ..recordings.calibration import LONGEST, Calibration
+from ..recordings.provenance import created
 from ._terminal import Json, pairs, print_json, writable
 from .calibration import print_outcome, say_outcome
 from .run import On, RigName

@@ -6,6 +6,8 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from ..errors import InputError
 from ..quantities import Quantity, declared
 from .module import Module
@@ -23,6 +25,12 @@ def parameters(owner: Any, prefix: str = "") -> Iterator[tuple[str, Quantity]]:
                 yield prefix + f.name, known[f.name]
             else:
                 yield from parameters(getattr(owner, f.name), f"{prefix}{f.name}.")
+
+
+def resolved(owner: Any) -> dict[str, dict[str, Any]]:
+    """Return value [SI] and unit of every parameter below an object, by dotted path."""
+    known = parameters(owner)
+    return {path: {"value": np.asarray(get(owner, path)).tolist(), "unit": q.unit} for path, q in known}
 
 
 def declaration(owner: Any, path: str) -> Quantity:

@@ -32,6 +32,10 @@ class Plant(System):
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
         """Signals of the machine, with delayed ones for parts that have dead time."""
 
+    def straight(self) -> tuple[str, ...]:
+        """Names of the inputs that go straight to a new command within its sample, such as a span; all others jump to it."""
+        return ()
+
 
 class Software(Module):
     """A pure step on the sample clock: what a controller, a protocol and its interlocks do with measured channels."""

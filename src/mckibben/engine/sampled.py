@@ -148,7 +148,7 @@ def sample(
         row: what the sample brings from outside.
         period: period of the samples [s].
         inner: whole steps of the physics per sample.
-        latency: from a sample to the action of its commands [s].
+        latency: from a sample to the action of its commands [s]; None for none at all.
         stiff: use the Rosenbrock method.
     """
     measured, look = observe(plant, carry, row, period=period, latency=latency)
@@ -231,7 +231,12 @@ def inputs_of(plant: Plant, carry: Carry, latency: float, period: float) -> dict
 
 
 def _signals(plant: Plant, history: Mapping[str, Any], latency: Any) -> dict[str, Signal]:
-    return plant.commands({name: Signal(past, delay=latency) for name, past in history.items()})
+    straight, signals = plant.straight(), {}
+    for name, past in history.items():
+        # what goes straight reaches its newest value at the end of the sample
+        by_line = Signal(jnp.concatenate([past[:1], past]), straight=True, delay=latency)
+        signals[name] = by_line if name in straight else Signal(past, delay=latency)
+    return plant.commands(signals)
 
 
 def _inputs(plant: Plant, history: Mapping[str, Any], latency: Any, share: Any, period: Any) -> dict[str, Value]:

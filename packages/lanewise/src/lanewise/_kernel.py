@@ -173,7 +173,7 @@ class Kernel:
 
     def __init__(self, code: LoadedCode, slots: Sequence[Slot], width: int, scratch: int, real: Any) -> None:
         self.code, self.slots, self.width, self.scratch, self.real = code, list(slots), width, scratch, np.dtype(real)
-        self._call = _CALL(code.address)
+        self.entry = _CALL(code.address)
 
     def type(self, slot: Slot) -> np.dtype:
         """The type of a slot's elements in memory."""
@@ -240,7 +240,7 @@ class Kernel:
 
     def _run(self, arrays: list[np.ndarray], stride: int, first: int, last: int) -> None:
         addresses = (ctypes.c_void_p * (len(arrays) + 1))(*[a.ctypes.data for a in arrays], self._memory())
-        self._call(addresses, stride, first, last)
+        self.entry(addresses, stride, first, last)
 
     def _memory(self) -> int:
         """Address of this thread's scratch memory, at a multiple of 64 bytes."""
@@ -250,3 +250,64 @@ class Kernel:
         if have is None or have.size < self.scratch + 64:
             have = _own.memory = np.empty(self.scratch + 64, np.uint8)
         return int(have.ctypes.data + 63) // 64 * 64
+
+
+class BoundKernel:
+    """A kernel whose arguments and results have fixed places in memory; a call reads and writes them there.
+
+    Such a call takes no array apart and makes none, which is what most of the time of a short kernel goes into. It holds
+    the arrays, and is to be called by one thread at a time.
+
+    Args:
+        kernel: what is called.
+        arguments: arrays by place, of the kernel's types, contiguous; those per lane with the lanes as last axis.
+        results: arrays by place in which the results are left, None for one that carries nothing; no memory of an argument.
+        lanes: how many, a whole number of the kernel's blocks; None for one call without lanes.
+        threads: at most; all cores where left out.
+
+    Raises:
+        ValueError: an array has another type or shape, or is not contiguous, or the lanes leave a block unfilled.
+    """
+
+    def __init__(
+        self, kernel: Kernel, arguments: Sequence[np.ndarray], results: Sequence[np.ndarray | None], lanes: int | None,
+        threads: int | None = None,
+    ) -> None:  # fmt: skip
+        self.kernel, self._stride = kernel, 1 if lanes is None else lanes
+        self._arrays: list[np.ndarray] = []
+        for slot in kernel.slots:
+            array = (arguments if slot.role == "argument" else results)[slot.place]
+            shape = (*slot.shape, self._stride) if slot.differs else slot.shape
+            if (
+                array is None
+                or array.dtype != kernel.type(slot)
+                or array.shape != shape
+                or not array.flags.c_contiguous
+            ):
+                raise ValueError(f"{slot.role} {slot.place} must be a contiguous array {shape} of {kernel.type(slot)}")
+            self._arrays.append(array)
+        if self._stride % (1 if lanes is None else kernel.width):
+            raise ValueError(f"the lanes must be a multiple of {kernel.width}, got {lanes}")
+        blocks = 1 if lanes is None else lanes // kernel.width
+        self._threads = 1 if lanes is None else min(threads or available_cores(), blocks)
+        pieces = min(blocks, PIECES * self._threads) if self._threads > 1 else 1
+        cuts = [blocks * k // pieces for k in range(pieces + 1)]
+        self._parts = list(zip(cuts, cuts[1:], strict=False))
+        self._scratch = [np.empty(kernel.scratch + 64, np.uint8) for _ in self._parts]
+        places = [a.ctypes.data for a in self._arrays]
+        kind = ctypes.c_void_p * (len(places) + 1)
+        self._addresses = [kind(*places, (s.ctypes.data + 63) // 64 * 64) for s in self._scratch]
+        self._call = kernel.entry
+
+    def __call__(self) -> None:
+        """Run it."""
+        if self._threads == 1:
+            begin, end = self._parts[0]
+            self._call(self._addresses[0], self._stride, begin, end)
+            return
+        work = [
+            _pool(self._threads).submit(self._call, at, self._stride, *part)
+            for at, part in zip(self._addresses, self._parts, strict=True)
+        ]
+        for one in work:
+            one.result()

@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 from ._analysis import Schedule, find_divergence, make_schedule, rewrite
 from ._elementary import expand_elementary
 from ._graph import Buffer, Graph, Loop, Node, Store, gc_paused
-from ._kernel import Kernel, Slot, cache_key, compile_assembly, function_attributes, host, load_object
+from ._kernel import BoundKernel, Kernel, Slot, cache_key, compile_assembly, function_attributes, host, load_object
 from ._llvm import emit
 from ._llvm_text import fits
 from ._passes import optimise
@@ -439,6 +439,27 @@ class Program:
             width = one  # one vector is enough
         kernel = self.kernel(frozenset(differs), lanes=lanes is not None, mode=mode, real=real, width=width)
         return kernel(arrays, len(self.results), lanes, threads)
+
+    def bind(
+        self, arguments: Sequence[np.ndarray], results: Sequence[np.ndarray | None], *, lanes: int | None = None,
+        mode: str = "default", real: str = "float64", threads: int | None = None,
+    ) -> BoundKernel:  # fmt: skip
+        """The program on arrays whose places are fixed: a call of it reads and writes them, and makes nothing.
+
+        Args:
+            arguments: arrays in order, of the types of the kernel; those per lane have one axis more, the last.
+            results: arrays in order in which the results are left, None where one carries nothing.
+            lanes: how many, a multiple of the width of `kernel`; None for a single run.
+            mode: see `Program`.
+            real: type of its numbers.
+            threads: at most; all cores where left out.
+
+        Raises:
+            ValueError: an array or the number of lanes does not fit.
+        """
+        many = [k for k, (leaf, a) in enumerate(zip(self.arguments, arguments, strict=True)) if a.shape != leaf.shape]
+        kernel = self.kernel(frozenset(many), lanes=lanes is not None, mode=mode, real=real)
+        return BoundKernel(kernel, arguments, results, lanes, threads)
 
     def _ordered(self, arguments: Mapping[str, ArrayLike]) -> list[ArrayLike]:
         names = [leaf.name for leaf in self.arguments]

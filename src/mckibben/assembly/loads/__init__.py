@@ -1,8 +1,9 @@
-"""Loads of muscles, one file each: a prescribed motion, a body on a line, a joint."""
+"""Loads of muscles, one file each: a prescribed motion, a body on a line, a joint, a chain of links."""
 
 from .body import Body
-from .joint import Joint, MomentArm
+from .chain import ChainLink, LinkChain
+from .joint import JointLoad, MomentArm
 from .load import Load, SpanState
-from .plate import Plate
+from .plate import PlateLoad
 
-__all__ = ["Body", "Joint", "Load", "MomentArm", "Plate", "SpanState"]
+__all__ = ["Body", "ChainLink", "JointLoad", "LinkChain", "Load", "MomentArm", "PlateLoad", "SpanState"]

@@ -43,7 +43,7 @@ class JointState(NamedTuple):
     velocity: Scalar
 
 
-class Joint(Load):
+class JointLoad(Load):
     """A hinge with inertia, and moment arms by the names of its muscles."""
 
     arms: dict[str, MomentArm]

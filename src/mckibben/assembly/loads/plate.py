@@ -12,7 +12,7 @@ from ...quantities import quantity
 from .load import Load, SpanState
 
 
-class Plate(Load):
+class PlateLoad(Load):
     """Holds each of its muscles at one span, constant or by a signal."""
 
     held: tuple[str, ...] = field(static=True, kw_only=True)
