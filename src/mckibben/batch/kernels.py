@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..assembly.output_names import CONSTANT
 from ..bench import channels
 from ..bench.hardware.plant import InstrumentedPlant
 from ..engine import sampled
@@ -254,7 +255,7 @@ def channels_of(seen: sampled.SampleResult) -> Mapping[str, Any]:
     found = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
     found |= {n: v for n, v in seen.shown.items() if n.startswith("command.")}
     found |= {channels.INPUTS[n]: v for n, v in seen.commands.items()}
-    true = {channels.RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(channels.CONSTANT)}
+    true = {channels.RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(CONSTANT)}
     return found | true
 
 
