@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ._jax import is_loaded, is_traced, jax, jnp
 from .errors import InputError
 
 # What a person reads; the SI unit on the left is what the package computes with.
@@ -104,11 +105,13 @@ def quantity(
 
 
 def as_array(value: Any) -> Any:
-    """A number or array, which may be traced, as an array of floats; compiles nothing, as `jax.numpy.asarray` would."""
-    import jax
-    import jax.numpy as jnp
+    """A number or array, which may be traced, as an array of floats: of JAX where that is loaded, else of NumPy.
 
-    if isinstance(value, jax.core.Tracer):
+    It compiles nothing, as `jax.numpy.asarray` would.
+    """
+    if not is_loaded():
+        return np.asarray(value, float)
+    if is_traced(value):
         return jnp.asarray(value, float)
     if isinstance(value, jax.Array) and value.dtype == float and not value.weak_type:
         return value
@@ -127,11 +130,9 @@ def values(owner: Any) -> dict[str, Any]:
 
 def check_fields(owner: Any, *, where: str | None = None) -> None:
     """Check all concrete parameters of an instance against their declarations; traced ones are passed over."""
-    import jax
-
     for name, q in declared(owner).items():
         value = getattr(owner, name)
-        if value is None or not hasattr(value, "shape") or isinstance(value, jax.core.Tracer):
+        if value is None or not hasattr(value, "shape") or is_traced(value):
             continue
         q.check(name, value, where=where)
 

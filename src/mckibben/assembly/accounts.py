@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from ..engine import Run
 from ..engine.native import call_compiled
 from ..muscles.stored import stored_change

@@ -36,6 +36,7 @@ from typing import Any
 
 import numpy as np
 
+from .._jax import jax, jnp
 from ..components import Environment, paths
 from ..documents import parse_toml, read_text, with_own_paths
 from ..engine import STEP, Signal, fastest_rate, held, ramped
@@ -167,9 +168,6 @@ class CircuitPlan:
 
     def rates(self) -> tuple[float, str]:
         """Fastest rate at the start [1/s], and the method that a run begins with."""
-        import jax
-        import jax.numpy as jnp
-
         state, memory = self.initial()
         first = {name: s.at(0, 0.0, self.period) for name, s in self.inputs().items()}
         lead = jax.tree.map(lambda x: jnp.asarray(x)[None], (state, memory, first))

@@ -15,11 +15,9 @@ import functools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 
+from .._jax import flatten_util, jax, jit, jnp
 from ..engine.signals import Value
 from ..errors import ConvergenceError, InputError, UnreachableError
 from ..pneumatics.circuit import Circuit
@@ -159,13 +157,13 @@ def linearise(
     return LinearModel(matrix, into[:, kept], np.array(c), through[:, kept], found)
 
 
-@functools.partial(jax.jit, static_argnums=(5, 6, 7))
+@functools.partial(jit, static_argnums=(5, 6, 7))
 def _jacobians(
     machine: Machine | Circuit, state: Any, memory: Any, inputs: Any, values: Any,
     sources: tuple[str, ...], outputs: tuple[str, ...], stuck: bool,
 ) -> Any:  # fmt: skip
     """Derivatives of (rate, outputs) by (state, inputs); a stuck wrap is a spring on the span."""
-    flat, back = ravel_pytree(state)
+    flat, back = flatten_util.ravel_pytree(state)
     load = machine.load if isinstance(machine, Machine) and stuck else None
     before = {} if load is None else load.spans(state["load"], inputs)
 
@@ -182,7 +180,7 @@ def _jacobians(
             now = {**memory, "muscles": kept}
         shown = machine.outputs(at, now, given)
         picked = jnp.stack([shown[n] + 0.0 for n in outputs]) if outputs else jnp.zeros(0)
-        return ravel_pytree(machine.rate(at, now, given))[0], picked
+        return flatten_util.ravel_pytree(machine.rate(at, now, given))[0], picked
 
     return jax.jacfwd(both, argnums=(0, 1))(flat, values)
 
@@ -231,7 +229,7 @@ def settle(
     """
     from scipy.integrate import solve_ivp
 
-    flat, back = ravel_pytree(state)
+    flat, back = flatten_util.ravel_pytree(state)
     names = state_names(state)
     brake = BEAT * np.array([name.endswith("velocity") for name in names])
     still = {name: Value(jnp.asarray(v.value, float), jnp.zeros(())) for name, v in inputs.items()}
@@ -266,12 +264,12 @@ def settle(
     return Settled(back(jnp.asarray(x)), float(left.max()))
 
 
-@jax.jit
+@jit
 def _rate_and_slope(machine: Machine | Circuit, state: Any, memory: Any, inputs: Any) -> Any:
-    flat, back = ravel_pytree(state)
+    flat, back = flatten_util.ravel_pytree(state)
 
     def rate(v: Any) -> Any:
-        found = ravel_pytree(machine.rate(back(v), memory, inputs))[0]
+        found = flatten_util.ravel_pytree(machine.rate(back(v), memory, inputs))[0]
         return found, found
 
     slope, found = jax.jacfwd(rate, has_aux=True)(flat)

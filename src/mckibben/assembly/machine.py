@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jnp
 from ..components import Environment, Scalar
 from ..components.system import IndependentPart, Moment, System
 from ..engine.native import call_compiled

@@ -15,9 +15,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
-
+from .._jax import jax, jit, jnp
 from ..components import Hysteresis, MemoryElement, Module, Scalar
 from ..components.element import Advanced
 from ..muscles.elements import Tendon
@@ -151,13 +149,13 @@ class MuscleUnit(Module):
         return _equilibrium(self, span, pressure)
 
 
-@jax.jit  # traced once for all that asks for it
+@jit  # traced once for all that asks for it
 def braid_tension(law: TensionLaw, length: Any, pressure: Any) -> Scalar:
     """`TensionLaw.braid_tension`."""
     return law.braid_tension(length, pressure)
 
 
-@jax.jit
+@jit
 def _equilibrium(unit: MuscleUnit, span: Any, pressure: Any) -> UnitState:
     """Straight-line, so that thousands of machines are prepared at once."""
 

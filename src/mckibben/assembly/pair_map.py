@@ -14,10 +14,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jnp
 from ..components import Module, Scalar, jit_arrays
 from ..engine.signals import Value
 from ..errors import InputError

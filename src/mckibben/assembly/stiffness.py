@@ -13,9 +13,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
-
+from .._jax import jax, jnp
 from ..components import Scalar, derivative
 from ..errors import InputError
 from ..pneumatics.heat import Inflow, VolumeState

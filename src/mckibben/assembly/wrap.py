@@ -15,8 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from ..components import Module, Scalar
 from ..components.element import Advanced
 from ..muscles.hysteresis.slip import advanced, contact_energy, contact_force, per_contact

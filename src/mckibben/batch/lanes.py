@@ -15,10 +15,9 @@ import functools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jit, jnp
 from ..assembly.machine import Machine
 from ..bench.hardware.computer import Timing
 from ..bench.hardware.pneumatics import MUSCLE
@@ -415,7 +414,7 @@ def _doubtful(family: VariantFamily, built: BuiltVariant, lanes: Sequence[Varian
     return np.asarray(~(most <= allowed))
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
+@functools.partial(jit, static_argnums=(0, 1))
 def _most_tension(
     structure: Any, axes: tuple[int | None, ...], leaves: Any, lanes: Any, span: Any, pressure: Any
 ) -> Any:

@@ -11,9 +11,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
+from .._jax import jax
 from ..bench.segment import AFTER_STOP, CHUNK, SensorNoise
 from ..engine.sampled import Steps
 from .kernels import ChunkResult, LaneKernels

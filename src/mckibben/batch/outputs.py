@@ -29,10 +29,9 @@ import enum
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jnp
 from ..analysis.steps import LAST, settling
 from ..engine.integration import Result
 from ..errors import InputError, suggest

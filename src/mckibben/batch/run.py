@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
+from .._jax import jax
 from ..assembly.accounts import accounts
 from ..bench.segment import SensorNoise
 from ..engine import sampled

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jnp
 from ..analysis.steps import unsettled_at_end
 from ..assembly.circuit_file import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
@@ -36,7 +35,7 @@ class Window(Module):
 
     values: Scalar
     whole: Signal
-    first: Any = field(converter=jnp.asarray)
+    first: Any = field(converter=lambda index: jnp.asarray(index))
 
     def at(self, index: Any, share: Any, period: Any) -> Any:
         """Value at a sample, as in `signals.Signal`."""

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._jax import jit
 from ..assembly.build import unit_from_specimen
 from ..assembly.muscle_unit import MuscleUnit
 from ..engine import STEP

@@ -10,9 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import jax.numpy as jnp
-
 from .. import schema
+from .._jax import jnp
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment

@@ -15,10 +15,9 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jnp
 from ..engine import sampled
 from ..engine.packed import compile_once
 from ..errors import InputError, LineLostError

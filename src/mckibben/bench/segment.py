@@ -6,10 +6,9 @@ import functools
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jnp
 from ..assembly.accounts import Accounts, accounts
 from ..engine import sampled
 from ..engine.native import call_compiled

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from ..components import Scalar
 from ..registry import Registry
 from .hardware.pneumatics import PORT

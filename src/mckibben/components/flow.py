@@ -5,8 +5,7 @@ from __future__ import annotations
 import abc
 from typing import Any, ClassVar, NamedTuple
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from .module import Module, Scalar
 
 

@@ -15,12 +15,13 @@ import abc
 import dataclasses
 import functools
 import types
+import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, dataclass_transform
 
-import jax
 import numpy as np
 
+from .._jax import is_jax_array, is_loaded, is_traced, jax, jit, when_loaded
 from ..quantities import check_fields
 
 Scalar = Any  # a number or an array of them: all formulas are elementwise and broadcast
@@ -66,7 +67,7 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
         for name in [n for n, kind in own.items() if "AbstractVar" in str(kind)]:
             del own[name]
         dataclasses.dataclass(eq=False, repr=False)(cls)
-        _register(cls)
+        when_loaded(functools.partial(_register, cls))
 
     def __post_init__(self) -> None:
         known = self.__dict__
@@ -79,6 +80,8 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
         for kind in type(self).__mro__:
             if "__check_init__" in kind.__dict__:
                 kind.__dict__["__check_init__"](self)
+        if not is_loaded():
+            when_loaded(functools.partial(_convert_again, weakref.ref(self)))
 
     def __check_init__(self) -> None:
         """Refuse parameters out of their declared bounds."""
@@ -117,7 +120,7 @@ def jit_arrays(function: Callable[..., Result]) -> Callable[..., Result]:
     Numbers of Python count as constants: another one compiles another program.
     """
 
-    @functools.partial(jax.jit, static_argnums=0)
+    @functools.partial(jit, static_argnums=0)
     def compiled(constants: tuple[Any, tuple[tuple[type, Any], ...]], arrays: list[Any]) -> Result:
         structure, others = constants
         leaves = [other if array is None else array for array, (_, other) in zip(arrays, others, strict=True)]
@@ -134,6 +137,15 @@ def jit_arrays(function: Callable[..., Result]) -> Callable[..., Result]:
         return compiled((structure, others), arrays)
 
     return call
+
+
+def _convert_again(owner: weakref.ref[Module]) -> None:
+    """Make the numbers of a value that is older than the loading of JAX arrays of JAX, as those of all later ones are."""
+    value = owner()
+    if value is not None:
+        for f in dataclasses.fields(value):
+            if "converter" in f.metadata:
+                value.__dict__[f.name] = f.metadata["converter"](value.__dict__[f.name])
 
 
 def _register(cls: type[Module]) -> None:
@@ -173,12 +185,12 @@ class BoundMethod(Module):
 
 
 def _same(mine: Any, theirs: Any) -> bool:
-    if mine is theirs or isinstance(mine, jax.core.Tracer) or isinstance(theirs, jax.core.Tracer):
+    if mine is theirs or is_traced(mine) or is_traced(theirs):
         return mine is theirs
     return bool(np.array_equal(mine, theirs)) and np.asarray(mine).dtype == np.asarray(theirs).dtype
 
 
 def _shown(value: Any) -> str:
-    if isinstance(value, jax.Array | np.ndarray) and not isinstance(value, jax.core.Tracer):
+    if (isinstance(value, np.ndarray) or is_jax_array(value)) and not is_traced(value):
         return repr(np.asarray(value).tolist()) if value.size <= 8 else f"{value.dtype}{list(value.shape)}"
     return repr(value)

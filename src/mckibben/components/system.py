@@ -6,8 +6,7 @@ import abc
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from .module import Module, Scalar
 
 

@@ -11,10 +11,9 @@ import functools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jnp
 from ..components.system import System
 from ..errors import ConvergenceError, InputError
 from .native import EngineFunction, call_compiled, compile_function

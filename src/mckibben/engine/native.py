@@ -15,12 +15,12 @@ import functools
 from collections.abc import Callable, Hashable, Iterator
 from typing import Any
 
-import jax
 import numpy as np
 
 import lanewise
 from lanewise import cache
 
+from .._jax import jax
 from ..errors import EngineError, InputError
 from . import programs
 

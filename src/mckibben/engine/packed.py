@@ -14,11 +14,9 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 
+from .._jax import flatten_util, jax, jnp
 from .native import compile_function
 from .programs import program_key
 
@@ -114,7 +112,7 @@ def pack(tree: Any) -> np.ndarray:
 def _packed(tree: Any) -> tuple[Any, Callable[[Any], Any]]:
     leaves, structure = jax.tree.flatten(tree)
     kinds = [jnp.asarray(leaf).dtype for leaf in leaves]
-    vector, back = ravel_pytree([jnp.asarray(leaf, float) for leaf in leaves])
+    vector, back = flatten_util.ravel_pytree([jnp.asarray(leaf, float) for leaf in leaves])
 
     def unpacked(given: Any) -> Any:
         parts = [jnp.asarray(x).astype(kind) for x, kind in zip(back(jnp.asarray(given)), kinds, strict=True)]

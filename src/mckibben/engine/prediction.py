@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
-from lanewise import Derivatives
+import lanewise
 
+from .._jax import jax
 from .native import compile_function
 
 MOST = 32  # predictions that are remembered
@@ -59,7 +59,7 @@ def _made(function: Callable[..., Any], count: int, fixed: Any, engine: str) -> 
     if made.engine == "xla":
         jacobian = jax.jit(jax.jacfwd(function))
         return (lambda values, fixed: made(values, *fixed)), (lambda values, fixed: jacobian(values, *fixed))
-    kernels = Derivatives(made.program, "default", None)
+    kernels = lanewise.Derivatives(made.program, "default", None)
 
     def arrays(values: Any, fixed: Any) -> list[np.ndarray]:
         return [np.asarray(values, float), *map(np.asarray, jax.tree.leaves(fixed))]

@@ -31,12 +31,12 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 
 import lanewise
 from lanewise import Leaf, Program, cache
 
+from .._jax import jax
 from ..components import Module
 from . import step
 

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax
 import numpy as np
-from jax.flatten_util import ravel_pytree
 
+from .._jax import flatten_util, jax, jit
 from ..components.system import System
 from .step import rate_of
 
@@ -35,14 +34,14 @@ def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float
     return max(seen, float(bounds[sound].max()))
 
 
-@jax.jit
+@jit
 def _examined(system: System, states: Any, memory: Any, inputs: Any) -> tuple[Any, Any]:
     """Jacobians of the state equation, and the system's own bounds, at each of several states."""
 
     def one(state: Any, z: Any, u: Any) -> Any:
-        flat, back = ravel_pytree(state)
-        return jax.jacfwd(lambda v: ravel_pytree(rate_of(system, back(v), z, u))[0])(flat), system.max_rate_bound(
-            state, z, u
-        )
+        flat, back = flatten_util.ravel_pytree(state)
+        return jax.jacfwd(lambda v: flatten_util.ravel_pytree(rate_of(system, back(v), z, u))[0])(
+            flat
+        ), system.max_rate_bound(state, z, u)
 
     return jax.vmap(one)(states, memory, inputs)

@@ -11,10 +11,9 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jnp
 from ..components.sampled import Plant, Software
 from ..errors import ConvergenceError
 from .integration import MOST_PARTS, ROS2_LIMIT

@@ -6,11 +6,11 @@ import functools
 from collections.abc import Callable, Container, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from lanewise import Program
 
+from .._jax import jax
 from .native import EngineFunction, compile_function
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from ..components import Module, Scalar, field
 from ..quantities import as_array
 

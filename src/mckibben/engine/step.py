@@ -14,10 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-from jax.flatten_util import ravel_pytree
-
+from .._jax import flatten_util, jax, jit, jnp
 from ..components.system import Moment, System
 
 # The classical Runge-Kutta method, a row per stage: how far along the last slope, at which share of the step, its weight.
@@ -28,19 +25,19 @@ Inputs = Callable[[Any], Any]  # share of the step -> inputs
 
 
 # Traced once for all stages of a step, for all steps, and for every run of a system of this structure.
-@jax.jit
+@jit
 def rate_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
     """`System.rate`."""
     return system.rate(state, memory, inputs)
 
 
-@jax.jit
+@jit
 def integrands_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
     """`System.integrands`."""
     return system.integrands(state, memory, inputs)
 
 
-@jax.jit
+@jit
 def outputs_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
     """`System.outputs`."""
     return system.outputs(state, memory, inputs)
@@ -52,7 +49,7 @@ def zero_integrals(system: System, state: Any, memory: Any, inputs: Any) -> Any:
     return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
 
-@jax.jit
+@jit
 def advance_memory_of(system: System, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
     """`System.advance_memory`."""
     return system.advance_memory(memory, start, end, duration)
@@ -110,14 +107,14 @@ def _rk4(system: System, y: Any, z: Any, sums: Any, inputs: Inputs, h: Any) -> t
 
 
 def _ros2(system: System, y: Any, z: Any, sums: Any, inputs: Inputs, h: Any) -> tuple[Any, Any]:
-    flat, back = ravel_pytree(y)
-    total, whole = ravel_pytree(sums)
+    flat, back = flatten_util.ravel_pytree(y)
+    total, whole = flatten_util.ravel_pytree(sums)
 
     def rate(v: Any, share: float) -> Any:
-        return ravel_pytree(rate_of(system, back(v), z, inputs(share)))[0]
+        return flatten_util.ravel_pytree(rate_of(system, back(v), z, inputs(share)))[0]
 
     def sum_rate(v: Any, share: float) -> Any:
-        return ravel_pytree(integrands_of(system, back(v), z, inputs(share)))[0]
+        return flatten_util.ravel_pytree(integrands_of(system, back(v), z, inputs(share)))[0]
 
     first, rates = jax.linearize(lambda v: rate(v, 0.0), flat)
     matrix = jnp.eye(flat.size) - GAMMA * h * jax.vmap(rates, out_axes=1)(jnp.eye(flat.size))

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from .._jax import jnp
 from ..errors import InputError, suggest
 from .amounts import CHANNELS, Amount, read_amount
 from .waveforms import time_words
@@ -83,8 +84,6 @@ def advance(kind: Any, state: Any, x: Any, limit: Any, lasting: Any, command: An
         command: set-point of the channel [SI].
         dt: sampling period [s].
     """
-    import jax.numpy as jnp
-
     place, held = state
     above, below, still, close = (KINDS.index(k) for k in (">=", "<=", "settled", "close"))
     stays = jnp.abs(x - place) <= limit

@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jnp
 from ..errors import ConvergenceError, InputError
 from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw

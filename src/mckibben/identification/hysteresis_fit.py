@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .._jax import jax, jnp
 from ..components import Hysteresis
 from ..errors import InputError
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
@@ -236,9 +237,6 @@ def _predictor(
     record: PathRecord, model: str, law: TensionLaw | None, fixed: dict[str, float], free: Any, knots: int
 ) -> Prediction:
     """Stroke of every sample, and its derivatives, of the scaled parameters."""
-    import jax
-    import jax.numpy as jnp
-
     from ..engine.prediction import prediction
 
     make = MODELS[model][0]
@@ -279,9 +277,6 @@ def _predictor(
 
 def _root(excess: Any, state: Any, before: Any, low: Any, high: Any) -> Any:
     """The length where a rising force passes zero; a Newton step after the halvings carries the derivative."""
-    import jax
-    import jax.numpy as jnp
-
     held = jax.lax.stop_gradient((state, before, low + 0.0 * before, high + 0.0 * before))
 
     def halve(_: int, ends: tuple[Any, Any]) -> tuple[Any, Any]:
@@ -299,8 +294,6 @@ def _root(excess: Any, state: Any, before: Any, low: Any, high: Any) -> Any:
 
 def _curve(at: Any, place: np.ndarray, rises: Any) -> Any:
     """Monotone cubic through the knots (Fritsch and Butland's harmonic slopes), straight beyond them."""
-    import jax.numpy as jnp
-
     step = place[1] - place[0]
     chord = (rises[1:] - rises[:-1]) / step
     inner = 2.0 * chord[1:] * chord[:-1] / (chord[1:] + chord[:-1])

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import jax
 import numpy as np
 
+from .._jax import jax
 from ..assembly.circuit_file import CircuitPlan
 from ..components import paths
 from ..engine import STEP, Run, Signal, integrate, march

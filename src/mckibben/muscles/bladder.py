@@ -16,9 +16,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-
+from .._jax import custom_jvp, jit, jnp
 from ..components import Scalar
 
 # Share of the braid's volume at the upper working length: the bladder's own volume, and the width of the rounding.
@@ -33,7 +31,7 @@ def ramp(x: Any, width: Any) -> Scalar:
     return width * _rounded(y)
 
 
-@jax.custom_jvp
+@custom_jvp
 def _rounded(y: Any) -> Scalar:
     """The ramp over its width, of y = x/width + 1/2.
 
@@ -47,7 +45,7 @@ def _rounded(y: Any) -> Scalar:
     return (u4 * u) * ((7.0 - 14.0 * u) + u2 * (10.0 - 2.5 * u)) + jnp.where(beyond > 0.0, beyond, 0.0)
 
 
-@jax.custom_jvp
+@custom_jvp
 def _slope(y: Any) -> Scalar:
     u = _within(y)
     u2 = u * u
@@ -76,7 +74,7 @@ def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
 
 
 # traced once, however often a step calls them
-_rounded, _slope = jax.jit(_rounded), jax.jit(_slope)  # type: ignore[assignment]
+_rounded, _slope = jit(_rounded), jit(_slope)
 
 
 def gas_energy(

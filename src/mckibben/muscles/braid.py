@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jnp
 from ..components import Scalar
 
 SMALLEST_SINE = 1e-3

@@ -21,9 +21,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jnp
 from ..components import Module, Scalar
 from ..components.element import Advanced, MemoryElement
 from ..errors import InputError

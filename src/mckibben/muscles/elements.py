@@ -12,8 +12,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from ..components import ForceElement, Module, Scalar, field
 from ..errors import InputError
 from ..quantities import quantity

@@ -13,10 +13,9 @@ from __future__ import annotations
 import abc
 from typing import Any, ClassVar, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jit, jnp
 from ..components import Module, Scalar, derivative
 from ..errors import InputError, NoVolumeError, UnreachableError
 from ..quantities import with_unit
@@ -193,7 +192,7 @@ class TensionLaw(Module):
         return jnp.where(force > 0.0, span, jnp.where(force < 0.0, free, jnp.maximum(span, free)))
 
 
-@jax.jit
+@jit
 def compiled_tension(law: TensionLaw, span: Any, pressure: Any) -> Scalar:
     """Return `TensionLaw.tension` [N]; compiled once for each kind of law and each shape of its arguments."""
     return law.tension(span, pressure)

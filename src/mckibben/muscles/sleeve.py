@@ -18,10 +18,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jit, jnp
 from ..errors import InputError
 from ..quantities import Quantity, declared, from_si, parse, shown_unit
 from ..specimens import Specimen, SpecimenNumber
@@ -238,7 +237,7 @@ def from_braid(
     )
 
 
-@jax.jit
+@jit
 def _computed(varied: dict[str, Any]) -> tuple[dict[str, TensionLaw], Any, Any, Any]:
     """The laws of varied dimensions; of the dimensions as read the upper length, tension at rest, and contracted bore."""
     at = {name: values[0] for name, values in varied.items()}

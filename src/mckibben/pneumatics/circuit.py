@@ -10,9 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
-
+from .._jax import jax, jnp
 from ..components import Scalar, field
 from ..components.flow import FlowElement, GasState
 from ..components.system import Moment, System

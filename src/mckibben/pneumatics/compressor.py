@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jnp
 from ..components import Scalar
 from ..components.flow import FlowElement, Gases
 from ..errors import InputError

@@ -19,8 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from ..components import Environment, Scalar
 from ..components.flow import FlowElement, GasState
 from .gas import Gas

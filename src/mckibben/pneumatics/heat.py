@@ -16,8 +16,7 @@ from __future__ import annotations
 import abc
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from ..components import Module, Scalar
 from ..quantities import quantity
 from .gas import Gas

@@ -13,8 +13,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from ..components import Scalar
 from ..components.flow import GasState, TwoPort
 from ..errors import InputError

@@ -16,9 +16,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import jax
-import jax.numpy as jnp
-
+from .._jax import jit, jnp
 from ..components import Scalar
 from ..components.flow import Gases, GasState, TwoPort
 from ..errors import InputError
@@ -160,7 +158,7 @@ class Orifice(TwoPort):
         return (steepest_slope(self, gas[0], gas[1]) * command,)
 
 
-@jax.jit  # once, not operation by operation
+@jit  # once, not operation by operation
 def _flow_of(orifice: Orifice, a: GasState, b: GasState) -> Scalar:
     return orifice.mass_flow(a, b)
 

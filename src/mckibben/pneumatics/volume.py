@@ -6,9 +6,7 @@ import abc
 from collections.abc import Callable
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-
+from .._jax import jax, jit, jnp
 from ..components import AbstractVar, Module, Scalar, field
 from ..quantities import quantity
 from .heat import HeatModel, Isothermal, VolumeState
@@ -91,7 +89,7 @@ class MovingVolume(Chamber):
         return VolumeState(value + self.dead, per_pressure, per_length * velocity)
 
 
-@jax.jit  # traced once for all that asks for it
+@jit  # traced once for all that asks for it
 def volume_of(node: Chamber, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
     """`Chamber.volume`."""
     return node.volume(pressure_abs, length, velocity)

@@ -12,8 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
-
+from .._jax import jnp
 from ..components import Scalar
 
 LAMINAR_END, TURBULENT_START = 2300.0, 4000.0

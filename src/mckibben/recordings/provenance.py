@@ -6,7 +6,7 @@ import datetime
 import platform
 import sys
 
-import jax
+from .._jax import jax
 
 
 def versions() -> dict[str, str]:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._jax import jax
 from ..engine import STEP, march
 from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
 from .tube_models import (
@@ -205,8 +206,6 @@ def measure_cost(case: Case, known: Mapping[str, TubeModelResult]) -> Cost:
 
 
 def _runner(case: Case, key: str, heat: HeatModel, changes: Mapping[str, float]) -> Callable[[], Any]:
-    import jax
-
     trial = case.trial(models()[key].element, heat)
     circuit, signals = trial.with_parameters(changes)
     state = circuit.at_rest(trial.initial, {name: s.at(0, 0.0, PERIOD) for name, s in signals.items()})

@@ -14,9 +14,9 @@ from __future__ import annotations
 import abc
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jnp
 from ...components import Module, Scalar, derivative, jit_arrays
 from ...errors import InputError, NoVolumeError
 from ...muscles.law import TensionLaw, law_name

@@ -15,8 +15,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 
+from ..._jax import jnp
 from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Scalar, field
 from ...quantities import quantity
 from .load import Load, SpanState

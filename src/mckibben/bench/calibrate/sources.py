@@ -9,10 +9,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jit, jnp
 from ...components.system import Moment, System
 from ...engine.integration import integrate
 from ...engine.signals import ramped
@@ -201,7 +200,7 @@ class _Filters(System):
         return dict(state)
 
 
-@jax.jit
+@jit
 def _readings(sensors: Any, y: Any, x: Any, draws: Any) -> dict[str, Any]:
     """Readings (n,) at filtered signals y, settled where there are none, and true values x."""
     y = {n: s.initial(x[n]) for n, s in sensors.items()} if y is None else y

@@ -17,9 +17,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-
+from ..._jax import jax, jnp
 from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity

@@ -11,8 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Module, Scalar
 from .analogue import AnalogOut, Converter
 from .motor import Encoder

@@ -12,8 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...assembly.loads import Load, SpanState
 from ...components import Module, Scalar, field
 from ...errors import InputError

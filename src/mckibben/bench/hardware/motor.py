@@ -20,8 +20,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity

@@ -11,8 +11,7 @@ import abc
 from collections.abc import Mapping
 from typing import Any
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...assembly.machine import Machine
 from ...components import Scalar, field
 from ...components.sampled import Plant

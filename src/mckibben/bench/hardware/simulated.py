@@ -10,9 +10,9 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-import jax
 import numpy as np
 
+from ..._jax import jax
 from ...engine import sampled
 from ...engine.packed import compile_once, pack
 from ...errors import LineLostError

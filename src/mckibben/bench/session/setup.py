@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jnp
 from ...assembly.accounts import Accounts
 from ...errors import InputError
 from ...experiments.amounts import CHANNELS, read_amount

@@ -15,8 +15,7 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Module, Scalar, field
 from ...quantities import quantity, with_unit
 

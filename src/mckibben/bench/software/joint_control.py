@@ -17,8 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...assembly.pair_map import PairMap
 from ...components import Module, Scalar
 from ...components.sampled import Software

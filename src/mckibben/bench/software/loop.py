@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Scalar, field
 from ...components.sampled import Software
 from ...quantities import quantity

@@ -15,8 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Module, Scalar
 from ...experiments.dry_run import Limits
 from ...quantities import quantity

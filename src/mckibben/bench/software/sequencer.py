@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jnp
 from ...components import Module
 from ...experiments import until
 from ...experiments.commands import MODES, Deferred

@@ -16,8 +16,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Scalar
 
 # Sarcomere lengths of the polygon over its optimal length of 2.00 um [1].

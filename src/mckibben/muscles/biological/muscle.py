@@ -15,8 +15,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, NoReturn
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Module, Scalar, derivative
 from ...errors import InputError, NoVolumeError, UnreachableError
 from ...quantities import quantity, with_unit

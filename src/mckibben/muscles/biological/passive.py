@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Scalar
 
 

@@ -15,8 +15,7 @@ doi:10.1016/j.sysconle.2006.09.001.
 
 from __future__ import annotations
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Scalar, field
 from ...errors import InputError
 from ...quantities import quantity

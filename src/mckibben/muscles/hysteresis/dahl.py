@@ -13,8 +13,7 @@ Journal 14(12), 1976, doi:10.2514/3.61511.
 
 from __future__ import annotations
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Scalar
 from ...quantities import quantity
 from .limit import FrictionLimit

@@ -15,10 +15,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jax, jnp
 from ...components import Scalar
 from ...components.element import Advanced
 from ...errors import InputError

@@ -19,8 +19,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Module, Scalar
 from ...components.element import Advanced, Hysteresis
 from ...quantities import quantity

@@ -10,8 +10,7 @@ from __future__ import annotations
 import abc
 from typing import Any
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import AbstractVar, Scalar
 from ...components.element import Advanced, Hysteresis
 from .limit import FrictionLimit

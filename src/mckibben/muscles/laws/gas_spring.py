@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import AbstractVar, Scalar, field
 from ...quantities import quantity
 from .. import bladder, dimensions

@@ -21,9 +21,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-
+from ..._jax import jax, jnp
 from ...components import Scalar, derivative
 from ...quantities import quantity
 from .. import dimensions

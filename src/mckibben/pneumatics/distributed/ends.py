@@ -5,9 +5,9 @@ from __future__ import annotations
 import abc
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jnp
 from ...components import Module, Scalar
 from ...errors import InputError
 from ...quantities import quantity

@@ -17,8 +17,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Module, Scalar, field
 from ..gas import AIR, Gas
 

@@ -12,8 +12,7 @@ doi:10.1016/0021-9991(74)90019-9 (limiter), and 32, 1979, doi:10.1016/0021-9991(
 
 from __future__ import annotations
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Scalar
 from .equations import Conserved, Medium, Primitive
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jax, jnp
 from ...components import Scalar, jit_arrays
 from ...errors import ConvergenceError, InputError
 from ...quantities import declared

@@ -12,9 +12,7 @@ import abc
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
-
+from ..._jax import jax, jnp
 from ...components import Module, Scalar
 from ...components.flow import GasState, TwoPort
 from ...errors import InputError

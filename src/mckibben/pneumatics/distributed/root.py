@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import jax
-import jax.numpy as jnp
-
+from ..._jax import jax, jnp
 from ...components import Scalar
 
 # The root is sought until the residual is this share of its largest value. That takes 4-8 steps, and more only at the kink

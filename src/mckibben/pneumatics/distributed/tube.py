@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
-
+from ..._jax import jax, jnp
 from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity

@@ -16,8 +16,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Scalar
 from ..gas import Gas
 from ..wall_friction import LAMINAR_END, haaland, turbulence

@@ -12,8 +12,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Scalar
 from ...components.flow import GasState, TwoPort
 from ...quantities import quantity

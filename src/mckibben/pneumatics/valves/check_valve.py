@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Scalar, field
 from ...components.flow import Gases, GasState, TwoPort
 from ...quantities import quantity

@@ -19,8 +19,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from ..._jax import jnp
 from ...components import Module, Scalar
 from ...quantities import quantity
 from .shares import between, share

@@ -11,9 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-
+from ..._jax import jax, jnp
 from ...assembly.muscle_unit import MusclePath, MuscleUnit, UnitState
 from ...components import Module, Scalar
 from ...components.system import Moment, System

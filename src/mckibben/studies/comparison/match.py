@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jax, jnp
 from ...analysis.characteristics import dynamic_range
 from ...analysis.segments import segments
 from ...bench.rig_file import rig as rig_of

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jax, jnp
 from ...analysis.steps import LAST, settling
 from ...assembly.build import AirLine, circuit_for
 from ...assembly.muscle_unit import MuscleUnit

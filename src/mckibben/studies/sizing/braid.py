@@ -14,10 +14,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jit, jnp
 from ...errors import InputError
 from ...muscles import braid
 from ...pneumatics.gas import AIR
@@ -137,7 +136,7 @@ def _ask(law: str, longest: Any, shortest: Any, pressure: Any) -> tuple[Any, ...
     )
 
 
-_asked = jax.jit(_ask, static_argnums=0)
+_asked = jit(_ask, static_argnums=0)
 
 
 def sizes_of(shapes: Shapes, wish: Requirements, error: LawError) -> Sizes:

@@ -15,9 +15,9 @@ from __future__ import annotations
 import functools
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
+from ..._jax import jnp
 from ...identification import evaluate
 from ...muscles import braid, sleeve
 from ...muscles.build import law_from_specimen

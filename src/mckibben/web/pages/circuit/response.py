@@ -12,9 +12,9 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
+from ...._jax import jax
 from ....analysis.steps import LAST, settling, step_responses
 from ....assembly.circuit_file import CircuitPlan
 from ....components import paths

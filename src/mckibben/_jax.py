@@ -1,0 +1,146 @@
+"""JAX, loaded when it is first used, and set to float64 as soon as it is loaded.
+
+Loading JAX takes half a second. A process that only reads specimens, or evaluates a law by a kernel that was compiled
+before, never needs it; so modules take `jax` and `jnp` from here, and decorate functions with the `jit` and `custom_jvp` of
+this module. Whoever loads JAX, this package or a user's own ``import jax``: float64 is switched on at once, for an energy
+balance to 1e-10 has no meaning in float32, and what waits for JAX (`when_loaded`) is done then.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import sys
+import types
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+_waiting: list[Callable[[], None]] = []
+
+
+def is_loaded() -> bool:
+    """Whether JAX is loaded."""
+    return _loaded
+
+
+def when_loaded(action: Callable[[], None]) -> None:
+    """Do something as soon as JAX is loaded: now if it is, else when it is first used.
+
+    Args:
+        action: a function without arguments.
+    """
+    if _loaded:
+        action()
+    else:
+        _waiting.append(action)
+
+
+def is_traced(value: Any) -> bool:
+    """Whether a value is one of JAX's tracers, which stand for numbers while a function is traced."""
+    return _loaded and isinstance(value, jax.core.Tracer)
+
+
+def is_jax_array(value: Any) -> bool:
+    """Whether a value is an array of JAX, a tracer included."""
+    return _loaded and isinstance(value, jax.Array)
+
+
+class _LazyModule(types.ModuleType):
+    """A module that is imported when one of its names is first asked for."""
+
+    def __getattr__(self, name: str) -> Any:
+        module = self.__dict__.get("_module")
+        if module is None:
+            module = self.__dict__["_module"] = importlib.import_module(self.__name__)
+        return getattr(module, name)
+
+
+class _LazyFunction:
+    """A function that JAX transforms when it is first called.
+
+    Args:
+        function: what is transformed.
+        transform: the name of JAX's transformation.
+        options: of the transformation.
+    """
+
+    def __init__(self, function: Callable[..., Any], transform: str, options: dict[str, Any]) -> None:
+        functools.update_wrapper(self, function)
+        self._transform, self._options = transform, options
+        self._rule: Callable[..., Any] | None = None
+
+    def defjvp(self, rule: Callable[..., Any]) -> Callable[..., Any]:
+        """State the derivative of a function of `custom_jvp`."""
+        self._rule = rule
+        return rule
+
+    @functools.cached_property
+    def _transformed(self) -> Any:
+        made = getattr(jax, self._transform)(self.__wrapped__, **self._options)
+        if self._rule is not None:
+            made.defjvp(self._rule)
+        return made
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return self._transformed(*arguments, **options)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # as `copy` and `inspect` ask; JAX need not be loaded to say no
+            raise AttributeError(name)
+        return getattr(self._transformed, name)
+
+
+def jit(function: Callable[..., Any], **options: Any) -> Any:
+    """Compile a function as `jax.jit` does, when it is first called."""
+    return _LazyFunction(function, "jit", options)
+
+
+def custom_jvp(function: Callable[..., Any]) -> Any:
+    """Give a function a derivative of its own as `jax.custom_jvp` does, when it is first called."""
+    return _LazyFunction(function, "custom_jvp", {})
+
+
+class _Watcher:
+    """A finder of modules that finds none but sees when JAX is about to be loaded."""
+
+    def find_spec(self, name: str, path: Sequence[str] | None = None, target: Any = None) -> Any:
+        """Let the others find JAX, and be called when it is loaded."""
+        if name != "jax":
+            return None
+        found = (finder.find_spec(name, path, target) for finder in sys.meta_path if finder is not self)
+        spec = next((spec for spec in found if spec is not None), None)
+        if spec is not None and spec.loader is not None:
+            loader: Any = spec.loader
+            execute = loader.exec_module
+
+            def exec_module(module: types.ModuleType) -> None:
+                execute(module)
+                del loader.exec_module
+                sys.meta_path.remove(self)
+                _configure()
+
+            loader.exec_module = exec_module
+        return spec
+
+
+def _configure() -> None:
+    """Switch to float64, and do what waited."""
+    global _loaded
+    sys.modules["jax"].config.update("jax_enable_x64", True)
+    _loaded = True
+    while _waiting:
+        _waiting.pop(0)()
+
+
+if TYPE_CHECKING:
+    import jax as jax
+    import jax.numpy as jnp
+    from jax import flatten_util as flatten_util
+else:
+    jax, jnp, flatten_util = map(_LazyModule, ("jax", "jax.numpy", "jax.flatten_util"))
+
+_loaded = False
+if "jax" in sys.modules:
+    _configure()
+else:
+    sys.meta_path.insert(0, _Watcher())
