@@ -15,12 +15,12 @@ import types
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-_waiting: list[Callable[[], None]] = []
+_waiting: list[Callable[[], None]] | None = []  # what is to be done when JAX is loaded; None as soon as it is
 
 
 def is_loaded() -> bool:
     """Whether JAX is loaded."""
-    return _loaded
+    return _waiting is None
 
 
 def when_loaded(action: Callable[[], None]) -> None:
@@ -29,7 +29,7 @@ def when_loaded(action: Callable[[], None]) -> None:
     Args:
         action: a function without arguments.
     """
-    if _loaded:
+    if _waiting is None:
         action()
     else:
         _waiting.append(action)
@@ -37,12 +37,12 @@ def when_loaded(action: Callable[[], None]) -> None:
 
 def is_traced(value: Any) -> bool:
     """Whether a value is one of JAX's tracers, which stand for numbers while a function is traced."""
-    return _loaded and isinstance(value, jax.core.Tracer)
+    return _waiting is None and isinstance(value, jax.core.Tracer)
 
 
 def is_jax_array(value: Any) -> bool:
     """Whether a value is an array of JAX, a tracer included."""
-    return _loaded and isinstance(value, jax.Array)
+    return _waiting is None and isinstance(value, jax.Array)
 
 
 class _LazyModule(types.ModuleType):
@@ -125,11 +125,11 @@ class _Watcher:
 
 def _configure() -> None:
     """Switch to float64, and do what waited."""
-    global _loaded
+    global _waiting
     sys.modules["jax"].config.update("jax_enable_x64", True)
-    _loaded = True
-    while _waiting:
-        _waiting.pop(0)()
+    actions, _waiting = _waiting or [], None
+    for action in actions:
+        action()
 
 
 if TYPE_CHECKING:
@@ -139,7 +139,6 @@ if TYPE_CHECKING:
 else:
     jax, jnp, flatten_util = map(_LazyModule, ("jax", "jax.numpy", "jax.flatten_util"))
 
-_loaded = False
 if "jax" in sys.modules:
     _configure()
 else:

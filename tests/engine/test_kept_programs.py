@@ -21,9 +21,9 @@ from lanewise import CacheWarning, cache
 from lanewise.cache import is_private
 from mckibben.assembly.build import unit_from_specimen
 from mckibben.cli.app import _keep_compilations as keep_compilations
-from mckibben.components import Module, Scalar, field
+from mckibben.components import Module, Scalar, field, programs
 from mckibben.components.system import System
-from mckibben.engine import held, programs, step
+from mckibben.engine import held, step
 from mckibben.engine.integration import _outputs, compile_march
 from mckibben.engine.native import compile_function
 from mckibben.engine.signals import Value
@@ -155,7 +155,7 @@ def test_what_has_no_sure_name_has_no_key(lowered):
 def test_a_changed_source_gives_another_key(tmp_path):
     shutil.copytree(ROOT / "mckibben", tmp_path / "src" / "mckibben", ignore=shutil.ignore_patterns("__pycache__"))
     program = (
-        "from mckibben.engine.programs import program_key\nfrom mckibben.muscles.elements import Tendon\n"
+        "from mckibben.components.programs import program_key\nfrom mckibben.muscles.elements import Tendon\n"
         "print(program_key(Tendon.force, (Tendon(stiffness=1e5), 1.0)))"
     )
 

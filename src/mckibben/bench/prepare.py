@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jit
 from ..assembly.build import unit_from_specimen
 from ..assembly.muscle_unit import MuscleUnit
 from ..engine import STEP
@@ -22,14 +21,12 @@ from ..experiments.plan import PlannedStep, ProtocolPlan
 from ..experiments.protocol import Protocol
 from ..experiments.read import shipped
 from ..muscles.build import rest_length_of
-from ..muscles.law import compiled_tension
 from ..specimens import Specimen, specimen
 from .rig import Rig
 from .rig_file import rig as rig_of
 from .software.waveform_import import read_protocol
 
 CONTROL_RATE = 1000.0  # least samples per second of a loop that controls a motor
-PIECE = 4096  # points at which a tension is estimated at once
 ON_THE_CELL = "the load cell reads"  # how a finding about the cell's range begins
 
 
@@ -267,16 +264,10 @@ def _every(rate: float, plan: ProtocolPlan) -> int:
 
 
 def expected(unit: MuscleUnit) -> Estimate:
-    """Return the tension by the muscle's law as a function; evaluated in pieces of one size, so that it is compiled once."""
+    """Return the tension by the muscle's law as a function of span and pressure."""
 
     def tension(span: Any, pressure: Any) -> np.ndarray:
-        spans, pressures = np.broadcast_arrays(np.asarray(span, float), np.asarray(pressure, float))
-        parts, flat = [], np.stack([spans.ravel(), pressures.ravel()])
-        for first in range(0, flat.shape[1], PIECE):
-            piece = flat[:, first : first + PIECE]
-            padded = np.pad(piece, ((0, 0), (0, PIECE - piece.shape[1])), mode="edge")
-            parts.append(np.asarray(compiled_tension(unit.law, *padded))[: piece.shape[1]])
-        return np.concatenate(parts).reshape(spans.shape)
+        return np.asarray(unit.law.tension(np.asarray(span, float), np.asarray(pressure, float)))
 
     return tension
 

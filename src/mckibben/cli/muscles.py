@@ -79,8 +79,6 @@ def tension(
     as_json: Json = False,
 ) -> None:
     """Compute tension, volume and state of a muscle at one length and pressure."""
-    import jax
-
     spec, chosen, built = _resolve(name, law, change)
     biological = spec is not None and spec.kind == "biological"
     at = parse(length, "m", field="--length")
@@ -103,7 +101,7 @@ def tension(
         if drive < -1.1e5 or drive > 1e8:
             raise InputError("--pressure", pressure, "allowed is -1.1 bar (vacuum) to 1000 bar gauge")
         cautions.append(pressure_caution(drive, spec, text=pressure))
-    state, free = jax.jit(lambda x, p: (built.state(x, p), built.free_length(p)))(at, drive)
+    state, free = built.state(at, drive), built.free_length(drive)
     warnings = caution(*cautions)
     found: dict[str, Any] = {
         "tension": float(state.tension),

@@ -114,6 +114,30 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
         return dataclasses.replace(self, **changes)
 
 
+def flatten(tree: Any) -> tuple[list[Any], Any]:
+    """The leaves of a tree in the order of `jax.tree.leaves`, and its structure, which has a hash if all static fields have.
+
+    It does what `jax.tree.flatten` does for modules, tables, lists, tuples and None, and needs no JAX.
+    """
+    if isinstance(tree, Module):
+        known = tree.__dict__
+        fields = dataclasses.fields(tree)
+        static = tuple(known[f.name] for f in fields if f.metadata.get("static", False))
+        parts: Any = [known[f.name] for f in fields if not f.metadata.get("static", False)]
+        head: Any = (type(tree), static)
+    elif isinstance(tree, dict):
+        names = sorted(tree)
+        head, parts = (dict, tuple(names)), [tree[name] for name in names]
+    elif type(tree) in (list, tuple) or (isinstance(tree, tuple) and hasattr(tree, "_fields")):
+        head, parts = type(tree), tree
+    elif tree is None:
+        return [], None
+    else:
+        return [tree], "leaf"
+    flat = [flatten(part) for part in parts]
+    return [leaf for leaves, _ in flat for leaf in leaves], (head, tuple(structure for _, structure in flat))
+
+
 def jit_arrays(function: Callable[..., Result]) -> Callable[..., Result]:
     """Compile a function for the arrays among the leaves of its arguments; every other leaf is a constant of the program.
 

@@ -18,14 +18,12 @@ from typing import Any
 import numpy as np
 
 import lanewise
-from lanewise import cache
 
 from .._jax import jax
+from ..components import programs
 from ..errors import EngineError, InputError
-from . import programs
 
 ENGINES = ("auto", "native", "gpu", "xla")
-cache.use_cache("mckibben", "MCKIBBEN_KERNELS")
 
 
 class EngineFunction:

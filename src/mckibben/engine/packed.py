@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from .._jax import flatten_util, jax, jnp
+from ..components.programs import program_key
 from .native import compile_function
-from .programs import program_key
 
 
 class Packed:

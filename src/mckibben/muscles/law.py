@@ -15,8 +15,9 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jit, jnp
+from .._jax import jax, jnp
 from ..components import Module, Scalar, derivative
+from ..components.evaluation import evaluated
 from ..errors import InputError, NoVolumeError, UnreachableError
 from ..quantities import with_unit
 
@@ -64,21 +65,25 @@ class TensionLaw(Module):
 
     # ---- the braid: signed forces at its own length
 
+    @evaluated
     def active_tension(self, length: Any, pressure: Any) -> Scalar:
         """The part of the braid's force that the gas causes [N]."""
         length, pressure = _together(length, pressure)
         return -derivative(lambda x: self.gas_energy(x, pressure), length)
 
+    @evaluated
     def braid_tension(self, length: Any, pressure: Any) -> Scalar:
         """Signed force of the braid [N]; what a fit and an equation of motion use."""
         length, pressure = _together(length, pressure)
         return self.elastic_tension(length) + self.active_tension(length, pressure)
 
+    @evaluated
     def braid_volume(self, length: Any, pressure: Any) -> Scalar:
         """Gas volume at a braid length [m^3]; up to a constant where `has_volume` is false."""
         length, pressure = _together(length, pressure)
         return derivative(lambda p: self.gas_energy(length, p), pressure)
 
+    @evaluated
     def braid_stiffness(self, length: Any, pressure: Any) -> Scalar:
         """D braid_tension / dL at constant pressure [N/m]."""
         length, pressure = _together(length, pressure)
@@ -86,11 +91,13 @@ class TensionLaw(Module):
 
     # ---- the muscle between its anchors: unilateral
 
+    @evaluated
     def tension(self, span: Any, pressure: Any) -> Scalar:
         """Tension on the anchors [N], never negative."""
         force = self.braid_tension(span, pressure)
         return jnp.where(force > 0.0, force, 0.0)
 
+    @evaluated
     def volume(self, span: Any, pressure: Any) -> Scalar:
         """Gas volume [m^3], with the braid at its free length when slack.
 
@@ -102,17 +109,20 @@ class TensionLaw(Module):
         span, pressure = _together(span, pressure)
         return self.braid_volume(self._braid_length(span, pressure), pressure)
 
+    @evaluated
     def volume_change(self, span: Any, pressure: Any) -> Scalar:
         """dV/dL at constant pressure [m^2]; known for every law, zero when slack."""
         span, pressure = _together(span, pressure)
         taut = self.braid_tension(span, pressure) > 0.0
         return jnp.where(taut, derivative(lambda x: self.braid_volume(x, pressure), span), 0.0)
 
+    @evaluated
     def stiffness(self, span: Any, pressure: Any) -> Scalar:
         """dF/dL at constant pressure [N/m], zero when slack."""
         taut = self.braid_tension(span, pressure) > 0.0
         return jnp.where(taut, self.braid_stiffness(span, pressure), 0.0)
 
+    @evaluated
     def state(self, span: Any, pressure: Any) -> LawState:
         """Evaluate the complete state."""
         span, pressure = _together(span, pressure)
@@ -135,6 +145,7 @@ class TensionLaw(Module):
         """Whether the span lies beyond the longest braid length that the law is made for."""
         return jnp.asarray(span, float) > self.length_range()[1]
 
+    @evaluated
     def free_length(self, pressure: Any) -> Scalar:
         """Length at which the unloaded muscle settles [m], within `length_range`."""
         pressure = jnp.asarray(pressure, float)
@@ -171,7 +182,7 @@ class TensionLaw(Module):
         if not (np.isfinite(tension) and tension >= 0.0):
             raise InputError("tension", f"{tension:.6g} N", "must be 0 N or more")
         grid = np.linspace(0.0, highest, 1001)
-        given = np.asarray(compiled_tension(self, float(span), grid)) - tension
+        given = np.asarray(self.tension(float(span), grid)) - tension
         met = np.flatnonzero(np.abs(given) <= 1e-9 * max(tension, 1.0))
         if met.size and np.all(given[: met[0]] < 0.0):
             return float(grid[met[0]])  # on a grid point, to the rounding in which two compilations differ
@@ -183,19 +194,13 @@ class TensionLaw(Module):
                 f"{with_unit(highest, 'Pa')}: the muscle pulls with {low:.4g} to {high:.4g} N there"
             )
         i = int(crossings[0])
-        excess = lambda p: float(compiled_tension(self, float(span), p)) - tension  # noqa: E731
+        excess = lambda p: float(self.tension(float(span), p)) - tension  # noqa: E731
         return float(brentq(excess, grid[i], grid[i + 1], xtol=1e-6, rtol=1e-14))
 
     def _braid_length(self, span: Scalar, pressure: Scalar) -> Scalar:
         force, free = self.braid_tension(span, pressure), self.free_length(pressure)
         # Where nothing pulls and nothing pushes, as beyond the threads' length, the braid is as long as its span.
         return jnp.where(force > 0.0, span, jnp.where(force < 0.0, free, jnp.maximum(span, free)))
-
-
-@jit
-def compiled_tension(law: TensionLaw, span: Any, pressure: Any) -> Scalar:
-    """Return `TensionLaw.tension` [N]; compiled once for each kind of law and each shape of its arguments."""
-    return law.tension(span, pressure)
 
 
 def law_name(law: TensionLaw | type[TensionLaw]) -> str:

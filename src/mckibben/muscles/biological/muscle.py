@@ -17,6 +17,7 @@ from typing import Any, ClassVar, NoReturn
 
 from ..._jax import jnp
 from ...components import Module, Scalar, derivative
+from ...components.evaluation import evaluated
 from ...errors import InputError, NoVolumeError, UnreachableError
 from ...quantities import quantity, with_unit
 from ..law import LawState
@@ -110,6 +111,7 @@ class BiologicalMuscle(Module):
         """Passive tension [N], the total without activation."""
         return self.maximum_tension * self.passive_curve(jnp.asarray(length, float) / self.rest_length)
 
+    @evaluated
     def active_tension(self, length: Any, activation: Any, velocity: Any = 0.0) -> Scalar:
         """Active part of the tension [N] at a velocity [m/s]."""
         length, activation, velocity = _together(length, activation, velocity)
@@ -117,28 +119,33 @@ class BiologicalMuscle(Module):
         relative_velocity = velocity / (self.maximum_velocity * self.rest_length)
         return self.maximum_tension * isometric * self.velocity_curve(relative_velocity)
 
+    @evaluated
     def tension(self, span: Any, activation: Any, velocity: Any = 0.0) -> Scalar:
         """Tension on the anchors [N], never negative."""
         span, activation, velocity = _together(span, activation, velocity)
         return self.elastic_tension(span) + self.active_tension(span, activation, velocity)
 
+    @evaluated
     def stiffness(self, span: Any, activation: Any, velocity: Any = 0.0) -> Scalar:
         """dF/dL at constant activation and velocity [N/m]; negative on the descending limb, zero when slack."""
         span, activation, velocity = _together(span, activation, velocity)
         taut = self.tension(span, activation, velocity) > 0.0
         return jnp.where(taut, derivative(lambda x: self.tension(x, activation, velocity), span), 0.0)
 
+    @evaluated
     def damping(self, span: Any, activation: Any, velocity: Any = 0.0) -> Scalar:
         """dF/dv at constant length and activation [N s/m], never negative; largest at small velocities."""
         span, activation, velocity = _together(span, activation, velocity)
         return derivative(lambda v: self.tension(span, activation, v), velocity)
 
+    @evaluated
     def free_length(self, activation: Any) -> Scalar:
         """The longest length at which the muscle carries no tension at rest [m]; below it hangs slack."""
         activation = jnp.asarray(activation, float)
         excited = jnp.minimum(self.shortest_active_length, self.passive_onset)
         return self.rest_length * jnp.where(activation > 0.0, excited, self.passive_onset)
 
+    @evaluated
     def state(self, span: Any, activation: Any, velocity: Any = 0.0) -> LawState:
         """Evaluate the complete state; `volume` is NaN, and `braid_length` the length of the fibres."""
         span, activation, velocity = _together(span, activation, velocity)

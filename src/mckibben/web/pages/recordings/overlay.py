@@ -145,7 +145,6 @@ def less_the_law(parts: Sequence[OverlaidPart]) -> Chart | str:
 def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
     """Length [cm], and tension less the law at the recorded length and pressure [N]."""
     from ....muscles.build import law_from_specimen
-    from ....muscles.law import compiled_tension
     from ....report.origins import known_specimen
 
     spec = known_specimen(part.record.meta)
@@ -161,7 +160,7 @@ def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
             raise InputError(what, "not recorded", "a law needs length, pressure and tension")
     law = law_from_specimen(spec)
     length, pressure, tension = (part.record[names[w]] for w in ("length", "pressure", "tension"))
-    return from_si(1.0, "m", "cm") * length, tension - np.asarray(compiled_tension(law, length, pressure))
+    return from_si(1.0, "m", "cm") * length, tension - np.asarray(law.tension(length, pressure))
 
 
 def over_time(parts: Sequence[OverlaidPart], what: str, height: int) -> Chart | None:

@@ -9,6 +9,8 @@ A program is found by its key, a hash of all that tracing a function for example
   functions and types, for either may have been replaced;
 * how JAX counts: with 64 bits, and by which promotion.
 
+Neither the key nor the program needs JAX, which is loaded where something has to be lowered.
+
 What has no sure name has no key: lambdas and what is defined inside a function, methods of objects that are no trees, and
 all types and functions that are neither this package's nor a library's named above.
 
@@ -23,6 +25,7 @@ import dataclasses
 import enum
 import functools
 import hashlib
+import importlib.util
 import json
 import os
 import sys
@@ -36,14 +39,13 @@ import numpy as np
 import lanewise
 from lanewise import Leaf, Program, cache
 
-from .._jax import jax
-from ..components import Module
-from . import step
+from .._jax import is_jax_array, is_loaded, is_traced, jax
+from .module import Module, flatten
 
 OWN = __name__.partition(".")[0]
 LIBRARIES = frozenset({"builtins", "functools", "operator", "math", "jax", "jaxlib", "numpy", "lanewise"})
 PLAIN = (bool, int, float, str, bytes, type(None))
-MODULES = (step.__name__,)  # on which every program depends
+cache.use_cache("mckibben", "MCKIBBEN_KERNELS")
 
 
 class UnnamedError(Exception):
@@ -71,15 +73,31 @@ def program_key(function: Callable[..., Any], examples: Sequence[Any]) -> str | 
 def base() -> bytes:
     """Part of every key that depends on sources and versions only."""
     digest = hashlib.sha256()
-    versions = (sys.version, jax.__version__, np.__version__)
-    for text in versions:
+    for text in (sys.version, np.__version__):
         digest.update(text.encode() + b"\n")
+    digest.update(_version_of_jax())
     for folder in (str(Path(__file__).parents[1]), str(Path(lanewise.__file__).parent)):
         for path in sources(folder):
             with open(path, "rb") as file:
                 data = file.read()
             digest.update(f"{path.removeprefix(folder)} {len(data)}\n".encode() + data)
     return digest.digest()
+
+
+def _version_of_jax() -> bytes:
+    """The file that states the version of JAX, which is not loaded for it."""
+    spec = importlib.util.find_spec("jax")
+    if spec is None or not spec.submodule_search_locations:
+        return b""
+    return Path(spec.submodule_search_locations[0], "version.py").read_bytes()
+
+
+def _counting() -> tuple[bool, str]:
+    """Whether JAX counts with 64 bits, and how it promotes types."""
+    if not is_loaded():
+        return True, os.environ.get("JAX_NUMPY_DTYPE_PROMOTION", "standard").lower()
+    promotion = jax.config.values["jax_numpy_dtype_promotion"]
+    return jax.config.values["jax_enable_x64"], getattr(promotion, "value", promotion)
 
 
 def sources(folder: str) -> list[str]:
@@ -97,9 +115,8 @@ class _Name:
     """A hash in the making, and the modules that what was named comes from."""
 
     def __init__(self) -> None:
-        counting = [jax.config.values[f"jax_{name}"] for name in ("enable_x64", "numpy_dtype_promotion")]
-        self.digest = hashlib.sha256(base() + repr(counting).encode())
-        self.modules = set(MODULES)
+        self.digest = hashlib.sha256(base() + repr(_counting()).encode())
+        self.modules: set[str] = set()
 
     def word(self, *words: Any) -> None:
         """Plain values, of which none runs into the next."""
@@ -134,13 +151,13 @@ class _Name:
         elif isinstance(value, enum.Enum):
             self.place(type(value))
             self.word(value.name)
-        elif isinstance(value, np.ndarray | np.generic | jax.Array) and not isinstance(value, jax.core.Tracer):
+        elif (isinstance(value, np.ndarray | np.generic) or is_jax_array(value)) and not is_traced(value):
             array = np.asarray(value)
             if array.dtype.kind not in "biufc":
                 raise UnnamedError
             self.word("array", array.shape, array.dtype.str)
             self.digest.update(np.ascontiguousarray(array).data)  # shape and type say where it ends
-        elif isinstance(value, jax.tree_util.PyTreeDef):
+        elif is_loaded() and isinstance(value, jax.tree_util.PyTreeDef):
             self.word("structure")
             self.tree(jax.tree.unflatten(value, [0] * value.num_leaves))
         elif isinstance(value, np.dtype):
@@ -233,24 +250,25 @@ def _collection(value: Any) -> bool:
 def lower_or_load(function: Callable[..., Any], *examples: Any, title: str = "") -> tuple[Program, Any]:
     """Find a function's program and the structure of its results on disk, or lower it; see `lanewise.lower`."""
     name = None if cache.cache_folder() is None else program_key(function, examples)
-    known = None if name is None else _known(f"{name}.program")
+    known = None if name is None else load_program(name)
     if known is not None:
-        return known
+        return known[0], jax.tree.structure(known[1])
     program, tree = lanewise.lower(function, *examples, title=title)
     if name is not None:
         _keep(f"{name}.program", program, tree)
     return program, tree
 
 
-def _known(file: str) -> tuple[Program, Any] | None:
-    found = cache.load(file)
+def load_program(key: str) -> tuple[Program, Any] | None:
+    """The program of a key and a tree like its results, without JAX; None where none is kept."""
+    found = cache.load(f"{key}.program")
     if found is None:
         return None
     data, about = found
     try:
         given, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in about[part]] for part in ("arguments", "results"))
-        tree: Any = jax.tree.structure(_built(about["tree"]))
-        if tree.num_leaves != len(wanted):
+        tree = _built(about["tree"])
+        if len(flatten(tree)[0]) != len(wanted):
             return None
         return Program.from_parts(data, given, wanted, about["title"]), tree
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError):

@@ -1,0 +1,113 @@
+"""Formulas evaluated on plain numbers by kernels, for which JAX need not be loaded.
+
+A formula is written once, for JAX. Called with numbers or NumPy arrays, it is a kernel that was lowered from it and is kept
+on disk: microseconds a call, in place of the tens of operations that JAX would do one by one. Called with arrays of JAX or
+inside a function that JAX traces, it is traced as it is written.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from lanewise import LoweringError, Program, UnavailableError
+
+from .._jax import is_jax_array, is_traced, jax
+from .module import flatten
+from .programs import load_program, lower_or_load, program_key
+
+NUMBERS = (float, int, np.ndarray, np.generic)
+# Lanes up to which one core is enough, and beyond which a call goes by blocks on all of them.
+SINGLE_CORE = 20_000
+MOST_KNOWN = 256  # formulas with the structures of their owners that are remembered
+Method = TypeVar("Method", bound=Callable[..., Any])
+_known: dict[Any, Any] = {}
+
+
+def evaluated(method: Method) -> Method:
+    """Let a method of a module, elementwise in its arguments, be evaluated by a kernel where all its numbers are plain.
+
+    Its results are then NumPy's; they agree with those of JAX to rounding.
+
+    Args:
+        method: of a module whose leaves are numbers; it returns one array, or a tuple of arrays.
+    """
+    names = list(inspect.signature(method).parameters)[1:]
+    defaults = method.__defaults__ or ()
+
+    @functools.wraps(method)
+    def call(self: Any, *arguments: Any, **options: Any) -> Any:
+        if options:
+            return method(self, *arguments, **options)
+        missing = len(names) - len(arguments)
+        if 0 < missing <= len(defaults):
+            arguments = (*arguments, *defaults[len(defaults) - missing :])
+        if len(arguments) != len(names) or not all(isinstance(x, NUMBERS) for x in arguments):
+            return method(self, *arguments)
+        leaves, structure = flatten(self)
+        if not all(map(_is_number, leaves)) or not all(map(np.size, arguments)):
+            return method(self, *arguments)
+        try:
+            return _call(_kernel(method, self, structure, len(arguments)), leaves, arguments)
+        except (LoweringError, UnavailableError):  # an operation that no kernel can do, or no LLVM
+            return method(self, *arguments)
+
+    return call  # type: ignore[return-value]
+
+
+def _is_number(leaf: Any) -> bool:
+    """Whether a leaf is one number that is known."""
+    return (isinstance(leaf, NUMBERS) or is_jax_array(leaf)) and not np.shape(leaf) and not is_traced(leaf)
+
+
+def _kernel(method: Callable[..., Any], owner: Any, structure: Any, count: int) -> tuple[Program, Any]:
+    """The program of a method, and a tree like its results.
+
+    Raises:
+        LoweringError: no kernel can do what it does; also when it is asked for again.
+    """
+    key = (method, structure)
+    known = _known.get(key)
+    if known is None:
+        while len(_known) >= MOST_KNOWN:
+            _known.pop(next(iter(_known)), None)
+        try:
+            known = _load_or_lower(method, (owner, *[0.0] * count))
+        except LoweringError as error:
+            known = error
+        _known[key] = known
+    if isinstance(known, LoweringError):
+        raise known
+    return known
+
+
+def _load_or_lower(method: Callable[..., Any], examples: tuple[Any, ...]) -> tuple[Program, Any]:
+    name = program_key(method, examples)
+    known = None if name is None else load_program(name)
+    if known is not None:
+        return known
+    program, tree = lower_or_load(method, *examples, title=method.__qualname__)
+    return program, jax.tree.unflatten(tree, [0.0] * tree.num_leaves)
+
+
+def _call(run: tuple[Program, Any], leaves: list[Any], arguments: tuple[Any, ...]) -> Any:
+    """Results for arguments of any shapes that broadcast."""
+    program, example = run
+    values = [np.asarray(x, float) for x in arguments]
+    shape = np.broadcast_shapes(*(x.shape for x in values))
+    if shape:
+        lanes = int(np.prod(shape))
+        flat = [np.broadcast_to(x, shape).reshape(lanes) for x in values]
+        threads = 1 if lanes <= SINGLE_CORE else None
+        columns: list[Any] = program.call([*leaves, *flat], lanes=lanes, mode="strict", threads=threads)
+        results = [np.full(shape, column) if column.ndim == 0 else column.reshape(shape) for column in columns]
+    else:
+        columns = program.call([*leaves, *values], mode="strict")
+        results = [column[()] for column in columns]
+    if isinstance(example, tuple):
+        return type(example)(*results) if hasattr(example, "_fields") else tuple(results)
+    return results[0]
