@@ -116,7 +116,8 @@ def test_tension_is_the_sum_of_its_parts_and_activation_is_limited(length, activ
 
 
 def test_without_activation_only_the_passive_part_is_left():
-    np.testing.assert_array_equal(MUSCLE.tension(NODES, 0.0, -0.3), MUSCLE.elastic_tension(NODES))
+    # Two compilations of the same operations: last bits.
+    np.testing.assert_allclose(MUSCLE.tension(NODES, 0.0, -0.3), MUSCLE.elastic_tension(NODES), rtol=1e-13)
 
 
 def test_largest_isometric_tension_at_rest_length():

@@ -1,0 +1,39 @@
+"""Modules that are imported when one of their names is first asked for."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import types
+from typing import Any
+
+
+class LazyModule(types.ModuleType):
+    """A module by its full name, imported at the first look-up of one of its attributes."""
+
+    def __getattr__(self, name: str) -> Any:
+        module = self.__dict__.get("_module")
+        if module is None:
+            if name in ("__path__", "__file__", "__wrapped__"):  # as `inspect` and `doctest` ask of whatever they meet
+                raise AttributeError(name)
+            module = self.__dict__["_module"] = importlib.import_module(self.__name__)
+        return getattr(module, name)
+
+
+def lazy_submodules(package: str) -> None:
+    """Let ``from package import module`` give modules that are imported at their first use.
+
+    For packages that hold what computes or draws, from which a command needs one module at most, and none for its help.
+
+    Args:
+        package: the full name of the package, ``__name__`` in its ``__init__``.
+    """
+    room = sys.modules[package]
+    for folder in room.__path__:
+        for entry in os.scandir(folder):
+            name, _, ending = entry.name.partition(".")
+            whole = f"{package}.{name}"
+            if ending == "py" or (entry.is_dir() and not ending and not name.startswith("__")):
+                if not name.startswith("__") and whole not in sys.modules and not hasattr(room, name):
+                    setattr(room, name, LazyModule(whole))
