@@ -99,15 +99,16 @@ def _call(run: tuple[Program, Any], leaves: list[Any], arguments: tuple[Any, ...
     program, example = run
     values = [np.asarray(x, float) for x in arguments]
     shape = np.broadcast_shapes(*(x.shape for x in values))
+    results: list[Any] = []
     if shape:
         lanes = int(np.prod(shape))
         flat = [np.broadcast_to(x, shape).reshape(lanes) for x in values]
         threads = 1 if lanes <= SINGLE_CORE else None
-        columns: list[Any] = program.call([*leaves, *flat], lanes=lanes, mode="strict", threads=threads)
-        results = [np.full(shape, column) if column.ndim == 0 else column.reshape(shape) for column in columns]
+        for column in program.call([*leaves, *flat], lanes=lanes, mode="strict", threads=threads):
+            results.append(np.full(shape, column) if np.ndim(column) == 0 else np.reshape(np.asarray(column), shape))
     else:
-        columns = program.call([*leaves, *values], mode="strict")
-        results = [column[()] for column in columns]
+        for number in program.call([*leaves, *values], mode="strict"):
+            results.append(np.asarray(number)[()])
     if isinstance(example, tuple):
         return type(example)(*results) if hasattr(example, "_fields") else tuple(results)
     return results[0]
