@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._jax import jax, jnp
 from ..assembly.output_names import CONSTANT
 from ..bench import channels
 from ..bench.hardware.plant import InstrumentedPlant

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from .._jax import jax, jnp
 from ..assembly.accounts import CLOSED, Accounts, accounts
 from ..assembly.build import antagonist_pair
 from ..assembly.exergy_balance import document

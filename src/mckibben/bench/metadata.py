@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from .. import citations
-from .._jax import jax
 from ..analysis.channels import saturation
 from ..assembly.accounts import CLOSED, Accounts
 from ..assembly.exergy_balance import document

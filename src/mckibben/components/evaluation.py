@@ -105,7 +105,8 @@ def _call(run: tuple[Program, Any], leaves: list[Any], arguments: tuple[Any, ...
         flat = [np.broadcast_to(x, shape).reshape(lanes) for x in values]
         threads = 1 if lanes <= SINGLE_CORE else None
         for column in program.call([*leaves, *flat], lanes=lanes, mode="strict", threads=threads):
-            results.append(np.full(shape, column) if np.ndim(column) == 0 else np.reshape(np.asarray(column), shape))
+            array = np.asarray(column)
+            results.append(np.full(shape, array) if array.ndim == 0 else array.reshape(shape))
     else:
         for number in program.call([*leaves, *values], mode="strict"):
             results.append(np.asarray(number)[()])

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-
 from ..._jax import jnp
 from ...components import Module, Scalar, field
 from ...errors import InputError
