@@ -9,11 +9,12 @@ balance to 1e-10 has no meaning in float32, and what waits for JAX (`when_loaded
 from __future__ import annotations
 
 import functools
-import importlib
 import sys
 import types
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
+
+from ._lazy import LazyModule
 
 _waiting: list[Callable[[], None]] | None = []  # what is to be done when JAX is loaded; None as soon as it is
 
@@ -43,16 +44,6 @@ def is_traced(value: Any) -> bool:
 def is_jax_array(value: Any) -> bool:
     """Whether a value is an array of JAX, a tracer included."""
     return _waiting is None and isinstance(value, jax.Array)
-
-
-class _LazyModule(types.ModuleType):
-    """A module that is imported when one of its names is first asked for."""
-
-    def __getattr__(self, name: str) -> Any:
-        module = self.__dict__.get("_module")
-        if module is None:
-            module = self.__dict__["_module"] = importlib.import_module(self.__name__)
-        return getattr(module, name)
 
 
 class _LazyFunction:
@@ -137,7 +128,7 @@ if TYPE_CHECKING:
     import jax.numpy as jnp
     from jax import flatten_util as flatten_util
 else:
-    jax, jnp, flatten_util = map(_LazyModule, ("jax", "jax.numpy", "jax.flatten_util"))
+    jax, jnp, flatten_util = map(LazyModule, ("jax", "jax.numpy", "jax.flatten_util"))
 
 if "jax" in sys.modules:
     _configure()
