@@ -19,6 +19,7 @@ LIBRARIES = {
     "nptdms": ("formats", "npTDMS"),
     "polars": ("formats", "polars"),
     "pymatreader": ("formats", "pymatreader"),
+    "ophyd_async": ("bluesky", "ophyd-async"),
     "serial": ("serial", "pyserial"),
     "starlette": ("web", "starlette"),
     "typst": ("report", "typst"),

@@ -328,3 +328,33 @@ def test_by_the_wall_clock_a_session_keeps_time_and_vents_when_it_ends():
         session.wait(0.6)
         assert session.status().measured["pressure"] > 0.5e5
     assert session.status().measured["pressure"] < 2e3 + 2667.0
+
+
+def test_a_session_for_runs_only_refuses_to_be_operated_and_says_how_it_would_not():
+    with Session(paper(), "nylon", by_hand=False) as session:
+        for act in (
+            lambda: session.set(pressure="1 bar"), session.vent, session.reset, session.start_recording,
+            session.control_lost, session.control_back, lambda: session.wait(0.1), lambda: session.prepare(short()),
+            lambda: session.run(short()),
+        ):  # fmt: skip
+            with pytest.raises(InputError, match="opened for runs only; open it with by_hand=True"):
+                act()
+        assert session.latest() == {} and session.status().state == "idle" and not session.busy
+        assert session.since(0.0)[1] == {} and session.messages() == []
+        session.emergency_stop("before a run")
+        record = session.run(bench(short()), anew=True)  # which the button ends at once
+        assert record.meta["result"] == "interrupted"
+        assert not session.button()  # and another button is there for the next run
+
+
+def test_a_run_anew_is_shown_as_running_and_stopped_by_the_button_of_its_session(machine):
+    seen = []
+
+    def shown(times, arrays):
+        seen.append((machine.status().state, machine.status().protocol[0]))
+        machine.emergency_stop("by the test")
+
+    record = machine.run(bench(short()), anew=True, display=shown)
+    assert seen[0] == ("running", "short") and record.meta["result"] == "interrupted"
+    with pytest.raises(InputError, match="reset it first"):
+        machine.run(bench(short()), anew=True)

@@ -7,12 +7,16 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
+from short_runs import paper
 
+from mckibben.bench.console import Console
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.microcontroller import in_thread
 from mckibben.bench.prepare import prepare
 from mckibben.bench.segment import SegmentMachine, timing_of
+from mckibben.bench.session import Session
 from mckibben.bench.session.proxy import SessionProxy
 from mckibben.errors import EngineError, InputError, LineLostError
 from mckibben.specimens import specimen
@@ -103,7 +107,8 @@ def test_a_machine_whose_process_is_killed_is_lost_and_said_to_be_and_can_be_had
         os.kill(machine.process, signal.SIGKILL)
         until(lambda: machine.gone == "lost", "lost")
         assert "the process that had the machine ended" in machine.why
-        assert machine.status().state == "lost" and machine.latest() == {} and machine.messages() == []
+        assert machine.status().state == "lost" and machine.latest() == {}
+        assert machine.messages()[-1].kind == "stop" and "process that had the machine" in machine.messages()[-1].text
         with pytest.raises(LineLostError, match="ended"):
             machine.set(pressure="2 bar")
         machine.button.press()  # nobody hears it; nothing is raised where a stop is pressed
@@ -111,23 +116,58 @@ def test_a_machine_whose_process_is_killed_is_lost_and_said_to_be_and_can_be_had
         assert again.status().state == "idle"
 
 
-def test_what_the_machine_refuses_is_refused_here_in_the_same_words(device):
-    with operated(device) as machine:
+@pytest.mark.parametrize("words", ["serial:/dev/nothing-there", "radio"])
+def test_a_machine_that_is_not_there_is_refused_by_its_name(device, words):
+    device.words = words
+    with pytest.raises((InputError, LineLostError), match=words.partition(":")[2] or words), operated(device):
+        pass
+
+
+SCRIPT = """\
+pressure 2 bar
+wait 0.7 s
+record on
+span 13.5 cm
+wait 0.3 s
+load isotonic-triangle
+set load=50 N frequency=5 Hz cycles=1
+run
+record off
+status
+"""
+
+
+def scripted(session):
+    """What a console answers and is told, and the recording, of a script on a machine."""
+    console = Console(session)
+    answers = [console.execute(line) for line in SCRIPT.splitlines()]
+    return answers, console.news(), console.recording
+
+
+def test_a_session_in_another_process_answers_records_and_refuses_as_one_in_this_process():
+    with Session(paper(), "nylon", speed=None) as here:
+        ours = scripted(here)
+    with SessionProxy(None, paper(), "nylon", speed=None) as there:
+        assert there.simulated and there.setup.limits == here.setup.limits and there.period == here.period
+        theirs = scripted(there)
+        there.note("seen by both")
+        assert there.messages()[-1].text == "seen by both"
         with pytest.raises(InputError) as refused:
-            machine.set(pressure="40 bar")
+            there.set(pressure="40 bar")
         assert refused.value.field == "pressure" and "by hand" in str(refused.value)
         with pytest.raises(InputError, match="allowed only after a stop"):
-            machine.reset()
-        machine.emergency_stop("tried")
-        assert "tried" in machine.why and machine.status().state == "stopped"
-        machine.reset()
-        assert not machine.why and not machine.button()
-    assert machine.gone == "closed"
-    machine.close()
-    for words in ("serial:/dev/nothing-there", "radio"):
-        device.words = words
-        with pytest.raises((InputError, LineLostError), match=words.partition(":")[2] or words), operated(device):
-            pass
+            there.reset()
+        there.emergency_stop("tried")
+        assert "tried" in there.why and there.status().state == "stopped"
+        there.reset()
+        assert not there.why and not there.button()
+    assert there.gone == "closed"
+    there.close()
+    deadlines = ours[0][-1].splitlines()[-1]  # how late samples were is measured by the wall clock
+    assert theirs[0][:-1] == ours[0][:-1] and theirs[1] == ours[1] and "samples by hand" in deadlines
+    assert list(ours[2].channels) == list(theirs[2].channels)
+    for name in ours[2].channels:
+        assert np.array_equal(ours[2][name], theirs[2][name], equal_nan=True), name
 
 
 @pytest.mark.parametrize(

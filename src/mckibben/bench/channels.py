@@ -16,8 +16,6 @@ RENAMED = {
     "load.deflection": "frame.deflection",
 }
 
-MEASURED = {name: (kind.unit, kind.meaning) for name, kind in SENSORS.items()}
-MEASURED["span"] = ("m", "span by the encoder, measured")
 COMMANDS = {
     "command.pressure": ("Pa", "set-point of the pressure"),
     "command.span": ("m", "set-point of the span"),
@@ -30,6 +28,12 @@ COMMANDS = {
 INPUTS = {"valve": "valve.command", "motor": "motor.command", "open": "shut_off.command"}
 
 
+def measured() -> dict[str, tuple[str, str]]:
+    """Return unit and meaning of every measured channel: those of the sensors, and the span of the encoder."""
+    sensors = {name: (kind.unit, kind.meaning) for name, kind in SENSORS.items()}
+    return sensors | {"span": ("m", "span by the encoder, measured")}
+
+
 def described(name: str) -> tuple[str, str]:
     """Return unit and meaning of a true channel by its dotted name."""
     return OWN[name] if name in OWN else output_meaning(name)
@@ -37,10 +41,10 @@ def described(name: str) -> tuple[str, str]:
 
 def kinds(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
     """Return unit, kind and meaning of the channels of a test machine, by name."""
-    found = {}
+    found, sensed = {}, measured()
     for name in names:
-        if name in MEASURED:
-            found[name] = (*MEASURED[name][:1], "measured", MEASURED[name][1])
+        if name in sensed:
+            found[name] = (sensed[name][0], "measured", sensed[name][1])
         elif name in COMMANDS:
             found[name] = (*COMMANDS[name][:1], "command", COMMANDS[name][1])
         else:

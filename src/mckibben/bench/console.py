@@ -1,16 +1,19 @@
 """The console of the test machine: interprets commands, one line each, and answers as text.
 
 What it knows stands once, in `COMMANDS`: help, completion and the documentation come from there. It has no
-terminal of its own, so that a prompt, a script and a page can each be one.
+terminal of its own, so that a prompt, a script and a page can each be one: `Console` operates a session, in this process or
+another one, and the console of a page the bench of that page.
 """
 
 from __future__ import annotations
 
+import abc
 import os
 import shlex
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
+from typing import Protocol as Interface
 
 from ..assembly.signal_table import read_points
 from ..errors import InputError, suggest
@@ -25,7 +28,8 @@ from ..specimens import Specimen, specimens
 from .protocol_run import Progress
 from .rig import Rig
 from .rig_file import rig_names
-from .session import Session
+from .session import MachineSession, Status
+from .session.setup import ManualSetup
 from .software.waveform_import import read_protocol
 
 FORMATS = (".nc", ".csv", ".mcap", ".mat", ".parquet", ".tdms")
@@ -70,33 +74,6 @@ COMMANDS = {
     "help": ConsoleCommand("help [COMMAND]", "Explain the commands.", "command"),
     "quit": ConsoleCommand("quit", "Vent and leave."),
 }  # fmt: skip
-
-
-def complete(text: str, parameters: Iterable[str] = ()) -> list[str]:
-    """List the completions of the last word of a line; `parameters` are those of the loaded protocol."""
-    head, _, last = text.rpartition(" ")
-    words = head.split()
-    if not words:
-        return [n for n in COMMANDS if n.startswith(last.lower())]
-    command = COMMANDS.get(words[0].lower())
-    return [] if command is None else _followers(command.follows, words[1:], last, parameters)
-
-
-def _followers(follows: str, before: list[str], last: str, parameters: Iterable[str]) -> list[str]:
-    kind, _, more = follows.partition(":")
-    if kind == "amount":
-        return [u for u in more.split() if u.startswith(last)] if len(before) == 1 else []
-    if kind == "value":
-        return [f"{n}=" for n in parameters if n.startswith(last)]
-    if before:
-        return []
-    if kind == "protocol":
-        shipped = [n for n in protocol_names() if n.startswith(last)]
-        return shipped + _files(last, (".toml", ".csv", ".mat", ".mcap", ".nc", ".parquet", ".tdms"))
-    if kind == "file":
-        return _files(last, tuple(more.split()))
-    known = list(COMMANDS) if kind == "command" else kind.split("|")
-    return [w for w in known if w and w.startswith(last)]
 
 
 def _files(start: str, endings: tuple[str, ...]) -> list[str]:
@@ -182,28 +159,67 @@ def _following(path: Path, *channels: str) -> Protocol:
 LONGEST = 86400.0  # that `wait` waits [s]
 
 
-class Console:
-    """A console that operates a session by lines of text.
+class Operated(Interface):
+    """What the commands of manual operation act on: a session, or the bench of a page."""
+
+    def set(self, **wanted: float | str) -> str | None:
+        """Ask for set-points, in words or SI."""
+
+    def vent(self) -> str | None:
+        """Vent at the manual rate."""
+
+    def emergency_stop(self, reason: str) -> str | None:
+        """Vent at once."""
+
+    def reset(self) -> str | None:
+        """Return to manual mode after a stop."""
+
+
+class CommandInterpreter(abc.ABC):
+    """The commands of a console, whatever they operate.
 
     Args:
-        session: the machine.
-        ask: told what a person has to do during a protocol; returns when it is done.
-        progress: told how far a run is.
-
-    Attributes:
-        over: whether somebody said `quit`.
-        protocol: the loaded one.
-        recording: the last one.
+        operated: what set-points and stops act on.
+        commands: that are known, by name; each is a method of this name after an underscore.
+        elsewhere: commands of another console, by name, and what is done instead.
     """
 
     def __init__(
-        self, session: Session, *, ask: Callable[[str], None] | None = None, progress: Progress | None = None
+        self, operated: Operated, commands: Mapping[str, ConsoleCommand], elsewhere: Mapping[str, str] | None = None
     ) -> None:
-        self.session, self.ask, self.progress = session, ask, progress
-        self.over = False
-        self.protocol: Protocol | None = None
-        self.recording: Recording | None = None
-        self._heard = 0
+        self.operated, self.commands, self.elsewhere = operated, commands, elsewhere or {}
+
+    @property
+    @abc.abstractmethod
+    def protocol(self) -> Protocol | None:
+        """The loaded protocol."""
+
+    @abc.abstractmethod
+    def use_protocol(self, protocol: Protocol) -> None:
+        """Load a protocol, or the loaded one with other values."""
+
+    @property
+    @abc.abstractmethod
+    def setup(self) -> ManualSetup:
+        """Limits and rates of manual operation."""
+
+    @property
+    @abc.abstractmethod
+    def rig(self) -> Rig:
+        """The rig of the machine."""
+
+    @property
+    @abc.abstractmethod
+    def mounted(self) -> Specimen | None:
+        """The mounted muscle, where it is a specimen."""
+
+    @abc.abstractmethod
+    def dry_run(self) -> str:
+        """Describe the dry run of the loaded protocol: its violations, or its length."""
+
+    @abc.abstractmethod
+    def protocols(self, start: str) -> list[str]:
+        """List what begins with a text and can be loaded."""
 
     def execute(self, line: str) -> str:
         """Execute a line and return the answer; an empty line or a comment has none.
@@ -216,26 +232,42 @@ class Console:
         if not words:
             return ""
         name, rest = words[0].lower(), words[1:]
-        if name not in COMMANDS:
-            hint = suggest(name, COMMANDS)
-            raise InputError("command", words[0], f"{hint}known are {', '.join(COMMANDS)}")
-        answer: str = getattr(self, f"_{name}")(rest)
-        return answer
-
-    def news(self) -> list[str]:
-        """Return the messages of the machine since the last call."""
-        found = self.session.messages(self._heard)
-        self._heard = found[-1].number if found else self._heard
-        return [f"[{m.time:9.3f} s] {m.text}" for m in found]
+        if name in self.elsewhere:
+            raise InputError("command", name, self.elsewhere[name])
+        if name not in self.commands:
+            hint = suggest(name, self.commands)
+            raise InputError("command", words[0], f"{hint}known are {', '.join(self.commands)}")
+        answer: str | None = getattr(self, f"_{name}")(rest)
+        return answer or ""
 
     def complete(self, text: str) -> list[str]:
         """List the completions of the last word of a line."""
-        names = [] if self.protocol is None else [*self.protocol.variables(), *SETTINGS]
-        return complete(text, names)
+        head, _, last = text.rpartition(" ")
+        words = head.split()
+        if not words:
+            return [n for n in self.commands if n.startswith(last.lower())]
+        command = self.commands.get(words[0].lower())
+        return [] if command is None else self._followers(command.follows, words[1:], last)
+
+    def _followers(self, follows: str, before: list[str], last: str) -> list[str]:
+        kind, _, more = follows.partition(":")
+        if kind == "amount":
+            return [u for u in more.split() if u.startswith(last)] if len(before) == 1 else []
+        if kind == "value":
+            names = [] if self.protocol is None else [*self.protocol.variables(), *SETTINGS]
+            return [f"{n}=" for n in names if n.startswith(last)]
+        if before:
+            return []
+        if kind == "protocol":
+            return self.protocols(last)
+        if kind == "file":
+            return _files(last, tuple(more.split()))
+        known = list(self.commands) if kind == "command" else kind.split("|")
+        return [w for w in known if w and w.startswith(last)]
 
     def _amount(self, name: str, words: list[str]) -> str:
-        self.session.set(**{name: _some(name, words)})
-        manual = self.session.setup.manual
+        self.operated.set(**{name: _some(name, words)})
+        manual = self.setup.manual
         rates = {
             "pressure": (manual.pressure_rate, "Pa", "/s"), "span": (manual.speed, "m/s", ""),
             "velocity": (manual.acceleration, "m/s^2", ""), "tension": (manual.tension_rate, "N", "/s"),
@@ -255,36 +287,19 @@ class Console:
     def _tension(self, words: list[str]) -> str:
         return self._amount("tension", words)
 
-    def _vent(self, words: list[str]) -> str:
+    def _vent(self, words: list[str]) -> str | None:
         _none("vent", words)
-        self.session.vent()
-        return ""
+        return self.operated.vent()
 
-    def _stop(self, words: list[str]) -> str:
-        self.session.emergency_stop(" ".join(words) or "from the console")
-        return ""
+    def _stop(self, words: list[str]) -> str | None:
+        return self.operated.emergency_stop(" ".join(words) or "from the console")
 
-    def _reset(self, words: list[str]) -> str:
+    def _reset(self, words: list[str]) -> str | None:
         _none("reset", words)
-        self.session.reset()
-        return ""
-
-    def _status(self, words: list[str]) -> str:
-        _none("status", words)
-        status = self.session.status()
-        return "\n".join(status.lines())
-
-    def _load(self, words: list[str]) -> str:
-        name, channel = _some("load", words[:1]), None
-        if words[1:]:
-            if len(words) != 3 or words[1] != "as":
-                raise usage("load", words)
-            channel = words[2]
-        self.protocol = loaded(name, channel)
-        return f"{self.protocol.name}: {self.protocol.title}"
+        return self.operated.reset()
 
     def _set(self, words: list[str]) -> str:
-        protocol = self._chosen()
+        protocol = self.chosen()
         given: dict[str, str] = {}
         for word in words:
             name, equals, value = word.partition("=")
@@ -297,23 +312,130 @@ class Console:
                 raise usage("set", words)
         if not given or not all(v.strip() for v in given.values()):
             raise usage("set", words)
-        self.protocol = with_values(protocol, {name: values_of(name, v, field=name) for name, v in given.items()})
-        return self._short(self.protocol)
-
-    def _short(self, protocol: Protocol) -> str:
-        values = protocol.variables().items()
-        return ", ".join(f"{n} {', '.join(map(str, v))}" for n, v in values if v) or protocol.title
+        changed = with_values(protocol, {name: values_of(name, v, field=name) for name, v in given.items()})
+        self.use_protocol(changed)
+        values = changed.variables().items()
+        return ", ".join(f"{n} {', '.join(map(str, v))}" for n, v in values if v) or changed.title
 
     def _show(self, words: list[str]) -> str:
         _none("show", words)
-        bench = self.session.prepare(self._chosen())
-        found = [f.sentence for f in bench.findings] or [f"At most {bench.plan.duration:.4g} s; the dry run passes."]
-        return "\n".join([bench.protocol.sentence(), *found])
+        return f"{self.chosen().sentence()}\n{self.dry_run()}"
+
+    def _list(self, words: list[str]) -> str:
+        if len(words) != 1 or words[0] not in LISTS:
+            raise usage("list", words)
+        if words[0] == "protocols":
+            return _columns([(n, shipped(n).title) for n in protocol_names()])
+        if words[0] == "rigs":
+            return _columns([(n, "here" if n == self.rig.name else "") for n in rig_names()])
+        known = [s for s in specimens() if s.kind != "valve"]
+        here = None if self.mounted is None else self.mounted.id
+        return _columns([(s.id, f"{s.title}{' (mounted)' if s.id == here else ''}") for s in known])
+
+    def _help(self, words: list[str]) -> str:
+        if not words:
+            return _columns([(c.usage, c.about) for c in self.commands.values()])
+        if len(words) != 1 or words[0] not in self.commands:
+            hint = suggest(words[0], self.commands)
+            raise InputError("help", " ".join(words), f"{hint}known are {', '.join(self.commands)}")
+        command = self.commands[words[0]]
+        return f"{command.usage}\n{command.about}"
+
+    def chosen(self) -> Protocol:
+        """Return the loaded protocol.
+
+        Raises:
+            InputError: if there is none.
+        """
+        if self.protocol is None:
+            raise InputError("protocol", "none", f"load one first; known are {', '.join(protocol_names())}")
+        return self.protocol
+
+
+class Console(CommandInterpreter):
+    """A console that operates a session by lines of text.
+
+    Args:
+        session: the machine, in this process or another one.
+        ask: told what a person has to do during a protocol; returns when it is done.
+        progress: told how far a run is.
+
+    Attributes:
+        over: whether somebody said `quit`.
+        recording: the last one.
+    """
+
+    def __init__(
+        self, session: MachineSession, *, ask: Callable[[str], None] | None = None, progress: Progress | None = None
+    ) -> None:
+        super().__init__(session, COMMANDS)
+        self.session, self.ask, self.progress = session, ask, progress
+        self.over = False
+        self.recording: Recording | None = None
+        self._protocol: Protocol | None = None
+        self._heard = 0
+
+    @property
+    def protocol(self) -> Protocol | None:
+        """The loaded protocol."""
+        return self._protocol
+
+    def use_protocol(self, protocol: Protocol) -> None:
+        """Load a protocol, or the loaded one with other values."""
+        self._protocol = protocol
+
+    @property
+    def setup(self) -> ManualSetup:
+        """Limits and rates of manual operation."""
+        return self.session.setup
+
+    @property
+    def rig(self) -> Rig:
+        """The rig of the machine."""
+        return self.session.rig
+
+    @property
+    def mounted(self) -> Specimen | None:
+        """The mounted muscle, where it is a specimen."""
+        return self.session.setup.prepared.specimen
+
+    def dry_run(self) -> str:
+        """Describe the dry run of the loaded protocol on this machine."""
+        bench = self.session.prepare(self.chosen())
+        return described_dry_run([f.sentence for f in bench.findings], bench.plan.duration)
+
+    def protocols(self, start: str) -> list[str]:
+        """List the protocols and files whose name begins with a text."""
+        names = [n for n in protocol_names() if n.startswith(start)]
+        return names + _files(start, (".toml", ".csv", ".mat", ".mcap", ".nc", ".parquet", ".tdms"))
+
+    def news(self) -> list[str]:
+        """Return the messages of the machine since the last call."""
+        found = self.session.messages(self._heard)
+        self._heard = found[-1].number if found else self._heard
+        return [m.text if m.time is None else f"[{m.time:9.3f} s] {m.text}" for m in found]
+
+    def status(self) -> Status:
+        """Return the status of the machine."""
+        return self.session.status()
+
+    def _status(self, words: list[str]) -> str:
+        _none("status", words)
+        return "\n".join(self.status().lines())
+
+    def _load(self, words: list[str]) -> str:
+        name, channel = _some("load", words[:1]), None
+        if words[1:]:
+            if len(words) != 3 or words[1] != "as":
+                raise usage("load", words)
+            channel = words[2]
+        self._protocol = loaded(name, channel)
+        return f"{self._protocol.name}: {self._protocol.title}"
 
     def _run(self, words: list[str]) -> str:
         if words:
             self._load(words)
-        bench = self.session.prepare(self._chosen())
+        bench = self.session.prepare(self.chosen())
         check(list(bench.findings))
         self.recording = self.session.run(bench, progress=self.progress, ask=self.ask)
         return _told(self.recording)
@@ -337,48 +459,23 @@ class Console:
             raise InputError("save", str(path), "there is no recording yet; allowed is after a run or record off")
         return "\n".join([f"Written: {path}", *write(self.recording, path)])
 
-    def _list(self, words: list[str]) -> str:
-        if len(words) != 1 or words[0] not in LISTS:
-            raise usage("list", words)
-        if words[0] == "protocols":
-            return _columns([(n, shipped(n).title) for n in protocol_names()])
-        if words[0] == "rigs":
-            return _columns([(n, "here" if n == self._here().name else "") for n in rig_names()])
-        known, mounted = [s for s in specimens() if s.kind != "valve"], self._mounted()
-        here = None if mounted is None else mounted.id
-        return _columns([(s.id, f"{s.title}{' (mounted)' if s.id == here else ''}") for s in known])
-
-    def _here(self) -> Rig:
-        return self.session.setup.rig
-
-    def _mounted(self) -> Specimen | None:
-        return self.session.setup.prepared.specimen
-
     def _wait(self, words: list[str]) -> str:
         text = _some("wait", words)
         seconds = parse(text, "s", field="wait")
         if not 0.0 <= seconds <= LONGEST:
             raise InputError("wait", text, f"allowed is 0 s to {LONGEST:g} s")
         self.session.wait(seconds)
-        return self.session.status().line()
-
-    def _help(self, words: list[str]) -> str:
-        if not words:
-            return _columns([(c.usage, c.about) for c in COMMANDS.values()])
-        if len(words) != 1 or words[0] not in COMMANDS:
-            raise InputError("help", " ".join(words), f"{suggest(words[0], COMMANDS)}known are {', '.join(COMMANDS)}")
-        command = COMMANDS[words[0]]
-        return f"{command.usage}\n{command.about}"
+        return self.status().line()
 
     def _quit(self, words: list[str]) -> str:
         _none("quit", words)
         self.over = True
         return ""
 
-    def _chosen(self) -> Protocol:
-        if self.protocol is None:
-            raise InputError("protocol", "none", f"load one first; known are {', '.join(protocol_names())}")
-        return self.protocol
+
+def described_dry_run(findings: list[str], duration: float) -> str:
+    """Describe the result of a dry run: its violations, or that it passes and how long the run lasts at most [s]."""
+    return "\n".join(findings) or f"At most {duration:.4g} s; the dry run passes."
 
 
 def _some(name: str, words: list[str]) -> str:

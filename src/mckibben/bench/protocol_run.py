@@ -32,6 +32,27 @@ Progress = Callable[[float, float], None]  # time done and longest time [s]
 Display = Callable[[np.ndarray, Mapping[str, np.ndarray]], None]  # times and channels of a chunk
 
 
+class RunState(Protocol):
+    """A run as it is shown: a `ProtocolRun`, or what is known of one in another process.
+
+    Attributes:
+        time: how far it is [s].
+        result: as that of the recording, so far.
+        message: how it ended, so far that it reached its end.
+        events: that the recording keeps.
+        steps: that have begun: path, label, start and end [s], period [s].
+    """
+
+    time: float
+    result: str
+    message: str
+    events: list[dict[str, Any]]
+
+    @property
+    def steps(self) -> list[dict[str, Any]]:
+        """The steps that have begun."""
+
+
 class Stage(Protocol):
     """The machine or machines on which the segments of a run are played."""
 

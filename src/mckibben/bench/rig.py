@@ -77,6 +77,7 @@ class Rig:
     force: ForceControl
     interlocks: Interlocks
     environment: Environment = field(default_factory=Environment)
+    trips: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     hands: tuple[OperatorAction, ...] = ()
     source: str = ""
     note: str = ""
@@ -214,6 +215,6 @@ class Rig:
                     ends[f"{name}_floor"] = self.true(name, 0.5 * (converter.low + low))
         force = {} if self.motor is None else {"motor_force": self.motor.largest_force}
         watching: Interlocks = self.interlocks.replace(
-            valve_range=self.valve_out.high, watch_tension=tension, **ends, **force
+            valve_range=self.valve_out.high, watch_tension=tension, sensors=dict(self.trips), **ends, **force
         )
         return watching

@@ -22,6 +22,7 @@ states. A specimen may be a file, and is looked for beside this one.
 from __future__ import annotations
 
 import functools
+import math
 import os
 from collections.abc import Mapping, Sequence
 from importlib import resources
@@ -56,6 +57,7 @@ SECTIONS = (
 FOLLOWS = (
     "shortest", "longest", "pressure_rail", "pressure_floor", "tension_rail", "tension_floor", "valve_range", "motor_force",
 )  # fmt: skip
+TRIPS, NEVER = ("trip_below", "trip_above"), (-math.inf, math.inf)  # of a sensor: keys, and what they are when left out
 LENGTH = Quantity("m", (1e-3, 100.0), "span that the frame takes", "", (0.05, 1.0))
 
 
@@ -120,6 +122,7 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
         inferred=_words(top, "inferred"),
         computer=read_table(Computer, top.table("computer")),
         sensors={name: _sensor(sensors.table(name), SENSORS[name].unit) for name in sensors.values},
+        trips={name: t for name in sensors.values if (t := _trips(sensors.table(name), SENSORS[name].unit)) != NEVER},
         encoder=read_table(Encoder, top.table("encoder")) if "encoder" in document else None,
         valve_out=_channel_part(AnalogOut, outputs.table("valve"), "Pa"),
         motor_out=_channel_part(AnalogOut, outputs.table("motor"), "N") if motor is not None else None,
@@ -148,7 +151,15 @@ def _interlocks(entry: FileTable, bounds: Sequence[float]) -> Interlocks:
 
 def _sensor(table: FileTable, unit: str) -> Sensor:
     converter = _channel_part(Converter, table.table("converter"), unit)
-    return _channel_part(Sensor, table.without("converter"), unit, converter=converter)
+    return _channel_part(Sensor, table.without("converter", *TRIPS), unit, converter=converter)
+
+
+def _trips(table: FileTable, unit: str) -> tuple[float, float]:
+    """Return the readings of a sensor below and above which the machine is stopped [its unit]."""
+    low, high = (table.number(key, unit, end) for key, end in zip(TRIPS, NEVER, strict=True))
+    if not low < high:
+        raise table.fail(TRIPS[1], table.values[TRIPS[1]], f"must be more than {TRIPS[0]}")
+    return low, high
 
 
 _PLUMBING = ("supply_pressure", "port_volume", "valve_accumulator", "muscle_accumulator")

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError, compose_sentence
-from .amounts import CHANNELS, read_amount
+from .amounts import read_amount
 from .commands import Deferred, Follow, Reach
 from .plan import PlannedStep, ProtocolPlan
 from .protocol import Protocol
@@ -447,7 +447,7 @@ def _check_until(
     if test.lasting > duration:
         yield _never(step, f"the step lasts {time_words(duration)} at most")
         return
-    amount, unit = test.amount.si(plan.rest_length), CHANNELS[test.channel]
+    amount, unit = test.amount.si(plan.rest_length), test.unit
     count = limits.resolution.get(test.channel, 0.0)
     if test.kind in ("settled", "close") and amount < count:
         yield _never(step, f"the {test.channel} sensor counts in steps of {words(count, unit)}")
@@ -482,6 +482,8 @@ def _reach(step: PlannedStep, plan: ProtocolPlan, limits: Limits, estimate: Esti
             speed = np.diff(step.motor) * plan.sample_rate
             return Reach(float(min(speed.min(), 0.0)), float(max(speed.max(), 0.0))), "is driven at"
         return Reach(-limits.speed, limits.speed), "can be"
+    if channel != "tension":
+        return Reach(float("-inf"), float("inf")), "can be"  # of a sensor that nothing here predicts
     if estimate is None or step.mode == "tension":
         return Reach(0.0, limits.tension), "is read up to"
     spans, pressures = states(step, limits, estimate, 1.0 / plan.sample_rate)

@@ -1,5 +1,7 @@
 """Conditions that end a step early: tests of measured channels, as text and as a pure function on the sample clock.
 
+The channels are pressure, span, velocity and tension, and those of the sensors that installed packages declare.
+
 tension >= 60 N
 span <= 0.8 L0 for 10 ms
 pressure settled within 0.02 bar for 0.2 s        it has kept still
@@ -14,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .._jax import jnp
+from ..components.sensors import SENSORS
 from ..errors import InputError, suggest
 from .amounts import CHANNELS, Amount, read_amount
 from .waveforms import time_words
@@ -42,6 +45,11 @@ class Until:
     kind: str
     amount: Amount
     lasting: float = 0.0
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the channel."""
+        return CHANNELS[self.channel] if self.channel in CHANNELS else SENSORS[self.channel].unit
 
     def start(self) -> tuple[float, float]:
         """The state before the first sample: where the channel was, and for how long it has been true [s]."""
@@ -112,10 +120,14 @@ def read_until(raw: Any, *, field: str, where: str | None = None) -> Until:
         channel, amount, lasting, kind = compare[1], compare[3], compare[4], compare[2][0] + "="
     else:
         raise InputError(field, raw if isinstance(raw, str) else f"{type(raw).__name__} {raw}", _ALLOWED, where=where)
-    if channel not in CHANNELS:
-        known = f"{suggest(channel, CHANNELS)}measured are {', '.join(CHANNELS)}"
-        raise InputError(field, channel, known, where=where)
+    if channel not in CHANNELS and channel not in SENSORS:
+        names = [*CHANNELS, *(name for name in SENSORS if name not in CHANNELS)]
+        raise InputError(field, channel, f"{suggest(channel, names)}measured are {', '.join(names)}", where=where)
+    if kind == "close" and channel not in CHANNELS:
+        allowed = f"must be a test without a set-point, for {channel} has none: one of {', '.join(CHANNELS)} has"
+        raise InputError(field, text, allowed, where=where)
     band = None if kind in (">=", "<=") else (0.0, float("inf"))
-    value = read_amount(amount, CHANNELS[channel], field=field, where=where, bounds=band)
+    unit = CHANNELS[channel] if channel in CHANNELS else SENSORS[channel].unit
+    value = read_amount(amount, unit, field=field, where=where, bounds=band)
     seconds = read_amount(lasting, "s", field=field, where=where, bounds=(0.0, 1e6)).value if lasting else 0.0
     return Until(channel, kind, value, seconds)

@@ -1,6 +1,7 @@
 """A machine and its clock in somebody's hands: by hand, through protocols, and seen by whoever looks."""
 
+from .interface import MachineSession
 from .session import Session
-from .status import Message, Status
+from .status import Message, Messages, Status
 
-__all__ = ["Message", "Session", "Status"]
+__all__ = ["MachineSession", "Message", "Messages", "Session", "Status"]

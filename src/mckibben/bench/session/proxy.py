@@ -1,4 +1,4 @@
-"""A session on a real machine in a separate process, which nothing in the program of its user can delay.
+"""A session in a separate process, which nothing in the program of its user can delay.
 
 A loop of a thousand samples a second beside pages, fits and drawings in one interpreter comes late by tens of milliseconds
 at times; then a device vents, or a motor that is told too late what it did swings. Here all that is between the two is a
@@ -9,37 +9,42 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import multiprocessing
 import os
 import queue
 import signal
+import tempfile
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...engine import STEP
 from ...errors import LineLostError, MckibbenError
 from ...experiments.protocol import Protocol
 from ...recordings import read_recording
 from ..hardware.connect import connected
-from ..prepare import PreparedRun, prepare_on_machine
-from ..protocol_run import ProtocolRun
+from ..prepare import PreparedRun
+from ..protocol_run import RunState
+from ..rig_file import rig as rig_of
 from ..software.emergency_stop import EmergencyStop
+from .interface import MachineSession
 from .session import Session
-from .setup import session_rate
-from .status import CLOSED, LOST, Message, Status
+from .setup import HOLD, ManualSetup, session_rate
+from .status import CLOSED, LOST, Message, Messages, Status
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from ...recordings.recording import Recording
     from ...specimens import Specimen
-    from ..protocol_run import Display
+    from ..protocol_run import Display, Progress
     from ..rig import Rig
 
 LONGEST = 10.0  # that the end of the process is waited for [s]
@@ -51,28 +56,22 @@ ENDED = "the process that had the machine ended; the device vents by itself"
 
 @dataclass
 class RunSnapshot:
-    """The latest known state of a run in another process, with the attributes of `ProtocolRun`.
-
-    Attributes:
-        result: as that of the recording, so far.
-        message: how it ended, so far that it reached its end.
-        events: that the recording keeps.
-        steps: that have begun.
-    """
+    """The latest known state of a run in another process, with the attributes of `RunState`."""
 
     result: str = "done"
     message: str = ""
+    time: float = 0.0
     events: list[dict[str, Any]] = field(default_factory=list)
     steps: list[dict[str, Any]] = field(default_factory=list)
 
     @classmethod
-    def of(cls, run: ProtocolRun) -> RunSnapshot:
+    def of(cls, run: RunState) -> RunSnapshot:
         """Take a snapshot of a run."""
-        return cls(run.result, run.message, [dict(e) for e in run.events], [dict(s) for s in run.steps])
+        return cls(run.result, run.message, run.time, [dict(e) for e in run.events], [dict(s) for s in run.steps])
 
     def update(self, newer: RunSnapshot) -> None:
         """Take over a newer snapshot."""
-        self.result, self.message, self.events, self.steps = newer.result, newer.message, newer.events, newer.steps
+        vars(self).update(vars(newer))
 
 
 class RemoteButton(EmergencyStop):
@@ -88,38 +87,44 @@ class RemoteButton(EmergencyStop):
         self._send(0, "press", reason, ordinary)
 
 
-class SessionProxy:
-    """A session in another process, with the methods of `session.Session`.
+class SessionProxy(MachineSession):
+    """A session in another process, which owns the machine and its clock.
 
     Args:
-        words: that name the machine, see `hardware.connect.connected`.
-        rig: whose machine it is.
-        muscle: specimen.
-        lock_step: it waits for every command, as only a simulated device can.
-        keep: time for which samples are kept for displays [s].
+        words: that name the machine, see `hardware.connect.connected`; None: a simulated one.
+        rig: a rig, its name or file.
+        muscle: a specimen, its id or file.
+        lock_step: a simulated device waits for every command.
+        messages: where the session's messages are added; its own ones where left out.
+        **options: of `Session`: span, plumbing, rate, speed, seed, step, keep, hold.
 
     Raises:
         InputError: as `connected` and `Session` do.
         LineLostError: if it does not answer.
     """
 
-    def __init__(self, words: str, rig: Rig, muscle: Specimen, *, lock_step: bool = False, keep: float = 2.0) -> None:
-        self.rig, self.muscle = rig, muscle
+    def __init__(
+        self, words: str | None, rig: Rig | str, muscle: Specimen | str, *, lock_step: bool = False,
+        messages: Messages | None = None, **options: Any,
+    ) -> None:  # fmt: skip
+        self.rig = rig if not isinstance(rig, str) else rig_of(rig)
+        self._words, self._muscle, self._options = words, muscle, options
+        self._messages = Messages() if messages is None else messages
         self._number, self._lost, self._closed = 0, "", False
-        self._sending, self._lock = threading.Lock(), threading.Lock()
+        self._sending, self._sender, self._lock = threading.Lock(), 0, threading.Lock()
         self._waiting: dict[int, queue.SimpleQueue[tuple[Any, ...]]] = {}
-        self.button = RemoteButton(self._send)
+        self.button: EmergencyStop = RemoteButton(self._send)
         context = multiprocessing.get_context("spawn")
         self._line, other = context.Pipe()
         self._process = context.Process(
-            target=serve_machine, args=(other, words, rig, muscle, lock_step, keep), daemon=True, name="machine"
+            target=serve_machine, args=(other, words, self.rig, muscle, lock_step, options), daemon=True, name="machine"
         )
         self._process.start()
         other.close()
         threading.Thread(target=self._hear, name="machine", daemon=True).start()
         self._seen: Status
         try:
-            self.period, self._options, self._seen = self._ask("facts")
+            self.period, self._seen = self._ask("get", "period"), self._ask("status")
         except BaseException:
             self.close()
             raise
@@ -129,11 +134,31 @@ class SessionProxy:
         """Process id of the other process."""
         return self._process.pid
 
+    @functools.cached_property
+    def setup(self) -> ManualSetup:
+        """Limits, rates and channels of manual operation, set up again in this process on first use."""
+        given = {"span": None, "rate": None, "hold": HOLD, "plumbing": None, "seed": 0, "step": STEP, **self._options}
+        names = "span", "rate", "hold", "plumbing", "seed", "step"
+        span, rate, hold, plumbing, seed, step = (given[n] for n in names)
+        return ManualSetup(self.rig, span, rate, hold, muscle=self._muscle, plumbing=plumbing, seed=seed, step=step)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the machine is simulated in the other process."""
+        return self._words is None
+
     # ---- the line
 
     def _send(self, number: int, what: str, *given: Any) -> None:
+        if self._sender == threading.get_ident():  # a signal that presses the button came while this thread was sending
+            threading.Thread(target=self._send, args=(number, what, *given), daemon=True).start()
+            return
         with self._sending, contextlib.suppress(OSError, ValueError):
-            self._line.send((number, what, given))
+            self._sender = threading.get_ident()
+            try:
+                self._line.send((number, what, given))
+            finally:
+                self._sender = 0
 
     def _ask(self, what: str, *given: Any, hear: Callable[..., None] | None = None) -> Any:
         box: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
@@ -161,12 +186,18 @@ class SessionProxy:
         with contextlib.suppress(EOFError, OSError):
             while True:
                 number, *said = self._line.recv()
+                if not number:
+                    _, time, kind, text = said[0]
+                    self._messages.say(text, time, kind)
+                    continue
                 with self._lock:
                     box = self._waiting.get(number)
                 if box is not None:
                     box.put(tuple(said))
         with self._lock:
             self._lost = "the machine was let go" if self._closed else ENDED
+            if not self._closed:
+                self._messages.say(ENDED, 0.0, "stop")
             for box in self._waiting.values():
                 box.put(("refused", LineLostError(self._lost)))
 
@@ -212,8 +243,9 @@ class SessionProxy:
         return times, arrays
 
     def messages(self, after: int = 0) -> list[Message]:
-        """Return the messages after the one with a number."""
-        return list(self._or([], "messages", after))
+        """Return the messages after the one with a number; see `MachineSession`."""
+        self._or(None, "tell_all")
+        return self._messages.after(after)
 
     def note(self, text: str, kind: str = "note") -> None:
         """Add a message at the time of the newest sample."""
@@ -228,7 +260,7 @@ class SessionProxy:
         self._or(None, "control_back")
 
     def set(self, **wanted: float | str) -> None:
-        """Ask for a ``pressure``, and for one of ``span``, ``velocity`` and ``tension``, as text or SI."""
+        """Ask for set-points; see `MachineSession`."""
         self._ask("set", wanted)
 
     def vent(self) -> None:
@@ -245,41 +277,62 @@ class SessionProxy:
         self._ask("reset")
         self.button = RemoteButton(self._send)
 
-    def prepare(self, protocol: Protocol | str) -> PreparedRun:
-        """Make the dry run of a protocol for this machine, in this process so that the sample loop is not disturbed."""
-        return prepare_on_machine(protocol, 1.0 / self.period, muscle=self.muscle, rig=self.rig, **self._options)
+    def wait(self, seconds: float) -> None:
+        """Wait for a time of the machine [s]; see `MachineSession`."""
+        self._or(None, "wait", seconds)
+
+    def start_recording(self, log: str | Path | None = None) -> None:
+        """Record from the next sample on, in the other process; see `MachineSession`."""
+        self._ask("start_recording", None if log is None else str(Path(log).absolute()))
+
+    def stop_recording(self) -> Recording:
+        """End the recording, and return what was recorded; see `MachineSession`."""
+        record: Recording = self._ask("stop_recording")
+        return record
 
     def run(
-        self, prepared: PreparedRun, *, log: str | Path, display: Display | None = None,
-        ask: Callable[[str], None] | None = None, begun: Callable[[RunSnapshot], None] | None = None,
+        self, protocol: Protocol | str | PreparedRun, *, log: str | Path | None = None, progress: Progress | None = None,
+        display: Display | None = None, ask: Callable[[str], None] | None = None, accept_saturation: bool = False,
+        begun: Callable[[RunState], None] | None = None,
     ) -> Recording:  # fmt: skip
-        """Run a protocol and come back to manual mode, see `Session.run`; the recording is read from its log."""
-        run = RunSnapshot()
+        """Run a protocol, which is prepared in this process; the recording is read from its log; see `MachineSession`."""
+        prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
+        with contextlib.ExitStack() as until:
+            if log is None:
+                log = Path(until.enter_context(tempfile.TemporaryDirectory(prefix="mckibben-"))) / "run.mcap"
+            run = RunSnapshot()
+            hear = functools.partial(self._follow, run, prepared.plan.duration, progress, display, ask, begun)
+            try:
+                run.update(self._ask("run", prepared, str(Path(log).absolute()), ask is not None, hear=hear))
+            except MckibbenError:
+                raise
+            except BaseException as error:  # of whoever shows it
+                self.button.press(f"the run was left with {type(error).__name__}")
+                raise
+            return read_recording(log)
 
-        def hear(kind: str, *said: Any) -> None:
-            if kind == "ask":
-                assert ask is not None
-                try:
-                    ask(said[0])
-                except MckibbenError as error:
-                    self._send(0, "answer", error)
-                else:
-                    self._send(0, "answer", None)
-                return
-            run.update(said[0])
-            if kind == "begun" and begun is not None:
-                begun(run)
-            elif kind == "display" and display is not None:
+    def _follow(
+        self, run: RunSnapshot, longest: float, progress: Progress | None, display: Display | None,
+        ask: Callable[[str], None] | None, begun: Callable[[RunState], None] | None, kind: str, *said: Any,
+    ) -> None:  # fmt: skip
+        """Pass on what the other process says of a run."""
+        if kind == "ask":
+            assert ask is not None
+            try:
+                ask(said[0])
+            except MckibbenError as error:
+                self._send(0, "answer", error)
+            else:
+                self._send(0, "answer", None)
+            return
+        run.update(said[0])
+        if kind == "begun" and begun is not None:
+            begun(run)
+        elif kind == "display":
+            if display is not None:
                 display(said[1], said[2])
-
-        try:
-            run.update(self._ask("run", prepared, str(log), ask is not None, hear=hear))
-        except MckibbenError:
-            raise
-        except BaseException as error:  # of whoever shows it
-            self.button.press(f"the run was left with {type(error).__name__}")
-            raise
-        return read_recording(log)
+            if progress is not None:
+                progress(min(run.time, longest), longest)
 
     def close(self) -> None:
         """Vent and let go of the machine; may be called twice."""
@@ -291,25 +344,19 @@ class SessionProxy:
             self._process.join(LONGEST)
         self._line.close()
 
-    def __enter__(self) -> Self:
-        """Return the session itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Vent and close, whatever happened."""
-        self.close()
-
 
 class SessionServer:
     """The server in the process that has the machine: a session, and a pipe to its client."""
 
-    def __init__(self, line: Connection, session: Session) -> None:
-        self.line, self.session = line, session
+    def __init__(self, line: Connection) -> None:
+        self.line = line
+        self.session: Session
         self._sending, self._answers = threading.Lock(), queue.SimpleQueue[MckibbenError | None]()
         self._pool = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="asked")
 
-    def serve(self) -> None:
-        """Answer requests until told to close, or until the client is gone."""
+    def serve(self, session: Session) -> None:
+        """Answer requests to a session until told to close, or until the client is gone."""
+        self.session = session
         try:
             while True:
                 number, what, given = self.line.recv()
@@ -343,9 +390,9 @@ class SessionServer:
         except BaseException as error:
             self.say(number, "refused", MckibbenError(f"{type(error).__name__}: {str(error)[:200]}"))
 
-    def _facts(self, number: int) -> tuple[float, dict[str, Any], Status]:
-        session = self.session
-        return session.period, {n: session.setup.options[n] for n in ("seed", "step", "plumbing")}, session.status()
+    def _tell_all(self, number: int) -> None:
+        """Let every message so far go out before the answer."""
+        self.session.messages()
 
     def _get(self, number: int, name: str) -> Any:
         return getattr(self.session, name)
@@ -354,9 +401,9 @@ class SessionServer:
         self.session.set(**wanted)
 
     def _run(self, number: int, prepared: PreparedRun, log: str, asks: bool) -> RunSnapshot:
-        runs: list[ProtocolRun] = []
+        runs: list[RunState] = []
 
-        def begun(run: ProtocolRun) -> None:
+        def begun(run: RunState) -> None:
             runs.append(run)
             self.say(number, "begun", RunSnapshot.of(run))
 
@@ -373,16 +420,20 @@ class SessionServer:
         return RunSnapshot.of(runs[0])
 
 
-def serve_machine(line: Connection, words: str, rig: Rig, muscle: Specimen, lock_step: bool, keep: float) -> None:
+def serve_machine(
+    line: Connection, words: str | None, rig: Rig, muscle: Specimen | str, lock_step: bool, options: dict[str, Any]
+) -> None:
     """Main function of the process: serve the machine named by `words` over a pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal; whoever operates the machine lets go of it
     signal.signal(signal.SIGTERM, _leave)
     _go_first()
     try:
-        period = rig.computer.period(session_rate(rig))
+        period = rig.computer.period(options.get("rate") or session_rate(rig))
         with connected(words, rig, period, lock_step=lock_step, silence=SILENCE) as hardware:
-            with Session(rig, muscle, hardware, keep=keep) as session:
-                SessionServer(line, session).serve()
+            server = SessionServer(line)
+            messages = Messages(lambda message: server.say(0, message))
+            with Session(rig, muscle, hardware, messages=messages, **options) as session:
+                server.serve(session)
     except MckibbenError as error:
         with contextlib.suppress(EOFError, OSError):
             number, *_ = line.recv()

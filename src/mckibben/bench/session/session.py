@@ -18,8 +18,7 @@ import threading
 import time
 from collections.abc import Callable, Generator
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -33,11 +32,11 @@ from ...specimens import Specimen
 from .. import channels
 from ..hardware.clock import Clock
 from ..hardware.interface import Hardware
-from ..prepare import PreparedRun, prepare_on_machine
-from ..protocol_run import Display, OwnMachines, Progress, ProtocolRun, Stage, StartedMachine, channels_of
+from ..prepare import PreparedRun
+from ..protocol_run import Display, OwnMachines, Progress, ProtocolRun, RunState, Stage, StartedMachine, channels_of
 from ..rig import Rig
 from ..rig_file import rig as rig_of
-from ..sample_loop import LOOK, SampledMachine, SampleLoop, Setpoints
+from ..sample_loop import LOOK, Lateness, SampledMachine, SampleLoop, Setpoints
 from ..segment import AFTER_STOP, Chunk
 from ..software.emergency_stop import EmergencyStop, sentence
 from ..software.interlocks import Trip
@@ -45,7 +44,8 @@ from ..software.manual import ABANDONED
 from ..software.sequencer import SPAN, TENSION, VELOCITY
 from ._recording import ManualRecording
 from .continued import ContinuedMachine
-from .setup import MODES, ManualSetup
+from .interface import MachineSession
+from .setup import HOLD, MODES, ManualSetup
 from .status import CLOSED, IDLE, LOST, MANUAL, RUNNING, STOPPED, Message, Messages, SampleRing, Status
 
 VENTED = 2e3  # pressure below which nothing is left to vent [Pa]
@@ -55,7 +55,7 @@ STEP_OF_TIME = 0.1  # time between two looks at a machine whose time goes only w
 QUIET = 0.6  # time after which a machine that rests stands still [s]
 
 
-class Session:
+class Session(MachineSession):
     """The owner of a machine and its clock. All methods may be called from any thread.
 
     Args:
@@ -72,11 +72,9 @@ class Session:
         keep: time for which samples are kept for displays [s].
         hold: time for which set-points are held after `control_lost` [s].
         rests: a simulated machine stands still while nothing is asked of it.
-        by_hand: make the machine ready to be operated by hand; else it is there for runs `anew` only.
-
-    Attributes:
-        button: the emergency stop; another one after every reset.
-        why: what stopped the machine; nothing while it is not stopped.
+        by_hand: make the machine ready to be operated by hand; else it is there for runs `anew` only, and whatever needs
+            a machine that is sampled is refused, until `make_ready`.
+        messages: where the session adds its messages; its own ones where left out.
 
     Raises:
         InputError: names what is unknown, what the rig does not allow, or that the machine does not fit the rig.
@@ -86,12 +84,13 @@ class Session:
         self, rig: Rig | str = "paper", muscle: Specimen | MuscleUnit | str = "nylon", hardware: Hardware | None = None, *,
         unit: MuscleUnit | None = None, span: float | str | None = None, plumbing: str | None = None,
         rate: float | None = None, speed: float | None = 1.0, seed: int = 0, step: float = STEP, keep: float = 30.0,
-        hold: float = 5.0, rests: bool = False, by_hand: bool = True,
+        hold: float = HOLD, rests: bool = False, by_hand: bool = True,
+        messages: Messages | None = None,
     ) -> None:  # fmt: skip
         if speed is not None and not speed > 0.0:
             raise InputError("speed", speed, "allowed is a factor above zero")
         self.rig = rig if isinstance(rig, Rig) else rig_of(rig)
-        self.button, self.why = EmergencyStop(), ""
+        self.button, self._why = EmergencyStop(), ""
         self._setting_up = functools.partial(
             ManualSetup, self.rig, span, rate, hold, muscle=muscle, unit=unit, plumbing=plumbing, seed=seed, step=step
         )
@@ -99,7 +98,7 @@ class Session:
         self._stepped = speed is None and hardware is None
         self._rests = rests and not self._stepped and hardware is None
         self._lock, self._acting = threading.RLock(), threading.RLock()
-        self._messages = Messages()
+        self._messages = Messages() if messages is None else messages
         self._recording: ManualRecording | None = None
         self._run: ProtocolRun | None = None
         self._run_loop: SampleLoop | None = None
@@ -107,14 +106,17 @@ class Session:
         self._alone, self._since_alone = False, 0.0
         self._first_news = 0  # number of the first sample whose stops are news
         self._used = False  # whether anything was asked for since it was last vented
-        self._open = False
+        self._open = self._aside = False  # whether the machine is ready by hand, and stands still during a run anew
         if by_hand:
-            self._make_ready()
+            self.make_ready()
 
-    def _make_ready(self) -> None:
-        """Set up the machine and begin to sample it by hand."""
-        self._open = True
-        setup = self.setup = self._setting_up()
+    def make_ready(self) -> None:
+        """Set up the machine and begin to sample it by hand; once.
+
+        Raises:
+            InputError: what the rig does not allow, or that the machine does not fit the rig.
+        """
+        setup = self._setup = self._setting_up()
         self.period = setup.timing.period
         self.clock = Clock(self._speed, grain=0.004 if self._rests else 0.0, halted=self._stepped or self._rests)
         hardware = setup.simulated(self.clock) if self._given is None else self._given
@@ -128,11 +130,29 @@ class Session:
         gc.collect()
         gc.freeze()
         self._loop.start()
+        self._open = True
         self.wait(self.period)
         if not self._stepped:
             threading.Thread(target=self._tend, name="session", daemon=True).start()
 
     # ---- samples as they come
+
+    @property
+    def setup(self) -> ManualSetup:
+        """Limits, rates and channels of manual operation; see `MachineSession`."""
+        if not self._open:
+            self._refuse("by hand")
+        return self._setup
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the machine is simulated in this process."""
+        return self._given is None or self._given.state() is not None
+
+    @property
+    def why(self) -> str:
+        """What stopped the machine; nothing while it is not stopped."""
+        return self._why
 
     @property
     def gone(self) -> str:
@@ -182,12 +202,12 @@ class Session:
         shown, when = chunk.seen.shown, float(times[i])
         code = int(shown["code"][i])
         if code == Trip.EMERGENCY_STOP:
-            self.why = sentence(self.button, when)
+            self._why = sentence(self.button, when)
         else:
             at = {n: float(v[i]) for n, v in chunk.seen.measured.items() if not n.endswith(".code")}
-            self.why = self.setup.watch.reason(code, at | {"velocity": float(shown["velocity"][i])}, when)
+            self._why = self._setup.watch.reason(code, at | {"velocity": float(shown["velocity"][i])}, when)
         self._rest()
-        self._say(self.why, "stop", when, code=Trip(code).name.lower())
+        self._say(self._why, "stop", when, code=Trip(code).name.lower())
 
     def _collect(self) -> None:
         """Collect the samples of the manual loop, after those of a run before it."""
@@ -256,7 +276,7 @@ class Session:
         with self._lock:
             if self._gone:
                 return
-            self._gone, self.why = LOST, str(error) or type(error).__name__
+            self._gone, self._why = LOST, str(error) or type(error).__name__
             self._say(self.why, "stop")
         self.clock.interrupt()
 
@@ -290,7 +310,8 @@ class Session:
     # ---- what it is
 
     def wait(self, seconds: float) -> None:
-        """Wait for a time of the machine [s]; return earlier if it is stopped or lost meanwhile."""
+        """Wait for a time of the machine [s]; see `MachineSession`."""
+        self._require_ready("wait")
         machine, before = self.machine, self.why
         until, step = machine.number + max(1, round(seconds / self.period)), max(1, round(STEP_OF_TIME / self.period))
         while machine.number < until and self.why == before and not self._gone:
@@ -310,16 +331,16 @@ class Session:
             self._collect()
 
     def latest(self) -> dict[str, float]:
-        """Return the newest sample: ``time`` of the session [s] and every channel [SI]."""
+        """Return the newest sample; see `MachineSession`."""
         self._collect()
         with self._lock:
-            return self._ring.latest()
+            return self._ring.latest() if self._open else {}
 
     def since(self, time: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Return the samples after a time [s], as far as they are kept: times (n,) and channels (n,)."""
+        """Return the samples after a time [s]; see `MachineSession`."""
         self._collect()
         with self._lock:
-            return self._ring.since(time)
+            return self._ring.since(time) if self._open else (np.zeros(0), {})
 
     def messages(self, after: int = 0) -> list[Message]:
         """Return the messages after the one with a number."""
@@ -355,8 +376,9 @@ class Session:
         running = None if run is None else (run.prepared.protocol.name, run.time, run.prepared.plan.duration)
         return Status(
             state=self._state(), why=self.why, time=at.get("time", 0.0),
-            measured={n: at[n] for n in channels.MEASURED if n in at}, set_points=asked,
-            deadlines=self._loop.deadlines(), protocol=running, recorded=None if recording is None else recording.time,
+            measured={n: at[n] for n in channels.measured() if n in at}, set_points=asked,
+            deadlines=self._loop.deadlines() if self._open else Lateness.of(np.zeros(0), 1.0),
+            protocol=running, recorded=None if recording is None else recording.time,
         )  # fmt: skip
 
     def _state(self) -> str:
@@ -370,24 +392,28 @@ class Session:
         if self._gone:
             raise InputError(what, value, f"the machine is {self._gone}{': ' if self.why else ''}{self.why}")
 
+    def _refuse(self, what: str) -> NoReturn:
+        allowed = "the session was opened for runs only; open it with by_hand=True to operate the machine by hand"
+        raise InputError(what, "refused", allowed)
+
+    def _require_ready(self, what: str) -> None:
+        """Raise an error unless the machine is sampled."""
+        if not self._open:
+            self._refuse(what)
+
     def _free(self, what: str, value: str = "refused") -> None:
         """Raise an error unless the machine is in manual mode."""
         self._alive(what, value)
+        self._require_ready(what)
         if self._run is not None:
             raise InputError(what, value, f"{self._run.prepared.protocol.name} is running and sets it; stop it first")
-        if self.why:
-            raise InputError(what, value, f"the machine is stopped ({self.why}); reset it first")
+        if self.why or self.button():
+            raise InputError(what, value, f"the machine is stopped ({self.why or self.button.reason}); reset it first")
 
     # ---- by hand
 
     def set(self, **wanted: float | str) -> None:
-        """Ask for a ``pressure``, and for one of ``span``, ``velocity`` and ``tension``, as text or SI.
-
-        The set-points go there no faster than `ManualSetup.manual` allows.
-
-        Raises:
-            InputError: if the rig does not allow it, or the machine is not in manual mode.
-        """
+        """Ask for set-points; see `MachineSession`."""
         with self._acting:
             self._free(", ".join(wanted))
             self.ask_for(**wanted)
@@ -414,7 +440,7 @@ class Session:
         self._wake()
 
     def vent(self) -> None:
-        """Vent at the manual rate; a velocity ends, a span or tension is held."""
+        """Vent at the manual rate; see `MachineSession`."""
         with self._acting:
             self._free("vent")
             ends = {"mode": float(SPAN), "motor": np.nan} if self._setpoints["mode"] == VELOCITY else {}
@@ -423,8 +449,10 @@ class Session:
             self._remark("vent")
 
     def emergency_stop(self, reason: str = "the button was pressed") -> None:
-        """Vent and brake the motor at the next sample, also during a run; the machine stays stopped until `reset`."""
+        """Stop, vent and brake; see `MachineSession`."""
         self.button.press(reason)
+        if not self._open or self._aside:
+            return
         self._wake()
         if self._stepped and self._run is None and not self.why:
             self.wait(self.period)
@@ -432,32 +460,31 @@ class Session:
         self._until(lambda: bool(self.why or self._gone), SEEN)
 
     def reset(self) -> None:
-        """Return to manual mode after a stop, vented, with the motor in place.
-
-        Raises:
-            InputError: if it is not stopped.
-        """
+        """Return to manual mode after a stop; see `MachineSession`."""
         with self._acting:
             self._alive("reset")
-            if self._run is not None or not self.why:
+            self._require_ready("reset")
+            if self._run is not None or not (self.why or self.button()):
                 raise InputError("reset", self.status().state, "allowed is after a stop, while nothing runs")
             with self._lock:
                 self._rest()
-                self.button, self.why = EmergencyStop(), ""
+                self.button, self._why = EmergencyStop(), ""
                 self._loop.renew()
                 self._first_news = self.machine.number + 1
             self.note("reset")
             self.wait(2.0 * self.period)
 
     def control_lost(self) -> None:
-        """Note that the client in control disconnected: hold, then vent."""
+        """Note that the client in control disconnected; see `MachineSession`."""
+        self._require_ready("control")
         self._alone, self._since_alone = True, time.monotonic()
         if self._rests:
             self.clock.speed = 1.0  # the time after which it vents is that of whoever stands beside it
         self._setpoints.change(alone=1.0)
 
     def control_back(self) -> None:
-        """Note that a client is in control again; the set-points hold, unless the machine has vented."""
+        """Note that a client is in control again; see `MachineSession`."""
+        self._require_ready("control")
         self._alone = False
         if self._rests:
             self.clock.speed = self._speed
@@ -466,19 +493,13 @@ class Session:
 
     # ---- protocols
 
-    def prepare(self, protocol: Protocol | str, accept_saturation: bool = False) -> PreparedRun:
-        """Make the dry run of a protocol for this machine; nothing moves."""
-        return prepare_on_machine(protocol, self.setup.rate, accept_saturation=accept_saturation, **self.setup.options)
-
     def run(
         self, protocol: Protocol | str | PreparedRun, *, anew: bool = False, clock: Clock | None = None,
         stop: Callable[[], bool] | None = None, log: str | Path | None = None, progress: Progress | None = None,
         display: Display | None = None, ask: Callable[[str], None] | None = None, accept_saturation: bool = False,
-        begun: Callable[[ProtocolRun], None] | None = None,
+        begun: Callable[[RunState], None] | None = None,
     ) -> Recording:  # fmt: skip
-        """Run a protocol, and come back to manual mode, holding the last set-points.
-
-        The machine first goes by hand to where the protocol begins. The recording and other errors are those of `run.run`.
+        """Run a protocol; see `MachineSession`.
 
         Args:
             protocol: itself, its name, or what `prepare` made of it.
@@ -495,13 +516,12 @@ class Session:
             begun: told the run when the machine is where it begins.
 
         Raises:
-            InputError: a finding of the dry run, after which nothing moves; or the machine is not in manual mode.
+            InputError: as `MachineSession.run`.
         """
         with self._acting:
-            if anew:
-                self._alive("run")
-            else:
+            if not anew or (stop is None and self._open):
                 self._free("run")
+            self._alive("run")
             prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
             stage: Stage
             if not anew:
@@ -510,10 +530,10 @@ class Session:
                 stage = OwnMachines(clock) if self._given is None else StartedMachine(self._given)
             run = ProtocolRun(
                 prepared, stage, progress=progress, display=display, ask=ask, log=log, begun=begun,
-                stop=stop if stop is not None or anew else self.button,
+                stop=self.button if stop is None else stop,
             )  # fmt: skip
             if anew:
-                with self._set_aside():
+                with self._set_aside(run):
                     return run.play()
             name, self._run = prepared.protocol.name, run
             self.note(f"run {name}")
@@ -526,44 +546,44 @@ class Session:
             with self._lock:
                 if done or not self.why:  # a stop that the samples showed has been told
                     self._say(f"{name}: {said}", "done" if done else "stop")
-                self.why = self.why or ("" if done else said)
+                self._why = self._why or ("" if done else said)
             return record
 
     @contextlib.contextmanager
-    def _set_aside(self) -> Generator[None, None, None]:
-        """Vent the machine that is operated by hand, and let it stand still."""
-        if not self._open:
-            yield
-            return
-        if not self.why:
-            self.vent()
-        self._loop.leave()
-        self._collect()
+    def _set_aside(self, run: ProtocolRun) -> Generator[None, None, None]:
+        """During a run, vent the machine that is operated by hand and let it stand still."""
+        opened = self._open
+        if opened:
+            if not self.why:
+                self.vent()
+            self._loop.leave()
+            self._collect()
+        self._run, self._aside = run, True
         try:
             yield
         finally:
-            if not self._gone:
+            self._run, self._aside = None, False
+            if not opened:
+                self.button = EmergencyStop()
+            elif not self._gone:
                 self.clock.halt(self._rests or self._stepped)
                 self._loop.start()
 
     # ---- recordings by hand
 
     def start_recording(self, log: str | Path | None = None) -> None:
-        """Record every sample from the next one on, runs included, with `log` also into a new ``.mcap`` file."""
+        """Record from the next sample on; see `MachineSession`."""
         with self._acting:
             if self._recording is not None:
                 raise InputError("record", "on", "it is recording already; allowed is off")
             self._alive("record")
+            self._require_ready("record")
             recording = ManualRecording(self.setup.prepared, self.setup.timing, self.machine, log)
             self._recording = recording
             self._between(recording.begin)
 
     def stop_recording(self) -> Recording:
-        """End the recording, and return what was recorded.
-
-        Raises:
-            InputError: if nothing was.
-        """
+        """End the recording, and return what was recorded; see `MachineSession`."""
         with self._acting:
             recording = self._recording
             if recording is None:
@@ -597,15 +617,3 @@ class Session:
             self.machine.hardware.close()
             self._gone = CLOSED
             gc.unfreeze()
-
-    def __enter__(self) -> Self:
-        """Return the session itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Vent and close; at once after an error."""
-        if kind is not None:
-            self.button.press(f"the session ended with {kind.__name__}")
-        self.close()

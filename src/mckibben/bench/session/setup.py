@@ -23,6 +23,7 @@ from ..software.loop import BenchSoftware
 from ..software.manual import Manual
 from ..software.sequencer import SPAN, TENSION, VELOCITY
 
+HOLD = 5.0  # time for which set-points are held without a hand [s]
 RATE = 1000.0  # samples per second, where the computer can [1/s]
 MODES = {"span": SPAN, "velocity": VELOCITY, "tension": TENSION}
 

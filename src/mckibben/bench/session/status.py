@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -25,32 +26,41 @@ class Message(NamedTuple):
 
     Attributes:
         number: counted from 1.
-        time: time of the session [s].
-        kind: ``note``, ``done`` or ``stop``.
+        time: of the session or of a run [s]; None where it has none.
+        kind: ``note``, ``done``, ``caution`` or ``stop``.
         text: a sentence.
     """
 
     number: int
-    time: float
+    time: float | None
     kind: str
     text: str
 
 
 class Messages:
-    """The newest messages; safe for use by several threads."""
+    """The newest messages of a machine; safe for use by several threads.
 
-    def __init__(self) -> None:
+    Args:
+        told: called with every message.
+    """
+
+    def __init__(self, told: Callable[[Message], None] | None = None) -> None:
+        self._lock, self._count, self._told = threading.Lock(), 0, told
         self._kept: deque[Message] = deque(maxlen=REMEMBERED)
-        self._count = 0
 
-    def say(self, text: str, time: float, kind: str = "note") -> None:
-        """Add a message; called under the lock of its owner."""
-        self._count += 1
-        self._kept.append(Message(self._count, time, kind, text))
+    def say(self, text: str, time: float | None = None, kind: str = "note") -> None:
+        """Add a message, at a time [s] if it has one."""
+        with self._lock:
+            self._count += 1
+            message = Message(self._count, time, kind, text)
+            self._kept.append(message)
+        if self._told is not None:
+            self._told(message)
 
     def after(self, number: int) -> list[Message]:
         """Return the messages after the one with a number, in order."""
-        return [m for m in list(self._kept) if m.number > number]
+        with self._lock:
+            return [m for m in self._kept if m.number > number]
 
 
 class SampleRing:
@@ -119,7 +129,7 @@ class Status:
     deadlines: Lateness
     protocol: tuple[str, float, float] | None = None
     recorded: float | None = None
-    units: Mapping[str, str] = field(default_factory=lambda: {n: u for n, (u, _) in channels.MEASURED.items()})
+    units: Mapping[str, str] = field(default_factory=lambda: {n: u for n, (u, _) in channels.measured().items()})
 
     def line(self) -> str:
         """Summarise state and main values in one line."""

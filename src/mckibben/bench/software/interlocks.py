@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from ..._jax import jnp
 from ...components import Module, Scalar, field
+from ...components.sensors import SENSORS
 from ...quantities import quantity, with_unit
 
 ASKED = 0.1  # share of the valve's range above which a pressure must show
@@ -39,6 +40,7 @@ class Trip(IntEnum):
     LOST_TENSION = 7
     LOST_SPAN = 8
     EMERGENCY_STOP = 9
+    OUT_OF_LIMITS = 10
 
 
 class InterlockState(NamedTuple):
@@ -56,8 +58,9 @@ class Interlocks(Module):
     """Limits of one rig with one muscle; pressures are gauge.
 
     A rail is what a sensor reads at the highest code of its converter, a floor the least that an intact one reads; their
-    defaults are never met. `watch_tension` is off where it was accepted that the cell saturates: then tension is neither
-    limited nor lost at its rail.
+    defaults are never met. `sensors` holds the least and largest allowed reading of sensors by name, in the unit of each; a
+    reading that is no number trips, too. `watch_tension` is off where it was accepted that the cell saturates: then tension
+    is neither limited nor lost at its rail.
     """
 
     burst_pressure: Scalar = quantity("Pa", (1.0, 1e9), "largest pressure of the muscle", typical=(1e5, 1e6))
@@ -74,6 +77,7 @@ class Interlocks(Module):
     valve_range: Scalar = quantity("Pa", (1.0, 1e9), "full scale of the valve", default=1e6)
     motor_force: Scalar = quantity("N", (1e-3, 1e7), "full force of the motor", default=264.0)
     watch_tension: bool = field(static=True, kw_only=True, default=True)
+    sensors: dict[str, tuple[Scalar, Scalar]] = field(kw_only=True, default_factory=dict)
 
     def initial(self) -> InterlockState:
         """Initial state: no violation, and a last span that equals no real span."""
@@ -97,7 +101,8 @@ class Interlocks(Module):
         pressure_times, pressure_found = self._pressure(state, measured, asked, dt)
         tension_time, tension_found = self._tension(state, measured, dt)
         span_state, span_found = self._span(state, measured, asked, velocity, dt)
-        tripped = pressure_found | tension_found | span_found | {Trip.EMERGENCY_STOP: jnp.asarray(pressed) > 0.5}
+        tripped = pressure_found | tension_found | span_found | self._sensors(measured)
+        tripped[Trip.EMERGENCY_STOP] = jnp.asarray(pressed) > 0.5
         found: Any = jnp.zeros((), jnp.int32)
         for trip in sorted(tripped, reverse=True):
             found = jnp.where(tripped[trip], jnp.int32(trip), found)
@@ -154,6 +159,12 @@ class Interlocks(Module):
         }
         return (still_for, x), found
 
+    def _sensors(self, measured: Mapping[str, Any]) -> dict[Trip, Any]:
+        within = [
+            (measured[n] >= low) & (measured[n] <= high) for n, (low, high) in self.sensors.items() if n in measured
+        ]
+        return {Trip.OUT_OF_LIMITS: ~jnp.stack(within).all()} if within else {}
+
     def reason(self, code: int, measured: Mapping[str, float], time: float) -> str:
         """Describe a violation: value, limit and action, in one sentence; empty for code 0.
 
@@ -175,8 +186,20 @@ class Interlocks(Module):
             Trip.LOST_TENSION: lambda: self._lost_tension(measured.get("tension")),
             Trip.LOST_SPAN: lambda: self._lost_span(measured.get("span")),
             Trip.EMERGENCY_STOP: lambda: "the emergency stop was pressed",
+            Trip.OUT_OF_LIMITS: lambda: self._out_of_limits(measured),
         }[trip]()
         return f"{trip.name.lower().replace('_', ' ')} at {time:.6g} s: {said}; {_DONE}"
+
+    def _out_of_limits(self, measured: Mapping[str, float]) -> str:
+        for name, (low, high) in self.sensors.items():
+            x, what, unit = measured.get(name, 0.5 * (low + high)), name.replace("_", " "), SENSORS[name].unit
+            if not math.isfinite(x):
+                return f"the {what} sensor reads no number"
+            if x < low:
+                return _over(what, x, unit, low, "or more")
+            if x > high:
+                return _over(what, x, unit, high)
+        return "a sensor is out of its limits"
 
     def _lost_pressure(self, x: float | None) -> str:
         said = _doubtful("pressure", x, "Pa", self.pressure_rail, self.pressure_floor, self.patience)

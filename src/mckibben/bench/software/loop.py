@@ -13,13 +13,10 @@ from ..._jax import jnp
 from ...components import Scalar, field
 from ...components.sampled import Software
 from ...quantities import quantity
-from ..sensors import SENSORS
 from .controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .interlocks import Interlocks
 from .manual import Manual
 from .sequencer import SPAN, TENSION, VELOCITY, SampleSetpoints, Sequencer
-
-CHANNELS = (*SENSORS, "span")
 
 
 class BenchSoftware(Software):
@@ -62,7 +59,7 @@ class BenchSoftware(Software):
 
         A row may have ``stop``, 1 while the emergency stop is pressed, and has what `manual.ROW` names in manual mode.
         """
-        read = {name: measured[name] for name in CHANNELS if name in measured}
+        read = {name: value for name, value in measured.items() if not name.endswith(".code")}
         nothing = jnp.zeros(())
         tension, span = read.get("tension", nothing), read.get("span", nothing)
         motion, velocity = self.motion.step(state["motion"], span, dt)

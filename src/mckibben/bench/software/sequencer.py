@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..._jax import jnp
-from ...components import Module
+from ...components import Module, field
 from ...experiments import until
 from ...experiments.commands import MODES, Deferred
 from ...experiments.plan import PlannedStep
@@ -25,7 +25,7 @@ LEAST_STEPS, LEAST_SAMPLES = (
     64,
     2**16,
 )  # tables are padded to these, or 16 times as much, so that few sizes are compiled
-CHANNELS = ("pressure", "span", "velocity", "tension")  # that a test can look at
+CHANNELS = ("pressure", "span", "velocity", "tension")  # that a test can look at, and the sensors that are tested
 
 
 class SequencePlace(NamedTuple):
@@ -107,6 +107,7 @@ class Sequencer(Module):
     pressure: StepLines
     motor: StepLines
     table: dict[str, Any]
+    sensors: tuple[str, ...] = field(static=True, default=())
 
     @classmethod
     def of(cls, steps: Sequence[PlannedStep], *, rest_length: float, period: float) -> Sequencer:
@@ -130,6 +131,10 @@ class Sequencer(Module):
                 if s.mode == "span":
                     table["velocity"][part], table["acceleration"][part] = _motion(s, period)
 
+        tested = {s.until.channel for s in steps if s.until is not None}
+        sensors = tuple(sorted(tested - set(CHANNELS)))
+        names = (*CHANNELS, *sensors)
+
         def each(of: Any, kind: Any, pad: Any = 0) -> Any:
             return jnp.asarray(np.array([*map(of, steps), *[pad] * (size - len(steps))]), kind)
 
@@ -139,14 +144,14 @@ class Sequencer(Module):
             mode=each(lambda s: MODES.index(s.mode), int), shut=each(lambda s: s.pressure is None, bool),
             record=each(lambda s: s.record, bool),
             tests=Tests(
-                each(lambda s: -1 if s.until is None else CHANNELS.index(s.until.channel), int, -1),
+                each(lambda s: -1 if s.until is None else names.index(s.until.channel), int, -1),
                 each(lambda s: 0 if s.until is None else KINDS.index(s.until.kind), int),
                 each(lambda s: 0.0 if s.until is None else s.until.amount.si(rest_length), float),
                 each(lambda s: 0.0 if s.until is None else s.until.lasting, float),
             ),
             must=each(lambda s: s.until is not None and s.step.otherwise == "stop", bool),
             pressure=_lines([s.pressure for s in steps], size), motor=_lines([s.motor for s in steps], size),
-            table={name: jnp.asarray(values) for name, values in table.items()},
+            table={name: jnp.asarray(values) for name, values in table.items()}, sensors=sensors,
         )  # fmt: skip
 
     def initial(self, pressure: Any, motor: Any) -> SequencePlace:
@@ -202,7 +207,7 @@ class Sequencer(Module):
         j = asked.step
         nothing, tests = jnp.zeros(()), self.tests
         channel, commanded = tests.channel[j], jnp.where(tests.channel[j] == 0, asked.pressure, asked.motor)
-        x = jnp.stack([jnp.asarray(measured.get(name, nothing), float) for name in CHANNELS])[channel]
+        x = jnp.stack([jnp.asarray(measured.get(name, nothing), float) for name in (*CHANNELS, *self.sensors)])[channel]
         state, true = until.advance(tests.kind[j], place.test, x, tests.limit[j], tests.lasting[j], commanded, period)
         ended = true & (channel >= 0)
         late = place.sample + 1 >= self.count[j]

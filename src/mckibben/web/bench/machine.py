@@ -7,13 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...bench.hardware.clock import Clock
-from ...bench.session.status import LOST
+from ...bench.session import MachineSession, Messages
 from ...errors import InputError
 from ..stream import Stream
 from .chosen import BenchSelection
 from .console import PageConsole
 from .dry import DryRun
-from .log import Log
 from .manual import HardwareSpec, ManualControl
 from .running import RunController
 from .states import PACE_NAMES, ended, short, status_of
@@ -40,7 +39,7 @@ class Bench:
     def __init__(
         self, lab: Laboratory, *, muscle: str = "nylon", rig: Rig | str = "paper", spec: HardwareSpec | None = None
     ) -> None:
-        self.lab, self.stream, self.messages = lab, Stream(), Log()
+        self.lab, self.stream, self.messages = lab, Stream(), Messages()
         self.pace, self.clock = "real", Clock(grain=GRAIN)  # of runs on the simulated machine
         self._lock, self.spec = threading.RLock(), spec
         words = "" if spec is None else spec.words
@@ -52,7 +51,6 @@ class Bench:
         self.when: float | None = None  # of that stop
         self.vented = False
         self.ended: dict[str, Any] = {}  # of the last run
-        self._heard = 0
         self._closing: list[threading.Thread] = []
         self.console = PageConsole(self)
 
@@ -60,6 +58,16 @@ class Bench:
         """Make the first dry run and the machine by hand ready, in threads of their own."""
         self.chosen.begin()
         self._open()
+
+    @property
+    def session(self) -> MachineSession:
+        """The session of the machine.
+
+        Raises:
+            MckibbenError: if it is not ready yet, or could not be made ready.
+        """
+        assert self.manual is not None
+        return self.manual.opened()
 
     # ---- what pages see
 
@@ -74,7 +82,7 @@ class Bench:
 
     def log(self, after: int) -> list[dict[str, Any]]:
         """Return the messages after the one with a number."""
-        return self.messages.after(after)
+        return [message._asdict() for message in self.messages.after(after)]
 
     def actions(self) -> Mapping[str, Callable[..., Any]]:
         """Return the actions that a page may request, by name."""
@@ -88,7 +96,7 @@ class Bench:
             "dry_run": lambda: self._change(chosen.again), "cure": lambda: self._change(chosen.cure),
             "start": self.start, "pause": self.pause, "resume": self.resume, "step": self.step, "stop": self.stop,
             "reset": self.reset, "pace": self.choose_pace, "set": self.set, "vent": self.vent, "note": self.note,
-            "say": self.console.answer, "complete": self.console.complete,
+            "say": self.console.answer, "complete": self.console.completions,
         }  # fmt: skip
 
     # ---- the choice
@@ -111,7 +119,7 @@ class Bench:
         return self._set_up(self.chosen.choose_rig, name)
 
     def _dried(self, dry: DryRun) -> None:
-        self.messages.say(dry.sentence, "done" if dry.passed else "stop")
+        self.messages.say(dry.sentence, kind="done" if dry.passed else "stop")
 
     def _open(self) -> None:
         """Make the machine ready to be operated by hand, beside what else is done."""
@@ -119,12 +127,11 @@ class Bench:
         if old is not None:
             self._closing = [*(t for t in self._closing if t.is_alive()), old.closing()]
         self.manual = ManualControl(
-            chosen.rig, chosen.spec, PACES[self.pace] or 1.0, self.stream, self.lab.changed, spec=self.spec,
-            after=self._closing,
+            chosen.rig, chosen.spec, PACES[self.pace] or 1.0, self.stream, self.messages, self.lab.changed,
+            spec=self.spec, after=self._closing,
         )  # fmt: skip
-        self._heard = 0
         if self.spec is not None:
-            self.messages.say(self.spec.caution, "caution")
+            self.messages.say(self.spec.caution, kind="caution")
 
     # ---- what may not be done to the machine as it is
 
@@ -167,6 +174,7 @@ class Bench:
         assert manual is not None
         # a real machine is shown from now on, also on the way to where the protocol begins
         session = manual.session if self.spec is None else manual.operated()
+        assert session is not None
         with self._lock:
             self._require_idle("start")
             if self.spec is None:
@@ -177,9 +185,9 @@ class Bench:
                 prepared, session, self.clock, self.stream, self.messages, self.lab.recordings, self.lab.changed,
                 taken=lambda: manual.hold(True), over=self._over,
             )  # fmt: skip
-            self.messages.say("Started. Protocol, muscle and rig are saved with the recording.", "done", 0.0)
+            self.messages.say("Started. Protocol, muscle and rig are saved with the recording.", 0.0, "done")
             for caution in prepared.cautions:
-                self.messages.say(caution, "caution", 0.0)
+                self.messages.say(caution, 0.0, "caution")
             self.running.start()
         return f"running {prepared.protocol.name}"
 
@@ -204,7 +212,7 @@ class Bench:
         run = self._require_run("pause")
         self.clock.halt()
         said = "Paused by you. Simulated time stands still; pressure and length are held."
-        self.messages.say(said, "caution", run.time)
+        self.messages.say(said, run.time, "caution")
         return f"paused at {run.time:.3f} s, holding"
 
     def resume(self) -> str:
@@ -253,34 +261,29 @@ class Bench:
 
     def vent(self) -> str:
         """Vent at the manual rate."""
-        self._require_manual("vent", {"pressure": 0.0}).operated().vent()
+        manual = self._require_manual("vent", {"pressure": 0.0})
+        if not manual.moving and not manual.opened().busy:
+            return "vented"
+        manual.operated().vent()
         return "venting"
 
     def note(self, text: str) -> str:
         """Add a note to the messages."""
         run = self.running
-        self.messages.say(f"Note: {str(text)[:400]}", "note", None if run is None else run.time)
+        self.messages.say(f"Note: {str(text)[:400]}", None if run is None else run.time)
         return "noted"
 
     def _listen(self) -> None:
-        """Copy the messages of the session."""
+        """Notice a stop of the session, which has told it, and a real machine that is not there."""
         manual = self.manual
-        session = None if manual is None else manual.session
-        if manual is not None and manual.failed and self.spec is not None and not self.why:
-            self._trip(manual.failed, "not connected", 0.0)
-        if session is None or manual is None:
+        if manual is None or self.why or self.running is not None:
             return
-        for message in session.messages(self._heard):
-            self._heard = message.number
-            kind = "stop" if message.kind == "stop" else "note"
-            if kind == "stop" and session.why and not self.why and self.running is None:
-                self._trip(message.text, short(message.text), message.time)
-            elif message.kind == "done" or (kind == "stop" and session.why and (self.why or self.running is not None)):
-                continue  # the recording says so, or the stop of the machine
-            else:
-                self.messages.say(message.text, kind, message.time)
-        if session.gone == LOST and not self.why and self.running is None:  # its process cannot say so any more
-            self._trip(session.why, short(session.why), manual.time)
+        if manual.failed and self.spec is not None:
+            self._trip(manual.failed, "not connected", 0.0)
+        session = manual.session
+        if session is not None and manual.ready and session.why:
+            session.messages()
+            self._trip(session.why, short(session.why), manual.time, told=True)
 
     # ---- stops
 
@@ -290,18 +293,21 @@ class Bench:
             run, manual = self.running, self.manual
             self.vented = True
             time = run.time if run is not None else manual.time if manual is not None else 0.0
+            session = None if manual is None or not manual.ready else manual.session
             if not self.why:
                 done = "the valve vents, and the motor only brakes"
-                self._trip(f"emergency stop at {time:.3f} s: {reason}; {done}", "emergency stop", time)
+                told = session is not None and (run is None or self.spec is not None)  # the session tells its stop
+                self._trip(f"emergency stop at {time:.3f} s: {reason}; {done}", "emergency stop", time, told=told)
         if run is not None:
             run.stop(reason, trip=True)
-        elif manual is not None and manual.session is not None:
-            manual.session.emergency_stop(reason)
+        elif session is not None:
+            session.emergency_stop(reason)
         self.lab.changed()
 
-    def _trip(self, why: str, small: str, time: float) -> None:
+    def _trip(self, why: str, small: str, time: float, *, told: bool = False) -> None:
         self.why, self.small, self.when = why, small, time
-        self.messages.say(why[:1].upper() + why[1:], "stop", time)
+        if not told:
+            self.messages.say(why[:1].upper() + why[1:], time, "stop")
 
     def reset(self) -> str:
         """Return to manual operation after a stop, vented."""
@@ -310,13 +316,13 @@ class Bench:
                 raise InputError("reset", "refused", "the run is being stopped; wait until it has vented")
             if not self.why:
                 raise InputError("reset", "idle", "allowed is after a stop")
-            session = None if self.manual is None else self.manual.session
-            if self.spec is not None and (session is None or session.gone):
-                self._open()  # the line is lost, or there was none: another try
+            session = None if self.manual is None or not self.manual.ready else self.manual.session
+            if session.gone if session is not None else self.spec is not None:
+                self._open()  # the machine is lost, or there was none: another try
             elif session is not None and session.why:
                 session.reset()
             self.why, self.small, self.when, self.vented = "", "", None, False
-            self.messages.say("Reset.", "note")
+            self.messages.say("Reset.")
         return "reset"
 
     def shown(self, epoch: int, samples: int) -> None:

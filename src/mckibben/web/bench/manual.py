@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ...bench.session import Session
+from ...bench.session import MachineSession, Messages, Session
 from ...bench.session.proxy import SessionProxy
 from ...bench.session.session import VENTED
 from ...errors import MckibbenError
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 TICK = 0.015  # time between two looks at the samples [s]
 LONGEST = 60.0  # that its end is waited for [s]
+KEPT = 2.0  # time for which a session keeps samples for the pages [s]
 QUIET = 0.6  # time for which pages still see it when all is at rest [s]
 
 
@@ -49,47 +50,55 @@ class ManualControl:
         muscle: specimen.
         speed: speed of a simulated machine's time over that of the wall.
         stream: that the samples go to.
+        messages: where the session adds its messages.
         news: told that something changed.
         spec: the real machine; None: a simulated one.
         after: threads that let go of the same real machine first.
 
     Attributes:
-        session: once it is ready.
+        session: that of a simulated machine is there for runs at once, that of a real one when it is ready.
+        ready: whether it can be operated by hand.
         failed: why it could not be made ready.
         moving: whether pages see its samples.
         time: time of the newest sample that pages have [s].
     """
 
     def __init__(
-        self, rig: Rig, muscle: Any, speed: float, stream: Stream, news: Callable[[], None], *,
+        self, rig: Rig, muscle: Any, speed: float, stream: Stream, messages: Messages, news: Callable[[], None], *,
         spec: HardwareSpec | None = None, after: Iterable[threading.Thread] = (),
     ) -> None:  # fmt: skip
-        self.rig, self.muscle, self.spec, self.stream = rig, muscle, spec, stream
-        self.session: Session | SessionProxy | None = None
-        self.failed, self.moving, self.time = "", False, 0.0
+        self.rig, self.muscle, self.spec, self.stream, self._messages = rig, muscle, spec, stream, messages
+        self.session: MachineSession | None = None
+        if spec is None:
+            self.session = Session(rig, muscle, keep=KEPT, rests=True, by_hand=False, messages=messages)
+        self.ready, self.failed, self.moving, self.time = False, "", False, 0.0
         self._news, self._after, self._speed, self._alone = news, list(after), speed, False
         self._closed, self._held = threading.Event(), threading.Event()
         self._lock = threading.RLock()
         self._thread = threading.Thread(target=self._open_and_show, name="by hand", daemon=True)
         self._thread.start()
 
-    @property
-    def ready(self) -> bool:
-        """Whether it can be operated."""
-        return self.session is not None
-
-    def operated(self) -> Session | SessionProxy:
-        """The session, which pages see from now on because something is asked of it.
+    def opened(self) -> MachineSession:
+        """Return the session.
 
         Raises:
             MckibbenError: if it is not ready yet, or could not be made ready.
         """
-        if self.session is None:
+        if self.session is None or not self.ready:
             raise MckibbenError(self.failed or "by hand: the machine is getting ready; try again in some seconds")
+        return self.session
+
+    def operated(self) -> MachineSession:
+        """Return the session, which pages see from now on because something is asked of it.
+
+        Raises:
+            MckibbenError: if it is not ready yet, or could not be made ready.
+        """
+        session = self.opened()
         with self._lock:
             if not self.moving:
-                self._show()
-        return self.session
+                self._show(session)
+        return session
 
     def hold(self, held: bool) -> None:
         """Hide the manual samples during a run; afterwards a machine under pressure is shown again."""
@@ -98,18 +107,18 @@ class ManualControl:
             self.moving, session = False, self.session
             if not held and self.spec is not None and session is not None and not session.why:
                 if session.latest().get("command.pressure", 0.0) > VENTED:
-                    self._show()
+                    self._show(session)
 
     def set_speed(self, speed: float) -> None:
         """Set the speed of simulated time relative to real time."""
         self._speed = speed
-        if isinstance(self.session, Session):
+        if self.ready and isinstance(self.session, Session):
             self.session.speed = speed
 
     def set_control(self, there: bool) -> None:
         """Record whether a page is in control."""
         self._alone = not there
-        if self.session is not None:
+        if self.ready and self.session is not None:
             (self.session.control_back if there else self.session.control_lost)()
 
     def close(self) -> None:
@@ -123,10 +132,19 @@ class ManualControl:
         thread.start()
         return thread
 
-    def _open(self) -> Session | SessionProxy:
+    def _open(self) -> MachineSession:
         if self.spec is not None:
-            return SessionProxy(self.spec.words, self.rig, self.muscle, lock_step=self.spec.lock_step)
-        return Session(self.rig, self.muscle, speed=self._speed, keep=2.0, rests=True)
+            return SessionProxy(
+                self.spec.words,
+                self.rig,
+                self.muscle,
+                lock_step=self.spec.lock_step,
+                messages=self._messages,
+                keep=KEPT,
+            )
+        assert isinstance(self.session, Session)
+        self.session.make_ready()
+        return self.session
 
     def _open_and_show(self) -> None:
         for thread in self._after if self.spec is not None else ():
@@ -143,24 +161,22 @@ class ManualControl:
                 self.failed = f"by hand: it could not be made ready ({type(error).__name__}: {str(error)[:200]})"
                 self._news()
                 return
-            self.session = session
+            self.session, self.ready = session, True
             self.set_speed(self._speed)
             if self._alone:
                 session.control_lost()
             self._news()
             self._tend(session)
-            self.session = None
+            self.session, self.ready = None, False
 
-    def _show(self) -> None:
-        session = self.session
-        assert session is not None
+    def _show(self, session: MachineSession) -> None:
         self.time = session.latest().get("time", 0.0)
         self._columns = Columns(self.rig)
         self.stream.begin("hand", "by hand", session.period, round(self.time / session.period) + 1)
         self.moving = True
         self._news()
 
-    def _tend(self, session: Session | SessionProxy) -> None:
+    def _tend(self, session: MachineSession) -> None:
         quiet = 0.0
         while not self._closed.wait(TICK):
             if self._held.is_set() or not self.moving:
@@ -173,7 +189,7 @@ class ManualControl:
                 self._news()
                 quiet = 0.0
 
-    def _take(self, session: Session | SessionProxy) -> None:
+    def _take(self, session: MachineSession) -> None:
         with self._lock:
             if self._held.is_set():
                 return  # a run has the machine by now, and the stream

@@ -16,16 +16,14 @@ import numpy as np
 
 from ...bench.hardware.clock import Clock
 from ...bench.prepare import PreparedRun
-from ...bench.protocol_run import ProtocolRun
-from ...bench.session import Session
-from ...bench.session.proxy import RunSnapshot, SessionProxy
+from ...bench.protocol_run import RunState
+from ...bench.session import MachineSession, Messages, Session
 from ...bench.software.emergency_stop import EmergencyStop
 from ...errors import InputError, MckibbenError
 from ...recordings.recording import Recording
 from ..shelf import Shelf, plain
 from ..stream import Stream
 from .columns import Columns
-from .log import Log
 from .measure import of_cycle
 
 SHOWN = 1000.0  # samples that pages get of a second
@@ -39,7 +37,7 @@ class RunController:
 
     Args:
         prepared: the run; its dry run has passed.
-        session: that has the real machine, or operates the simulated one by hand; None: nobody does.
+        session: that has the machine.
         clock: clock of simulated time.
         stream: that the samples go to.
         log: that is told of cycles.
@@ -61,29 +59,29 @@ class RunController:
     """
 
     def __init__(
-        self, prepared: PreparedRun, session: Session | SessionProxy | None, clock: Clock, stream: Stream, log: Log,
+        self, prepared: PreparedRun, session: MachineSession, clock: Clock, stream: Stream, log: Messages,
         shelf: Shelf, news: Callable[[], None], *, taken: Callable[[], None], over: Callable[[RunController], None],
     ) -> None:  # fmt: skip
         self.prepared, self.clock, self.stream, self._log, self._shelf = prepared, clock, stream, log, shelf
         self._session, self._news, self._taken, self._over = session, news, taken, over
-        self._remote = session if isinstance(session, SessionProxy) else None
-        self.button = EmergencyStop() if self._remote is None else self._remote.button
+        self._anew = session if isinstance(session, Session) else None  # a machine for this run, in this process
+        self.button = session.button if self._anew is None else EmergencyStop()
         name = plain(prepared.protocol.name)
         self._crash_log: Path | None = None
-        if self._remote is not None:
+        if self._anew is None:
             self._crash_log = shelf.ready() / shelf.numbered(name, ".mcap")
         self.file = shelf.numbered(name, ".nc") if self._crash_log is None else f"{self._crash_log.stem}.nc"
         self.time = 0.0
         self.record: Recording | None = None
         self.error: str | None = None
-        ready = "getting the machine ready" if self._remote is None else "going to where it begins"
+        ready = "going to where it begins" if self._anew is None else "getting the machine ready"
         self.asked, self.words, self.cycle = "", ready, []  # type: str, str, list[int]
         self.measured: list[dict[str, Any]] = []
         self.stopping = ""
         self._answered = threading.Event()
         self._columns = Columns(prepared.rig)
         self._count, self._every = 0, max(1, round(prepared.plan.sample_rate / SHOWN))
-        self._run: ProtocolRun | RunSnapshot | None = None
+        self._run: RunState | None = None
         self._thread = threading.Thread(target=self._play, name="run", daemon=True)
 
     def start(self) -> None:
@@ -117,10 +115,10 @@ class RunController:
 
     def stop_reason(self) -> str:
         """Reason of a stop, after its end; an ordinary stop of a real machine is over then."""
-        session = self._remote
-        if session is not None and session.why and self.stopping and not session.gone:
+        session = self._session
+        if session.why and self.stopping and not session.gone:
             session.reset()
-        return self.tripped or ("" if session is None else session.why)
+        return self.tripped or ("" if self._anew is not None else session.why)
 
     @property
     def _stops(self) -> list[dict[str, Any]]:
@@ -154,7 +152,7 @@ class RunController:
         """
         if self.record is None:
             said = self.error or "nothing was recorded"
-            self._log.say(said, "stop", self.time)
+            self._log.say(said, self.time, "stop")
             return {"file": None, "said": said}
         message = str(self.record.meta["message"])
         if self.stopping:
@@ -166,14 +164,14 @@ class RunController:
             if self._crash_log is not None:
                 self._crash_log.unlink(missing_ok=True)  # all of it is in the recording
         except (MckibbenError, OSError) as error:
-            self._log.say(str(error), "stop", self.time)
+            self._log.say(str(error), self.time, "stop")
             return {"file": None, "said": str(error)}
         done = self.record.meta["result"] == "done" or bool(self.stopping)
-        if why:
-            self._log.say(f"Recorded as {name}, up to the stop.", "done", self.time)
+        if why or self._anew is None:  # the session has said how it ended
+            self._log.say(f"Recorded as {name}{', up to the stop' if why else ''}.", self.time, "done")
         else:
             sentence = f"{message[:1].upper()}{message[1:].rstrip('.')}. Recorded as {name}."
-            self._log.say(sentence, "done" if done else "stop", self.time)
+            self._log.say(sentence, self.time, "done" if done else "stop")
         return {"file": name, "said": message}
 
     def _play(self) -> None:
@@ -187,25 +185,16 @@ class RunController:
             self._over(self)
 
     def _recorded(self) -> Recording:
-        if self._remote is not None:
-            assert self._crash_log is not None
-            return self._remote.run(
-                self.prepared, display=self._show, ask=self._ask, begun=self._begun, log=self._crash_log
+        if self._anew is None:
+            return self._session.run(
+                self.prepared, log=self._crash_log, display=self._show, ask=self._ask, begun=self._begun
             )
-        prepared, session = self.prepared, self._session
-        if not isinstance(session, Session) or session.gone:
-            session = Session(prepared.rig, prepared.specimen or prepared.unit, unit=prepared.unit, by_hand=False)
-        return session.run(
-            prepared,
-            anew=True,
-            clock=self.clock,
-            stop=self.button,
-            display=self._show,
-            ask=self._ask,
+        return self._anew.run(
+            self.prepared, anew=True, clock=self.clock, stop=self.button, display=self._show, ask=self._ask,
             begun=self._begun,
-        )
+        )  # fmt: skip
 
-    def _begun(self, run: ProtocolRun | RunSnapshot) -> None:
+    def _begun(self, run: RunState) -> None:
         """Begin an epoch of the stream for the samples of the run."""
         self._run = run
         self._taken()
@@ -249,7 +238,7 @@ class RunController:
             return
         self.words, self.cycle = f"cycle {cycle[0]} of {count}", cycle
         self._log.say(
-            f"Cycle {cycle[0]} of {count} began." if cycle[0] > 1 else f"{label.capitalize()} began.", "note", self.time
+            f"Cycle {cycle[0]} of {count} began." if cycle[0] > 1 else f"{label.capitalize()} began.", self.time
         )
         if cycle[0] > 1:
             period = self.stream.period

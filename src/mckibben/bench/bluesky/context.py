@@ -1,0 +1,180 @@
+"""What all devices of one session share: names and descriptions of its channels, its clock, and how it is let down.
+
+A key is a channel's name with ``-`` for every dot, since documents do not hold dots: ``command-pressure``. Values are SI, as
+in recordings. Time stamps are seconds since 1970: the time of the session's sample after that of its first one, so that of a
+simulation as fast as it goes they tell the simulated time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import time
+from typing import Any
+
+import numpy as np
+from bluesky.protocols import Reading
+from event_model import DataKey
+from ophyd_async.core import Callback, SignalBackend
+
+from ...errors import InputError, MckibbenError
+from .. import channels
+from ..metadata import initial_metadata
+from ..session import MachineSession
+from ..session.continued import LOOK
+from ..session.status import IDLE, MANUAL
+
+
+class DeviceContext:
+    """A session as its devices see it.
+
+    Args:
+        session: the machine, in this process or in another one.
+        name: put before every key, where there is more than one machine.
+
+    Attributes:
+        names: of the channels.
+        moves: what ends the present move of the ``pressure`` and of the ``motor``.
+    """
+
+    def __init__(self, session: MachineSession, name: str = "") -> None:
+        if any(c in name for c in "./"):
+            raise InputError("name", name, "documents hold no keys with dots or slashes")
+        self.session, self.prefix = session, f"{name}-" if name else ""
+        newest = self.after(-1.0)
+        self.zero = time.time() - newest["time"]
+        self.names = [n for n in newest if n != "time"]
+        self.kinds = channels.kinds(self.names)
+        self.moves: dict[str, asyncio.Future[None]] = {}
+        about = initial_metadata(session.setup.prepared)
+        self.about = {"rig": about["rig"], "specimen": about["specimen"] or "", "simulated": session.simulated}
+        self.place = f"mckibben-{'simulated' if session.simulated else 'machine'}:{about['rig']}"
+
+    def after(self, time: float) -> dict[str, float]:
+        """Return the newest sample, which is later than a time [s]; waits for it.
+
+        Raises:
+            MckibbenError: if there will be none.
+        """
+        session = self.session
+        while not (newest := session.latest()) or newest["time"] < time + 0.5 * session.period:
+            if session.gone:
+                raise MckibbenError(f"the machine is {session.gone}: {session.why}")
+            session.wait(session.period)
+        return newest
+
+    def key(self, channel: str) -> str:
+        """Return the key of a channel, or of something else with a name."""
+        return self.prefix + channel.replace(".", "-")
+
+    def described(self, channel: str, **more: Any) -> DataKey:
+        """Describe the values of a channel for documents."""
+        unit, kind, meaning = self.kinds[channel]
+        fine = self.session.setup.limits.resolution.get(channel.removeprefix("command."))
+        digits = {} if not fine else {"precision": max(0, math.ceil(-math.log10(fine)))}
+        found: Any = {
+            "source": f"{self.place}/{channel}", "dtype": "number", "dtype_numpy": "<f8", "shape": [], "units": unit,
+            "kind": kind, "meaning": meaning, **digits, **more,
+        }  # fmt: skip
+        return found
+
+    def stamp(self, when: float) -> float:
+        """Return seconds since 1970 of a time of the session [s]."""
+        return self.zero + when
+
+    def configuration(self, own: str, values: dict[str, Any]) -> dict[str, Reading[Any]]:
+        """Return what does not change during a plan, of a device by its name."""
+        return {f"{own}-{n}": {"value": v, "timestamp": self.zero} for n, v in (self.about | values).items()}
+
+    def described_configuration(self, own: str, values: dict[str, Any], units: dict[str, str]) -> dict[str, DataKey]:
+        """Describe that."""
+        found: Any = {}
+        for n, v in (self.about | values).items():
+            dtype = "boolean" if isinstance(v, bool) else "string" if isinstance(v, str) else "number"
+            unit = {"units": units[n]} if n in units else {}
+            found[f"{own}-{n}"] = {"source": f"{self.place}/{n}", "dtype": dtype, "shape": [], **unit}
+        return found
+
+    def require_manual(self, what: str) -> None:
+        """Refuse at once what a session would let wait: something while a protocol runs, and after a stop.
+
+        Raises:
+            InputError: says what the machine does instead.
+        """
+        status = self.session.status()
+        if status.state not in (IDLE, MANUAL):
+            why = f": {status.why}" if status.why else ""
+            raise InputError(what, "refused", f"the machine is {status.doing()}{why}; allowed is in manual mode")
+
+    def let_down(self, reason: str) -> None:
+        """Leave nothing under pressure: stop what runs, or vent at the manual rate. Never raises `InputError`."""
+        if self.session.status().protocol is not None:
+            self.session.emergency_stop(reason)
+        elif not self.session.why:
+            with contextlib.suppress(InputError):
+                self.session.vent()
+
+
+class ChannelBackend(SignalBackend[float]):
+    """One channel of a session as the backend of a signal of ophyd-async.
+
+    Args:
+        context: whose.
+        channel: its name in recordings.
+        over: time over which a reading is the mean [s]; 0: the newest sample.
+        more: what else describes its values, such as their limits.
+    """
+
+    def __init__(self, context: DeviceContext, channel: str, over: float = 0.0, **more: Any) -> None:
+        super().__init__(float)
+        self.context, self.channel, self.over, self.more = context, channel, over, more
+        self._follower: asyncio.Task[None] | None = None
+
+    def source(self, name: str, read: bool) -> str:
+        """Return where values come from."""
+        return f"{self.context.place}/{self.channel}"
+
+    async def connect(self, timeout: float) -> None:
+        """Do nothing: the session is there."""
+
+    async def put(self, value: float | None) -> None:
+        """Refuse: a channel is read; set-points are devices."""
+        raise NotImplementedError(f"{self.channel} is read only")
+
+    async def get_datakey(self, source: str) -> DataKey:
+        """Return unit, kind and meaning."""
+        return self.context.described(self.channel, **self.more)
+
+    async def get_reading(self) -> Reading[float]:
+        """Return the newest sample, or the mean over the newest time [SI]."""
+        session = self.context.session
+        newest = session.latest()
+        value, when = newest[self.channel], newest["time"]
+        if self.over > session.period:
+            times, arrays = session.since(when - self.over + 0.5 * session.period)
+            value, when = float(np.mean(arrays[self.channel])), float(times[-1])
+        return {"value": value, "timestamp": self.context.stamp(when)}
+
+    async def get_value(self) -> float:
+        """Return the value of a reading [SI]."""
+        return (await self.get_reading())["value"]
+
+    async def get_setpoint(self) -> float:
+        """Return the value, which nobody asks for."""
+        return await self.get_value()
+
+    def set_callback(self, callback: Callback[Reading[float]] | None) -> None:
+        """Tell a function of the newest reading, and of new ones, some 20 a second: what a display needs."""
+        if self._follower is not None:
+            self._follower.cancel()
+        self._follower = None if callback is None else asyncio.get_running_loop().create_task(self._follow(callback))
+
+    async def _follow(self, callback: Callback[Reading[float]]) -> None:
+        told = -1.0
+        while not self.context.session.gone:
+            reading = await self.get_reading()
+            if reading["timestamp"] != told:
+                told = reading["timestamp"]
+                callback(reading)
+            await asyncio.sleep(LOOK)
