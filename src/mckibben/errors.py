@@ -46,7 +46,7 @@ def compose_sentence(field: str, value: object, allowed: str) -> str:
     if match:
         hint, allowed = f"Did you mean {match[1]!r}? ", allowed[match.end() :]
     value = value if isinstance(value, str | int | float) else str(value)
-    told, name = _short(_shown(value)), _short(field)
+    shown, name = _short(_shown(value)), _short(field)
     if allowed in ("no such file", "no such folder"):
         kind = allowed.removeprefix("no such ")
         owner = "" if name in ("file", "folder") or not name.isalpha() else f"{name} "
@@ -61,7 +61,7 @@ def compose_sentence(field: str, value: object, allowed: str) -> str:
     required = re.match(r"(?:allowed (?:is|are)|must be) ", allowed)
     if allowed.startswith("must ") and not required:
         demand, tail = _parted(allowed)
-        return f"{name} is {value}: it {allowed}" if value in STATES else f"{name} {demand}, got {told}{tail}"
+        return f"{name} is {value}: it {allowed}" if value in STATES else f"{name} {demand}, got {shown}{tail}"
     if allowed == "it is required":
         return f"{name} is {value}" if value in STATES else f"{name} is missing"
     if not required:
@@ -69,7 +69,7 @@ def compose_sentence(field: str, value: object, allowed: str) -> str:
         if condition != allowed:
             return f"{name} is allowed only {condition.removesuffix(' only')}"
         clause = re.sub(r"\ballowed (is|are) ", "it must be ", re.sub(r"^needed (is|are) ", "it needs ", allowed))
-        return f"{name} is {told}: {clause}"
+        return f"{name} is {shown}: {clause}"
     demand, tail = _parted(allowed[required.end() :])
     if _CONDITION.match(demand):
         return f"{name} is allowed only {demand}{tail}"
@@ -80,7 +80,7 @@ def compose_sentence(field: str, value: object, allowed: str) -> str:
         demand = f"{', '.join(demand.split(', ')[:-1])} or {demand.split(', ')[-1]}"
     if value in STATES:
         return f"{name} is {value}: it must be {demand}{tail}"
-    return f"{name} must be {demand}, got {told}{tail}"
+    return f"{name} must be {demand}, got {shown}{tail}"
 
 
 def suggest(word: object, known: Iterable[object]) -> str:

@@ -28,16 +28,16 @@ def plugins(group: str) -> dict[str, Any]:
     Raises:
         InputError: an entry point names what cannot be imported.
     """
-    found = {}
+    loaded = {}
     for point in _entry_points():
         if point.group != group:
             continue
         try:
-            found[point.name] = point.load()
+            loaded[point.name] = point.load()
         except (ImportError, AttributeError) as error:
             demand = f"the entry point {point.value} of {group} cannot be loaded: {error}"
             raise InputError(point.name, point.value, demand, sentence=f"{point.name}: {demand}") from None
-    return found
+    return loaded
 
 
 @functools.cache
@@ -64,13 +64,13 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def __getitem__(self, name: str) -> T:
         if name not in self._known:
-            found: T = plugins(self.group)[name]
-            return found
-        own = self._known[name]
-        if isinstance(own, str):
-            module, _, attribute = own.partition(":")
-            own = self._known[name] = getattr(importlib.import_module(module), attribute)
-        result: T = own
+            kind: T = plugins(self.group)[name]
+            return kind
+        entry = self._known[name]
+        if isinstance(entry, str):
+            module, _, attribute = entry.partition(":")
+            entry = self._known[name] = getattr(importlib.import_module(module), attribute)
+        result: T = entry
         return result
 
     def __contains__(self, name: object) -> bool:

@@ -357,13 +357,13 @@ def table_fields(kind: Any) -> dict[str, tuple[str, FieldType, bool]]:
     """The fields of a type that a table can state, by key: the field's name, how it is read, whether it is required."""
     if kind in _FIELDS:
         return _FIELDS[kind]
-    found = _FIELDS[kind] = {}
+    fields = _FIELDS[kind] = {}
     for f in dataclasses.fields(kind):
         read = f.metadata.get("entry") or _implied(f)
         if read is not None and f.init:
             required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-            found[read.key or f.name] = f.name, read, required
-    return found
+            fields[read.key or f.name] = f.name, read, required
+    return fields
 
 
 def read_table(
@@ -496,9 +496,9 @@ def _implied(f: dataclasses.Field[Any]) -> FieldType | None:
 
 
 def _read_quantity(q: Quantity, raw: Any, place: Place) -> float:
-    own = place.unit(q.unit)
-    bounds = q.bounds if own == q.unit else (-math.inf, math.inf)
-    return read_number(raw, own, bounds, place.field, place.where, bare=place.bare)
+    unit = place.unit(q.unit)
+    bounds = q.bounds if unit == q.unit else (-math.inf, math.inf)
+    return read_number(raw, unit, bounds, place.field, place.where, bare=place.bare)
 
 
 def _read_integer(raw: Any, place: Place) -> int:

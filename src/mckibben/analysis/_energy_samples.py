@@ -85,13 +85,13 @@ class Flows:
 
     def supply_pressure(self) -> float:
         """Highest absolute pressure of the supplies [Pa]; NaN without one."""
-        found = [float(np.max(self.seen[n].pressure_abs)) for n, kind in self.nodes.items() if kind == "supply"]
-        return max(found, default=float("nan"))
+        pressures = [float(np.max(self.seen[n].pressure_abs)) for n, kind in self.nodes.items() if kind == "supply"]
+        return max(pressures, default=float("nan"))
 
     def _seen(self, node: str) -> Seen:
         if f"{node}.pressure_abs" in self.record and f"{node}.temperature" in self.record:
             return self.dead.see(known(self.record, f"{node}.pressure_abs"), known(self.record, f"{node}.temperature"))
-        both = [self.machine.find(f"circuit.nodes.{node}.{what}") for what in ("pressure_abs", "temperature")]
+        both = [self.machine.find(f"circuit.nodes.{node}.{quantity}") for quantity in ("pressure_abs", "temperature")]
         if self.nodes[node] == "chamber" or None in both:
             raise InputError(
                 f"channel {node}.pressure_abs", "missing", "the account needs pressure and temperature of every volume"
@@ -109,19 +109,19 @@ class Flows:
             for n in self.paths
             for flow in (known(self.record, f"{n}.mass_flow"),)
         }
-        found = {n: sampled[n] for n, (kind, *_) in self.paths.items() if kind == "leak"}
+        masses = {n: sampled[n] for n, (kind, *_) in self.paths.items() if kind == "leak"}
         left = {n: np.diff(known(self.record, f"{n}.mass")) for n in self.volumes}
         while left:
             # a volume with one path that is not known yet tells it; one with two says which of them it was
-            open_paths = {n: [p for p, (_, *ends) in self.paths.items() if n in ends and p not in found] for n in left}
+            open_paths = {n: [p for p, (_, *ends) in self.paths.items() if n in ends and p not in masses] for n in left}
             node = min(left, key=lambda n: len(open_paths[n]))
-            own, known_ones = open_paths[node], [p for p in self._at(node) if p in found]
-            needed = left.pop(node) - sum(found[p] * self._sign(p, node) for p in known_ones)
+            own, known_ones = open_paths[node], [p for p in self._at(node) if p in masses]
+            needed = left.pop(node) - sum(masses[p] * self._sign(p, node) for p in known_ones)
             vents = [p for p in own if self._to_room(p)]
             fills = [p for p in own if p not in vents]
-            found |= {p: sampled[p] for p in own}
+            masses |= {p: sampled[p] for p in own}
             if len(own) == 1:
-                found[own[0]] = needed * self._sign(own[0], node)
+                masses[own[0]] = needed * self._sign(own[0], node)
             elif len(vents) == len(fills) == 1:
                 came, left_it = (
                     sampled[fills[0]] * self._sign(fills[0], node),
@@ -130,9 +130,9 @@ class Flows:
                 # the larger of both is put right, but not beyond zero
                 fill = np.where(came >= left_it, needed + left_it, came)
                 fill = np.where(fill < 0.0, 0.0, np.where(fill < needed, needed, fill))
-                found[fills[0]] = fill * self._sign(fills[0], node)
-                found[vents[0]] = (needed - fill) * self._sign(vents[0], node)
-        return {**sampled, **found}
+                masses[fills[0]] = fill * self._sign(fills[0], node)
+                masses[vents[0]] = (needed - fill) * self._sign(vents[0], node)
+        return {**sampled, **masses}
 
     def _at(self, node: str) -> list[str]:
         return [p for p, (_, *ends) in self.paths.items() if node in ends]
@@ -213,17 +213,17 @@ class Flows:
         return np.asarray(stored - stored[0] + pushed - np.concatenate([[0.0], np.cumsum(brought)]))
 
     def _muscle(self, name: str) -> None:
-        unit, given = self.machine.unit(name), self.record
-        at = UnitState(known(given, f"{name}.length"), known(given, f"{name}.velocity"))
-        span, speed = known(given, f"{name}.span"), known(given, f"{name}.span_velocity")
-        power = -known(given, f"{name}.load_tension") * speed
-        taken = known(given, f"{name}.friction") * at.velocity
+        unit, record = self.machine.unit(name), self.record
+        at = UnitState(known(record, f"{name}.length"), known(record, f"{name}.velocity"))
+        span, speed = known(record, f"{name}.span"), known(record, f"{name}.span_velocity")
+        power = -known(record, f"{name}.load_tension") * speed
+        taken = known(record, f"{name}.friction") * at.velocity
         # over a bone, the load feels another tension than the muscle
-        taken = taken + (known(given, f"{name}.load_tension") - known(given, f"{name}.tension")) * speed
+        taken = taken + (known(record, f"{name}.load_tension") - known(record, f"{name}.tension")) * speed
         parts = {"viscous": unit.lost(at, span, speed), "friction": taken, "shaft_work": power}
         for part, value in parts.items():
             self.out[part] = self.out[part] + self._sum(value)
         self.work_out = self.work_out + self._sum(np.where(power > 0.0, power, 0.0))
-        gauge = known(given, f"{name}.pressure")
+        gauge = known(record, f"{name}.pressure")
         self.stored["muscle"] = self.stored["muscle"] + stored_along(unit.law, np.asarray(at.length), gauge)
         self.stored["tendon"] = self.stored["tendon"] + np.asarray(unit.kinetic_and_elastic(at, span))

@@ -43,9 +43,9 @@ class RecordedMachine:
         """The values of which the path begins with one, by the rest of their path."""
         for prefix in PREFIXES:
             whole = f"{prefix}{path}."
-            found = {k.removeprefix(whole): v for k, v in self._values.items() if k.startswith(whole)}
-            if found:
-                return found
+            values = {k.removeprefix(whole): v for k, v in self._values.items() if k.startswith(whole)}
+            if values:
+                return values
         return {}
 
     @property
@@ -63,23 +63,23 @@ class RecordedMachine:
         Raises:
             InputError: if the parameters are those of no law that is known.
         """
-        given = self.below(f"units.{muscle}.law")
+        parameters = self.below(f"units.{muscle}.law")
         names = (
             [self._laws[muscle]]
             if muscle in self._laws
-            else [n for n in LAWS if set(declared(law_type(n))) == set(given)]
+            else [n for n in LAWS if set(declared(law_type(n))) == set(parameters)]
         )
-        if len(names) != 1 or not given:
+        if len(names) != 1 or not parameters:
             raise InputError(
                 f"law of {muscle}",
-                ", ".join(given) or "not given",
+                ", ".join(parameters) or "not given",
                 f"allowed are the parameters of {', '.join(LAWS)}",
                 where="parameters",
             )
-        known = {k: v for k, v in given.items() if v == v}  # an unknown volume is no number
+        known = {k: v for k, v in parameters.items() if v == v}  # an unknown volume is no number
         return construct(law_type(names[0]), known)
 
     def unit(self, muscle: str) -> MuscleUnit:
         """A muscle with its tendon, end mass and dampers; without friction, which the recording shows itself."""
-        own = {k: v for k, v in self.below(f"units.{muscle}").items() if "." not in k}
-        return MuscleUnit(law=self.law(muscle), tendon=Tendon(**self.below(f"units.{muscle}.tendon")), **own)
+        values = {k: v for k, v in self.below(f"units.{muscle}").items() if "." not in k}
+        return MuscleUnit(law=self.law(muscle), tendon=Tendon(**self.below(f"units.{muscle}.tendon")), **values)

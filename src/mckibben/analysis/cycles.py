@@ -79,24 +79,24 @@ def find_cycles(values: np.ndarray, *, skip: int = 0, what: str = "drive") -> tu
         raise InputError("skip", skip, "allowed is 0 or more")
     low, high = turns(values, what=what)
     ends, others, begins_high = (high, low, True) if len(high) > len(low) else (low, high, False)
-    found = tuple(
+    cycles = tuple(
         Cycle(int(a), int(others[np.searchsorted(others, a)]), int(b), begins_high)
         for a, b in zip(ends[:-1], ends[1:], strict=True)
     )
-    if len(found) <= skip:
+    if len(cycles) <= skip:
         raise InputError(
             what,
-            f"{len(found)} full cycles",
+            f"{len(cycles)} full cycles",
             f"needed are {skip + 1} or more, each between two equal ends of its range",
         )
-    for cycle in found:
+    for cycle in cycles:
         if cycle.end - cycle.start < LEAST_SAMPLES:
             raise InputError(
                 what,
                 f"{cycle.end - cycle.start} samples in a cycle",
                 f"needed are {LEAST_SAMPLES} or more; is it noise?",
             )
-    return found[skip:]
+    return cycles[skip:]
 
 
 def cycle_frequency(time: np.ndarray, values: np.ndarray, *, what: str = "drive") -> float:
@@ -111,7 +111,7 @@ def cycle_frequency(time: np.ndarray, values: np.ndarray, *, what: str = "drive"
         what: its name, for error messages.
     """
     low, high = turns(values, what=what)
-    found = find_cycles(values, what=what)
+    cycles = find_cycles(values, what=what)
     best: list[float] = []
     for starts, stops in ((low, high), (high, low)):
         times = []
@@ -121,7 +121,7 @@ def cycle_frequency(time: np.ndarray, values: np.ndarray, *, what: str = "drive"
                 times.append(_crossing(time[start : later[0] + 1], values[start : later[0] + 1]))
         best = times if len(times) > len(best) else best
     if len(best) < 2:
-        return 1.0 / float(time[found[0].end] - time[found[0].start])
+        return 1.0 / float(time[cycles[0].end] - time[cycles[0].start])
     return (len(best) - 1) / (best[-1] - best[0])
 
 

@@ -105,8 +105,8 @@ def _between(piece: Flows, first: int, last: int) -> tuple[EnergyPart, ...]:
     sides = {"into": piece.into, "out": piece.out, "stored": piece.stored}
     parts = [
         EnergyPart(name, float(v[last] - v[first]), side, "from samples")
-        for side, own in sides.items()
-        for name, v in own.items()
+        for side, parts_of_side in sides.items()
+        for name, v in parts_of_side.items()
     ]
     return (*parts, _left(parts))
 
@@ -141,7 +141,7 @@ def _cycles(piece: Flows, channel: str | None, notes: list[str]) -> list[CycleEn
     if drive is None:
         return []
     try:
-        found = find_cycles(record[drive], what=f"channel {drive}")
+        all_cycles = find_cycles(record[drive], what=f"channel {drive}")
     except InputError as error:
         if channel is not None:
             raise
@@ -150,7 +150,7 @@ def _cycles(piece: Flows, channel: str | None, notes: list[str]) -> list[CycleEn
     pressure = piece.supply_pressure()
     each = float(piece.dead.compression(pressure, cooled=False)) if np.isfinite(pressure) else np.nan
     cycles = []
-    for c in found:
+    for c in all_cycles:
         parts = _between(piece, c.start, c.end)
         air = float(piece.air[c.end] - piece.air[c.start])
         cycles.append(
@@ -226,29 +226,29 @@ def estimate(
     Raises:
         InputError: names the channel that is missing, the muscle that is not known, or that no cycle is complete.
     """
-    for name, unit, what in ((pressure, "Pa", "pressure"), (tension, "N", "tension"), (span, "m", "span")):
+    for name, unit, quantity in ((pressure, "Pa", "pressure"), (tension, "N", "tension"), (span, "m", "span")):
         if name not in record:
             raise InputError(
                 f"channel {name}",
                 "missing",
-                f"the account needs the {what} [{unit}]; the recording has {', '.join(record.channels) or 'none'}",
+                f"the account needs the {quantity} [{unit}]; the recording has {', '.join(record.channels) or 'none'}",
             )
-    given = _known(record, muscle, supply, dead_volume)
-    pieces = [_piece(record, p, given, (pressure, tension, span), cycle) for p in whole_pieces(record)]
+    basis = _known(record, muscle, supply, dead_volume)
+    pieces = [_piece(record, p, basis, (pressure, tension, span), cycle) for p in whole_pieces(record)]
     pairs = [(p, c) for p in pieces for c in p.cycles]
     if not pairs:
         raise InputError("cycles", "none", "needed is one in which the muscle is filled and emptied")
-    cycles = tuple(_one(p, c, given) for p, c in pairs)
+    cycles = tuple(_one(p, c, basis) for p, c in pairs)
     parts = tuple(a._replace(value=sum(c.parts[i].value for c in cycles)) for i, a in enumerate(cycles[0].parts))
     air = sum(c.air for c in cycles)
     work = {
-        how: air * float(given.dead.compression(given.supply_abs, cooled=how == "isothermal"))
+        how: air * float(basis.dead.compression(basis.supply_abs, cooled=how == "isothermal"))
         for how in ("isothermal", "adiabatic")
     }
     unknown = [
         *UNKNOWN,
-        *(["dead_volume"] if np.isnan(given.idle) else []),
-        *(["supply"] if np.isnan(given.supply_abs) else []),
+        *(["dead_volume"] if np.isnan(basis.idle) else []),
+        *(["supply"] if np.isnan(basis.supply_abs) else []),
     ]
     notes = ("estimated with the gas at the room's temperature and the muscle at rest on its law",)
     return EnergyAccount(
@@ -262,8 +262,8 @@ def estimate(
         cycles=cycles,
         unknown=tuple(unknown),
         notes=notes,
-        room_pressure=float(given.dead.pressure_abs),
-        caught=lambda p: _caught_in_cycles(pairs, cycles, given, p),
+        room_pressure=float(basis.dead.pressure_abs),
+        caught=lambda p: _caught_in_cycles(pairs, cycles, basis, p),
     )
 
 

@@ -146,13 +146,13 @@ class EnergyAccount:
         Raises:
             InputError: names what the account has.
         """
-        found = [p.value for p in self.parts if p.name == name and side in (None, p.side)]
-        if not found:
+        values = [p.value for p in self.parts if p.name == name and side in (None, p.side)]
+        if not values:
             why = "cannot be known from this recording; " if name in self.unknown else ""
             raise InputError(
                 "part", name, f"{why}the account has {', '.join(dict.fromkeys(p.name for p in self.parts))}"
             )
-        return found[0]
+        return values[0]
 
     @property
     def remainder(self) -> float:

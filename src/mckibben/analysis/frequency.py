@@ -159,15 +159,15 @@ def sine_response(
     angle = 2.0 * np.pi * np.outer(time - time[0], f)
     base = np.stack([np.ones_like(time), np.linspace(-1.0, 1.0, len(time))], axis=1)
     matrix = np.concatenate([np.cos(angle), np.sin(angle), base], axis=1)
-    found, _, rank, strength = np.linalg.lstsq(matrix, np.stack([x, y], axis=1), rcond=None)
+    coefficients, _, rank, strength = np.linalg.lstsq(matrix, np.stack([x, y], axis=1), rcond=None)
     if rank < matrix.shape[1] or strength[-1] < 1e-6 * strength[0]:
         raise InputError("frequencies", f"{f.size} in {record.duration:g} s", "they cannot be told apart in this time")
-    inputs, outputs = (found[: f.size, i] - 1j * found[f.size : 2 * f.size, i] for i in (0, 1))
+    inputs, outputs = (coefficients[: f.size, i] - 1j * coefficients[f.size : 2 * f.size, i] for i in (0, 1))
     if np.abs(inputs).min() <= 1e-9 * np.abs(inputs).max():
         worst = float(f[np.abs(inputs).argmin()])
         raise InputError("frequencies", worst, f"channel {source} has nothing there")
     moved = float(np.sum((y - base @ np.linalg.lstsq(base, y, rcond=None)[0]) ** 2))
-    left = float(np.sum((y - matrix @ found[:, 1]) ** 2))
+    left = float(np.sum((y - matrix @ coefficients[:, 1]) ** 2))
     explained = 1.0 - left / moved if moved > 0.0 else 0.0
     gain = outputs / inputs
     return FrequencyResponse(f, np.abs(gain), np.unwrap(np.angle(gain)), np.full(f.size, max(explained, 0.0)), 1)

@@ -54,10 +54,10 @@ def time_lead(first: np.ndarray, second: np.ndarray, *, period: float, longest: 
     match = np.array([_correlation(a, b, int(s)) for s in shifts])
     best = int(match.argmax())
     if 0 < best < len(shifts) - 1:
-        left, here, right = match[best - 1 : best + 2]
-        bend = left - 2.0 * here + right
+        left, middle, right = match[best - 1 : best + 2]
+        bend = left - 2.0 * middle + right
         part = 0.0 if bend == 0.0 else 0.5 * (left - right) / bend
-        return Lead(float((shifts[best] + part) * period), float(here - 0.25 * (left - right) * part))
+        return Lead(float((shifts[best] + part) * period), float(middle - 0.25 * (left - right) * part))
     return Lead(float(shifts[best] * period), float(match[best]))
 
 

@@ -309,8 +309,8 @@ def peak_velocity(record: Recording, *, length: str = "muscle.length", skip: int
     For a triangle, whose speed is constant, it is pi/2 times that speed. No derivative is taken of noise.
     """
     x = known(record, length)
-    found = find_cycles(x, skip=skip, what=f"channel {length}")
-    span = float(np.mean([np.ptp(x[c.start : c.end + 1]) for c in found]))
+    cycles = find_cycles(x, skip=skip, what=f"channel {length}")
+    span = float(np.mean([np.ptp(x[c.start : c.end + 1]) for c in cycles]))
     return np.pi * cycle_frequency(record.time, x, what=f"channel {length}") * span
 
 
@@ -345,16 +345,16 @@ def static_points(
         InputError: a channel is missing, there is no full cycle, or a length is not reached on both paths.
     """
     at = finite(lengths, "lengths")
-    found = {
+    points_by_place = {
         name: paths(record, length=length, tension=channel, skip=skip)
         for name, channel in (("pressure", pressure), ("tension", tension))
     }
-    rising, falling = found["tension"]
+    rising, falling = points_by_place["tension"]
     low, high = max(rising.length[0], falling.length[0]), min(rising.length[-1], falling.length[-1])
     for x in at:
         if not low <= x <= high:
             raise InputError("lengths", float(x), f"allowed is {low:.6g} to {high:.6g} m, which both paths reach")
-    mean = {name: 0.5 * (p.rising.at(at) + p.falling.at(at)) for name, p in found.items()}
+    mean = {name: 0.5 * (p.rising.at(at) + p.falling.at(at)) for name, p in points_by_place.items()}
     return tuple(
         StaticPoint(float(x), float(p), float(f)) for x, p, f in zip(at, mean["pressure"], mean["tension"], strict=True)
     )

@@ -77,10 +77,10 @@ def between_cycles(
         InputError: a channel is missing, or there are fewer than two full cycles.
     """
     x, y = known(record, drive), known(record, channel)
-    found = find_cycles(x, skip=skip, what=f"channel {drive}")
+    cycles = find_cycles(x, skip=skip, what=f"channel {drive}")
     half = np.linspace(0.0, 1.0, points // 2, endpoint=False)
     courses = []
-    for c in found:
+    for c in cycles:
         t = record.time[[c.start, c.turn, c.end]]
         at = np.concatenate([t[0] + half * (t[1] - t[0]), t[1] + half * (t[2] - t[1])])
         courses.append(np.interp(at, record.time, y))

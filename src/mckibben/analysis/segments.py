@@ -38,12 +38,12 @@ def segments(record: Recording, /, label: str | None = None, **case: Any) -> lis
         InputError: the recording has no steps, or none that match; names those that it has.
     """
     matching = chosen_steps(record, label, case)
-    found = [part for step in matching if step["recorded"] and (part := _part(record, step)) is not None]
-    if not found:
-        told = ", ".join(dict.fromkeys(_place(s) for s in matching if not s["recorded"]))
-        why = f"not recorded are {told}" if told else f"the recording has {_clock(record)}"
+    parts = [part for step in matching if step["recorded"] and (part := _part(record, step)) is not None]
+    if not parts:
+        skipped = ", ".join(dict.fromkeys(_place(s) for s in matching if not s["recorded"]))
+        why = f"not recorded are {skipped}" if skipped else f"the recording has {_clock(record)}"
         raise InputError("steps", f"{len(matching)} without a sample", why)
-    return found
+    return parts
 
 
 def chosen_steps(record: Recording, label: str | None, case: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -58,13 +58,13 @@ def chosen_steps(record: Recording, label: str | None, case: Mapping[str, Any]) 
             raise InputError("case", name, f"the recording has {', '.join(values) or 'none'}")
         if not any(same_amount(wanted, words) for words in values[name]):
             raise InputError(name, wanted, f"the recording has {', '.join(values[name])}")
-    found = [s for s in steps if (label is None or s["label"] == label) and _fits(s["case"], case)]
-    if not found:
+    chosen = [s for s in steps if (label is None or s["label"] == label) and _fits(s["case"], case)]
+    if not chosen:
         wanted_words = ", ".join([*([str(label)] if label else []), *(f"{k} {v}" for k, v in case.items())])
         near = [s for s in steps if s["label"] == label] if label is not None else steps
         has = "; ".join(dict.fromkeys(_place(s, case) for s in near))
         raise InputError("steps", wanted_words, f"not together; the recording has {has}")
-    return found
+    return chosen
 
 
 def cases(record: Recording) -> list[dict[str, str]]:
@@ -73,31 +73,31 @@ def cases(record: Recording) -> list[dict[str, str]]:
     Raises:
         InputError: the recording has no steps.
     """
-    found: list[dict[str, str]] = []
+    distinct: list[dict[str, str]] = []
     for step in steps_of(record):
-        if step["recorded"] and step["case"] and step["case"] not in found:
-            found.append(step["case"])
-    return found
+        if step["recorded"] and step["case"] and step["case"] not in distinct:
+            distinct.append(step["case"])
+    return distinct
 
 
 def varied(record: Recording) -> dict[str, list[str]]:
     """Names with more than one value in the cases of the recorded steps, with these values: what tells steps apart."""
-    found: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for case in cases(record):
         for name, words in case.items():
-            known = found.setdefault(name, [])
+            known = names.setdefault(name, [])
             if words not in known:
                 known.append(words)
-    return {name: words for name, words in found.items() if len(words) > 1}
+    return {name: words for name, words in names.items() if len(words) > 1}
 
 
 def case_values(record: Recording) -> dict[str, list[str]]:
     """Names of all cases with their values as text, including steps that were not recorded."""
-    found: dict[str, dict[str, None]] = {}
+    values: dict[str, dict[str, None]] = {}
     for step in steps_of(record):
         for name, words in step["case"].items():
-            found.setdefault(name, {})[words] = None
-    return {name: list(words) for name, words in found.items()}
+            values.setdefault(name, {})[words] = None
+    return {name: list(words) for name, words in values.items()}
 
 
 def steps_of(record: Recording) -> list[dict[str, Any]]:
@@ -140,10 +140,10 @@ def amount_of(words: str) -> tuple[float, str, str]:
 
     Words without a number come first.
     """
-    found = _amount(words)
-    if found is None:
+    amount = _amount(words)
+    if amount is None:
         return -math.inf, words, ""
-    number, unit = found
+    number, unit = amount
     try:
         si, scale, offset = si_of(unit or "1", field="unit")
     except InputError:  # a unit of its own such as L0
@@ -162,7 +162,7 @@ def _amount(value: Any) -> tuple[float, str | None] | None:
 def _checked(step: Any, field: str) -> dict[str, Any]:
     if not isinstance(step, Mapping):
         raise InputError(field, type(step).__name__, "allowed is a table with start, end, label and case")
-    found = {"index": 0, "path": "", "label": "", "ended_by": "time", "recorded": True, "sentence": "", **step}
+    checked = {"index": 0, "path": "", "label": "", "ended_by": "time", "recorded": True, "sentence": "", **step}
     for key in ("start", "end"):
         time = step.get(key)
         if isinstance(time, bool) or not isinstance(time, int | float) or not math.isfinite(time):
@@ -170,7 +170,7 @@ def _checked(step: Any, field: str) -> dict[str, Any]:
     case = step.get("case") or {}
     if not isinstance(case, Mapping):
         raise InputError(f"{field}.case", type(case).__name__, "allowed is a table of words")
-    return found | {"case": {str(name): str(words) for name, words in case.items()}}
+    return checked | {"case": {str(name): str(words) for name, words in case.items()}}
 
 
 def _part(record: Recording, step: Mapping[str, Any]) -> Recording | None:

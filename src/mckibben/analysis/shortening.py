@@ -67,13 +67,13 @@ def shortening_power(
     x, y = known(record, length), known(record, tension)
     period = uniform_period(record)
     what = f"channel {length}"
-    found = find_cycles(x, skip=skip, what=what)
+    cycles = find_cycles(x, skip=skip, what=what)
     rate = cycle_frequency(record.time, x, what=what) if frequency is None else positive("frequency", frequency, "Hz")
     width = max(_WINDOW / rate, 3.0 * period) if window is None else positive("window", window, "s")
     velocity = -smoothed(x, period=period, window=width, derivative=1)
     power = smoothed(y, period=period, window=width) * velocity
     works, positives, peaks, strokes, speeds = [], [], [], [], []
-    for c in found:
+    for c in cycles:
         longest, shortest = (c.start, c.turn) if c.begins_high else (c.turn, c.end)
         part = slice(longest, shortest + 1)
         works.append(work_between(x[part], y[part]))
@@ -94,7 +94,7 @@ def shortening_power(
         peak_velocity=float(np.mean(speeds)),
         mean_tension=work / stroke,
         window=width,
-        cycles=len(found),
+        cycles=len(cycles),
     )
 
 
@@ -124,9 +124,9 @@ def tension_error(
     """Error of a tension that should be constant, over the full cycles of the length; the set-point in [N]."""
     goal = positive("set_point", set_point, "N")
     x, y = known(record, length), known(record, tension)
-    found = find_cycles(x, skip=skip, what=f"channel {length}")
-    off = np.concatenate([y[c.start : c.end] for c in found]) - goal
-    short = [slice(c.start, c.turn) if c.begins_high else slice(c.turn, c.end) for c in found]
+    cycles = find_cycles(x, skip=skip, what=f"channel {length}")
+    off = np.concatenate([y[c.start : c.end] for c in cycles]) - goal
+    short = [slice(c.start, c.turn) if c.begins_high else slice(c.turn, c.end) for c in cycles]
     shortening = np.concatenate([y[part] for part in short]) - goal
     rms, rms_short = (float(np.sqrt(np.mean(e**2))) for e in (off, shortening))
     return TensionError(rms, rms / goal, rms_short / goal, float(off.min() + goal), float(off.max() + goal))
@@ -232,17 +232,17 @@ def fit_hill(velocity: np.ndarray, tension: np.ndarray, *, confidence: float = 0
         raise InputError("tension", float(f.max()), "needed is a pulling muscle, above 0 N")
     # Scaled: every number sought is then near one.
     vs, fs = float(v.max()), float(f.max())
-    found = least_squares(
+    solution = least_squares(
         lambda p: _hill(v / vs, *np.exp(p)) - f / fs,
         _start(v / vs, f / fs),
         bounds=(-14.0, 14.0),
         xtol=1e-14,
         ftol=1e-14,
     )
-    f0, vmax, curvature = np.exp(found.x) * (fs, vs, 1.0)
-    u, strength, directions = np.linalg.svd(found.jac, full_matrices=False)
+    f0, vmax, curvature = np.exp(solution.x) * (fs, vs, 1.0)
+    u, strength, directions = np.linalg.svd(solution.jac, full_matrices=False)
     size = np.where(strength > 1e-9 * strength[0], strength, np.nan)
-    root = directions.T / size * np.sqrt(2.0 * found.cost / (v.size - 3))
+    root = directions.T / size * np.sqrt(2.0 * solution.cost / (v.size - 3))
     covariance = np.nan_to_num(root @ root.T, nan=np.inf)
     quantile = t_quantile(v.size - 3, confidence)
 
@@ -258,7 +258,7 @@ def fit_hill(velocity: np.ndarray, tension: np.ndarray, *, confidence: float = 0
         interval(vmax * curvature, (0, 1, 1)),
         interval(vmax, (0, 1, 0)),
         interval(curvature, (0, 0, 1)),
-        fs * float(np.sqrt(np.mean(found.fun**2))),
+        fs * float(np.sqrt(np.mean(solution.fun**2))),
         v.size,
     )
 

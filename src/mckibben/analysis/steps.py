@@ -94,17 +94,17 @@ def find_steps(record: Recording, command: str, *, share: float = 0.1) -> tuple[
         )
     groups = np.split(jumps, np.flatnonzero(np.diff(jumps) > 1) + 1)
     starts = [g[0] for g in groups] + [len(u) - 1]
-    found = []
+    steps = []
     for group, following in zip(groups, starts[1:], strict=True):
         before, after = float(u[group[0]]), float(u[group[-1] + 1])
         if abs(after - before) <= share * span:  # there and back within a few samples: a pulse or noise, no step
             continue
-        found.append(
+        steps.append(
             CommandStep(_moment(time, u, group, 0.5 * (before + after)), before, after, float(time[following]))
         )
-    if not found:
+    if not steps:
         raise InputError(f"channel {command}", "without a step that lasts", "needed is a level held after it")
-    return tuple(found)
+    return tuple(steps)
 
 
 def _moment(time: np.ndarray, u: np.ndarray, group: np.ndarray, half: float) -> float:
@@ -240,17 +240,17 @@ def unsettled_at_end(record: Recording, channels: Sequence[str], since: float) -
         return []
     moved = {name: float(record[name][-1] - record[name][after][0]) for name in channels}
     most = max((abs(step) for step in moved.values()), default=0.0)
-    found = []
+    sentences = []
     for name, step in moved.items():
         if not abs(step) > SETTLED * most:
             continue
         drift, settled = settling(record.time[late], record[name][late], step)
         if not settled:
-            found.append(
+            sentences.append(
                 f"{name} has not settled at the end of the run: in the last fifth of the {record.time[-1] - since:.3g} s "
                 f"before it changes by {abs(drift):.1%} of its step; a longer run shows where it ends"
             )
-    return found
+    return sentences
 
 
 def _between(time: np.ndarray, share: np.ndarray, after: int, level: float) -> float:

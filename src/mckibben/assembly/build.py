@@ -174,10 +174,10 @@ def circuit_for(
         nodes["tank"] = tank
         branches["feed"] = Branch(feed, ("supply", "tank"))
     for name, unit in units.items():
-        own = line if isinstance(line, AirLine) else line.get(name)
-        if own is None:
+        parts = line if isinstance(line, AirLine) else line.get(name)
+        if parts is None:
             raise InputError(f"line of {name}", "not given", "every muscle needs one", where="circuit")
-        _add(nodes, branches, name, unit, own, room, "supply" if tank is None else "tank")
+        _add(nodes, branches, name, unit, parts, room, "supply" if tank is None else "tank")
     return Circuit.of(nodes, branches)
 
 

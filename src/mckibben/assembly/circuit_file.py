@@ -144,19 +144,19 @@ class CircuitPlan:
         """
         times = self.times if times is None else times
         values = {name: s.waveform.at(times) for name, s in self.signals.items()} | dict(given or {})
-        found = {name: (ramped if s.straight else held)(values[name]) for name, s in self.signals.items()}
+        signals = {name: (ramped if s.straight else held)(values[name]) for name, s in self.signals.items()}
         for name, planned in self.nodes.items():
             if planned.signal is not None and planned.unit == "1":
-                found[f"{name}.stroke"] = ramped(values[planned.signal])
+                signals[f"{name}.stroke"] = ramped(values[planned.signal])
             elif planned.signal is not None and planned.law is None:
                 straight = self.signals[planned.signal].straight or (sensed and planned.signal in (given or {}))
                 absolute = values[planned.signal] + float(self.environment.pressure_abs)
-                found[f"{name}.pressure"] = (ramped if straight else held)(absolute)
+                signals[f"{name}.pressure"] = (ramped if straight else held)(absolute)
             elif planned.law is not None:
                 length = np.full(times.shape, planned.length) if planned.signal is None else values[planned.signal]
-                found[f"{name}.length"] = ramped(length)
+                signals[f"{name}.length"] = ramped(length)
         # The engine reads from its signals how long to run; a circuit without any still takes time.
-        return self.circuit.commands(found or {"time": ramped(times)})
+        return self.circuit.commands(signals or {"time": ramped(times)})
 
     def initial(self) -> tuple[Any, Any]:
         """State and memory at the start."""
@@ -375,13 +375,13 @@ def _has_volume(circuit: Circuit, nodes: Mapping[str, PlannedNode], where: str) 
     for name, planned in nodes.items():
         if not planned.needs_volume:
             continue
-        given = sum(
+        stated = sum(
             float(inner)
             for element, (ends, _) in circuit.ends.items()
             for end, inner in zip(ends, circuit.elements[element].inner_volumes(), strict=True)
             if end == name
         )
-        if not given > 0.0:
+        if not stated > 0.0:
             raise InputError(
                 f"nodes.{name}.volume",
                 "missing",
@@ -394,13 +394,13 @@ def _uses(
     nodes: Mapping[str, PlannedNode], commands: Mapping[str, tuple[str | None, str]]
 ) -> dict[str, list[tuple[str, str]]]:
     """Signal -> what it drives, by dotted path, and in which unit."""
-    found: dict[str, list[tuple[str, str]]] = {}
+    uses: dict[str, list[tuple[str, str]]] = {}
     for name, planned in nodes.items():
         if planned.signal is not None:
-            found.setdefault(planned.signal, []).append((f"nodes.{name}.signal", planned.unit))
+            uses.setdefault(planned.signal, []).append((f"nodes.{name}.signal", planned.unit))
     for name, (signal, unit) in commands.items():
-        found.setdefault(str(signal), []).append((f"elements.{name}.command", unit))
-    return found
+        uses.setdefault(str(signal), []).append((f"elements.{name}.command", unit))
+    return uses
 
 
 def _signals(top: FileTable, uses: Mapping[str, list[tuple[str, str]]], where: str) -> dict[str, PlannedSignal]:
@@ -410,7 +410,7 @@ def _signals(top: FileTable, uses: Mapping[str, list[tuple[str, str]]], where: s
         if signal not in stated:
             hint = f"known are {', '.join(stated)}" if stated else f"state it as [signals.{signal}]"
             raise InputError(drives[0][0], signal, f"{suggest(signal, stated)}{hint}", where=where)
-    found = {}
+    signals = {}
     for name, entry in stated.items():
         if name not in uses:
             raise InputError(
@@ -424,8 +424,8 @@ def _signals(top: FileTable, uses: Mapping[str, list[tuple[str, str]]], where: s
             )
         (unit,) = units
         wave = read_waveform(entry, unit, field=f"signals.{name}", where=where, table=_reader(where, name))
-        found[name] = PlannedSignal(wave, unit, places)
-    return found
+        signals[name] = PlannedSignal(wave, unit, places)
+    return signals
 
 
 def _reader(where: str, name: str) -> Any:

@@ -161,16 +161,16 @@ def _exergy(machine: Machine, flow: Mapping[str, float], got: StoredChange, musc
 def _wall(machine: Machine) -> float | None:
     """Temperature that all walls have [K], None if they differ."""
     heats = [node.heat for node in machine.circuit.nodes.values() if isinstance(node, Chamber)]
-    found = {float(h.wall_temperature) for h in heats if isinstance(h, WallHeat)}
-    return found.pop() if len(found) == 1 else None
+    temperatures = {float(h.wall_temperature) for h in heats if isinstance(h, WallHeat)}
+    return temperatures.pop() if len(temperatures) == 1 else None
 
 
 def is_room(machine: Machine, node: str) -> bool:
     """Whether a node is the ambient air."""
-    found = machine.circuit.nodes[node]
-    if not isinstance(found, Reservoir) or found.signal is not None:
+    reservoir = machine.circuit.nodes[node]
+    if not isinstance(reservoir, Reservoir) or reservoir.signal is not None:
         return False
-    return bool(abs(float(found.pressure_abs / machine.environment.pressure_abs) - 1.0) < SAME)
+    return bool(abs(float(reservoir.pressure_abs / machine.environment.pressure_abs) - 1.0) < SAME)
 
 
 def _supplies(machine: Machine, flow: Mapping[str, float]) -> tuple[float, dict[str, float]]:

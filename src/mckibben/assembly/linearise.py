@@ -61,12 +61,12 @@ class LinearModel(NamedTuple):
 
     def modes(self, slowest: float = 1e-3) -> list[Mode]:
         """The modes faster than `slowest` [1/s], a complex pair once, the slowest first."""
-        found = []
+        modes = []
         for value in self.eigenvalues():
             size = abs(value)
             if size > slowest and value.imag >= -1e-9 * size:
-                found.append(Mode(float(size / (2.0 * np.pi)), float(-value.real / size), complex(value)))
-        return found
+                modes.append(Mode(float(size / (2.0 * np.pi)), float(-value.real / size), complex(value)))
+        return modes
 
     def response(self, source: str, target: str, frequency: Any) -> np.ndarray:
         """Complex response of an output to an input [output/input] at frequencies [Hz], with the input's own rate.
@@ -153,8 +153,8 @@ def linearise(
     columns = [n + end for n in inputs_by_name for end in ("", RATE_SUFFIX)]
     into, through = np.array(b), np.array(d)
     kept = [i for i in range(len(columns)) if i % 2 == 0 or np.any(into[:, i]) or np.any(through[:, i])]
-    found = Names(states, tuple(columns[i] for i in kept), tuple(outputs))
-    return LinearModel(matrix, into[:, kept], np.array(c), through[:, kept], found)
+    model_names = Names(states, tuple(columns[i] for i in kept), tuple(outputs))
+    return LinearModel(matrix, into[:, kept], np.array(c), through[:, kept], model_names)
 
 
 @functools.partial(jit, static_argnums=(5, 6, 7))
@@ -168,17 +168,17 @@ def _jacobians(
     before = {} if load is None else load.spans(state["load"], inputs)
 
     def both(x: Any, u: Any) -> tuple[Any, Any]:
-        given = {**inputs, **{n: Value(u[2 * i], u[2 * i + 1]) for i, n in enumerate(sources)}}
+        all_inputs = {**inputs, **{n: Value(u[2 * i], u[2 * i + 1]) for i, n in enumerate(sources)}}
         at = back(x)
         now = memory
         if load is not None:
-            kept, spans = dict(memory["muscles"]), load.spans(at["load"], given)
+            kept, spans = dict(memory["muscles"]), load.spans(at["load"], all_inputs)
             for name, ledgers in memory["muscles"].items():
                 if "wrap" in ledgers:
                     moved = ledgers["wrap"]._replace(state=ledgers["wrap"].state + spans[name].span - before[name].span)
                     kept[name] = {**ledgers, "wrap": moved}
             now = {**memory, "muscles": kept}
-        shown = machine.outputs(at, now, given)
+        shown = machine.outputs(at, now, all_inputs)
         picked = jnp.stack([shown[n] + 0.0 for n in outputs]) if outputs else jnp.zeros(0)
         return flatten_util.ravel_pytree(machine.rate(at, now, given))[0], picked
 
@@ -272,8 +272,8 @@ def _rate_and_slope(machine: Machine | Circuit, state: Any, memory: Any, inputs:
         found = flatten_util.ravel_pytree(machine.rate(back(v), memory, inputs))[0]
         return found, found
 
-    slope, found = jax.jacfwd(rate, has_aux=True)(flat)
-    return found, slope
+    slope, value = jax.jacfwd(rate, has_aux=True)(flat)
+    return value, slope
 
 
 def _find(name: str, known: Sequence[str], what: str) -> int:

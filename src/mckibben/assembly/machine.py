@@ -67,19 +67,19 @@ class Machine(System):
     @property
     def joined(self) -> Circuit:
         """The circuit with the muscles' present laws in their nodes: a law is changed in one place, force and volume."""
-        own = {
+        laws = {
             name: self.circuit.nodes[name].replace(of=unit.law.braid_volume, ambient=self.environment.pressure_abs)
             for name, unit in self.units.items()
         }
-        return self.circuit.replace(nodes={**self.circuit.nodes, **own})
+        return self.circuit.replace(nodes={**self.circuit.nodes, **laws})
 
     def signals(self) -> tuple[str, ...]:
         """Names of all signals that it needs."""
-        own = [f"{name}.length" for name in self.units]
+        lengths = [f"{name}.length" for name in self.units]
         needed = [command for _, command in self.circuit.ends.values() if command is not None]
         for node in self.circuit.nodes.values():
             name = node.signal
-            needed += [] if name is None or name in own else [name]
+            needed += [] if name is None or name in lengths else [name]
         return tuple(dict.fromkeys([*needed, *self.load.signals()]))
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
@@ -107,10 +107,10 @@ class Machine(System):
             p = float(pressures[name])
             if not (p > 0.0 and np.isfinite(p)):
                 raise InputError(f"pressure of {name}", p, "must be an absolute pressure above 0 Pa", where="machine")
-        given = {name: np.asarray(pressures[name], float) for name in self.circuit.chambers}
+        chamber_pressures = {name: np.asarray(pressures[name], float) for name in self.circuit.chambers}
         parts = self.names_by_part()
         if not parts:
-            start: tuple[Any, Any] = jax.device_put(call_compiled(_at_rest, self, given, dict(inputs)))
+            start: tuple[Any, Any] = jax.device_put(call_compiled(_at_rest, self, chamber_pressures, dict(inputs)))
             return start
         state: Any = {
             "circuit": {"mass": {}, "pressure": {}, "elements": {}},
@@ -120,8 +120,8 @@ class Machine(System):
         memory: Any = {"circuit": {}, "muscles": {}}
         for muscle, names in parts.items():
             part = self._part(muscle, names)
-            own = {new: given[old] for new, old in names.items() if old in given}
-            alone, kept = call_compiled(_at_rest, part, own, {new: inputs[names[new]] for new in part.signals()})
+            chosen = {new: chamber_pressures[old] for new, old in names.items() if old in chamber_pressures}
+            alone, kept = call_compiled(_at_rest, part, chosen, {new: inputs[names[new]] for new in part.signals()})
             for whole, piece in (
                 *((state["circuit"][kind], alone["circuit"][kind]) for kind in state["circuit"]),
                 (state["muscles"], alone["muscles"]), (memory["circuit"], kept["circuit"]),
@@ -158,9 +158,9 @@ class Machine(System):
                 return {}
             signals = [self.circuit.nodes[n].signal for n in nodes] + [self.circuit.ends[e][1] for e in elements]
             named = [*nodes, *elements, *self.load.signals(), *(s for s in signals if s is not None)]
-            own = f"{muscle}."
+            prefix = f"{muscle}."
             parts[muscle] = {
-                ALONE + n.removeprefix(muscle) if n == muscle or n.startswith(own) else n: n
+                ALONE + n.removeprefix(muscle) if n == muscle or n.startswith(prefix) else n: n
                 for n in dict.fromkeys(named)
             }
         held = set[str]().union(*(names.values() for names in parts.values()))
@@ -194,13 +194,17 @@ class Machine(System):
                 for kind, values in state["circuit"].items()
             }
             kept = {new: memory["circuit"][old] for new, old in names.items() if old in memory["circuit"]}
-            own = {"circuit": gas, "muscles": {ALONE: state["muscles"][muscle]}, "load": state["load"]}
+            state_there = {"circuit": gas, "muscles": {ALONE: state["muscles"][muscle]}, "load": state["load"]}
             late = {f"{new}.command": f"{old}.command" for new, old in names.items()}
             needed = {name: signals[names[name]] for name in part.signals()}
             needed |= {new: signals[old] for new, old in late.items() if old in signals}
             made.append(
                 IndependentPart(
-                    part, own, {"circuit": kept, "muscles": {ALONE: memory["muscles"][muscle]}}, needed, dict(names)
+                    part,
+                    state_there,
+                    {"circuit": kept, "muscles": {ALONE: memory["muscles"][muscle]}},
+                    needed,
+                    dict(names),
                 )
             )
         return made
@@ -211,10 +215,10 @@ class Machine(System):
         spans = self.load.spans(load, inputs)
         ambient = self.environment.pressure_abs
         states = {n: unit.equilibrium(spans[n].span, pressures[n] - ambient) for n, unit in self.units.items()}
-        seen, joined = self.with_lengths({"muscles": states}, inputs), self.joined
-        circuit = joined.at_rest(pressures, seen, self.environment.temperature)
+        with_lengths, joined = self.with_lengths({"muscles": states}, inputs), self.joined
+        circuit = joined.at_rest(pressures, with_lengths, self.environment.temperature)
         memory = {
-            "circuit": joined.initial_memory(circuit, seen),
+            "circuit": joined.initial_memory(circuit, with_lengths),
             "muscles": {name: unit.initial_memory() for name, unit in self.units.items()},
         }
         return {"circuit": circuit, "muscles": states, "load": load}, memory
@@ -232,14 +236,18 @@ class Machine(System):
     ) -> tuple[dict[str, SpanState], dict[str, Scalar], dict[str, Scalar]]:
         """Spans, tensions at the muscles, and tensions at the load."""
         spans = self.load.spans(state["load"], inputs)
-        own = {n: unit.tension(state["muscles"][n], *spans[n]) for n, unit in self.units.items()}
-        return spans, own, {n: unit.load_tension(memory["muscles"][n], own[n]) for n, unit in self.units.items()}
+        tensions = {n: unit.tension(state["muscles"][n], *spans[n]) for n, unit in self.units.items()}
+        return (
+            spans,
+            tensions,
+            {n: unit.load_tension(memory["muscles"][n], tensions[n]) for n, unit in self.units.items()},
+        )
 
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Rates of gas, muscles and load."""
-        _, own, felt = self.pulls(state, memory, inputs)
+        _, tensions, felt = self.pulls(state, memory, inputs)
         muscles = {
-            name: unit.rate(state["muscles"][name], memory["muscles"][name], self.gauge(state, name), own[name])
+            name: unit.rate(state["muscles"][name], memory["muscles"][name], self.gauge(state, name), tensions[name])
             for name, unit in self.units.items()
         }
         gas = self.joined.rate(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))
@@ -253,8 +261,8 @@ class Machine(System):
         muscles into the load, ``outside`` enters the load from elsewhere, ``outside_turnover`` is its size; ``lost`` is
         turned into heat by dampers, of which ``viscous`` in the muscles and their tendons.
         """
-        seen, joined = self.with_lengths(state, inputs), self.joined
-        now = joined.passing(state["circuit"], memory["circuit"], seen)
+        with_lengths, joined = self.with_lengths(state, inputs), self.joined
+        now = joined.passing(state["circuit"], memory["circuit"], with_lengths)
         out = joined.crossing(now) | exergies(joined, now, self.environment)
         spans, _, felt = self.pulls(state, memory, inputs)
         outside, lost = self.load.powers(state["load"], felt, inputs)
@@ -269,9 +277,15 @@ class Machine(System):
             work = work + state["circuit"]["pressure"][name] * swelling
             viscous = viscous + unit.lost(at, *spans[name])
             delivered = delivered - felt[name] * spans[name].velocity
-        own = {"braid": braid, "filling": filling, "exchanged": exchanged, "muscle_work": work, "delivered": delivered}
+        powers = {
+            "braid": braid,
+            "filling": filling,
+            "exchanged": exchanged,
+            "muscle_work": work,
+            "delivered": delivered,
+        }
         outer = {"outside": outside, "outside_turnover": jnp.abs(outside), "lost": lost + viscous, "viscous": viscous}
-        return out | own | outer
+        return out | powers | outer
 
     def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
         """Friction and creep along the piece of path, and the memory of valves."""
@@ -282,7 +296,7 @@ class Machine(System):
             duration,
         )
         before = self.load.spans(start.state["load"], start.inputs)
-        after, own, _ = self.pulls(end.state, memory, end.inputs)
+        after, tensions, _ = self.pulls(end.state, memory, end.inputs)
         muscles = {
             name: unit.advance_memory(
                 memory["muscles"][name],
@@ -291,7 +305,7 @@ class Machine(System):
                     after[name].span - before[name].span,
                     self.gauge(start.state, name),
                     self.gauge(end.state, name),
-                    own[name],
+                    tensions[name],
                 ),
                 duration,
             )
@@ -305,8 +319,8 @@ class Machine(System):
 
     def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
         """The circuit's bound, and that of each taut tendon on its end mass [1/s]."""
-        seen = self.with_lengths(state, inputs)
-        bounds = [self.joined.max_rate_bound(state["circuit"], memory["circuit"], seen)]
+        with_lengths = self.with_lengths(state, inputs)
+        bounds = [self.joined.max_rate_bound(state["circuit"], memory["circuit"], with_lengths)]
         bounds += [jnp.sqrt(unit.tendon.stiffness / unit.end_mass) for unit in self.units.values()]
         return jnp.stack(bounds).max()
 
@@ -317,7 +331,7 @@ class Machine(System):
         and whether it is slack (1 or 0).
         """
         out = self.joined.outputs(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))
-        spans, own, felt = self.pulls(state, memory, inputs)
+        spans, tensions, felt = self.pulls(state, memory, inputs)
         for name, unit in self.units.items():
             at, gauge = state["muscles"][name], self.gauge(state, name)
             out |= {
@@ -325,12 +339,12 @@ class Machine(System):
                 f"{name}.span_velocity": spans[name].velocity + jnp.zeros(()),
                 f"{name}.length": at.length,
                 f"{name}.velocity": at.velocity,
-                f"{name}.tension": own[name],
+                f"{name}.tension": tensions[name],
                 f"{name}.load_tension": felt[name],
                 f"{name}.friction": unit.memory_force(memory["muscles"][name], at, gauge),
                 f"{name}.pressure": gauge,
                 f"{name}.volume": unit.law.braid_volume(at.length, gauge),
-                f"{name}.slack": jnp.where(own[name] > 0.0, 0.0, 1.0),
+                f"{name}.slack": jnp.where(tensions[name] > 0.0, 0.0, 1.0),
             }
         return out | {f"load.{k}": v for k, v in self.load.outputs(state["load"], felt, inputs).items()}
 

@@ -175,6 +175,6 @@ def _equilibrium(unit: MuscleUnit, span: Any, pressure: Any) -> UnitState:
         return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
 
     ends = jax.lax.fori_loop(0, HALVINGS, halve, (low, high))
-    found = 0.5 * (ends[0] + ends[1])
-    length = jnp.where(excess(low) >= 0.0, low, jnp.where(excess(high) <= 0.0, high, found))
+    braid_length = 0.5 * (ends[0] + ends[1])
+    length = jnp.where(excess(low) >= 0.0, low, jnp.where(excess(high) <= 0.0, high, braid_length))
     return UnitState(length, jnp.zeros_like(length))

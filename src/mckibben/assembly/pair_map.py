@@ -110,19 +110,19 @@ def pair_map(
     inputs = {n: Value(jnp.zeros(()), jnp.zeros(())) for n in machine.signals()}
     room = float(machine.environment.pressure_abs)
     start = machine.initial(dict.fromkeys(machine.circuit.chambers, room + highest), inputs)
-    places, given = np.linspace(*angles, rows), np.linspace(lowest, highest, FINE * levels + 1)
-    found = jax.tree.map(np.asarray, _solved(machine, start, inputs, jnp.asarray(places), jnp.asarray(given)))
+    places, commons = np.linspace(*angles, rows), np.linspace(lowest, highest, FINE * levels + 1)
+    solved = jax.tree.map(np.asarray, _solved(machine, start, inputs, jnp.asarray(places), jnp.asarray(commons)))
     tables = [np.zeros((rows, levels)) for _ in PairPoint._fields]
     for i, angle in enumerate(places):
-        apart = np.abs(found.point.difference[i])
-        good = found.sound[i] & (given + apart <= highest) & (given - apart >= lowest)
+        apart = np.abs(solved.point.difference[i])
+        good = solved.sound[i] & (commons + apart <= highest) & (commons - apart >= lowest)
         if np.sum(good) < 2:
             between = f"between {with_unit(lowest, 'Pa')} and {with_unit(highest, 'Pa')}"
             words = f"must be angles at which pressures {between} balance the pair with both muscles taut"
             raise InputError("angle", f"{angle:.4g} rad", words, where="pair map")
-        kept = np.linspace(given[good].min(), given[good].max(), levels)
-        for table, values in zip(tables, found.point, strict=True):
-            table[i] = np.interp(kept, given[good], values[i][good])
+        kept = np.linspace(commons[good].min(), commons[good].max(), levels)
+        for table, values in zip(tables, solved.point, strict=True):
+            table[i] = np.interp(kept, commons[good], values[i][good])
     common, difference, per_difference, stiffness = tables
     if not (np.diff(stiffness, axis=1) > 0.0).all():
         worst = float(places[np.argmin(np.diff(stiffness, axis=1).min(axis=1))])
@@ -160,8 +160,8 @@ def _at_rest(machine: Machine, start: Any, inputs: Any, angle: Any, mean: Any) -
 
     def excess(x: Any) -> Any:
         gauge, pull = pressures(x), felt(x)
-        own = [pull[n] - machine.units[n].law.braid_tension(x[i], gauge[n]) for i, n in enumerate(NAMES)]
-        return jnp.stack([*own, load.inertia * load.rates(joint, pull, inputs).velocity])
+        residuals = [pull[n] - machine.units[n].law.braid_tension(x[i], gauge[n]) for i, n in enumerate(NAMES)]
+        return jnp.stack([*residuals, load.inertia * load.rates(joint, pull, inputs).velocity])
 
     def closer(_: Any, x: Any) -> Any:
         step = jnp.linalg.solve(jax.jacfwd(excess)(x), -excess(x))

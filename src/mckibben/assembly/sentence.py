@@ -16,17 +16,17 @@ def sentence(plan: CircuitPlan) -> str:
     A node is described where it comes first. Chains begin at reservoirs, follow the elements' first paths in the order of
     the file, and end where they meet one that has been told; the other ports of an element stand in its brackets.
     """
-    told: set[str] = set()
+    described: set[str] = set()
     left = dict(plan.circuit.ends)
     chains = []
     while left:
         name = next(
             (n for n in left if plan.nodes[left[n][0][0]].kind in ("reservoir", "atmosphere")), next(iter(left))
         )
-        chain = [_node(plan, _way(plan, name)[0], told)]
+        chain = [_node(plan, _way(plan, name)[0], described)]
         while True:
             _, end = _way(plan, name)
-            chain += [_element(plan, name, told), _node(plan, end, told)]
+            chain += [_element(plan, name, described), _node(plan, end, described)]
             del left[name]
             following = [n for n in left if _way(plan, n)[0] == end]
             if not following or plan.nodes[end].kind in ("reservoir", "atmosphere"):

@@ -35,7 +35,7 @@ def read_points(
         raise InputError(f"{field}.column", "missing", f"the table has {', '.join(names)}; name one", where=where)
     (name,) = names
     if record.unit(name) != unit or name.endswith("_abs"):
-        found = f"{name} in {record.unit(name)}"
+        column_name = f"{name} in {record.unit(name)}"
         gauge = ", gauge" if unit == "Pa" else ""
-        raise InputError(f"{field}.column", found, f"the signal is in {unit}{gauge}", where=where)
+        raise InputError(f"{field}.column", column_name, f"the signal is in {unit}{gauge}", where=where)
     return record.time, record[name]

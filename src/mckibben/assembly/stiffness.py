@@ -55,10 +55,10 @@ def braid_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, name
 
 def _pressure_slope(machine: Machine, state: Any, memory: Any, inputs: Any, name: str) -> Scalar:
     """dP/dL of the gas shut into a muscle and stretched quickly, by its heat model [Pa/m]."""
-    circuit, seen = machine.joined, machine.with_lengths(state, inputs)
+    circuit, with_lengths = machine.joined, machine.with_lengths(state, inputs)
     node: Any = circuit.nodes[name]
     p, m = state["circuit"]["pressure"][name], state["circuit"]["mass"][name]
-    temperature = circuit.outputs(state["circuit"], memory["circuit"], seen)[f"{name}.temperature"]
+    temperature = circuit.outputs(state["circuit"], memory["circuit"], with_lengths)[f"{name}.temperature"]
     moved = node.volume(p, state["muscles"][name].length, 1.0)
     whole = m * circuit.gas.gas_constant * temperature / p  # with the fittings and the tube's share
     closed = Inflow(jnp.zeros(()), jnp.zeros(()))
@@ -83,8 +83,8 @@ def muscle_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, nam
     stuck = memory_stiffness(unit, machine.gauge(state, name))
 
     def seen(short: bool, mass: bool) -> Scalar:
-        own = braid_stiffness(machine, state, memory, inputs, name, mass=mass) + (stuck if short else 0.0)
-        return jnp.where(cord > 0.0, own * cord / jnp.where(cord > 0.0, own + cord, 1.0), 0.0)
+        stiffness = braid_stiffness(machine, state, memory, inputs, name, mass=mass) + (stuck if short else 0.0)
+        return jnp.where(cord > 0.0, stiffness * cord / jnp.where(cord > 0.0, stiffness + cord, 1.0), 0.0)
 
     return _told(seen(True, True), seen(True, False), seen(False, True), seen(False, False))
 
@@ -104,10 +104,10 @@ def joint_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any) -> S
     def moment(q: Any) -> Any:
         return load.inertia * load.rates(state["load"]._replace(angle=q), felt, inputs).velocity
 
-    own = -jax.jvp(moment, (angle,), (jnp.ones_like(angle),))[1]  # arms that change under the tensions are in it
+    geometric = -jax.jvp(moment, (angle,), (jnp.ones_like(angle),))[1]  # arms that change under the tensions are in it
     parts = [muscle_stiffness(machine, state, memory, inputs, name) for name in load.arms]
     arms = [arm.arm(angle) ** 2 for arm in load.arms.values()]
-    return _told(*(own + sum(a * k[i] for a, k in zip(arms, parts, strict=True)) for i in range(4)))
+    return _told(*(geometric + sum(a * k[i] for a, k in zip(arms, parts, strict=True)) for i in range(4)))
 
 
 def _told(*found: Any) -> Stiffness:

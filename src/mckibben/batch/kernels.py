@@ -123,8 +123,8 @@ class LaneKernels:
 
     def begin(self, leaves: Sequence[Any], row: Any, width: int) -> sampled.Carry:
         """Put `width` lanes at the first sample of the part."""
-        found: sampled.Carry = jax.tree.map(np.asarray, self._begin(tuple(leaves), row, np.arange(width)))
-        return found
+        carry: sampled.Carry = jax.tree.map(np.asarray, self._begin(tuple(leaves), row, np.arange(width)))
+        return carry
 
     def march(
         self, leaves: Sequence[Any], carry: Any, sums: Any, rows: Any, *, period: float, inner: int, stiff: bool
@@ -132,12 +132,12 @@ class LaneKernels:
         """A chunk of samples of every lane: the carry and the totals afterwards, and what was seen."""
         native = self._lowered(leaves, carry, rows, period, inner, stiff)
         if native is None:
-            after, new, seen = self._by_xla(tuple(leaves), carry, sums, rows, period, inner, stiff)
+            after, new, result = self._by_xla(tuple(leaves), carry, sums, rows, period, inner, stiff)
         else:
             done = self._called(native, leaves, carry, rows, period, inner)
             after = jax.tree.map(lambda x: np.moveaxis(x, -1, 0), done.carry)
-            new, seen = self._count(tuple(leaves), sums, done._replace(carry=()), period)
-        return jax.tree.map(np.asarray, after), jax.tree.map(np.array, new), jax.tree.map(np.asarray, seen)
+            new, result = self._count(tuple(leaves), sums, done._replace(carry=()), period)
+        return jax.tree.map(np.asarray, after), jax.tree.map(np.array, new), jax.tree.map(np.asarray, result)
 
     def tree(self, leaves: Sequence[Any]) -> dict[str, Any]:
         """A lane, or many, as the tree that it is."""
@@ -155,21 +155,27 @@ class LaneKernels:
                 functools.partial(physics, self.kind._replace(engine="", threads=0), stiff=stiff),
                 one, first, row, np.float64(period), np.int64(inner), engine=self.kind.engine, title="a lane of a batch",
             )  # fmt: skip
-        found = self._native.get(stiff)
-        return found if found is not None and found.engine != "xla" else None
+        kernel = self._native.get(stiff)
+        return kernel if kernel is not None and kernel.engine != "xla" else None
 
     def _called(
         self, native: EngineFunction, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int
     ) -> ChunkPhysics:
         """A chunk in native kernels, which have the lanes last."""
         last = [x if s else np.moveaxis(x, 0, -1) for x, s in zip(leaves, self.kind.shared, strict=True)]
-        own = jax.tree.map(lambda x: np.moveaxis(np.asarray(x), 0, -1), carry)
-        given = jax.tree.map(lambda x: np.moveaxis(x, 0, -1), rows) if self.kind.seeds else rows
+        carried = jax.tree.map(lambda x: np.moveaxis(np.asarray(x), 0, -1), carry)
+        columns = jax.tree.map(lambda x: np.moveaxis(x, 0, -1), rows) if self.kind.seeds else rows
         lanes = jax.tree.leaves(carry)[0].shape[0]
-        found: ChunkPhysics = native(
-            tuple(last), own, given, np.float64(period), np.int64(inner), lanes=lanes, threads=self.kind.threads or None
+        chunk: ChunkPhysics = native(
+            tuple(last),
+            carried,
+            columns,
+            np.float64(period),
+            np.int64(inner),
+            lanes=lanes,
+            threads=self.kind.threads or None,
         )
-        return found
+        return chunk
 
     def _begin_lane(self, leaves: Any, row: Any, lane: Any) -> Any:
         tree = self.tree(leaves)
@@ -211,18 +217,23 @@ def physics(kind: KernelKey, leaves: Any, carry: Any, rows: Any, period: Any, in
 
     def one(before: Any, row: Any) -> tuple[Any, Any]:
         state, ran, last = before
-        after, seen = sample(state, row)
-        now = _told(seen)
+        after, result = sample(state, row)
+        now = _told(result)
         last = {n: jnp.where(ran, now[n], old) for n, old in last.items()}
-        shown = {n: seen.shown[n] for n in SHOWN}
-        return (after, ran & seen.shown["running"], last), (named(seen, names), shown, seen.rate_bound, seen.sound)
+        shown = {n: result.shown[n] for n in SHOWN}
+        return (after, ran & result.shown["running"], last), (
+            named(result, names),
+            shown,
+            result.rate_bound,
+            result.sound,
+        )
 
     row = jax.tree.map(lambda x: x[0], rows)
     nothing = {n: jnp.zeros(x.shape) for n, x in jax.eval_shape(lambda: _told(sample(carry, row)[1])).items()}
     begun = carry, jnp.asarray(True), nothing
-    (after, _, stop), (found, shown, rate_bound, sound) = jax.lax.scan(one, begun, rows)
+    (after, _, stop), (results, shown, rate_bound, sound) = jax.lax.scan(one, begun, rows)
     finite = [jnp.isfinite(x).all() for x in jax.tree.leaves((after.state, after.memory))]
-    return ChunkPhysics(after, found, shown, stop, jnp.max(rate_bound), jnp.all(sound), jnp.stack(finite).all())
+    return ChunkPhysics(after, results, shown, stop, jnp.max(rate_bound), jnp.all(sound), jnp.stack(finite).all())
 
 
 def _tree(kind: KernelKey, leaves: Sequence[Any]) -> dict[str, Any]:
@@ -273,7 +284,7 @@ def at_rest(plant: InstrumentedPlant, software: Any, pressure: Any, depth: int, 
     inputs = {n: Value(s.values[0], jnp.zeros(())) for n, s in plant.commands(held).items()}
     room = plant.machine.environment.pressure_abs
     state, memory = plant.machine.at_rest(dict.fromkeys(plant.machine.circuit.chambers, room + pressure), inputs)
-    seen = plant.seen(state, memory, inputs)
-    whole = {"machine": state, "sensors": {n: s.initial(seen[n]) for n, s in plant.sensors.items()}}
+    signals = plant.seen(state, memory, inputs)
+    whole = {"machine": state, "sensors": {n: s.initial(signals[n]) for n, s in plant.sensors.items()}}
     carry = sampled.rest(plant, (whole, memory), commands, depth)
     return sampled.with_software(plant, software, carry, row)

@@ -97,9 +97,9 @@ def build(factory: RunFactory, values: Mapping[str, Any]) -> BuiltVariant:
             "latency": jnp.asarray(timing.latency, float),
             "windows": _windows(factory, part),
         }
-        found, structure = jax.tree.flatten(tree)
+        arrays, structure = jax.tree.flatten(tree)
         machines.append(machine)
-        leaves.append(tuple(np.asarray(leaf) for leaf in found))
+        leaves.append(tuple(np.asarray(leaf) for leaf in arrays))
         structures.append(structure)
     shapes = tuple(tuple((x.shape, str(x.dtype)) for x in part) for part in leaves)
     fixed = LaneStructure(tuple(structures), shapes, timing._replace(latency=0.0), bench.every)
@@ -113,9 +113,9 @@ def _trimmed(software: BenchSoftware, part: RunSegment) -> BenchSoftware:
     size = 1024
     while size < sum(s.count for s in part.steps):
         size *= 2
-    own: Any = software.sequencer
-    table = {n: v[:size] if len(v) >= size else np.pad(v, (0, size - len(v))) for n, v in own.table.items()}
-    trimmed: BenchSoftware = software.replace(sequencer=own.replace(table=table))
+    sequencer: Any = software.sequencer
+    table = {n: v[:size] if len(v) >= size else np.pad(v, (0, size - len(v))) for n, v in sequencer.table.items()}
+    trimmed: BenchSoftware = software.replace(sequencer=sequencer.replace(table=table))
     return trimmed
 
 
@@ -124,12 +124,12 @@ def _windows(factory: RunFactory, part: RunSegment) -> dict[str, np.ndarray]:
     size = STEPS
     while size < len(part.steps):
         size *= 16
-    found = {}
+    windows = {}
     for one in factory.template.outputs:
         if one.sampled:
             chosen = [not one.step or s.step.label == one.step for s in part.steps]
-            found[one.name] = np.pad(np.array(chosen), (0, size - len(chosen)))
-    return found
+            windows[one.name] = np.pad(np.array(chosen), (0, size - len(chosen)))
+    return windows
 
 
 Places = tuple[tuple[int, int], ...]  # part and number of each array that a parameter sets
@@ -142,15 +142,15 @@ def places(one: BuiltVariant, a: float, other: BuiltVariant, b: float) -> Places
     """
     if one.fixed != other.fixed or one.guard != other.guard:
         return None
-    found = []
+    positions = []
     for part, (mine, theirs) in enumerate(zip(one.leaves, other.leaves, strict=True)):
         for i, (x, y) in enumerate(zip(mine, theirs, strict=True)):
             if _same(x, y):
                 continue
             if x.dtype != float or not (np.all(x == a) and np.all(y == b)):
                 return None
-            found.append((part, i))
-    return tuple(found)
+            positions.append((part, i))
+    return tuple(positions)
 
 
 def same_leaves(one: tuple[tuple[np.ndarray, ...], ...], other: tuple[tuple[np.ndarray, ...], ...]) -> bool:
@@ -211,20 +211,22 @@ class VariantFamily:
             for at, i in self.places[path]:
                 if at == part:
                     written.setdefault(i, []).append(path)
-        found = []
+        arrays = []
         for i in range(len(templates[0].leaves[part])):
-            own = [t.leaves[part][i] for t in templates]
-            same = i not in written and all(np.array_equal(own[0], x, equal_nan=x.dtype == float) for x in own[1:])
+            leaves = [t.leaves[part][i] for t in templates]
+            same = i not in written and all(
+                np.array_equal(leaves[0], x, equal_nan=x.dtype == float) for x in leaves[1:]
+            )
             self.shared[part][i] &= same
             if self.shared[part][i]:
-                found.append(own[0])
+                arrays.append(leaves[0])
                 continue
-            many = np.stack(own)[which]
+            many = np.stack(leaves)[which]
             for path in written.get(i, ()):
                 values = np.array([lane.values[path] for lane in lanes])
                 many = np.broadcast_to(values.reshape((-1,) + (1,) * (many.ndim - 1)), many.shape).copy()
-            found.append(many)
-        return found
+            arrays.append(many)
+        return arrays
 
 
 class LanePlanner:
@@ -289,10 +291,10 @@ class LanePlanner:
     def _alike(self, variants: Variants) -> Iterable[list[int]]:
         """Rows that differ in written values only."""
         fixed = [v for p, v in variants.columns.items() if v.dtype != float or p in self.apart]
-        found: dict[tuple[Any, ...], list[int]] = {}
+        groups: dict[tuple[Any, ...], list[int]] = {}
         for row in range(len(variants)):
-            found.setdefault(tuple(v[row] for v in fixed), []).append(row)
-        return found.values()
+            groups.setdefault(tuple(v[row] for v in fixed), []).append(row)
+        return groups.values()
 
     def _family(self, built: BuiltVariant, values: Mapping[str, Any]) -> VariantFamily:
         """The family of a template; of a new one it is found out where its parameters stand."""
@@ -310,15 +312,15 @@ class LanePlanner:
             if other == value:
                 family.places[path] = ()
                 continue
-            found = None
+            positions = None
             try:
-                found = places(built, value, build(self.factory, {**values, path: other}), other)
+                positions = places(built, value, build(self.factory, {**values, path: other}), other)
             except InputError:
                 pass  # allowed alone, but not with the others of this variant
-            if found is None:
+            if positions is None:
                 self.apart.add(path)
             else:
-                family.places[path] = found
+                family.places[path] = positions
         return family
 
     def _check(self, family: VariantFamily, built: BuiltVariant, variants: Variants, rows: Sequence[int]) -> bool:
@@ -361,9 +363,9 @@ class LanePlanner:
             doubtful = _doubtful(family, built, lanes)
         kept = []
         for lane, doubt in zip(lanes, doubtful, strict=True):
-            found = self._looked_at(lane, variants, refused) if doubt else lane
-            if found is not None:
-                kept.append(found)
+            checked = self._looked_at(lane, variants, refused) if doubt else lane
+            if checked is not None:
+                kept.append(checked)
         return kept
 
     def _looked_at(self, lane: VariantLane, variants: Variants, refused: dict[int, str]) -> VariantLane | None:

@@ -91,12 +91,12 @@ def part(
     done = 0
     while bool(np.any(sums.going)):
         before, row = sums, rows.next()
-        carry, sums, seen = _chunk(kernels, leaves, carry, sums, row, period, inner, failed)
-        for lane in np.flatnonzero(seen.counted.stops & before.going):
-            at = float(before.samples[lane] + seen.counted.at[lane]) * period
-            stopped[int(lane)] = {n: float(v[lane]) for n, v in seen.stop.items()} | {"time": at}
+        carry, sums, result = _chunk(kernels, leaves, carry, sums, row, period, inner, failed)
+        for lane in np.flatnonzero(result.counted.stops & before.going):
+            at = float(before.samples[lane] + result.counted.at[lane]) * period
+            stopped[int(lane)] = {n: float(v[lane]) for n, v in result.stop.items()} | {"time": at}
         if kernels.kind.kept:
-            kept.append((dict(seen.samples), seen.counted.kept & before.going[:, None], seen.step))
+            kept.append((dict(result.samples), result.counted.kept & before.going[:, None], result.step))
         done += CHUNK
         tell(done)
     names = kernels.kind.kept
@@ -114,30 +114,32 @@ def _chunk(
     failed: dict[int, LaneFailure],
 ) -> tuple[Any, Any, ChunkResult]:  # fmt: skip
     """A chunk of all lanes, those that need it with shorter steps; what failed is added to `failed`."""
-    after, new, seen = kernels.march(leaves, carry, sums, row, period=period, inner=inner, stiff=False)
+    after, new, result_of_chunk = kernels.march(leaves, carry, sums, row, period=period, inner=inner, stiff=False)
     todo = {Steps(): np.flatnonzero(sums.going)}
-    found: ChunkResult = seen
+    result: ChunkResult = result_of_chunk
     while todo:
         steps, lanes = todo.popitem()
         if steps != Steps():
             some, at = _few(lanes)
-            own = [x if s else x[some] for x, s in zip(leaves, kernels.kind.shared, strict=True)]
+            chosen = [x if s else x[some] for x, s in zip(leaves, kernels.kind.shared, strict=True)]
             mine, sub = jax.tree.map(lambda x: x[some], (carry, sums))  # noqa: B023
             theirs = jax.tree.map(lambda x: x[some], row) if kernels.kind.seeds else row  # noqa: B023
-            again = kernels.march(own, mine, sub, theirs, period=period, inner=inner * steps.split, stiff=steps.stiff)
-            after, new, found = (
+            again = kernels.march(
+                chosen, mine, sub, theirs, period=period, inner=inner * steps.split, stiff=steps.stiff
+            )
+            after, new, result = (
                 jax.tree.map(lambda x, y: _put(x, lanes, y[at]), old, got)  # noqa: B023
-                for old, got in zip((after, new, found), again, strict=True)
+                for old, got in zip((after, new, result), again, strict=True)
             )
         for lane in lanes:
-            fastest, sound = float(found.fastest[lane]), bool(found.sound[lane])
-            verdict = _verdict(fastest, sound, bool(found.finite[lane]), period / inner, steps)
+            fastest, sound = float(result.fastest[lane]), bool(result.sound[lane])
+            verdict = _verdict(fastest, sound, bool(result.finite[lane]), period / inner, steps)
             if isinstance(verdict, LaneFailure):
                 failed[int(lane)] = verdict
                 new.going[lane] = False
             elif verdict is not None:
                 todo[verdict] = np.append(todo.get(verdict, np.zeros(0, int)), lane)
-    return after, new, found
+    return after, new, result
 
 
 def _verdict(fastest: float, sound: bool, finite: bool, usual: float, steps: Steps) -> None | LaneFailure | Steps:
@@ -170,9 +172,9 @@ def _few(lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _put(all_: np.ndarray, lanes: np.ndarray, some: np.ndarray) -> np.ndarray:
-    found = np.array(all_)
-    found[lanes] = some
-    return found
+    changed = np.array(all_)
+    changed[lanes] = some
+    return changed
 
 
 def after_stop(period: float) -> int:

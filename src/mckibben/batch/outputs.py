@@ -309,23 +309,23 @@ def _along(
     before = jnp.concatenate([jnp.full((1,), -1), before[:-1]])
     gap = jnp.where(before >= 0, place - before, so_far["since"] + place)
     old = jnp.where(before >= 0, x[before], so_far["last"])
-    along, found = gap * period, {}
+    along, along_path = gap * period, {}
     if over is not None:
         along = over - jnp.where(before >= 0, over[before], so_far["over"])
-        found["over"] = jnp.where(some, over[last], so_far["over"])
-    found["path"] = so_far["path"] + jnp.sum(jnp.where(chosen & (gap <= every), 0.5 * (x + old) * along, 0.0))
-    found["since"] = jnp.where(some, size - last, jnp.minimum(so_far["since"] + size, FAR))
-    return found
+        along_path["over"] = jnp.where(some, over[last], so_far["over"])
+    along_path["path"] = so_far["path"] + jnp.sum(jnp.where(chosen & (gap <= every), 0.5 * (x + old) * along, 0.0))
+    along_path["since"] = jnp.where(some, size - last, jnp.minimum(so_far["since"] + size, FAR))
+    return along_path
 
 
 def final_values(one: Output, sums: Mapping[str, np.ndarray]) -> np.ndarray:
     """A running output of all lanes (lanes,); NaN if no sample counted."""
-    found = sums[NEEDS[one.reduce][0]]
+    values = sums[NEEDS[one.reduce][0]]
     if one.reduce in ("mean", "rms"):
-        found = found / np.maximum(sums["count"], 1)
+        values = values / np.maximum(sums["count"], 1)
     if one.reduce == "rms":
-        found = np.sqrt(found)
-    return np.asarray(np.where(sums["count"] > 0, found, np.nan))
+        values = np.sqrt(values)
+    return np.asarray(np.where(sums["count"] > 0, values, np.nan))
 
 
 def time_to(one: Output, time: np.ndarray, values: np.ndarray) -> float:

@@ -41,14 +41,14 @@ def draws(
     # by eigenvectors: a covariance of parameters that the data cannot tell apart has no Cholesky factor
     strength, directions = np.linalg.eigh(covariance)
     spread = directions * np.sqrt(np.maximum(strength, 0.0))
-    found = np.empty((0, len(mean)))
+    samples = np.empty((0, len(mean)))
     for _ in range(MOST_DRAWS):
         tried = mean + chance.standard_normal((count, len(mean))) @ spread.T
         inside = np.all((tried >= bounds[0]) & (tried <= bounds[1]), axis=1)
-        found = np.concatenate([found, tried[inside]])
-        if len(found) >= count:
-            return found[:count]
-    raise InputError("posterior", f"{len(found)} of {count} draws", "nearly none lies within the declared bounds")
+        samples = np.concatenate([samples, tried[inside]])
+        if len(samples) >= count:
+            return samples[:count]
+    raise InputError("posterior", f"{len(samples)} of {count} draws", "nearly none lies within the declared bounds")
 
 
 def of_fit(fit: Fit, count: int, *, seed: int = 0, prefix: str = "muscle.law.") -> Variants:
@@ -65,8 +65,8 @@ def of_fit(fit: Fit, count: int, *, seed: int = 0, prefix: str = "muscle.law.") 
     fields = declared(law_type(fit.law))
     low, high = np.array([fields[n].bounds for n in names]).T
     mean = np.array([e.value for e in fit.parameters.values()])
-    found = draws(mean, alike * np.outer(deviation, deviation), (low, high), count, seed=seed)
-    return Variants({prefix + n: column for n, column in zip(names, found.T, strict=True)})
+    samples = draws(mean, alike * np.outer(deviation, deviation), (low, high), count, seed=seed)
+    return Variants({prefix + n: column for n, column in zip(names, samples.T, strict=True)})
 
 
 def of_json(
@@ -89,18 +89,18 @@ def of_json(
         fits = parse_json(read_text(path, field="posterior.fit"))["fits"]
         names = [f["law"] for f in fits]
         one = fits[names.index(law or names[0])]
-        given: Mapping[str, Mapping[str, Any]] = one["parameters"]
+        parameters: Mapping[str, Mapping[str, Any]] = one["parameters"]
         points = int(one["n"])
     except (ValueError, KeyError, TypeError, IndexError):
         said = f"a fit of {law}" if law else "a fit"
         raise InputError("posterior.fit", where, f"allowed is what mckibben fit --json prints, with {said}") from None
-    settings = {name: known(f"muscle.law.{name}") for name in given}
-    deviation = np.array([_deviation(n, e, points, len(given)) for n, e in given.items()])
+    settings = {name: known(f"muscle.law.{name}") for name in parameters}
+    deviation = np.array([_deviation(n, e, points, len(parameters)) for n, e in parameters.items()])
     bounds = [s.quantity.bounds if s.quantity else (-np.inf, np.inf) for s in settings.values()]
     low, high = np.array(bounds).T
-    mean = np.array([float(e["value"]) for e in given.values()])
-    found = draws(mean, np.diag(deviation**2), (low, high), count, seed=seed)
-    return Variants({s.path: column for s, column in zip(settings.values(), found.T, strict=True)})
+    mean = np.array([float(e["value"]) for e in parameters.values()])
+    samples = draws(mean, np.diag(deviation**2), (low, high), count, seed=seed)
+    return Variants({s.path: column for s, column in zip(settings.values(), samples.T, strict=True)})
 
 
 def of_samples(

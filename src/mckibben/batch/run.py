@@ -135,16 +135,16 @@ class _Piece:
             chosen = padded if seeds else padded[:1]
             rows = march.NoiseRows([SensorNoise(lane.built.bench, part) for lane in chosen])
             offset = sums.samples.copy()
-            found = march.part(
+            marched = march.part(
                 kernels, leaves, sums, rows, period=self.period, inner=self.timing.inner,
                 tell=_after(before, total, tell),
             )  # fmt: skip
-            before = int(found.totals.samples.max())
-            self._take(kernels, leaves, part, found, offset)
+            before = int(marched.totals.samples.max())
+            self._take(kernels, leaves, part, marched, offset)
             dead = np.zeros(width, bool)
             dead[count:] = True
             dead[:count] = self.code != 0
-            sums = found.totals._replace(going=~dead, left=np.full(width, march.after_stop(self.period)))
+            sums = marched.totals._replace(going=~dead, left=np.full(width, march.after_stop(self.period)))
         self.duration[:] = sums.samples[:count] * self.period
         self._finish(sums)
 
@@ -162,8 +162,8 @@ class _Piece:
                 self.message[lane] = self._why(kernels, _lane(leaves, kernels.kind.shared, lane), part, lane, found)
             if found.samples:
                 at = np.flatnonzero(found.counted[lane])
-                own = {n: v[lane, at] for n, v in found.samples.items()}
-                self.gathered[lane].append((self.period * (offset[lane] + at), found.step[lane, at], own))
+                samples = {n: v[lane, at] for n, v in found.samples.items()}
+                self.gathered[lane].append((self.period * (offset[lane] + at), found.step[lane, at], samples))
             if kernels.kind.accounts:
                 self._account(kernels, _lane(leaves, kernels.kind.shared, lane), lane, found)
 
@@ -214,9 +214,9 @@ class _Piece:
         kept = []
         for lane, parts in zip(self.lanes, self.gathered, strict=True):
             pieces = []
-            for part, (time, step, own) in zip(lane.built.parts, parts, strict=False):
+            for part, (time, step, samples) in zip(lane.built.parts, parts, strict=False):
                 inside = np.array([not one.step or s.step.label == one.step for s in part.steps])[step]
-                pieces.append((time[inside], own[one.channel][inside]))
+                pieces.append((time[inside], samples[one.channel][inside]))
             kept.append(tuple(np.concatenate(x) if x else np.zeros(0) for x in zip(*pieces, strict=True)))
         if one.reduce == "time_to":
             self.outputs[one.name] = np.array([time_to(one, *x) for x in kept])
@@ -263,11 +263,11 @@ def known_names(template: BuiltVariant) -> tuple[list[str], list[str]]:
         tree = kernels.tree(own)
         carry = at_rest(tree["plant"], tree["software"], tree["pressure"], fixed.timing.depth, row)
         timing = fixed.timing
-        _, seen = sampled.sample(
+        _, result = sampled.sample(
             tree["plant"], tree["software"], carry, row, period=timing.period, inner=timing.inner,
             latency=tree["latency"], stiff=False,
         )  # fmt: skip
-        return channels_of(seen), carry.integrals
+        return channels_of(result), carry.integrals
 
     channels, integrals = jax.eval_shape(one, leaves)
     return sorted(channels), sorted(integrals)

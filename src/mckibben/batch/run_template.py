@@ -99,15 +99,15 @@ class RunFactory:
         Raises:
             InputError: names what is unknown or out of bounds.
         """
-        template, given = self.template, self.template.words(values)
-        muscle, rig = given.pop("muscle", template.muscle), given.pop("rig", template.rig)
-        plumbing = given.pop("plumbing", template.plumbing) or None
-        seed = _whole("noise_seed", given.pop("noise_seed", template.noise_seed))
-        of_rig = {k: v for k, v in given.items() if k.startswith("rig.")}
-        of_muscle = {k: v for k, v in given.items() if k.startswith("muscle.")}
-        own = {k: v for k, v in given.items() if k not in of_rig and k not in of_muscle}
+        template, settings = self.template, self.template.words(values)
+        muscle, rig = settings.pop("muscle", template.muscle), settings.pop("rig", template.rig)
+        plumbing = settings.pop("plumbing", template.plumbing) or None
+        seed = _whole("noise_seed", settings.pop("noise_seed", template.noise_seed))
+        of_rig = {k: v for k, v in settings.items() if k.startswith("rig.")}
+        of_muscle = {k: v for k, v in settings.items() if k.startswith("muscle.")}
+        of_steps = {k: v for k, v in settings.items() if k not in of_rig and k not in of_muscle}
         return prepare(
-            self._protocol(_key(own)), muscle=self._specimen(muscle), unit=self._changed(self._unit(muscle), of_muscle),
+            self._protocol(_key(of_steps)), muscle=self._specimen(muscle), unit=self._changed(self._unit(muscle), of_muscle),
             rig=self._rig((rig, *_key(of_rig))), plumbing=plumbing, step=template.step, seed=seed,
             accept_saturation=template.accept_saturation,
         )  # fmt: skip
@@ -169,12 +169,12 @@ def _remembering(make: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 def _whole(field_: str, value: Any) -> int:
     try:
-        found = int(str(value))
+        number = int(str(value))
     except ValueError:
-        found = -1
-    if found < 0:
+        number = -1
+    if number < 0:
         raise InputError(field_, str(value), "allowed is a whole number, 0 or more")
-    return found
+    return number
 
 
 def _put(document: dict[str, Any], path: str, words: str, where: str) -> None:

@@ -100,17 +100,17 @@ def setting(path: str, protocol: Protocol, rig: Rig, unit: Any, *, where: str | 
     if path in WORDS:
         return Setting(path)
     if path.startswith("muscle."):
-        own = path.removeprefix("muscle.")
+        path_in_muscle = path.removeprefix("muscle.")
         try:
-            quantity = paths.declaration(unit, own)
+            quantity = paths.declaration(unit, path_in_muscle)
         except InputError as error:
             raise InputError(path, "unknown", error.allowed, where=where) from None
         return Setting(path, quantity.unit, quantity)
     if path.startswith("rig."):
-        found = _of_rig(rig, path.removeprefix("rig."))
-        if found is None and not _stated(rig.document, path.removeprefix("rig.")):
+        setting_of_rig = _of_rig(rig, path.removeprefix("rig."))
+        if setting_of_rig is None and not _stated(rig.document, path.removeprefix("rig.")):
             raise InputError(path, "unknown", _rig_hint(rig, path.removeprefix("rig.")), where=where)
-        return Setting(path) if found is None else Setting(path, found.unit, found)
+        return Setting(path) if setting_of_rig is None else Setting(path, setting_of_rig.unit, setting_of_rig)
     known = protocol.variables()
     if path not in (*known, *SETTINGS):
         some = f"{suggest(path, known)}{protocol.name} has {', '.join([*known, *SETTINGS])}"

@@ -190,13 +190,13 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
         about: Any = group.attrs[KEY]
         columns = {p: np.asarray(group[f"parameters/{p}"][:]) for p in about["parameters"]}
         outputs: Any = group["outputs"] if "outputs" in group else {}
-        found = {n: np.asarray(outputs[n][:]) for n in sorted(outputs)}
+        arrays = {n: np.asarray(outputs[n][:]) for n in sorted(outputs)}
         message = [str(m) for m in group["message"][:]]
         codes, duration = np.asarray(group["code"][:]), np.asarray(group["duration"][:])
     except (KeyError, ValueError, TypeError, OSError):
         raise InputError("store", str(place), "allowed is the folder of a sweep's results") from None
     return Variants({p: v if v.dtype == float else v.astype(object) for p, v in columns.items()}), Results(
-        codes, message, duration, found
+        codes, message, duration, arrays
     )
 
 

@@ -58,11 +58,11 @@ class Sweep:
     @functools.cached_property
     def digest(self) -> str:
         """SHA-256 of all that decides the results; engine and blocks do not."""
-        told = hashlib.sha256(json.dumps(self.document(), sort_keys=True, separators=(",", ":")).encode())
+        digest = hashlib.sha256(json.dumps(self.document(), sort_keys=True, separators=(",", ":")).encode())
         for path, values in self.variants.columns.items():
-            told.update(path.encode())
-            told.update(values.tobytes() if values.dtype == float else "\0".join(values).encode())
-        return told.hexdigest()
+            digest.update(path.encode())
+            digest.update(values.tobytes() if values.dtype == float else "\0".join(values).encode())
+        return digest.hexdigest()
 
     def document(self) -> dict[str, Any]:
         """Shared properties of the variants as a JSON document."""

@@ -119,11 +119,11 @@ def _template(top: FileTable, folder: Path) -> RunTemplate:
         accept_saturation=accept,
         noise_seed=top.whole("noise_seed", 0, 2**32 - 1, 0),
     )  # fmt: skip
-    given = top.table("set")
-    for path in given.values:
+    settings = top.table("set")
+    for path in settings.values:
         if path in WORDS:
-            raise given.fail(path, given.values[path], "it stands at the top of the file")
-    words = {p: template.setting(p, where=top.where).text(raw, where=top.where) for p, raw in given.values.items()}
+            raise settings.fail(path, settings.values[path], "it stands at the top of the file")
+    words = {p: template.setting(p, where=top.where).text(raw, where=top.where) for p, raw in settings.values.items()}
     with_values(protocol, {k: v for k, v in words.items() if not k.startswith(("rig.", "muscle."))}, where=top.where)
     return dataclasses.replace(template, given=words)
 

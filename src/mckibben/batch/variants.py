@@ -43,9 +43,9 @@ def column(values: Sequence[Any]) -> np.ndarray:
     """Convert values to a column of numbers; if one is text, all become text."""
     if all(isinstance(v, float) for v in values):
         return np.asarray(values, float)
-    found = np.empty(len(values), object)
-    found[:] = [v if isinstance(v, str) else repr(v) for v in values]
-    return found
+    objects = np.empty(len(values), object)
+    objects[:] = [v if isinstance(v, str) else repr(v) for v in values]
+    return objects
 
 
 def grid(axes: Mapping[str, Sequence[Any]]) -> Variants:

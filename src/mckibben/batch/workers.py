@@ -214,14 +214,14 @@ class DaskTeam(WorkerTeam):
         number = itertools.count()
 
         def more() -> list[Any]:
-            found = []
+            futures = []
             while waiting and len(at_work) < (AHEAD + 1) * self.size:
                 block = waiting.pop()
                 key = f"mckibben-{work.name[:12]}-{os.getpid()}-{next(number)}"
                 future = self.client.submit(work.run, block, pure=False, key=key, retries=0)
                 at_work[key] = (block, future)
-                found.append(future)
-            return found
+                futures.append(future)
+            return futures
 
         queue = as_completed(more())
         try:

@@ -46,8 +46,8 @@ def kinds(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
         if name in sensed:
             found[name] = (sensed[name][0], "measured", sensed[name][1])
         elif name in COMMANDS:
-            found[name] = (*COMMANDS[name][:1], "command", COMMANDS[name][1])
+            channel_kinds[name] = (*COMMANDS[name][:1], "command", COMMANDS[name][1])
         else:
             unit, meaning = described(name)
-            found[name] = (unit, "true", meaning)
-    return found
+            channel_kinds[name] = (unit, "true", meaning)
+    return channel_kinds

@@ -152,24 +152,26 @@ def _channels(
     plan: CircuitPlan, outputs: Mapping[str, np.ndarray], signals: Mapping[str, Signal], count: int
 ) -> dict[str, Channel]:
     room = float(plan.environment.pressure_abs)
-    found: dict[str, Channel] = {}
+    channels: dict[str, Channel] = {}
     for name in plan.nodes:
         gauge = outputs[f"{name}.pressure_abs"] - room
-        found[f"{name}.pressure"] = Channel(gauge, unit="Pa", kind="true", meaning=f"gauge pressure of {name}")
+        channels[f"{name}.pressure"] = Channel(gauge, unit="Pa", kind="true", meaning=f"gauge pressure of {name}")
     for name, values in outputs.items():
         unit, meaning = described(name)
-        found[name] = Channel(np.broadcast_to(values, (count,)), unit=unit, kind="true", meaning=meaning)
-    found |= _muscles(plan, outputs, signals, count)
+        channels[name] = Channel(np.broadcast_to(values, (count,)), unit=unit, kind="true", meaning=meaning)
+    channels |= _muscles(plan, outputs, signals, count)
     for name, s in plan.signals.items():
         values = s.waveform.at(plan.times[:count])
-        found[name] = Channel(values, unit=s.unit, kind="command", meaning=f"{DRIVES[s.unit]}, {', '.join(s.drives)}")
-    return found
+        channels[name] = Channel(
+            values, unit=s.unit, kind="command", meaning=f"{DRIVES[s.unit]}, {', '.join(s.drives)}"
+        )
+    return channels
 
 
 def _muscles(
     plan: CircuitPlan, outputs: Mapping[str, np.ndarray], signals: Mapping[str, Signal], count: int
 ) -> dict[str, Channel]:
-    found = {}
+    channels = {}
     for name, planned in plan.nodes.items():
         node = plan.circuit.nodes[name]
         if planned.law is None or not isinstance(node, MovingVolume):
@@ -178,12 +180,12 @@ def _muscles(
         gauge = outputs[f"{name}.pressure_abs"] - float(node.ambient)
         volume = np.asarray(node.of(length, gauge)) + float(node.dead)
         tension = np.asarray(planned.law.tension(length, gauge))
-        found[f"{name}.length"] = Channel(length, unit="m", kind="true", meaning=f"length of {name}")
-        found[f"{name}.volume"] = Channel(volume, unit="m^3", kind="true", meaning=f"volume of the gas in {name}")
-        found[f"{name}.tension"] = Channel(
+        channels[f"{name}.length"] = Channel(length, unit="m", kind="true", meaning=f"length of {name}")
+        channels[f"{name}.volume"] = Channel(volume, unit="m^3", kind="true", meaning=f"volume of the gas in {name}")
+        channels[f"{name}.tension"] = Channel(
             tension, unit="N", kind="true", meaning=f"tension of {name} by its static law"
         )
-    return found
+    return channels
 
 
 def citations(plan: CircuitPlan) -> list[str]:

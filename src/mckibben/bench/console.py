@@ -93,11 +93,11 @@ def words_of(line: str) -> list[str]:
     reader = shlex.shlex(line, posix=True, punctuation_chars=False)
     reader.whitespace_split, reader.escape, reader.commenters = True, "", ""
     try:
-        found = list(reader)
+        words = list(reader)
     except ValueError:
         raise InputError("line", line.strip(), "a quotation mark has no other one") from None
-    comment = next((i for i, word in enumerate(found) if word.startswith("#")), len(found))
-    return found[:comment]
+    comment = next((i for i, word in enumerate(words) if word.startswith("#")), len(words))
+    return words[:comment]
 
 
 def usage(name: str, words: list[str]) -> InputError:
@@ -304,13 +304,13 @@ class CommandInterpreter(abc.ABC):
         for word in words:
             name, equals, value = word.partition("=")
             if equals:
-                given[name] = value
-            elif given:  # what belongs to the value before, such as a unit
-                last = next(reversed(given))
-                given[last] = f"{given[last]} {word}".strip()
+                values[name] = value
+            elif values:  # what belongs to the value before, such as a unit
+                last = next(reversed(values))
+                values[last] = f"{values[last]} {word}".strip()
             else:
                 raise usage("set", words)
-        if not given or not all(v.strip() for v in given.values()):
+        if not values or not all(v.strip() for v in values.values()):
             raise usage("set", words)
         changed = with_values(protocol, {name: values_of(name, v, field=name) for name, v in given.items()})
         self.use_protocol(changed)

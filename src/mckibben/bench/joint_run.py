@@ -180,10 +180,10 @@ def run_joint(
     parts, finest = [], timing.inner
     for k in range(0, len(rows["angle"]), CHUNK):
         chunk = jax.tree.map(lambda v, k=k: v[k : k + CHUNK], rows)
-        carry, seen, inner = sampled.advance(
+        carry, results, inner = sampled.advance(
             plant, software, carry, chunk, period=timing.period, inner=timing.inner, latency=timing.latency
         )
-        parts.append(seen)
+        parts.append(results)
         finest = max(finest, inner)
     last = call_compiled(sampled.inputs_of, plant, carry, timing.latency, timing.period)
     ended: Any = carry._replace(state=carry.state["machine"])
@@ -199,15 +199,15 @@ def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> t
     if not (math.isfinite(duration) and duration >= period):
         raise InputError("duration", duration, f"allowed is a time of at least one sample, {period:g} s")
     time = period * np.arange(round(duration / period) + 1)
-    found = {}
+    sampled = {}
     for name, course in courses.items():
         values = np.asarray(course(time) if callable(course) else course, float)
         if values.shape not in ((), time.shape):
             raise InputError(name, f"of shape {values.shape}", f"allowed is a number or {len(time)} values")
         if not np.isfinite(values).all():
             raise InputError(name, "not finite", "allowed is a finite number for every sample")
-        found[name] = np.broadcast_to(values, time.shape)
-    return time, found
+        sampled[name] = np.broadcast_to(values, time.shape)
+    return time, sampled
 
 
 def _first(stand: JointStand, begin: Mapping[str, float]) -> dict[str, float]:
@@ -255,12 +255,12 @@ def _channels(seen: Any, count: int) -> dict[str, Channel]:
     arrays = {n: v for n, v in seen.measured.items() if not n.endswith(".code")} | dict(seen.shown)
     arrays |= {f"{n}.command": v for n, v in seen.commands.items()}
     arrays |= {RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(CONSTANT)}
-    found = {}
+    channels = {}
     for name in sorted(arrays, key=lambda n: (list(JOINT).index(n) if n in JOINT else len(JOINT), n)):
         unit, meaning = described(name)
         known = JOINT.get(name, (unit, "true", meaning))
-        found[name] = Channel(np.broadcast_to(arrays[name], (count,)), *known)
-    return found
+        channels[name] = Channel(np.broadcast_to(arrays[name], (count,)), *known)
+    return channels
 
 
 def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accounts, seed: int) -> dict[str, Any]:

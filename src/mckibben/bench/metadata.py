@@ -121,7 +121,7 @@ def _calibrated(bench: PreparedRun) -> dict[str, Any]:
 
 def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
     """Describe every measured channel that saturated: share, longest time [s], and a sentence."""
-    found = {}
+    saturations = {}
     for name, ends in converters.items():
         if name not in record or not np.isfinite(record[name]).all():
             continue
@@ -129,5 +129,5 @@ def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) 
         low = ends["low"] if ends["low"] < 0.0 else None
         one = saturation(record, name, ends=(low, ends["high"]))
         if one:
-            found[name] = {"share": one.share, "longest": one.longest, "sentence": one.sentence}
-    return found
+            saturations[name] = {"share": one.share, "longest": one.longest, "sentence": one.sentence}
+    return saturations

@@ -188,19 +188,19 @@ def prepare(
     layout = on.layout(wanted, plumbing)
     rest = rest_length_of(spec, unit.law)
     plan = _plan(wanted, rest)
-    found = check_plan(plan, on.limits(layout), expected(unit))
+    findings = check_plan(plan, on.limits(layout), expected(unit))
     known = [*on.sensors, *(["span"] if on.encoder is not None else [])]
     for fault in faults:
         if fault.channel not in known:
             raise InputError("fault", fault.channel, f"the rig has sensors of {', '.join(known)}")
-    every = _every(wanted.sample_rate, plan) if not found else 1
+    every = _every(wanted.sample_rate, plan) if not findings else 1
     if every > 1:
         plan = _plan(dataclasses.replace(wanted, sample_rate=wanted.sample_rate * every), rest)
-    found += _not_built(on, unit, plan, layout) if not any(f.field == "sample_rate" for f in found) else []
-    spared = [f for f in found if accept_saturation and f.field == "tension" and f.allowed.startswith(ON_THE_CELL)]
+    findings += _not_built(on, unit, plan, layout) if not any(f.field == "sample_rate" for f in findings) else []
+    spared = [f for f in findings if accept_saturation and f.field == "tension" and f.allowed.startswith(ON_THE_CELL)]
     return PreparedRun(
         wanted, on, unit, plan, layout, spec, every, step, seed, tuple(faults),
-        tuple(f for f in found if f not in spared), tuple(spared),
+        tuple(f for f in findings if f not in spared), tuple(spared),
     )  # fmt: skip
 
 
@@ -229,15 +229,15 @@ def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float,
 
 def _not_built(rig: Rig, unit: MuscleUnit, plan: ProtocolPlan, layout: str) -> list[Finding]:
     """List the reasons why the machine of a segment, or its loop, cannot be built; each reason once."""
-    found: dict[str, Finding] = {}
+    findings: dict[str, Finding] = {}
     for part in _segments(rig, plan, layout):
         try:
             rig.computer.period(plan.sample_rate)  # that of a loop with a motor is faster than the protocol's
             rig.machine(part.layout, with_friction_scale(unit, part.friction), start=part.start_span, moves=part.moves)
         except InputError as error:
             reason = Finding(0, "", "", error.field, str(error.value), error.allowed, str(error))
-            found.setdefault(reason.sentence, reason)
-    return list(found.values())
+            findings.setdefault(reason.sentence, reason)
+    return list(findings.values())
 
 
 def with_friction_scale(unit: MuscleUnit, factor: float) -> MuscleUnit:

@@ -281,18 +281,18 @@ class ProtocolRun:
         left = round(AFTER_STOP / self.timing.period)
         try:
             for chunk in source:
-                seen, count = chunk.seen, chunk.size
-                if not bool(seen.sound.all()):
+                results, count = chunk.seen, chunk.size
+                if not bool(results.sound.all()):
                     raise ConvergenceError("A state is not finite, or not possible, with the steps of the wall clock.")
-                used = int(seen.shown["running"].sum())
-                stopped = bool((seen.shown["code"] > 0).any() or seen.shown["missed"].any())
+                used = int(results.shown["running"].sum())
+                stopped = bool((results.shown["code"] > 0).any() or results.shown["missed"].any())
                 if stopped:
                     if self.result == "done":
-                        self._stopped(seen, used, segment)
+                        self._stopped(results, used, segment)
                     after = min(count - used, left)
                     used, left = used + after, left - after
                 over = left <= 0 if stopped else used < count
-                self._keep(seen, used, segment, stopped)
+                self._keep(results, used, segment, stopped)
                 yield chunk
                 if over:
                     return

@@ -111,11 +111,11 @@ class Rig:
 
     def parts(self, layout: str) -> frozenset[str]:
         """Sensors and parts that a protocol can use, by the names of `Step.needs`."""
-        found = set(self.plumbing[layout].parts()) | {"plate", "person"}
-        found |= {f"{n} sensor" for n in self.sensors}
-        found |= {"motor"} if self.motor is not None else set()
-        found |= {"span sensor"} if self.encoder is not None else set()
-        return frozenset(found)
+        names = set(self.plumbing[layout].parts()) | {"plate", "person"}
+        names |= {f"{n} sensor" for n in self.sensors}
+        names |= {"motor"} if self.motor is not None else set()
+        names |= {"span sensor"} if self.encoder is not None else set()
+        return frozenset(names)
 
     def limits(self, layout: str, *, burst_pressure: float = float("inf")) -> Limits:
         """Return the limits of the rig, for the dry run."""
@@ -136,8 +136,8 @@ class Rig:
 
     def resolution(self) -> dict[str, float]:
         """Return the smallest step of every measured channel [SI]."""
-        found = {name: float(s.resolution) for name, s in self.sensors.items()}
-        return found if self.encoder is None else found | {"span": float(self.encoder.resolution)}
+        resolutions = {name: float(s.resolution) for name, s in self.sensors.items()}
+        return resolutions if self.encoder is None else resolutions | {"span": float(self.encoder.resolution)}
 
     def _pressure_rate(self, plumbing: Plumbing) -> float:
         """Steepest change of a set-point that the gas can follow [Pa/s]: the open valve into what has to be filled."""
@@ -183,8 +183,8 @@ class Rig:
 
     def true(self, channel: str, indicated: Any) -> Any:
         """Return the calibrated value of a channel for its nominal one [SI]."""
-        found = {} if self.calibration is None else self.calibration.corrections
-        return found[channel].true(indicated) if channel in found else indicated
+        corrections = {} if self.calibration is None else self.calibration.corrections
+        return corrections[channel].true(indicated) if channel in corrections else indicated
 
     def converters(self, mounted: float) -> Converters:
         """Return the scales of inputs and outputs; the encoder is zeroed at a span [m]."""

@@ -325,8 +325,8 @@ class SampleLoop:
         measured, held, shown = (self._think.columns(i, part) for i, part in zip((2, 3, 4), columns, strict=True))
         outputs = self.hardware.true_outputs([look for look in looks if look is not None])
         n = len(rows)
-        seen = sampled.SampleResult(outputs, measured, held, shown, np.zeros(n), np.ones(n, bool))
-        chunk = Chunk(seen, n, numbers=np.array(numbers, int), lateness=np.array(lateness, float))
+        results = sampled.SampleResult(outputs, measured, held, shown, np.zeros(n), np.ones(n, bool))
+        chunk = Chunk(results, n, numbers=np.array(numbers, int), lateness=np.array(lateness, float))
         if n and self._tell is not None:
             self._tell(chunk)
         return chunk

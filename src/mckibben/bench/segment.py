@@ -48,10 +48,10 @@ def simulated(
 ) -> Iterator[Chunk]:
     """Yield chunks of a simulation as fast as possible, with steps that the rates of the plant allow."""
     while True:
-        carry, seen, inner = sampled.advance(
+        carry, results, inner = sampled.advance(
             plant, software, carry, rows.next(), period=timing.period, inner=timing.inner, latency=timing.latency
         )
-        yield Chunk(seen, CHUNK, inner, carry)
+        yield Chunk(results, CHUNK, inner, carry)
 
 
 def timing_of(bench: PreparedRun) -> Timing:
@@ -98,18 +98,18 @@ class SegmentMachine:
 
     def carry(self, software: BenchSoftware) -> sampled.Carry:
         """Return the state before the first sample of a simulation with this software."""
-        found: sampled.Carry = call_compiled(
+        carry: sampled.Carry = call_compiled(
             sampled.with_software, self.plant, software, self.rested, self.rows.first()
         )
-        return found
+        return carry
 
     @functools.cached_property
     def rested(self) -> sampled.Carry:
         """The machine at rest where the segment begins, without software."""
-        found: sampled.Carry = call_compiled(
+        carry: sampled.Carry = call_compiled(
             sampled.rest, self.plant, self.start, self.commands, depth=self.timing.depth
         )
-        return found
+        return carry
 
     def at_interface(self, ahead: float = 0.0) -> SimulatedMachine:
         """Build the machine behind its converters; noise for the first `ahead` seconds is drawn before it begins."""

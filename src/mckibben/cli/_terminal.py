@@ -46,19 +46,19 @@ def _clean(value: Any) -> Any:
 
 def assignments(words: Iterable[str] | None) -> dict[str, str]:
     """Parse ``PATH=VALUE`` arguments to a table; the path may begin with ``muscle.`` or ``law.``."""
-    found = pairs(words, "--set", "thread_length='16 cm'")
-    return {path.removeprefix("muscle.").removeprefix("law."): value for path, value in found.items()}
+    table = pairs(words, "--set", "thread_length='16 cm'")
+    return {path.removeprefix("muscle.").removeprefix("law."): value for path, value in table.items()}
 
 
 def pairs(words: Iterable[str] | None, option: str, example: str) -> dict[str, str]:
     """Parse ``NAME=VALUE`` arguments of an option to a table."""
-    found = {}
+    table = {}
     for word in words or []:
         name, equals, value = word.partition("=")
         if not equals or not name.strip() or not value.strip():
             raise InputError(option, word, f"allowed is NAME=VALUE, such as {example}")
-        found[name.strip()] = value.strip()
-    return found
+        table[name.strip()] = value.strip()
+    return table
 
 
 def writable(option: str, path: Path | None, *endings: str) -> None:
@@ -102,10 +102,10 @@ def caution(*sentences: str | None) -> list[str]:
     Returns:
         The sentences, for the ``warnings`` of the JSON object.
     """
-    found = [sentence for sentence in sentences if sentence is not None]
-    for sentence in found:
+    shown = [sentence for sentence in sentences if sentence is not None]
+    for sentence in shown:
         typer.echo(f"mckibben: caution: {sentence}", err=True)
-    return found
+    return shown
 
 
 def table(title: str, columns: list[str], rows: Iterable[list[str]], *, right: Iterable[int] = ()) -> None:

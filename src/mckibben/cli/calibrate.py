@@ -82,9 +82,9 @@ def zero(
     units = {"tension": "N"}
     if uncertainty is not None and len({units.get(n, "Pa") for n in names}) > 1:
         raise InputError("--uncertainty", uncertainty, "allowed for channels of one unit at a time: say --channel")
-    own = _value("--uncertainty", uncertainty, units.get(names[0], "Pa"))
+    standard_uncertainty = _value("--uncertainty", uncertainty, units.get(names[0], "Pa"))
     with _session(wanted, None) as session:
-        _done(wanted, session, session.zero(names, uncertainty=own))
+        _done(wanted, session, session.zero(names, uncertainty=standard_uncertainty))
 
 
 def weights(
@@ -112,23 +112,23 @@ def weights(
 ) -> None:
     """Calibrate a load cell with dead weights, up and down."""
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
-    own = _value("--uncertainty", uncertainty, "kg")
+    standard_uncertainty = _value("--uncertainty", uncertainty, "kg")
     if gravity is None and gravity_uncertainty is not None:
         raise InputError("--gravity-uncertainty", gravity_uncertainty, "allowed beside --gravity")
     g = GRAVITY if gravity is None else _value("--gravity", gravity, "m/s^2", 9.7, 9.9)
     of_g = GRAVITY_UNCERTAINTY if gravity is None else _value("--gravity-uncertainty", gravity_uncertainty, "m/s^2")
     # what is simulated hangs at standard gravity, unless it is said how far that is known
-    simulated = Reference(reference, own * g, 0.0 if gravity is None else of_g / g, exact_nothing=True)
+    simulated = Reference(reference, standard_uncertainty * g, 0.0 if gravity is None else of_g / g, exact_nothing=True)
     with _session(wanted, simulated) as session:
-        found = session.weights(
+        outcome = session.weights(
             _values("--masses", masses, "kg"),
-            uncertainty=own,
+            uncertainty=standard_uncertainty,
             gravity=g,
             gravity_uncertainty=of_g,
             name=reference,
             channel=channel,
         )
-        _done(wanted, session, found)
+        _done(wanted, session, outcome)
 
 
 def pressure(
@@ -230,12 +230,12 @@ class _Wanted(NamedTuple):
 def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[CalibrationSession]:
     """Open a session with its source of readings; errors of the file are reported before an operator is asked."""
     writable("--out", wanted.out, ".toml")
-    given = pairs(wanted.change, "--set", _FAULT)
-    for path, value in given.items():
+    changes = pairs(wanted.change, "--set", _FAULT)
+    for path, value in changes.items():
         if not path.startswith("rig."):
             raise InputError(f"--set {path}", value, f"allowed is a value of the rig, such as {_FAULT}")
     valid = math.inf if wanted.valid_for is None else _value("--valid-for", wanted.valid_for, "s", 1.0, LONGEST)
-    rig = rig_file.rig(wanted.rig, {path.removeprefix("rig."): value for path, value in given.items()})
+    rig = rig_file.rig(wanted.rig, {path.removeprefix("rig."): value for path, value in changes.items()})
     date = created()
     if wanted.out is not None:
         merged(wanted.out, rig.name, {}, date)
@@ -333,7 +333,7 @@ def _value(option: str, words: str | None, unit: str, low: float = 0.0, high: fl
 
 def _values(option: str, words: str, unit: str) -> Sequence[float]:
     """Several values as SI."""
-    found = [parse(word, unit, field=option) for word in split_values(words, field=option)]
-    if not found:
+    values = [parse(word, unit, field=option) for word in split_values(words, field=option)]
+    if not values:
         raise InputError(option, words, "allowed are two different ones or more, parted by commas")
-    return found
+    return values

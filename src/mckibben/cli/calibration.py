@@ -162,12 +162,12 @@ def _known(file: Path) -> Calibration:
     if file.suffix.lower() == ".toml":
         return read_calibration(file)
     try:
-        found = carried(read_recording(file))
+        calibration = carried(read_recording(file))
     except InputError as error:
         raise error if error.where == str(file) else error.at(str(file)) from None
-    if found is None:
+    if calibration is None:
         raise InputError("calibration", "none", "the recording carries none", where=str(file))
-    return found
+    return calibration
 
 
 def _told(one: Correction, now: datetime.datetime) -> dict[str, Any]:

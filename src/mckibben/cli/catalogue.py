@@ -59,8 +59,8 @@ def protocols(
 ) -> None:
     """List the protocols, or describe one of them with all its numbers."""
     if name is None:
-        for option, given in (("--set", change), ("--toml", toml)):
-            if given:
+        for option, value in (("--set", change), ("--toml", toml)):
+            if value:
                 raise InputError(option, "without a protocol", "allowed after the name of one")
         _list(as_json)
         return
@@ -79,17 +79,17 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.
     """
-    found = read_protocol(name) if name.endswith(".toml") else shipped(name)
-    given = {
+    protocol = read_protocol(name) if name.endswith(".toml") else shipped(name)
+    values = {
         key: values_of(key, words, field=f"--set {key}") for key, words in pairs(change, "--set", _EXAMPLE).items()
     }
-    if not given:
-        return found
+    if not values:
+        return protocol
     try:
-        return with_values(found, given)
+        return with_values(protocol, values)
     except InputError as error:
         # a parameter is called as it was typed; the path of a step that it spoils is not
-        field = f"--set {error.field}" if error.field in given else error.field
+        field = f"--set {error.field}" if error.field in values else error.field
         raise InputError(field, error.value, error.allowed, where=error.where) from None
 
 
@@ -196,13 +196,13 @@ def _duration(protocol: Protocol) -> dict[str, Any]:
 
 
 def _print(protocol: Protocol) -> None:
-    found = _described(protocol, "")
-    typer.echo(found["sentence"])
+    description = _described(protocol, "")
+    typer.echo(description["sentence"])
     rows = []
-    for name, c in found["choices"].items():
+    for name, c in description["choices"].items():
         values = [f"{v} (inferred)" if v in c["inferred"] else v for v in c["values"]]
         rows.append([name, ", ".join(values), f"one of {', '.join(c['options'])}", _said(c)])
-    for name, p in found["parameters"].items():
+    for name, p in description["parameters"].items():
         values = [f"{v['words']} (inferred)" if v["inferred"] else str(v["words"]) for v in p["values"]]
         # a bound is stated, a unit shows what else is allowed
         allowed = " to ".join(b["words"] for b in p["bounds"]) if p["bounds"] else _kind(p["unit"])
@@ -210,8 +210,8 @@ def _print(protocol: Protocol) -> None:
     if rows:
         typer.echo("")
         table("", ["parameter", "value", "allowed", ""], rows)
-    lines = [f"Needs: {', '.join(found['needs'])}."]
-    length = found["duration"]
+    lines = [f"Needs: {', '.join(description['needs'])}."]
+    length = description["duration"]
     if length["longest"] is None:
         lines.append(f"Duration not known beforehand: {length['note']}.")
     else:
@@ -220,11 +220,13 @@ def _print(protocol: Protocol) -> None:
             f"Duration: {at_most}{_time(length['longest'])} in {count} step{'' if count == 1 else 's'}, "
             f"for a rest length of {100 * REST_LENGTH:g} cm."
         )
-    if found["note"]:
-        lines.append(f"Note: {found['note'].rstrip('.')}.")
-    if found["source"]:
-        lines.append(f"Source: {found['source']}." + (f" {found['reference']}" if found["reference"] else ""))
-    lines.append(f"Hash: {found['hash']}")
+    if description["note"]:
+        lines.append(f"Note: {description['note'].rstrip('.')}.")
+    if description["source"]:
+        lines.append(
+            f"Source: {description['source']}." + (f" {description['reference']}" if description["reference"] else "")
+        )
+    lines.append(f"Hash: {description['hash']}")
     typer.echo("\n" + "\n".join(lines))
 
 

@@ -120,13 +120,13 @@ def run(
 
 def _cautions(plan: CircuitPlan, recording: Recording) -> list[str | None]:
     """Cautions about the highest pressure of each muscle."""
-    found = []
+    sentences = []
     for name, node in plan.nodes.items():
         if node.law is not None:
             highest = float(recording[f"{name}.pressure_abs"].max()) - float(plan.environment.pressure_abs)
             said = pressure_caution(highest)
-            found.append(None if said is None else f"{name}: {said}")
-    return found
+            sentences.append(None if said is None else f"{name}: {said}")
+    return sentences
 
 
 def planned(file: Path, change: list[str] | None) -> CircuitPlan:
@@ -137,7 +137,7 @@ def planned(file: Path, change: list[str] | None) -> CircuitPlan:
 
 def _nodes(plan: CircuitPlan) -> dict[str, Any]:
 
-    found = {}
+    nodes = {}
     for name, n in plan.nodes.items():
         entry: dict[str, Any] = {"kind": n.kind, "words": n.words, "signal": n.signal}
         if isinstance(n.node, Reservoir):
@@ -146,16 +146,16 @@ def _nodes(plan: CircuitPlan) -> dict[str, Any]:
                 entry["pressure"] = float(node.pressure_abs) - float(plan.environment.pressure_abs)
         else:
             entry |= {"start_pressure": n.start, "heat": type(n.node.heat).__name__}
-        found[name] = entry
-    return found
+        nodes[name] = entry
+    return nodes
 
 
 def _elements(plan: CircuitPlan) -> dict[str, Any]:
 
-    found = {}
+    elements = {}
     for name, element in plan.circuit.elements.items():
         ends, command = plan.circuit.ends[name]
-        found[name] = {
+        elements[name] = {
             "kind": plan.document["elements"][name]["kind"],
             "ports": dict(zip(element.ports, ends, strict=True)),
             "command": command,
@@ -165,7 +165,7 @@ def _elements(plan: CircuitPlan) -> dict[str, Any]:
                 if "gas." not in path
             },
         }
-    return found
+    return elements
 
 
 def _draw(plan: CircuitPlan, path: Path) -> None:
@@ -265,31 +265,31 @@ def fit(
         )
     reading = _reading(plan, column, unit)
     for option, words in (("--column", column), ("--unit", unit)):
-        if words and (own := next(filter(_is_own, [*records, *(predict or [])]), None)):
+        if words and (own_file := next(filter(_is_own, [*records, *(predict or [])]), None)):
             allowed = "a recording of mckibben says these itself; they are for files of others"
-            raise InputError(option, words[0], allowed, where=str(own))
+            raise InputError(option, words[0], allowed, where=str(own_file))
     trials = [_trial(plan, path, reading) for path in records]
     others = [_trial(plan, path, reading) for path in predict or []]
     with told("fitting") as tell:
-        found = fit_circuit(
+        result = fit_circuit(
             trials, wanted, predict=others, start=_starts(plan, wanted, start), step=plan.step, progress=tell
         )
     if figure is not None:
-        style.save(circuit_figures.overview(found, [*trials, *others], title=plan.title), figure)
+        style.save(circuit_figures.overview(result, [*trials, *others], title=plan.title), figure)
     if as_json:
-        print_json(circuit_fit_json(found))
+        print_json(circuit_fit_json(result))
         return
-    show_circuit_fit(found, plan.title)
+    show_circuit_fit(result, plan.title)
     if figure is not None:
         typer.echo(f"Written: {figure}")
 
 
 def _reading(plan: CircuitPlan, column: list[str] | None, unit: list[str] | None) -> dict[str, Any]:
-    given: dict[str, str | int] = dict(plan.fit.columns)
+    columns: dict[str, str | int] = dict(plan.fit.columns)
     for name, place in pairs(column, "--column", "tank.pressure=2").items():
-        given[name] = int(place) if place.isdigit() else place
+        columns[name] = int(place) if place.isdigit() else place
     units = plan.fit.units | pairs(unit, "--unit", "tank.pressure=kPa")
-    return {"columns": given or None, "units": units or None, "pressure_zero": plan.fit.pressure_zero}
+    return {"columns": columns or None, "units": units or None, "pressure_zero": plan.fit.pressure_zero}
 
 
 def _trial(plan: CircuitPlan, path: Path, reading: dict[str, Any]) -> Trial:
@@ -319,7 +319,7 @@ def _is_recording(path: Path) -> bool:
 
 def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> dict[str, float]:
 
-    found = {}
+    starts = {}
     for name, words in {**plan.fit.start, **pairs(start, "--start", "elements.tube.ends=2")}.items():
         if name not in wanted:
             if name in plan.fit.start and not pairs(start, "--start", "").get(name):
@@ -327,8 +327,8 @@ def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> di
             raise InputError("--start", name, f"it is not free; free are {', '.join(wanted)}")
         path = matching(name, plan.circuit, tuple(plan.signals))[0]
         unit = DELAY.unit if path.startswith("signals.") else paths.declaration(plan.circuit, path).unit
-        found[name] = parse(str(words), unit, field=f"start of {name}", bare=True)
-    return found
+        starts[name] = parse(str(words), unit, field=f"start of {name}", bare=True)
+    return starts
 
 
 def circuit_fit_json(found: CircuitFit) -> dict[str, Any]:

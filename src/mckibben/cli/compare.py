@@ -69,24 +69,24 @@ def compare_muscles(
     target = None if match is None else _target(match)
     if match is not None and not any(s.unit is not None for s in chosen):
         raise InputError("--match", match, "needed is a McKibben muscle among those compared")
-    found = compare(chosen, recording or [])
+    compared = compare(chosen, recording or [])
     done: list[Trials] = []
     matches: list[Match] = []
     with told("comparing") as tell:
         if protocols:
             done = _done(chosen, rig, tell)
-            found = MuscleTable((*(t.column() for t in done), *found.columns[len(done) :]), found.published)
+            compared = MuscleTable((*(t.column() for t in done), *compared.columns[len(done) :]), compared.published)
         if target is not None:
             matches = _matches(chosen, target, rig, done, tell)
     drawn: Any = _drawn(chosen, done, matches) if figure is not None or (report is not None and chosen) else None
     if figure is not None:
         style.save(drawn, figure, dpi=130.0)
     if report is not None:
-        muscle_comparison(found, drawn, matches).write(report)
+        muscle_comparison(compared, drawn, matches).write(report)
     if as_json:
-        print_json(_as_json(found, matches) | {"warnings": warnings})
+        print_json(_as_json(compared, matches) | {"warnings": warnings})
     else:
-        _print(found, matches)
+        _print(compared, matches)
         for path in (figure, report):
             if path is not None:
                 typer.echo(f"\nWritten: {path}")

@@ -106,15 +106,15 @@ def energy(
         reading=reading,
     )
     asked = CycleRequest(spec, chosen, muscles, which, between, _names(cycle))
-    found = {n: {v: energy_cycle(m, n, between) for v, m in muscles.items()} for n in asked.names}
+    cycles = {n: {v: energy_cycle(m, n, between) for v, m in muscles.items()} for n in asked.names}
     warnings = _cautions(spec, muscles[which], between, pressure, stretched)
     curves = {n: _curve(asked, n) for n in asked.names} if curve else {}
     if figure is not None:
         _draw(asked, curves, figure)
     if as_json:
-        print_json(_json(asked, found, curves) | {"warnings": warnings})
+        print_json(_json(asked, cycles, curves) | {"warnings": warnings})
     else:
-        _print(asked, found, curves)
+        _print(asked, cycles, curves)
 
 
 def _cautions(

@@ -158,14 +158,14 @@ def _study(
 
 def _known(spec: Specimen | None, change: list[str] | None, laws: list[str] | None) -> dict[str, Any]:
     """Dimensions that are not fitted: from the specimen, then from ``--set``."""
-    found: dict[str, Any] = {**known_of(spec)}
+    dimensions: dict[str, Any] = {**known_of(spec)}
     fields = {k: q for name in (laws or LAWS) if name in LAWS for k, q in declared(law_type(name)).items()}
     for name, text in assignments(change).items():
         if name not in fields:
             raise InputError(f"--set {name}", text, f"known are {', '.join(sorted(fields))}")
-        found[name] = parse(text, fields[name].unit, field=f"--set {name}", bare=True)
-        fields[name].check(f"--set {name}", found[name])
-    return found
+        dimensions[name] = parse(text, fields[name].unit, field=f"--set {name}", bare=True)
+        fields[name].check(f"--set {name}", dimensions[name])
+    return dimensions
 
 
 def ranking_json(study: Any) -> dict[str, Any]:
@@ -311,35 +311,35 @@ def fit_constraints_file(path: Path, *, as_json: bool) -> None:
     for i, entry in enumerate(data.get("constraint", []), 1):
         place = f"constraint {i}"
         _only(entry, {"what", "value", "pressure", "length"}, place, where)
-        what = _word(entry, "what", where, place)
-        if what not in KINDS:
-            raise InputError(f"{place}.what", what, f"known are {', '.join(KINDS)}", where=where)
+        quantity = _word(entry, "what", where, place)
+        if quantity not in KINDS:
+            raise InputError(f"{place}.what", quantity, f"known are {', '.join(KINDS)}", where=where)
         length = entry.get("length")
         constraints.append(
             Constraint(
-                what=what,
-                value=_value(entry.get("value", ""), f"{place}.value", KINDS[what], where),
+                what=quantity,
+                value=_value(entry.get("value", ""), f"{place}.value", KINDS[quantity], where),
                 pressure=_value(entry.get("pressure", ""), f"{place}.pressure", "Pa", where),
                 length=None if length is None else _value(length, f"{place}.length", "m", where),
             )
         )
-    found = fit_constraints(law, constraints, known=known)
+    result = fit_constraints(law, constraints, known=known)
     if as_json:
-        parameters = {k: e._asdict() for k, e in found.parameters.items()}
+        parameters = {k: e._asdict() for k, e in result.parameters.items()}
         entry = {
             "law": law,
             "parameters": parameters,
             "known": known,
             "n": len(constraints),
-            "warnings": list(found.warnings),
+            "warnings": list(result.warnings),
         }
         print_json({"fits": [entry]})
         return
     print(f"{law}, from {len(constraints)} printed constraints:")
-    for name, e in found.parameters.items():
+    for name, e in result.parameters.items():
         fixed = "" if e.low == e.high else "  (not determined)"
         print(f"  {name} = {with_unit(e.value, e.unit)}{fixed}")
-    for warning in found.warnings:
+    for warning in result.warnings:
         print(f"note: {warning}")
 
 

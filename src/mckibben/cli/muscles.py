@@ -43,14 +43,14 @@ def show(
     if figure is not None:
         _draw(built, spec, figure)
     if as_json:
-        found = {f"{path}.{key}": _entry(p) for path, group in groups.items() for key, p in group.items()}
+        entries = {f"{path}.{key}": _entry(p) for path, group in groups.items() for key, p in group.items()}
         print_json(
             {
                 "id": spec.id,
                 "title": spec.title,
                 "law": chosen,
                 "laws": list(spec.laws),
-                "parameters": found,
+                "parameters": entries,
                 "sources": spec.sources,
             }
         )
@@ -103,7 +103,7 @@ def tension(
         cautions.append(pressure_caution(drive, spec, text=pressure))
     state, free = built.state(at, drive), built.free_length(drive)
     warnings = caution(*cautions)
-    found: dict[str, Any] = {
+    answer: dict[str, Any] = {
         "tension": float(state.tension),
         "passive": float(state.passive),
         "active": float(state.active),
@@ -121,16 +121,16 @@ def tension(
     }
     defaults = [] if spec is not None else _defaults(built, change, chosen)
     if spec is None:
-        found |= {"parameters": values(built), "defaults": defaults}
+        answer |= {"parameters": values(built), "defaults": defaults}
     if as_json:
-        print_json(found)
+        print_json(answer)
         return
     shown = {"tension": "N", "passive": "N", "active": "N", "volume": "m^3", "stiffness": "N/m", "free_length": "m"}
     rows = [
-        [k.replace("_", " "), "not known to this law" if found[k] != found[k] else with_unit(found[k], u)]
+        [k.replace("_", " "), "not known to this law" if answer[k] != answer[k] else with_unit(answer[k], u)]
         for k, u in shown.items()
     ]
-    words = ["slack" if found["slack"] else "taut"] + (["overstretched"] if found["overstretched"] else [])
+    words = ["slack" if answer["slack"] else "taut"] + (["overstretched"] if answer["overstretched"] else [])
     force = f"activation {drive:g}" if biological else with_unit(drive, "Pa")
     title = f"{built.title} law" if spec is None else f"{spec.title}, {chosen}"
     table(f"{title}, at {with_unit(at, 'm')} and {force}: {', '.join(words)}", ["", ""], rows, right=[1])
@@ -171,12 +171,12 @@ def _named_law(name: str, given: dict[str, float]) -> Any:
 def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
     """Parse ``--set`` arguments to parameters of a law [SI]; a bare number is taken as SI."""
     known = declared(law_type(law))
-    found = {}
+    values = {}
     for name, text in assignments(words).items():
         if name not in known:
             raise InputError(f"--set {name}", text, f"{law} has {', '.join(known)}")
-        found[name] = parse(text, known[name].unit, field=f"--set {name}", bare=True)
-    return found
+        values[name] = parse(text, known[name].unit, field=f"--set {name}", bare=True)
+    return values
 
 
 def placeholder(unit: str) -> str:
@@ -186,8 +186,8 @@ def placeholder(unit: str) -> str:
 
 def _defaults(built: Any, change: list[str] | None, law: str) -> list[str]:
     """The parameters of a law that were not given and have a value all the same."""
-    given = parameters(change, law)
-    return [name for name in declared(type(built)) if name not in given]
+    stated = parameters(change, law)
+    return [name for name in declared(type(built)) if name not in stated]
 
 
 def _law(spec: Specimen, law: str, changes: dict[str, float]) -> Any:

@@ -26,11 +26,11 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help="Recording of mckibbe
 
 def show(file: File, as_json: Json = False) -> None:
     """Describe a recording: protocol, muscle, rig, steps, channels, balances, events."""
-    found = _described(file, read_recording(file))
+    description = _described(file, read_recording(file))
     if as_json:
-        print_json(found)
+        print_json(description)
     else:
-        _print(found)
+        _print(description)
 
 
 def plot(
@@ -221,10 +221,10 @@ def _print_remarks(found: dict[str, Any]) -> None:
         if isinstance(s, Mapping) and s.get("sentence"):
             lines.append(f"Saturation: {name} {s['sentence']}.")
         elif isinstance(s, Mapping):
-            told = [f"{100.0 * s['share']:.3g} % of its samples"] if _is_number(s.get("share")) else []
-            told += [f"first at {s['first']:.6g} s"] if _is_number(s.get("first")) else []
-            told += [f"at most {_time(s['longest'])} on end"] if _is_number(s.get("longest")) else []
-            lines.append(f"Saturation: {', '.join([str(name), *told])}.")
+            details = [f"{100.0 * s['share']:.3g} % of its samples"] if _is_number(s.get("share")) else []
+            details += [f"first at {s['first']:.6g} s"] if _is_number(s.get("first")) else []
+            details += [f"at most {_time(s['longest'])} on end"] if _is_number(s.get("longest")) else []
+            lines.append(f"Saturation: {', '.join([str(name), *details])}.")
     for event in found["events"]:
         if isinstance(event, Mapping) and _is_number(event.get("time")):
             lines.append(f"{event['time']:>9.3f} s  {event.get('text', '')}")
@@ -316,13 +316,15 @@ def repair(
         raise InputError("--out", str(target), "allowed is a name that ends in .nc or .csv")
     if out is None and target.exists():
         raise InputError("file", str(target), "it is there already; say another name, or this one, with --out")
-    found = read_log(log)
-    found.recording.save(target)
+    recording = read_log(log)
+    recording.recording.save(target)
     if as_json:
-        print_json({**_written(log, target, found.recording), "whole": found.whole, "lost": found.remarks})
+        print_json({**_written(log, target, recording.recording), "whole": recording.whole, "lost": recording.remarks})
         return
-    _print_written(target, found.recording)
-    typer.echo("The log was whole." if found.whole else "\n".join(f"Note: {remark}" for remark in found.remarks))
+    _print_written(target, recording.recording)
+    typer.echo(
+        "The log was whole." if recording.whole else "\n".join(f"Note: {remark}" for remark in recording.remarks)
+    )
 
 
 def _written(source: Path, target: Path, known: Recording) -> dict[str, Any]:

@@ -64,8 +64,8 @@ def energy(
         title = record.meta.get("title")
         write(energy_flow_figure(account, **({"title": str(title)} if title else {})), figure)
     if as_json:
-        told = account.document() | {"file": str(file), "figure": None if figure is None else str(figure)}
-        print_json(told | {"saving": None if saving is None else saving._asdict()})
+        content = account.document() | {"file": str(file), "figure": None if figure is None else str(figure)}
+        print_json(content | {"saving": None if saving is None else saving._asdict()})
         return
     _print(account)
     if saving is not None:
@@ -228,21 +228,21 @@ def repeatability(
     writable("--figure", figure, ".svg", ".png", ".pdf")
     records = [between(read_recording(file), start, end) for file in files]
     if len(records) == 1:
-        found, each = between_cycles(records[0], channel=channel, drive=drive, skip=skip), "cycle"
+        result, each = between_cycles(records[0], channel=channel, drive=drive, skip=skip), "cycle"
     else:
-        found, each = between_runs(records, channel=channel), "run"
+        result, each = between_runs(records, channel=channel), "run"
     unit = records[0].channels[channel].unit
     shown_as = shown_unit(unit)
     if figure is not None:
         scale = from_si(1.0, unit, shown_as)
-        scaled = found._replace(courses=scale * found.courses)
+        scaled = result._replace(courses=scale * result.courses)
         title = str(records[0].meta.get("title") or files[0].name)
         over = "Phase of the cycle" if each == "cycle" else "Time, s"
         name = channel.replace(".", " ").replace("_", " ").capitalize()
         drawn = repeatability_figure(scaled, title=title, channel=f"{name}, {shown_as}", over=over)
         write(drawn, figure)
-    peaks = spread(found.peaks)
-    drift = trend(range(found.repetitions), found.peaks.tolist()).slope if found.repetitions > 2 else None
+    peaks = spread(result.peaks)
+    drift = trend(range(result.repetitions), result.peaks.tolist()).slope if result.repetitions > 2 else None
     if as_json:
         print_json(
             {
@@ -250,11 +250,11 @@ def repeatability(
                 "channel": channel,
                 "unit": unit,
                 "between": f"{each}s",
-                "repetitions": found.repetitions,
-                "rms": found.rms,
-                "largest": found.largest,
-                "relative_rms": found.relative_rms,
-                "peaks": {"values": found.peaks, **peaks._asdict()},
+                "repetitions": result.repetitions,
+                "rms": result.rms,
+                "largest": result.largest,
+                "relative_rms": result.relative_rms,
+                "peaks": {"values": result.peaks, **peaks._asdict()},
                 "drift": None if drift is None else drift._asdict(),
             }
         )
@@ -262,15 +262,15 @@ def repeatability(
     rows = [
         [
             "rms distance from the mean course",
-            with_unit(found.rms, unit),
-            f"{100.0 * found.relative_rms:.3g} % of its range",
+            with_unit(result.rms, unit),
+            f"{100.0 * result.relative_rms:.3g} % of its range",
         ],
-        ["largest distance", with_unit(found.largest, unit), ""],
+        ["largest distance", with_unit(result.largest, unit), ""],
         ["peak", with_unit(peaks.mean, unit), f"standard deviation {with_unit(peaks.deviation, unit)}"],
     ]
     if drift is not None:
         interval = f"95 %: {with_unit(drift.low, unit)} to {with_unit(drift.high, unit)}"
         rows.append([f"drift of the peak per {each}", with_unit(drift.value, unit), interval])
-    table(f"{channel} over {found.repetitions} {each}s", ["", "", ""], rows, right=[1])
+    table(f"{channel} over {result.repetitions} {each}s", ["", "", ""], rows, right=[1])
     if figure is not None:
         typer.echo(f"\nWritten: {figure}")

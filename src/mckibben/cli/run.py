@@ -148,19 +148,19 @@ def prepared(
     protocol: str, muscle: str, rig: str, change: list[str] | None, calibration: Path | None, **options: Any
 ) -> PreparedRun:
     """Prepare a run from the options of the command line."""
-    given = pairs(change, "--set", _EXAMPLE)
-    own = [f"{k}={v}" for k, v in given.items() if not k.startswith(("rig.", "muscle."))]
+    changes = pairs(change, "--set", _EXAMPLE)
+    of_protocol = [f"{k}={v}" for k, v in changes.items() if not k.startswith(("rig.", "muscle."))]
     spec = specimen(muscle)
     unit = unit_from_specimen(spec)
-    for key, words in given.items():
+    for key, words in changes.items():
         if key.startswith("muscle."):
             path = key.removeprefix("muscle.")
             declared = paths.declaration(unit, path)
             value = parse(words, declared.unit, field=f"--set {key}")
             declared.check(f"--set {key}", value)
             unit = paths.put(unit, {path: value})
-    on = chosen_rig(rig, given, calibration)
-    return prepare(chosen_protocol(protocol, own), muscle=spec, unit=unit, rig=on, **options)
+    on = chosen_rig(rig, changes, calibration)
+    return prepare(chosen_protocol(protocol, of_protocol), muscle=spec, unit=unit, rig=on, **options)
 
 
 def chosen_rig(name: str, changes: Mapping[str, str], calibration: Path | None = None) -> Rig:
@@ -206,17 +206,17 @@ def _run(bench: PreparedRun, advance: Any, button: EmergencyStop, **where: Any) 
 
 def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
     """Print the result of the dry run; the exit code is 2 if it has findings."""
-    found: list[Finding] = list(bench.findings)
+    findings: list[Finding] = list(bench.findings)
     if as_json and dry:
         keys = ("step", "path", "case", "field", "value", "allowed", "sentence")
         print_json(
             {
-                "result": "refused" if found else "ready",
+                "result": "refused" if findings else "ready",
                 "sentence": bench.protocol.sentence(),
                 "duration": bench.plan.duration,
                 "plumbing": bench.layout,
                 "rig": bench.rig.name,
-                "findings": [{k: getattr(f, k) for k in keys} for f in found],
+                "findings": [{k: getattr(f, k) for k in keys} for f in findings],
                 "warnings": [f.sentence for f in bench.accepted],
             }
         )
@@ -225,16 +225,16 @@ def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
         typer.echo(f"\nAt most {bench.plan.duration:.4g} s on the rig {bench.rig.name}, plumbing {bench.layout}.")
     for warning in bench.accepted:
         typer.echo(f"mckibben: accepted: {warning.sentence}", err=True)
-    for finding in found:
+    for finding in findings:
         typer.echo(f"mckibben: {finding.sentence}", err=True)
-    if found:
+    if findings:
         raise typer.Exit(2)
 
 
 def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[str, Any]:
     meta = recording.meta
     keys = ("message", "events", "steps", "saturation", "warnings", "friction", "timing", "seed", "rig", "plumbing")
-    found = {k: meta[k] for k in (*keys, "deadlines", "hardware", "calibration") if k in meta}
+    result = {k: meta[k] for k in (*keys, "deadlines", "hardware", "calibration") if k in meta}
     return {
         "result": meta["result"],
         "file": None if out is None else str(out),
@@ -243,7 +243,7 @@ def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[st
         "balance": {k: meta["balance"].get(k) for k in ("mass", "energy")},
         "accounts": meta["balance"],
         "samples": len(recording),
-        **found,
+        **result,
     }
 
 

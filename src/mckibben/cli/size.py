@@ -58,17 +58,17 @@ def size_muscle(
         raise InputError("--speed", speed, "allowed without --no-lines: a speed takes a valve and a tube")
     warnings = caution(pressure_caution(wish.pressure, text=pressure))
     with told("sizing") as tell:
-        found = size(wish, law=law, muscle=muscle, lines=not no_lines, progress=tell)
+        sizing = size(wish, law=law, muscle=muscle, lines=not no_lines, progress=tell)
     if figure is not None:
-        style.save(design_map(found, law=law), figure, dpi=130.0)
+        style.save(design_map(sizing, law=law), figure, dpi=130.0)
     if as_json:
-        print_json(_as_json(found, top) | {"warnings": warnings})
+        print_json(_as_json(sizing, top) | {"warnings": warnings})
     else:
-        _print(found, top)
+        _print(sizing, top)
         if figure is not None:
             typer.echo(f"\nWritten: {figure}")
-    if not found.reached:
-        typer.echo(f"mckibben: {found.sentence()}", err=True)
+    if not sizing.reached:
+        typer.echo(f"mckibben: {sizing.sentence()}", err=True)
         raise typer.Exit(2)
 
 

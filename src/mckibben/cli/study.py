@@ -48,14 +48,14 @@ def study_tube(
     writable("--figure", figure, ".svg", ".png")
     options: dict[str, Any] = {"seeds": QUICK_SEEDS, "thermals": QUICK_THERMALS} if quick else {}
     with progress("tube study", stages(**options)) as advance:
-        found = tube_study(**options, progress=advance)
-    judged = claims(found)
+        study = tube_study(**options, progress=advance)
+    judged = claims(study)
     if figure is not None:
-        style.save(tube_figure(found), figure, dpi=130.0)
+        style.save(tube_figure(study), figure, dpi=130.0)
     if as_json:
-        print_json(_as_json(found, judged))
+        print_json(_as_json(study, judged))
     else:
-        _print(found, judged)
+        _print(study, judged)
     if any(c.source == "target" and c.verdict in (NOT, PARTLY) for c in judged):
         raise typer.Exit(1)
 
@@ -78,14 +78,14 @@ def study_robot(
     """Fit the air of a jumping robot to some of its jumps, and predict the others."""
     writable("--figure", figure, ".svg", ".png")
     with told("fitting") as tell:
-        found, all_trials = robot_study(trials, predict or [], free=free or (), evaluations=evaluations, progress=tell)
+        result, all_trials = robot_study(trials, predict or [], free=free or (), evaluations=evaluations, progress=tell)
     title = robot_plan().title
     if figure is not None:
-        style.save(circuit_figures.overview(found, all_trials, title=title), figure)
+        style.save(circuit_figures.overview(result, all_trials, title=title), figure)
     if as_json:
-        print_json(circuit_fit_json(found))
+        print_json(circuit_fit_json(result))
     else:
-        show_circuit_fit(found, title)
+        show_circuit_fit(result, title)
 
 
 def study_loops(
@@ -109,14 +109,14 @@ def study_loops(
     """
     writable("--figure", figure, ".svg", ".png")
     with progress("loops", STAGES) as advance:
-        found = loop_study(folder, frictions=friction or SMOOTH, progress=advance)
+        study = loop_study(folder, frictions=friction or SMOOTH, progress=advance)
     if figure is not None:
-        style.save(loops_figure(found), figure)
+        style.save(loops_figure(study), figure)
     if as_json:
-        print_json(loops_json(found))
+        print_json(loops_json(study))
     else:
-        show_loops(found)
-    if found.swapped or not found.width_holds:
+        show_loops(study)
+    if study.swapped or not study.width_holds:
         raise typer.Exit(1)
 
 
@@ -144,12 +144,12 @@ def study_validation(
     """
     writable("--out", out, ".md")
     with progress("validation", validation.stages(only or (), law or ())) as advance:
-        found = validation.validation(data, only=only or (), laws=law or (), progress=advance)
-    written = [] if out is None else [str(path) for path in write_page(found, out)]
+        result = validation.validation(data, only=only or (), laws=law or (), progress=advance)
+    written = [] if out is None else [str(path) for path in write_page(result, out)]
     if as_json:
-        print_json(validation_json(found) | ({"files": written} if written else {}))
+        print_json(validation_json(result) | ({"files": written} if written else {}))
         return
-    show_validation(found)
+    show_validation(result)
     for path in written:
         typer.echo(f"Written: {path}")
 
@@ -347,8 +347,8 @@ def limits(found: LoopStudy) -> list[str]:
     for which, h in zip(HALVES, found.halves, strict=True):
         loose = [n for n, e in h.parameters.items() if not (e.low > 0.0 and e.high < 3.0 * e.low)]
         if loose:
-            told = ", ".join("{} {} ({})".format(n, *_shown(h.parameters[n])) for n in loose)
-            said.append(f"Parameters of {h.model} from the {which} half that the loop hardly fixes: {told}.")
+            names = ", ".join("{} {} ({})".format(n, *_shown(h.parameters[n])) for n in loose)
+            said.append(f"Parameters of {h.model} from the {which} half that the loop hardly fixes: {names}.")
     for s in found.steps:
         if s.late is None:
             continue
@@ -510,13 +510,13 @@ def show_validation(found: Validation) -> None:
         )
     for j in found.jumps:
         typer.echo(f"Jump {j.name} from the others: {from_si(j.rms, 'Pa', 'mbar'):.0f} mbar rms")
-    for what, file in found.absent.items():
-        typer.echo(f"not at hand: {what} ({file})")
+    for name, file in found.absent.items():
+        typer.echo(f"not at hand: {name} ({file})")
 
 
 def _row(f: Fit, largest: float) -> list[str]:
 
     held = share(f.holdout.max_error if f.holdout else None, largest)
     crossed = [share(f.cv_rmse, largest), share(f.cv_max_error, largest), held]
-    told = "" if f.converged else "did not converge"
-    return [f.law, str(len(f.parameters)), f"{f.rmse:.2f} N", share(f.max_error, largest), *crossed, told]
+    state = "" if f.converged else "did not converge"
+    return [f.law, str(len(f.parameters)), f"{f.rmse:.2f} N", share(f.max_error, largest), *crossed, state]

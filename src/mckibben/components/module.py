@@ -63,9 +63,9 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
     def __init_subclass__(cls, **options: Any) -> None:
         """Make it a dataclass and a kind of tree."""
         super().__init_subclass__(**options)
-        own = cls.__dict__.get("__annotations__", {})
-        for name in [n for n, kind in own.items() if "AbstractVar" in str(kind)]:
-            del own[name]
+        annotations = cls.__dict__.get("__annotations__", {})
+        for name in [n for n, kind in annotations.items() if "AbstractVar" in str(kind)]:
+            del annotations[name]
         dataclasses.dataclass(eq=False, repr=False)(cls)
         when_loaded(functools.partial(_register, cls))
 

@@ -102,13 +102,13 @@ def _counting() -> tuple[bool, str]:
 
 def sources(folder: str) -> list[str]:
     """All Python files below a folder, in a fixed order."""
-    found: list[str] = []
+    files: list[str] = []
     for entry in os.scandir(folder):
         if entry.is_dir(follow_symlinks=False):
-            found += sources(entry.path)
+            files += sources(entry.path)
         elif entry.name.endswith(".py"):
-            found.append(entry.path)
-    return sorted(found)
+            files.append(entry.path)
+    return sorted(files)
 
 
 class _Name:
@@ -194,10 +194,10 @@ class _Name:
     def place(self, value: Any) -> None:
         """Add the import path of a type or function, which must lead back to it."""
         home, name = getattr(value, "__module__", None) or "builtins", value.__qualname__
-        found: Any = sys.modules.get(home)
+        value_there: Any = sys.modules.get(home)
         for part in name.split("."):
-            found = getattr(found, part, None)
-        if found is not value and getattr(found, "__wrapped__", None) is not value:
+            value_there = getattr(value_there, part, None)
+        if value_there is not value and getattr(value_there, "__wrapped__", None) is not value:
             raise UnnamedError
         self.word(home, name)
         for one in value.__mro__ if isinstance(value, type) else ():
@@ -219,7 +219,7 @@ class _Name:
 
     def constants(self) -> None:
         """Plain values that now stand in the modules, and in those whose functions and types they use."""
-        todo, seen = sorted(self.modules), set(self.modules)
+        todo, visited = sorted(self.modules), set(self.modules)
         while todo:
             module = sys.modules[todo.pop()]
             for name, value in sorted(vars(module).items()):
@@ -232,10 +232,10 @@ class _Name:
                 if callable(value) and isinstance(home, str) and hasattr(value, "__qualname__"):
                     self.known(home)
                     self.word(name, home, value.__qualname__)  # another function may have been put into its place
-                if not isinstance(home, str) or home in seen or home.partition(".")[0] != OWN:
+                if not isinstance(home, str) or home in visited or home.partition(".")[0] != OWN:
                     continue
                 if home in sys.modules and not hasattr(sys.modules[home], "__path__"):
-                    seen.add(home)
+                    visited.add(home)
                     todo.append(home)
 
 
@@ -264,13 +264,13 @@ def load_program(key: str) -> tuple[Program, Any] | None:
     found = cache.load(f"{key}.program")
     if found is None:
         return None
-    data, about = found
+    data, about = content
     try:
         given, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in about[part]] for part in ("arguments", "results"))
         tree = _built(about["tree"])
         if len(flatten(tree)[0]) != len(wanted):
             return None
-        return Program.from_parts(data, given, wanted, about["title"]), tree
+        return Program.from_parts(data, arguments, wanted, about["title"]), tree
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
 
@@ -339,12 +339,12 @@ def _own_type(place: str, base: type) -> Any:
     home, _, name = place.partition(":")
     if home.partition(".")[0] != OWN:
         raise KeyError(place)
-    found: Any = sys.modules[home]
+    member: Any = sys.modules[home]
     for part in name.split("."):
-        found = vars(found)[part]
-    if not (isinstance(found, type) and issubclass(found, base)) or (found.__module__, found.__qualname__) != (
+        member = vars(member)[part]
+    if not (isinstance(member, type) and issubclass(member, base)) or (member.__module__, member.__qualname__) != (
         home,
         name,
     ):
         raise TypeError(place)
-    return found
+    return member

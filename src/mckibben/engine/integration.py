@@ -146,8 +146,8 @@ def _plan(rate: float, h: float, method: str) -> _Plan:
 def _run(
     system: System, state: Any, memory: Any, signals: Any, period: float, inner: int, samples: int, stiff: bool
 ) -> Any:
-    given = system, state, memory, signals, np.float64(period), np.int64(inner)  # the number of steps is tried out
-    return call_compiled(march, *given, samples=samples, stiff=stiff)
+    arguments = system, state, memory, signals, np.float64(period), np.int64(inner)  # the number of steps is tried out
+    return call_compiled(march, *arguments, samples=samples, stiff=stiff)
 
 
 def march(
@@ -175,13 +175,13 @@ def march(
 
     def sample(carry: Any, index: Any) -> tuple[Any, Any]:
         now = _inputs(signals, index, 0.0, period)
-        seen = carry[0], carry[1], outputs_of(system, carry[0], carry[1], now)
+        sampled = carry[0], carry[1], outputs_of(system, carry[0], carry[1], now)
 
         def one(i: Any, c: Any) -> Any:
             begin, end = i / inner, (i + 1) / inner
             return step(system, c, lambda share: _within(signals, index, begin, end, share, period), h, stiff)
 
-        return jax.lax.fori_loop(0, inner, one, carry), seen
+        return jax.lax.fori_loop(0, inner, one, carry), sampled
 
     carry, kept = jax.lax.scan(sample, (state, memory, sums), jnp.arange(samples))
     last = _inputs(signals, samples - 1, 1.0, period)
@@ -214,13 +214,13 @@ def compile_march(
     """
     samples = min(len(s.values) for s in signals.values()) - 1
     options: dict[str, Any] = {"period": period, "inner": inner, "samples": samples, "stiff": stiff}
-    given = system, state, memory, dict(signals)
+    arguments = system, state, memory, dict(signals)
     wanted = None if outputs is None else tuple(outputs)
-    split = Split.of(given)
+    split = Split.of(arguments)
     if split is not None:
         return SideBySide(split, functools.partial(_outputs, **options), wanted, engine)
     function = functools.partial(_outputs, **options, outputs=wanted)
-    return compile_function(function, *given, engine=engine, title=type(system).__name__)
+    return compile_function(function, *arguments, engine=engine, title=type(system).__name__)
 
 
 def _outputs(

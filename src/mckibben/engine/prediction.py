@@ -68,7 +68,7 @@ def _made(function: Callable[..., Any], count: int, fixed: Any, engine: str) -> 
         return kernels.run(arrays(values, fixed), 0)[0]
 
     def slopes(values: Any, fixed: Any) -> Any:
-        given = [x[None] for x in arrays(values, fixed)]
-        return np.moveaxis(kernels.jvp([*given, np.eye(count)], 1, (0,))[0], 0, -1)
+        lanes = [x[None] for x in arrays(values, fixed)]
+        return np.moveaxis(kernels.jvp([*lanes, np.eye(count)], 1, (0,))[0], 0, -1)
 
     return predict, slopes

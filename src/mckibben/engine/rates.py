@@ -30,8 +30,8 @@ def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float
     sound = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(bounds)
     if not sound.any():
         return float("inf")
-    seen = float(np.abs(np.linalg.eigvals(matrices[sound])).max()) if matrices.shape[1] else 0.0
-    return max(seen, float(bounds[sound].max()))
+    fastest = float(np.abs(np.linalg.eigvals(matrices[sound])).max()) if matrices.shape[1] else 0.0
+    return max(fastest, float(bounds[sound].max()))
 
 
 @jit

@@ -151,9 +151,9 @@ def sample(
         stiff: use the Rosenbrock method.
     """
     measured, look = observe(plant, carry, row, period=period, latency=latency)
-    own, commands, shown = software.step(carry.software, measured, row, period)
+    software_state, commands, shown = software.step(carry.software, measured, row, period)
     after, newest = act(plant, carry, commands, period=period, inner=inner, latency=latency, stiff=stiff)
-    return after._replace(software=own), SampleResult(
+    return after._replace(software=software_state), SampleResult(
         look.outputs, measured, newest, shown, look.rate_bound, look.sound
     )
 
@@ -211,13 +211,13 @@ def advance(
         inner_now = inner * steps.split
         now = np.float64(period), np.int64(inner_now), np.float64(latency)
         # every operation as it is written, so that samples that come one by one are these, bit for bit
-        after, seen = call_compiled(march, plant, software, carry, rows, *now, mode="strict", stiff=steps.stiff)
-        seen = jax.tree.map(np.asarray, seen)
-        h, fastest = period / inner_now, float(np.max(seen.rate_bound))
+        after, results = call_compiled(march, plant, software, carry, rows, *now, mode="strict", stiff=steps.stiff)
+        results = jax.tree.map(np.asarray, results)
+        h, fastest = period / inner_now, float(np.max(results.rate_bound))
         if steps.short(fastest, period / inner):
-            if not bool(seen.sound.all()):
+            if not bool(results.sound.all()):
                 raise ConvergenceError(f"A state is not finite, or not possible, with steps of {h:.3g} s.")
-            return after, seen, inner_now
+            return after, results, inner_now
         shorter = steps.shorter(fastest, period / inner)
         if shorter is None:
             raise ConvergenceError(f"A mode of the system is too fast ({fastest:.3g} 1/s) for steps of {h:.3g} s.")

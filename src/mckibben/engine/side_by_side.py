@@ -43,10 +43,10 @@ class Split(NamedTuple):
         if not outputs or any(s != structures[0] for s in structures[1:]):
             return None
         number = {var: k for k, var in enumerate(traced.invars)}
-        found = [number.get(var, -1) for var in traced.outvars]  # what is computed, and not taken, has no place
-        if -1 in found:
+        numbers = [number.get(var, -1) for var in traced.outvars]  # what is computed, and not taken, has no place
+        if -1 in numbers:
             return None
-        places = np.array(found).reshape(len(outputs), -1).T
+        places = np.array(numbers).reshape(len(outputs), -1).T
         leaves = jax.tree.leaves(whole)
         return cls(jax.tree.unflatten(structures[0], [leaves[k] for k in places[:, 0]]), places, outputs)
 
@@ -85,8 +85,8 @@ class SideBySide:
         self.split, self.wanted = split, wanted
         self._place: dict[str, tuple[int, str]] = {}
         for part, names in enumerate(split.outputs):
-            for own, whole in names.items():
-                self._place.setdefault(whole, (part, own))
+            for inner, whole in names.items():
+                self._place.setdefault(whole, (part, inner))
         own_names = None if wanted is None else tuple(dict.fromkeys(self._part_of(name)[1] for name in wanted))
         bound = functools.partial(function, outputs=own_names)
         self.run: EngineFunction = compile_function(bound, *split.example, engine=engine, title="part")
@@ -114,18 +114,21 @@ class SideBySide:
         else:
             chosen = {}
             for part, names in enumerate(self.split.outputs):
-                for own in results:
-                    prefix = _prefix(own, names)
-                    chosen.setdefault(own if prefix is None else names[prefix] + own[len(prefix) :], (part, own))
-        return {name: results[own][:, part] for name, (part, own) in chosen.items()}
+                for inner in results:
+                    prefix = _prefix(inner, names)
+                    chosen.setdefault(
+                        inner if prefix is None else names[prefix] + inner[len(prefix) :],
+                        (part, inner),
+                    )
+        return {name: results[inner][:, part] for name, (part, inner) in chosen.items()}
 
     def _part_of(self, name: str) -> tuple[int, str]:
         """The part that an output of the whole belongs to, and its name there."""
         prefix = _prefix(name, self._place)
         if prefix is None:
             return 0, name
-        part, own = self._place[prefix]
-        return part, own + name[len(prefix) :]
+        part, inner = self._place[prefix]
+        return part, inner + name[len(prefix) :]
 
 
 def _prefix(name: str, known: Container[str]) -> str | None:

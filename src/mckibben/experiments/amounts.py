@@ -53,18 +53,18 @@ def read_amount(
         raise InputError(field, shown(raw), "must be a number with its unit in words", where=where)
     match = _RELATIVE.fullmatch(str(raw))
     if match and RELATIVE[match[2]] == unit:
-        found = Amount(float(match[1]), match[2])
+        amount = Amount(float(match[1]), match[2])
     elif match:
         raise InputError(field, raw, f"must be a value in {unit} or a unit of the same dimension", where=where)
     else:
-        found = Amount(parse(str(raw), unit, field=field, where=where), unit)
-    if not math.isfinite(found.value):
+        amount = Amount(parse(str(raw), unit, field=field, where=where), unit)
+    if not math.isfinite(amount.value):
         raise InputError(field, raw, "must be a finite number", where=where)
     low, high = bounds or (float("-inf"), float("inf"))
-    if not low <= found.value <= high:
+    if not low <= amount.value <= high:
         allowed = Quantity(unit, (low, high), "", "", (low, high)).allowed()
         raise InputError(field, raw, f"must be {allowed}", where=where)
-    return found
+    return amount
 
 
 def relative_unit(entry: Any, unit: str) -> tuple[Any, str]:
@@ -102,8 +102,8 @@ def in_si(entry: Any, unit: str) -> Any:
     """A waveform's table with every value of the dimension of `unit` in it; those in rest lengths stay."""
 
     def write(text: str) -> str:
-        own = not _is_relative(text, unit) and has_dimension(text, unit)
-        return f"{parse(text, unit, field=''):.12g} {unit}" if own else text
+        has_unit = not _is_relative(text, unit) and has_dimension(text, unit)
+        return f"{parse(text, unit, field=''):.12g} {unit}" if has_unit else text
 
     return _rewritten(entry, write)
 
@@ -115,8 +115,8 @@ def table_words(entry: Any, unit: str) -> str:
         return ", ".join([str(entry["kind"]), *named] if "kind" in entry else named)
     if isinstance(entry, list | tuple):
         return f"({'; '.join(table_words(value, unit) for value in entry)})"
-    own = isinstance(entry, str) and not _is_relative(entry, unit) and has_dimension(entry, unit)
-    return words(parse(entry, unit, field=""), unit) if own else str(entry)
+    has_unit = isinstance(entry, str) and not _is_relative(entry, unit) and has_dimension(entry, unit)
+    return words(parse(entry, unit, field=""), unit) if has_unit else str(entry)
 
 
 def _texts(entry: Any) -> list[str]:

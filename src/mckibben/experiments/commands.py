@@ -154,12 +154,15 @@ class Follow(Command):
         if has_both(raw, unit):
             usual = read_waveform(in_metres(raw, unit, USUAL_REST_LENGTH), unit, field=place.field, where=where)
             return cls(usual, unit, frozen(in_si(raw, unit)), place.field)
-        freed, own = relative_unit(raw, unit)
+        freed, wave_unit = relative_unit(raw, unit)
         try:
-            return cls(read_waveform(freed, unit if own == unit else "1", field=place.field, where=where), own)
+            return cls(
+                read_waveform(freed, unit if wave_unit == unit else "1", field=place.field, where=where),
+                wave_unit,
+            )
         except InputError as error:
-            if own != unit and "pure number" in error.allowed:
-                demand = f"must be a value in {own} or {unit}, or another unit of that dimension"
+            if wave_unit != unit and "pure number" in error.allowed:
+                demand = f"must be a value in {wave_unit} or {unit}, or another unit of that dimension"
                 raise InputError(error.field, error.value, demand, where=where) from None
             raise
 

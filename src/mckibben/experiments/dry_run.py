@@ -143,13 +143,13 @@ def dry_run(
 def check_plan(plan: ProtocolPlan, limits: Limits, muscle_estimate: Estimate | None = None) -> list[Finding]:
     """Check a plan; each violation is reported once per place and case, however often it is repeated."""
     findings = [_finding(None, f) for f in _whole(plan, limits)]
-    seen: dict[str, Finding] = {}
+    reported: dict[str, Finding] = {}
     for step in plan.steps:
-        for found in _step(step, plan, limits, muscle_estimate):
-            one = _finding(step, found, plan.protocol.varied())
+        for violation in _step(step, plan, limits, muscle_estimate):
+            one = _finding(step, violation, plan.protocol.varied())
             # what a step needs does not depend on the case
-            seen.setdefault(f"{step.path} {found.value}" if found.field == "needs" else one.sentence, one)
-    return findings + list(seen.values())
+            reported.setdefault(f"{step.path} {violation.value}" if violation.field == "needs" else one.sentence, one)
+    return findings + list(reported.values())
 
 
 def check(findings: list[Finding], *, where: str | None = None) -> None:
@@ -227,8 +227,8 @@ def check_lengths(protocol: Protocol, limits: Limits, rest_length: float) -> Non
         for value in p.values if p.unit == "m" else ():
             length = read_amount(value, "m", field=p.name).si(rest_length)
             if abs(length) > longest:
-                told = f"a length is at most {words(longest, 'm')}, the longest span of the rig"
-                raise InputError(p.name, f"{value}", told)
+                allowed = f"a length is at most {words(longest, 'm')}, the longest span of the rig"
+                raise InputError(p.name, f"{value}", allowed)
 
 
 def _check_pressure(step: PlannedStep, limits: Limits, dt: float) -> Iterator[Violation]:

@@ -129,11 +129,11 @@ class Protocol:
 
     def required(self) -> tuple[str, ...]:
         """Sensors and parts that a rig must have, sorted: those stated and those that steps use."""
-        found = set(self.needs)
+        needs = set(self.needs)
         for _, steps in self.blocks():
             for _, step in steps:
-                found |= step.needs()
-        return tuple(sorted(found))
+                needs |= step.needs()
+        return tuple(sorted(needs))
 
     @property
     def digest(self) -> str:

@@ -69,8 +69,8 @@ def build_protocol(document: Mapping[str, Any], *, where: str) -> Protocol:
         top.schema(SCHEMA)
     if "protocol" in document:
         base = shipped(top.word("protocol"), where=where)
-        given = {k: v for k, v in document.items() if k not in ("protocol", "schema")}
-        return with_values(base, given, where=where)
+        tables = {k: v for k, v in document.items() if k not in ("protocol", "schema")}
+        return with_values(base, tables, where=where)
     top.only(SECTIONS, "a protocol has")
     name = top.word("name")
     protocol = Protocol(

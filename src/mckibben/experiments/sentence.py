@@ -44,13 +44,13 @@ def protocol_sentence(protocol: Protocol) -> str:
 def clauses(protocol: Protocol) -> list[tuple[str, str]]:
     """Describe every step or group, with its dotted path such as ``steps.2``, in the order in which they are run."""
     cases = protocol.cases()
-    varied, found = _varied(cases), []
+    varied, sentences = _varied(cases), []
     for section, case in (("first", cases[0]), ("steps", _told(protocol, cases[0])), ("last", cases[-1])):
         for i, part in enumerate(getattr(protocol, section), 1):
             text = _marked((part,), case, varied)
             if text:
-                found.append((f"{section}.{i}", text))
-    return found
+                sentences.append((f"{section}.{i}", text))
+    return sentences
 
 
 def case_words(case: Mapping[str, Any]) -> str:
@@ -72,13 +72,13 @@ def _named(name: str) -> str:
 
 def _varied(cases: list[dict[str, Any]]) -> dict[str, list[Any]]:
     """Names with more than one value in all the cases, with these values."""
-    found: dict[str, list[Any]] = {}
+    names: dict[str, list[Any]] = {}
     for case in cases:
         for name, value in case.items():
-            known = found.setdefault(name, [])
+            known = names.setdefault(name, [])
             if value not in known:
                 known.append(value)
-    return {name: values for name, values in found.items() if len(values) > 1}
+    return {name: values for name, values in names.items() if len(values) > 1}
 
 
 def _listed(protocol: Protocol, name: str) -> str:
@@ -103,12 +103,12 @@ def _option(sets: Mapping[str, Any], option: str) -> str:
 def _told(protocol: Protocol, case: Mapping[str, Any]) -> dict[str, Any]:
     """Case with phrases such as ``this lubricant`` for parameters that are text, for use in sentences."""
     words = {p.name: f"this {_named(p.name)}" for p in protocol.parameters if p.unit == "word" and len(p.values) > 1}
-    told = {**case, **words}
+    phrases = {**case, **words}
     try:
-        _parts(protocol.steps, told, "steps")
+        _parts(protocol.steps, phrases, "steps")
     except InputError:  # it is a word that means something, such as a kind of waveform
         return dict(case)
-    return told
+    return phrases
 
 
 def _parts(parts: tuple[FrozenTable, ...], case: Mapping[str, Any], path: str) -> str:

@@ -54,14 +54,14 @@ class ProtocolStep:
 
     def needs(self) -> set[str]:
         """Required sensors and parts of the rig, by the names of `PARTS`, or ``pressure sensor`` and the like."""
-        found = {need for channel, command in self.commands() for need in command.needs(channel)}
+        needs = {need for channel, command in self.commands() for need in command.needs(channel)}
         if self.mode == "tension":
-            found.add("tension sensor")
+            needs.add("tension sensor")
         if self.ask:
-            found.add("person")
+            needs.add("person")
         if self.until is not None:
-            found.add(f"{'span' if self.until.channel == 'velocity' else self.until.channel} sensor")
-        return found
+            needs.add(f"{'span' if self.until.channel == 'velocity' else self.until.channel} sensor")
+        return needs
 
     def frequency(self) -> float | None:
         """Frequency of the periodic waveform, the motor's first [1/s]."""

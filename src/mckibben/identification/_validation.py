@@ -66,10 +66,10 @@ def cross_validate(
     failed = 0
     for group in members:
         out = index == group
-        found = predict_rest(problem, ~out, near=full)
-        failed += found is None
-        if found is not None:
-            error[out] = found.tension[out] - problem.points.tension[out]
+        solution = predict_rest(problem, ~out, near=full)
+        failed += solution is None
+        if solution is not None:
+            error[out] = solution.tension[out] - problem.points.tension[out]
         if progress:
             progress()
     return CrossValidation(scheme=scheme, groups=len(members), failed=failed, error=error[taut])
@@ -83,8 +83,8 @@ def predict_rest(problem: Problem, train: np.ndarray, *, near: Solution | None =
     if int((train & problem.points.taut).sum()) < len(problem.free):
         return None
     start = [] if near is None else [near.scaled]
-    found = solve(problem, train=train, near=start, search=near is None or not near.converged)
-    return found if found.converged else None
+    solution = solve(problem, train=train, near=start, search=near is None or not near.converged)
+    return solution if solution.converged else None
 
 
 def _binned(values: np.ndarray, bins: int) -> np.ndarray:

@@ -45,8 +45,8 @@ class CircuitProblem:
         for name, many in spread.items():
             signal = many[0].startswith("signals.")
             quantities.append(DELAY if signal else paths.declaration(trials[0].circuit, many[0]))
-            own = 1e-3 if signal else float(paths.get(trials[0].circuit, many[0]))
-            first.append(float(start.get(name, own)))
+            scale = 1e-3 if signal else float(paths.get(trials[0].circuit, many[0]))
+            first.append(float(start.get(name, scale)))
             quantities[-1].check(name, first[-1])
         where = {p: first[i] for i, n in enumerate(spread) for p in spread[n]}
         groups = tuple(spread.values())
@@ -158,11 +158,11 @@ class CircuitProblem:
         scale = max(float(np.sqrt(np.mean(self.residual(self.start) ** 2))), 1e-12)
         if scale > 1e8:
             raise ConvergenceError("The circuit cannot be run with the first guesses; give others.")
-        found = optimize.least_squares(
+        solution = optimize.least_squares(
             told, np.clip(self.start, low + 1e-9, high - 1e-9), jac=lambda x: self.jacobian(x) / scale,
             bounds=(low, high), x_scale="jac", max_nfev=evaluations, xtol=1e-7, ftol=1e-9, gtol=1e-10,
         )  # fmt: skip
-        return found
+        return solution
 
 
 # Half an interval of this share of a parameter says little about it.
@@ -243,25 +243,25 @@ def fit_circuit(
         raise InputError("evaluations", evaluations, "allowed is at least one")
     _check_together([*trials, *predict], free)
     problem = CircuitProblem.of(trials, free, start or {}, step)
-    found = problem.solve(evaluations, progress)
-    values = problem.values(found.x)
-    jacobian = problem.jacobian(found.x)
-    residual = problem.residual(found.x)
-    what = ", ".join(t.name for t in trials)
-    require_influence(jacobian, problem.names, what=what)
+    solution = problem.solve(evaluations, progress)
+    values = problem.values(solution.x)
+    jacobian = problem.jacobian(solution.x)
+    residual = problem.residual(solution.x)
+    names = ", ".join(t.name for t in trials)
+    require_influence(jacobian, problem.names, what=names)
     if evaluations > 1:  # with one it may not move
-        require_progress(problem.start, found.x, jacobian, residual, problem.bounds, what=what)
+        require_progress(problem.start, solution.x, jacobian, residual, problem.bounds, what=names)
     known = uncertainty(jacobian, residual * widening(problem.split(residual)), problem.names)
     estimates, warnings = {}, list(known.warnings)
     for i, name in enumerate(problem.names):
         q = problem.quantities[i]
         spread = known.quantile * known.standard_error[i]
-        ends = np.clip([problem.value(i, found.x[i] + sign * spread) for sign in (-1.0, 1.0)], *q.bounds)
+        ends = np.clip([problem.value(i, solution.x[i] + sign * spread) for sign in (-1.0, 1.0)], *q.bounds)
         estimates[name] = Estimate(values[i], float(ends[0]), float(ends[1]), q.unit)
         if spread > LOOSE:
             warnings.append(f"the data hardly determine {name}")
         for bound, edge in zip(problem.bounds, ("lower", "upper"), strict=True):
-            if abs(found.x[i] - bound[i]) < 1e-6:
+            if abs(solution.x[i] - bound[i]) < 1e-6:
                 warnings.append(f"{name} ended at its {edge} bound")
     changes = {p: estimates[n].value for n in problem.names for p in problem.paths[n]}
     errors: list[ChannelError] = []
@@ -272,9 +272,9 @@ def fit_circuit(
         errors += _errors(trial, predicted[trial.name], fitted=any(trial is t for t in trials))
     return CircuitFit(
         parameters=estimates, paths=problem.paths, errors=tuple(errors), predicted=predicted,
-        correlation=known.correlation, converged=bool(found.status > 0),
-        message=str(found.message).replace("`", "").strip(" ."),
-        evaluations=int(found.nfev), warnings=tuple(warnings),
+        correlation=known.correlation, converged=bool(solution.status > 0),
+        message=str(solution.message).replace("`", "").strip(" ."),
+        evaluations=int(solution.nfev), warnings=tuple(warnings),
     )  # fmt: skip
 
 
@@ -297,15 +297,15 @@ def _check_together(trials: Sequence[Trial], free: Sequence[str]) -> None:
             raise InputError("records", trial.name, "it is there twice; allowed is each record once")
         names.add(trial.name)
         trial.check()
-        found = expand(free, trial)
-        if found != wanted:
-            path = next(p for p in wanted if found[p] != wanted[p])
-            told = f"there it is {', '.join(found[path])}, in {trials[0].name} {', '.join(wanted[path])}"
-            raise InputError("free", path, told, where=trial.name)
+        paths = expand(free, trial)
+        if paths != wanted:
+            path = next(p for p in wanted if paths[p] != wanted[p])
+            difference = f"there it is {', '.join(paths[path])}, in {trials[0].name} {', '.join(wanted[path])}"
+            raise InputError("free", path, difference, where=trial.name)
 
 
 def _errors(trial: Trial, predicted: Mapping[str, np.ndarray], *, fitted: bool) -> list[ChannelError]:
-    found = []
+    errors = []
     for channel, measured in trial.measured.items():
         off = predicted[channel] - measured
         try:
@@ -314,7 +314,7 @@ def _errors(trial: Trial, predicted: Mapping[str, np.ndarray], *, fitted: bool) 
             ).time
         except InputError:
             lead = None
-        found.append(
+        errors.append(
             ChannelError(trial.name, channel, fitted, float(np.sqrt(np.mean(off**2))), float(np.abs(off).max()), lead)
         )
-    return found
+    return errors

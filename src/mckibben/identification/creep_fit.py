@@ -109,38 +109,39 @@ def fit_creep(
     """
     from scipy import optimize
 
-    t, s, p, seen = _checked(time, stroke, pressure, train, name)
+    t, s, p, training = _checked(time, stroke, pressure, train, name)
     if law not in LAWS:
         raise InputError("law", law, f"allowed is {', '.join(LAWS)}", where=name)
     if not np.isfinite(pressure_slope):
         raise InputError("pressure_slope", pressure_slope, "allowed is a finite slope [m/Pa]", where=name)
-    tau = _spread(t, seen, shortest, longest, per_decade, name)
+    tau = _spread(t, training, shortest, longest, per_decade, name)
     drift = pressure_slope * (p - p[0])
     columns = _growth(t, tau)
     if law == "logarithmic":
         columns = columns.sum(axis=1, keepdims=True)
     wanted = s - drift
-    some = wanted[seen]
+    some = wanted[training]
     tail = max(1, len(some) // 4)
     sign = 1.0 if some[-tail:].mean() >= some[:tail].mean() else -1.0
     matrix = np.column_stack([np.ones(len(t)), sign * columns])
-    if seen.sum() < matrix.shape[1] + 2:
+    if training.sum() < matrix.shape[1] + 2:
         allowed = f"{matrix.shape[1]} parameters need {matrix.shape[1] + 2} or more"
-        raise InputError("train", f"{int(seen.sum())} samples", allowed, where=name)
+        raise InputError("train", f"{int(training.sum())} samples", allowed, where=name)
     low = np.array([-np.inf] + [0.0] * columns.shape[1])
-    found = optimize.lsq_linear(matrix[seen], some, bounds=(low, np.inf), method="bvls", tol=1e-12)
-    residual = (matrix @ found.x - wanted)[seen]
+    solution = optimize.lsq_linear(matrix[training], some, bounds=(low, np.inf), method="bvls", tol=1e-12)
+    residual = (matrix @ solution.x - wanted)[training]
     names = ("start", *(f"a_{i}" for i in range(columns.shape[1])))
-    spread = uncertainty(matrix[seen], residual, names)
+    spread = uncertainty(matrix[training], residual, names)
     half = spread.quantile * spread.standard_error * widening([residual])
     start, *steps = (
         Estimate(float(v * g), float(v * g - h), float(v * g + h), "m")
-        for v, g, h in zip(found.x, [1.0] + [sign] * columns.shape[1], half, strict=True)
+        for v, g, h in zip(solution.x, [1.0] + [sign] * columns.shape[1], half, strict=True)
     )
     amplitudes = tuple(steps * len(tau)) if law == "logarithmic" else tuple(steps)
-    zero = ["no creep of this sign is in the data"] if not np.any(found.x[1:] > 0.0) else []
+    zero = ["no creep of this sign is in the data"] if not np.any(solution.x[1:] > 0.0) else []
     return CreepFit(
-        law, amplitudes, start, tau, float(pressure_slope), t, s, seen, matrix @ found.x + drift, (*spread.warnings, *zero)
+        law, amplitudes, start, tau, float(pressure_slope), t, s, training, matrix @ solution.x + drift,
+        (*spread.warnings, *zero),
     )  # fmt: skip
 
 
@@ -176,18 +177,18 @@ def _spread(
 def _checked(
     time: Any, stroke: Any, pressure: Any, train: np.ndarray | None, name: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    found: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {}
     for field, value in {"time": time, "stroke": stroke, "pressure": pressure}.items():
         if field == "pressure" and value is None:
-            value = np.zeros_like(found["time"])
+            value = np.zeros_like(arrays["time"])
         try:
             row = np.asarray(value, float)
         except (TypeError, ValueError):
             raise InputError(field, "no numbers", "allowed is one number per sample", where=name) from None
         if row.ndim != 1 or not np.isfinite(row).all():
             raise InputError(field, "not finite or no row", "allowed is one finite number per sample", where=name)
-        found[field] = row
-    t, s, p = found["time"], found["stroke"], found["pressure"]
+        arrays[field] = row
+    t, s, p = arrays["time"], arrays["stroke"], arrays["pressure"]
     if not len(t) == len(s) == len(p):
         raise InputError(
             "samples", f"{len(t)}, {len(s)}, {len(p)}", "time, stroke and pressure have as many", where=name
@@ -196,7 +197,7 @@ def _checked(
         raise InputError("samples", len(t), f"allowed is {FEWEST} or more", where=name)
     if not (np.diff(t) > 0.0).all():
         raise InputError("time", "does not rise", "allowed is a time that rises from sample to sample", where=name)
-    seen = np.ones(len(t), bool) if train is None else np.asarray(train)
-    if seen.shape != t.shape or seen.dtype != bool:
-        raise InputError("train", f"{seen.dtype} {seen.shape}", f"allowed is bool ({len(t)},)", where=name)
-    return t - t[0], s, p, seen
+    training = np.ones(len(t), bool) if train is None else np.asarray(train)
+    if training.shape != t.shape or training.dtype != bool:
+        raise InputError("train", f"{training.dtype} {training.shape}", f"allowed is bool ({len(t)},)", where=name)
+    return t - t[0], s, p, training

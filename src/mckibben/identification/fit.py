@@ -152,11 +152,11 @@ def fit(
     problem = Problem.of(law, points, known=known, free=free, slack=slack)
     solution = solve(problem)
     tell(f"{law}: fitted")
-    what = f"{problem.points.name} by the law {law}"
-    require_influence(solution.jacobian, problem.free, what=what)
+    title = f"{problem.points.name} by the law {law}"
+    require_influence(solution.jacobian, problem.free, what=title)
     require_progress(
         solution.start, solution.scaled, solution.jacobian, solution.tension - problem.points.tension, problem.bounds,
-        what=what,
+        what=title,
     )  # fmt: skip
     taut = problem.points.taut
     error = (solution.tension - problem.points.tension)[taut]
@@ -204,23 +204,23 @@ def fit_all(
         **options: as for `fit`.
     """
     every = laws is None
-    found = []
+    fits = []
     for name in LAWS if laws is None else laws:
         try:
-            found.append(fit(name, points, known=known, **options))
+            fits.append(fit(name, points, known=known, **options))
         except (InputError, ConvergenceError) as error:
             if not every:
                 raise
             if skipped is not None:
                 skipped[name] = str(error)
-    if not found:
+    if not fits:
         raise InputError(
             "points",
             f"{int(points.taut.sum())} with tension",
             "no law can be fitted to so few points",
             where=points.name,
         )
-    return rank(found)
+    return rank(fits)
 
 
 def rank(fits: Iterable[Fit]) -> list[Fit]:
@@ -299,10 +299,10 @@ def _hold_out(
     trained = int((points.taut & train).sum())
     if trained >= len(law_type(law).fitted) + 2:
         problem = Problem.of(law, points.select(train), known=known, slack=slack)
-        found = solve(problem)
-        if found.converged:
+        solution = solve(problem)
+        if solution.converged:
             built = Problem.of(law, points, known=known, free=problem.free, slack=slack)
-            pull = np.maximum(built.functions()[0](found.scaled), 0.0) - built.points.tension
+            pull = np.maximum(built.functions()[0](solution.scaled), 0.0) - built.points.tension
             error = pull[built.points.taut & (built.points.pressure > train_below)]
     return Holdout(what=f"trained up to {train_below / 1e5:g} bar", trained_on=trained, error=error)
 

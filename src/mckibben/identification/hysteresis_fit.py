@@ -149,44 +149,46 @@ def fit_loop(
 
     if model not in MODELS:
         raise InputError("model", model, f"allowed is {', '.join(MODELS)}")
-    seen = record.chosen(train)
+    training = record.chosen(train)
     free, fixed = _parameters(record, model, law, dict(known or {}), knots)
-    if seen.sum() < len(free) + 3:
-        raise InputError("train", f"{int(seen.sum())} samples", f"{len(free)} parameters need {len(free) + 3} or more")
+    if training.sum() < len(free) + 3:
+        raise InputError(
+            "train", f"{int(training.sum())} samples", f"{len(free)} parameters need {len(free) + 3} or more"
+        )
     names, predict, slopes = tuple(free), *_predictor(record, model, law, fixed, tuple(free.items()), knots)
     low = np.array([_scaled(f, f.low) for f in free.values()])
     high = np.array([_scaled(f, f.high) for f in free.values()])
     scale = max(float(np.ptp(record.stroke)), 1e-9)
 
     def misfit(x: np.ndarray) -> np.ndarray:
-        return np.nan_to_num((predict(x) - record.stroke)[seen] / scale, nan=1e3)
+        return np.nan_to_num((predict(x) - record.stroke)[training] / scale, nan=1e3)
 
     def derivative(x: np.ndarray) -> np.ndarray:
-        return np.nan_to_num(slopes(x)[seen] / scale)
+        return np.nan_to_num(slopes(x)[training] / scale)
 
     def descend(x: np.ndarray) -> Any:
         start = np.clip(x, low + 1e-9, high - 1e-9)
-        found = optimize.least_squares(
+        solution = optimize.least_squares(
             misfit, start, jac=derivative, bounds=(low, high), x_scale="jac", max_nfev=150, ftol=1e-9, xtol=1e-9,
             gtol=1e-9,
         )  # fmt: skip
-        found.start = start
-        return found
+        solution.start = start
+        return solution
 
     # Dahl's contact has no kinks: where many contacts are to be found, it first says where the curve and the friction lie.
     shared = {n: v for n, v in (known or {}).items() if n not in TRAVEL}
     kinked = model == "maxwell_slip"
-    rough = fit_loop(record, model="dahl", law=law, train=seen, known=shared, knots=knots) if kinked else None
+    rough = fit_loop(record, model="dahl", law=law, train=training, known=shared, knots=knots) if kinked else None
     best = min((descend(x) for x in _starts(free, rough)), key=lambda f: f.cost)
     draw = np.random.default_rng(SEED)
     for _ in range(SHAKEN):
         best = min(best, descend(best.x + SHAKE * draw.standard_normal(len(best.x))), key=lambda f: f.cost)
-    what = f"the loop with {model}"
-    require_influence(derivative(best.x), names, what=what)
-    require_progress(best.start, best.x, derivative(best.x), misfit(best.x), (low, high), what=what)
-    error = (predict(best.x) - record.stroke)[seen]
-    spread = uncertainty(slopes(best.x)[seen], error, names)
-    half = spread.quantile * spread.standard_error * widening(_runs(error, seen))
+    title = f"the loop with {model}"
+    require_influence(derivative(best.x), names, what=title)
+    require_progress(best.start, best.x, derivative(best.x), misfit(best.x), (low, high), what=title)
+    error = (predict(best.x) - record.stroke)[training]
+    spread = uncertainty(slopes(best.x)[training], error, names)
+    half = spread.quantile * spread.standard_error * widening(_runs(error, training))
     estimates = {
         n: Estimate(_plain(f, v), _plain(f, v - h), _plain(f, v + h), f.unit)
         for (n, f), v, h in zip(free.items(), best.x, half, strict=True)
@@ -196,7 +198,7 @@ def fit_loop(
     curve = np.cumsum([estimates.pop(n).value for n in names if n.startswith("rise_")]) if law is None else np.zeros(0)
     lost = () if best.status > 0 else (f"did not converge: {best.message}",)
     return LoopFit(
-        model, law is not None, estimates, fixed, curve, record, seen, predict(best.x), best.status > 0,
+        model, law is not None, estimates, fixed, curve, record, training, predict(best.x), best.status > 0,
         (*lost, *spread.warnings, *bound),
     )  # fmt: skip
 
@@ -319,12 +321,12 @@ def _starts(free: Mapping[str, Free], rough: LoopFit | None) -> list[np.ndarray]
     known = {n: e.value for n, e in rough.parameters.items()}
     known |= {f"rise_{i}": float(v) for i, v in enumerate(np.diff(rough.curve, prepend=0.0))}
     base |= {n: _scaled(free[n], max(v, free[n].low)) for n, v in known.items() if n in free}
-    found = []
+    starts = []
     for share, spread in itertools.product((0.05, 0.2), (5.0, 20.0, 80.0)):
         travel = share * max(float(rough.friction().largest_force(0.0)) / known["stiffness"], 1e-5)
         tried = {"shortest": travel, "spread": spread}
-        found.append(np.array([_scaled(f, tried[n]) if n in tried else base[n] for n, f in free.items()]))
-    return found
+        starts.append(np.array([_scaled(f, tried[n]) if n in tried else base[n] for n, f in free.items()]))
+    return starts
 
 
 def _runs(error: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:

@@ -36,8 +36,8 @@ class PathRecord:
                 )
             object.__setattr__(self, field, value)
         if len(self.pressure) != len(self.stroke):
-            told = f"{len(self.pressure)} and {len(self.stroke)}"
-            raise InputError("pressure, stroke", told, "allowed are as many of one as of the other", where=self.name)
+            sizes = f"{len(self.pressure)} and {len(self.stroke)}"
+            raise InputError("pressure, stroke", sizes, "allowed are as many of one as of the other", where=self.name)
         if len(self.pressure) < FEWEST:
             raise InputError("samples", len(self.pressure), f"allowed is {FEWEST} or more", where=self.name)
         if not np.ptp(self.stroke) > 0.0:
@@ -96,11 +96,11 @@ class PathRecord:
 
     def chosen(self, train: np.ndarray | None) -> np.ndarray:
         """A selection of samples as bool (n,); all by default."""
-        seen = np.ones(len(self.pressure), bool) if train is None else np.asarray(train)
-        if seen.shape != self.pressure.shape or seen.dtype != bool:
+        selection = np.ones(len(self.pressure), bool) if train is None else np.asarray(train)
+        if selection.shape != self.pressure.shape or selection.dtype != bool:
             allowed = f"allowed is bool ({len(self.pressure)},)"
-            raise InputError("train", f"{seen.dtype} {seen.shape}", allowed, where=self.name)
-        return seen
+            raise InputError("train", f"{selection.dtype} {selection.shape}", allowed, where=self.name)
+        return selection
 
     def split(self, how: str, *, block: int = 10) -> np.ndarray:
         """Samples to fit, bool (n,).

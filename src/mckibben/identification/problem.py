@@ -55,21 +55,21 @@ class Problem:
         """
         kind = law_type(law)
         fields = declared(kind)
-        given = {k: v for k, v in dict(known or {}).items() if k in fields}
+        parameters = {k: v for k, v in dict(known or {}).items() if k in fields}
         if points.diameter is not None and "rest_diameter" in fields:
-            given.setdefault("rest_diameter", points.diameter)
-        free = free or _freed(kind, given, points)
-        if "rest_length" in fields and "rest_length" not in given and "rest_length" not in free:
+            parameters.setdefault("rest_diameter", points.diameter)
+        free = free or _freed(kind, parameters, points)
+        if "rest_length" in fields and "rest_length" not in parameters and "rest_length" not in free:
             if points.rest_length is None:
                 allowed = f"the law {law} needs the rest length, or a column rest_length"
                 raise InputError("rest_length", "not given", allowed, where=points.name, remedy="rest_length")
-            given["rest_length"] = points.rest_length
+            parameters["rest_length"] = points.rest_length
         if "upper_length" in fields:
             # Every measured point has to lie in the working range, each muscle in its own.
             longest = _longest(points)
-            given["upper_length"] = np.maximum(np.asarray(given.get("upper_length", 0.0), float), longest)
+            parameters["upper_length"] = np.maximum(np.asarray(parameters.get("upper_length", 0.0), float), longest)
         for name in required_fields(kind):
-            if name not in given and name not in free:
+            if name not in parameters and name not in free:
                 raise InputError(
                     name,
                     "not known",
@@ -86,7 +86,7 @@ class Problem:
                 where=points.name,
             )
         keep = points.taut | (points.informative_slack & slack)
-        fixed = {k: (np.asarray(v)[keep] if np.ndim(v) else float(v)) for k, v in given.items() if k not in free}
+        fixed = {k: (np.asarray(v)[keep] if np.ndim(v) else float(v)) for k, v in parameters.items() if k not in free}
         counted = replace(points.select(keep), tension=np.maximum(points.tension[keep], 0.0))
         return cls(law=law, free=tuple(free), known=fixed, points=counted)
 
@@ -229,13 +229,13 @@ def solve(
         draws = np.clip(problem.starts(CANDIDATES, seed), low + inside[0], high - inside[1])
         cost = [float(np.sum(descend.misfit(d, unilateral=False) ** 2)) for d in draws]
         queue += list(draws[np.argsort(cost)[:POLISHED]])
-    found = []
+    solutions = []
     for start in queue:
-        found.append(descend(start))
-        found[-1].start = start
-        if _agreeing(found) >= AGREE:
+        solutions.append(descend(start))
+        solutions[-1].start = start
+        if _agreeing(solutions) >= AGREE:
             break
-    best = min(found, key=lambda f: (f.status <= 0, f.cost))
+    best = min(solutions, key=lambda f: (f.status <= 0, f.cost))
     pull = np.maximum(force(best.x), 0.0)
     return Solution(
         start=best.start,
@@ -244,8 +244,8 @@ def solve(
         jacobian=np.where(pull > 0.0, 1.0, 0.0)[:, None] * slopes(best.x),
         converged=bool(best.status > 0 and np.isfinite(best.x).all() and best.cost < 1e6),
         message=str(best.message).strip("` ."),
-        starts=len(found),
-        agreeing=_agreeing(found),
+        starts=len(solutions),
+        agreeing=_agreeing(solutions),
     )
 
 
@@ -274,18 +274,18 @@ class _Descent:
         )
 
     def derivative(self, scaled: np.ndarray, *, unilateral: bool) -> np.ndarray:
-        seen = self.force(scaled) > 0.0
+        pulling = self.force(scaled) > 0.0
         if not unilateral:
-            seen = seen | self.problem.points.taut
+            pulling = pulling | self.problem.points.taut
         return np.nan_to_num(
-            (self.weight * seen)[:, None] * self.slopes(scaled) / self.size, nan=0.0, posinf=0.0, neginf=0.0
+            (self.weight * pulling)[:, None] * self.slopes(scaled) / self.size, nan=0.0, posinf=0.0, neginf=0.0
         )
 
     def __call__(self, start: np.ndarray) -> Any:
         from scipy import optimize
 
         for unilateral in (False, True):
-            found = optimize.least_squares(
+            solution = optimize.least_squares(
                 self.misfit,
                 start,
                 jac=self.derivative,
@@ -297,7 +297,7 @@ class _Descent:
                 gtol=1e-12,
                 kwargs={"unilateral": unilateral},
             )
-            start = found.x
+            start = solution.x
             if np.all(self.force(start)[self.weight > 0] > 0.0):
                 break  # nothing is slack, and the second descent would be the first again
-        return found
+        return solution

@@ -73,8 +73,10 @@ class Trial:
         for name in self.circuit.chambers:
             value = self.initial.get(name, float("nan"))
             if not (np.isfinite(value) and value > 0.0):
-                told = float(value) if name in self.initial else "missing"
-                raise InputError(f"initial.{name}", told, "allowed is an absolute pressure above 0 Pa", where=self.name)
+                stated = float(value) if name in self.initial else "missing"
+                raise InputError(
+                    f"initial.{name}", stated, "allowed is an absolute pressure above 0 Pa", where=self.name
+                )
         driven = [getattr(node, "signal", None) for node in self.circuit.nodes.values()]
         for needed in (*driven, *(command for _, command in self.circuit.ends.values())):
             if needed is not None and needed not in self.signals:
@@ -180,15 +182,15 @@ def matching(pattern: str, circuit: Circuit, signals: Iterable[str]) -> tuple[st
         InputError: if there is none, with the nearest paths; and for paths of different units, which no value serves.
     """
     units = {path: q.unit for path, q in paths.parameters(circuit)} | {f"signals.{name}.delay": "s" for name in signals}
-    found = tuple(path for path in units if fnmatch.fnmatchcase(path, pattern))
-    if not found:
+    matches = tuple(path for path in units if fnmatch.fnmatchcase(path, pattern))
+    if not matches:
         near = difflib.get_close_matches(pattern, units, n=3) or sorted(units)
         raise InputError("free", pattern, f"known are {', '.join(near)}")
-    different = [path for path in found if units[path] != units[found[0]]]
+    different = [path for path in matches if units[path] != units[matches[0]]]
     if different:
-        told = f"one value cannot be {found[0]} [{units[found[0]]}] and {different[0]} [{units[different[0]]}]"
-        raise InputError("free", pattern, told)
-    return found
+        reason = f"one value cannot be {matches[0]} [{units[matches[0]]}] and {different[0]} [{units[different[0]]}]"
+        raise InputError("free", pattern, reason)
+    return matches
 
 
 def expand(patterns: Iterable[str], trial: Trial) -> dict[str, tuple[str, ...]]:
@@ -197,15 +199,15 @@ def expand(patterns: Iterable[str], trial: Trial) -> dict[str, tuple[str, ...]]:
     Raises:
         InputError: for a pattern that matches nothing, and for a path that two patterns match.
     """
-    found: dict[str, tuple[str, ...]] = {}
+    expanded: dict[str, tuple[str, ...]] = {}
     taken: dict[str, str] = {}
     for pattern in patterns:
-        found[pattern] = matching(pattern, trial.circuit, trial.inputs)
-        for path in found[pattern]:
+        expanded[pattern] = matching(pattern, trial.circuit, trial.inputs)
+        for path in expanded[pattern]:
             if path in taken:
                 raise InputError("free", pattern, f"{path} is free already, by {taken[path]}")
             taken[path] = pattern
-    return found
+    return expanded
 
 
 PRESSURES = (".pressure", ".pressure_abs")
@@ -280,10 +282,10 @@ def trial_from_record(
         period=record.period,
         temperature=float(plan.environment.temperature),
         follows={
-            f"{node}.{what}": planned.signal
+            f"{node}.{quantity}": planned.signal
             for node, planned in plan.nodes.items()
-            for what in ("pressure", "length", "stroke")
-            if planned.signal is not None and f"{node}.{what}" in signals
+            for quantity in ("pressure", "length", "stroke")
+            if planned.signal is not None and f"{node}.{quantity}" in signals
         },
     )
 
@@ -292,23 +294,23 @@ def _given(
     plan: CircuitPlan, record: Recording, pressures: Mapping[str, np.ndarray | None], ambient: float, name: str
 ) -> dict[str, np.ndarray]:
     """Signals that the recording holds, in the unit that each signal has."""
-    found: dict[str, np.ndarray] = {}
+    signals: dict[str, np.ndarray] = {}
     for signal, its in plan.signals.items():
         if signal in record:
-            found[signal] = _raw(record, signal, its.unit, name)
+            signals[signal] = _raw(record, signal, its.unit, name)
     for element, (_, command) in plan.circuit.ends.items():
         if command is not None and f"{element}.command" in record:
-            found.setdefault(command, _raw(record, f"{element}.command", plan.signals[command].unit, name))
+            signals.setdefault(command, _raw(record, f"{element}.command", plan.signals[command].unit, name))
     for node, planned in plan.nodes.items():
         values = pressures[node]
         if planned.signal is None:
             continue
         if isinstance(plan.circuit.nodes[node], Reservoir):
             if values is not None:
-                found.setdefault(planned.signal, values - ambient)
+                signals.setdefault(planned.signal, values - ambient)
         elif f"{node}.length" in record:
-            found.setdefault(planned.signal, _raw(record, f"{node}.length", "m", name))
-    return found
+            signals.setdefault(planned.signal, _raw(record, f"{node}.length", "m", name))
+    return signals
 
 
 def _pressure(record: Recording, node: str, ambient: float, name: str) -> np.ndarray | None:

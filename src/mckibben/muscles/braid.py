@@ -84,14 +84,16 @@ def wound(*, rest_length: Any, rest_angle: Any, rest_diameter: Any) -> BraidShap
 
 def braid_of(law: Any) -> BraidShape | None:
     """The braid of a law from its own parameters, as plain numbers; None if the law has no braid."""
-    given = {n: float(v) for n in _SHAPE if (v := getattr(law, n, None)) is not None}
-    if {"thread_length", "turns"} <= given.keys():
-        return BraidShape(given["thread_length"], given["turns"])
-    if {"rest_length", "rest_angle"} <= given.keys() and ("rest_diameter" in given or "rest_radius" in given):
-        angle = given["rest_angle"] + given.get("angle_correction", 0.0)
-        bore = given.get("rest_diameter", 2.0 * given.get("rest_radius", 0.0))
-        found = wound(rest_length=given["rest_length"], rest_angle=angle, rest_diameter=bore)
-        return BraidShape(*(float(x) for x in found))
+    dimensions = {n: float(v) for n in _SHAPE if (v := getattr(law, n, None)) is not None}
+    if {"thread_length", "turns"} <= dimensions.keys():
+        return BraidShape(dimensions["thread_length"], dimensions["turns"])
+    if {"rest_length", "rest_angle"} <= dimensions.keys() and (
+        "rest_diameter" in dimensions or "rest_radius" in dimensions
+    ):
+        angle = dimensions["rest_angle"] + dimensions.get("angle_correction", 0.0)
+        bore = dimensions.get("rest_diameter", 2.0 * dimensions.get("rest_radius", 0.0))
+        shape = wound(rest_length=dimensions["rest_length"], rest_angle=angle, rest_diameter=bore)
+        return BraidShape(*(float(x) for x in shape))
     return None
 
 

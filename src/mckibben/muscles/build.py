@@ -38,11 +38,11 @@ def law_from_specimen(
             "law", name, f"{spec.id} states {', '.join(spec.laws)}; fit {known.title} to it first", where=spec.where
         )
     group = spec.laws[name]
-    given = {
+    parameters = {
         key: p.si(_unit_of(name, key, spec.where), field=f"laws.{name}.{key}", where=spec.where)
         for key, p in group.items()
     }
-    return build_law(name, given | dict(changes or {}), where=spec.where or spec.id)
+    return build_law(name, parameters | dict(changes or {}), where=spec.where or spec.id)
 
 
 def build_law(name: str, parameters: Mapping[str, Any], *, where: str | None = None) -> TensionLaw:
@@ -180,24 +180,26 @@ _FRICTION_UNITS = {
 def _friction(spec: Specimen, name: str) -> Hysteresis:
     if name not in HYSTERESES:
         raise InputError(f"friction.{name}", "unknown", f"known are {', '.join(HYSTERESES)}", where=spec.where)
-    given: dict[str, Any] = {}
+    parameters: dict[str, Any] = {}
     for key, p in spec.friction[name].items():
         if key not in _FRICTION_UNITS:
             raise InputError(
                 f"friction.{name}.{key}", "unknown", f"known are {', '.join(_FRICTION_UNITS)}", where=spec.where
             )
-        given[key] = p.si(_FRICTION_UNITS[key], field=f"friction.{name}.{key}", where=spec.where)
-    limit = FrictionLimit(constant=given.pop("constant", 0.0), per_pressure=given.pop("per_pressure", 0.0))
+        parameters[key] = p.si(_FRICTION_UNITS[key], field=f"friction.{name}.{key}", where=spec.where)
+    limit = FrictionLimit(constant=parameters.pop("constant", 0.0), per_pressure=parameters.pop("per_pressure", 0.0))
     for key in ("elements", "exponent"):
-        if key in given:
-            given[key] = int(given[key])
+        if key in parameters:
+            parameters[key] = int(parameters[key])
     # Elements of equal force with spread travels are how a source states Maxwell-slip; single stiffnesses are measured.
-    spread = name == "maxwell_slip" and "stiffness" not in given
+    spread = name == "maxwell_slip" and "stiffness" not in parameters
     make: Any = MaxwellSlip.geometric if spread else HYSTERESES[name]
     try:
-        built: Hysteresis = make(limit=limit, **given)
+        built: Hysteresis = make(limit=limit, **parameters)
     except TypeError as error:
-        raise InputError(f"friction.{name}", ", ".join(given), str(error).split(") ")[-1], where=spec.where) from None
+        raise InputError(
+            f"friction.{name}", ", ".join(parameters), str(error).split(") ")[-1], where=spec.where
+        ) from None
     return built
 
 
@@ -205,10 +207,10 @@ def _biological(spec: Specimen, name: str, changes: dict[str, Any]) -> Biologica
     if name not in spec.laws:
         raise InputError("law", name, f"{spec.id} states {', '.join(spec.laws)}", where=spec.where)
     known = declared(BiologicalMuscle)
-    given: dict[str, Any] = {}
+    parameters: dict[str, Any] = {}
     for key, p in spec.laws[name].items():
         if key not in known:
             raise InputError(f"laws.{name}.{key}", "unknown", f"known are {', '.join(known)}", where=spec.where)
-        given[key] = p.si(known[key].unit, field=f"laws.{name}.{key}", where=spec.where)
-        known[key].check(f"{name}.{key}", given[key], where=spec.where)
-    return BiologicalMuscle(**(given | changes))
+        parameters[key] = p.si(known[key].unit, field=f"laws.{name}.{key}", where=spec.where)
+        known[key].check(f"{name}.{key}", parameters[key], where=spec.where)
+    return BiologicalMuscle(**(parameters | changes))

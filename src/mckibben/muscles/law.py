@@ -186,9 +186,11 @@ class TensionLaw(Module):
         met = np.flatnonzero(np.abs(given) <= 1e-9 * max(tension, 1.0))
         if met.size and np.all(given[: met[0]] < 0.0):
             return float(grid[met[0]])  # on a grid point, to the rounding in which two compilations differ
-        crossings = np.flatnonzero((given[:-1] < 0.0) & (given[1:] >= 0.0) | (given[:-1] > 0.0) & (given[1:] <= 0.0))
+        crossings = np.flatnonzero(
+            (excess_at[:-1] < 0.0) & (excess_at[1:] >= 0.0) | (excess_at[:-1] > 0.0) & (excess_at[1:] <= 0.0)
+        )
         if crossings.size == 0:
-            low, high = given.min() + tension, given.max() + tension
+            low, high = excess_at.min() + tension, excess_at.max() + tension
             raise UnreachableError(
                 f"{tension:.4g} N at {with_unit(float(span), 'm')} is not reached between 0 and "
                 f"{with_unit(highest, 'Pa')}: the muscle pulls with {low:.4g} to {high:.4g} N there"

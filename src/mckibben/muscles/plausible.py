@@ -77,9 +77,9 @@ def length_caution(length: float, longest: float, *, text: str | None = None, na
 def _likely(text: str | None, si_unit: str, units: Iterable[str], low: float, high: float, usual: float) -> str:
     """A question with the same number in the unit that makes it usual; nothing if there is none, or nothing was typed."""
     number = float("nan" if text is None else leading_number(text) or "nan")
-    found = [
+    candidates = [
         (abs(math.log(si / usual)), unit)
         for unit in units
         if low <= (si := to_si(number, unit, si_unit, field="")) <= high
     ]
-    return f"; was {number:g} {min(found)[1]} meant?" if found else ""
+    return f"; was {number:g} {min(candidates)[1]} meant?" if candidates else ""

@@ -35,8 +35,8 @@ def stored_along(law: TensionLaw, length: np.ndarray, pressure: np.ndarray) -> n
     """
     low, high = float(np.min(length)), float(np.max(length))
     edges = np.linspace(low, high if high > low else low + 1e-9, 4 * PIECES + 1)
-    found = np.interp(length, edges, _elastic(law, edges)) + np.asarray(_of_gas(law, length, pressure))
-    return np.asarray(found - found[0])
+    energy = np.interp(length, edges, _elastic(law, edges)) + np.asarray(_of_gas(law, length, pressure))
+    return np.asarray(energy - energy[0])
 
 
 def _elastic(law: TensionLaw, edges: np.ndarray) -> np.ndarray:

@@ -156,15 +156,15 @@ def valve_from_specimen(
     ELEMENTS.find(chosen, where=where or place)
     stated = _numbers(chosen, values or {}, where or place)
     given = dict(stated)
-    own, wanted = known_keys(own_kind), known_keys(chosen)
+    known, wanted = known_keys(own_kind), known_keys(chosen)
     passages = passages_of(own_kind)
     for key, p in spec.valve.items():
-        if key not in own:
-            raise InputError(f"valve.{key}", "unknown", f"{own_kind} has {', '.join(own)}", where=place)
-        value = p.si(own[key].unit, field=f"valve.{key}", where=place)
+        if key not in known:
+            raise InputError(f"valve.{key}", "unknown", f"{own_kind} has {', '.join(known)}", where=place)
+        value = p.si(known[key].unit, field=f"valve.{key}", where=place)
         if isinstance(value, list):
             raise InputError(f"valve.{key}", str(p.value), "must be one number", where=place)
-        own[key].check(f"valve.{key}", value, where=place)
+        known[key].check(f"valve.{key}", value, where=place)
         target = canonical(key, passages)
         if (
             target in wanted
@@ -222,29 +222,29 @@ def _passage_keys() -> dict[str, Quantity]:
 def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[str, float]:
     """Values in SI by key, in its one name; unknown keys, missing units and values out of bounds are named."""
     known, passages = known_keys(kind), passages_of(kind)
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     for key, value in values.items():
         if key not in known:
             raise InputError(f"{kind}.{key}", "unknown", _unknown(kind, key, known), where=where)
         q, field, target = known[key], f"{kind}.{key}", canonical(key, passages)
-        if target in found:
+        if target in numbers:
             raise InputError(
                 field, str(value), f"{target} is stated already, and {key} is another name of it", where=where
             )
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise InputError(field, type(value).__name__, "must be a number, or words with a unit", where=where)
         words = with_usual_unit(target, value, passages)
-        found[target] = parse(words, q.unit, field=field, where=where)
-        q.check(field, found[target], where=where)
-    return found
+        numbers[target] = parse(words, q.unit, field=field, where=where)
+        q.check(field, numbers[target], where=where)
+    return numbers
 
 
 def _unknown(kind: str, key: str, known: Mapping[str, Quantity]) -> str:
     """Describe the keys that are allowed instead of an unknown one."""
-    own = f"{kind} has {', '.join(known)}"
+    keys = f"{kind} has {', '.join(known)}"
     if kind.endswith("_tube") and canonical(key) in SIZES:
-        return f"a tube is stated by its length and bore; a part that a catalogue states by {key} is an orifice; {own}"
-    return own
+        return f"a tube is stated by its length and bore; a part that a catalogue states by {key} is an orifice; {keys}"
+    return keys
 
 
 def with_usual_unit(key: str, value: str | float, passages: Sequence[str] = ()) -> str:

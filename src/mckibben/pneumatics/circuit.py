@@ -88,8 +88,8 @@ class Circuit(System):
 
     def initial_memory(self, state: Any, inputs: Mapping[str, Any] | None = None) -> Any:
         """Memory for a state at rest, with inputs as the engine gives them; empty if there is none."""
-        seen = self._gas_states(state, inputs or {})
-        kept = {name: self.elements[name].initial_memory(self._at(name, seen)) for name in self.elements}
+        gases = self._gas_states(state, inputs or {})
+        kept = {name: self.elements[name].initial_memory(self._at(name, gases)) for name in self.elements}
         return {name: memory for name, memory in kept.items() if jax.tree.leaves(memory)}
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
@@ -106,16 +106,16 @@ class Circuit(System):
 
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Rates of masses, pressures and the elements' own states."""
-        seen = self._gas_states(state, inputs)
-        inflow, _ = self._inflows(self._streams(state, memory, seen, inputs), seen)
+        gases = self._gas_states(state, inputs)
+        inflow, _ = self._inflows(self._streams(state, memory, gases, inputs), gases)
         masses, pressures = {}, {}
         for name in self.chambers:
             volume = self._volume(name, state["pressure"][name], inputs)
-            rate, _ = self._chamber(name).heat.rates(self.gas, *seen[name], volume, inflow[name])
+            rate, _ = self._chamber(name).heat.rates(self.gas, *gases[name], volume, inflow[name])
             masses[name], pressures[name] = inflow[name].mass, rate
         elements = {
             name: element.rates(
-                self._at(name, seen), state["elements"][name], _kept(memory, name), self._command(name, inputs)
+                self._at(name, gases), state["elements"][name], _kept(memory, name), self._command(name, inputs)
             )
             for name, element in self.elements.items()
         }
@@ -150,12 +150,12 @@ class Circuit(System):
 
     def passing(self, state: Any, memory: Any, inputs: Any) -> Passing:
         """Quantities of a moment for the accounts: gas, volumes, flows and heat."""
-        seen, volumes = self._gas_states(state, inputs), self.volumes(state, inputs)
-        streams = self._streams(state, memory, seen, inputs)
-        inflow, added = self._inflows(streams, seen)
-        rates = {n: self._chamber(n).heat.rates(self.gas, *seen[n], volumes[n], inflow[n]) for n in volumes}
+        gases, volumes = self._gas_states(state, inputs), self.volumes(state, inputs)
+        streams = self._streams(state, memory, gases, inputs)
+        inflow, added = self._inflows(streams, gases)
+        rates = {n: self._chamber(n).heat.rates(self.gas, *gases[n], volumes[n], inflow[n]) for n in volumes}
         pressure_rates, heat = ({n: r[i] for n, r in rates.items()} for i in (0, 1))
-        return Passing(seen, volumes, streams, inflow, added, pressure_rates, heat)
+        return Passing(gases, volumes, streams, inflow, added, pressure_rates, heat)
 
     def volumes(self, state: Any, inputs: Any) -> dict[str, VolumeState]:
         """Volumes of the chambers."""
@@ -173,21 +173,21 @@ class Circuit(System):
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
         """Absolute pressures [Pa], temperatures [K] and masses [kg] of all nodes, mass flows of all elements [kg/s]."""
-        seen = self._gas_states(state, inputs)
-        out = {f"{name}.pressure_abs": s.pressure_abs for name, s in seen.items()}
-        out |= {f"{name}.temperature": s.temperature for name, s in seen.items()}
+        gases = self._gas_states(state, inputs)
+        out = {f"{name}.pressure_abs": s.pressure_abs for name, s in gases.items()}
+        out |= {f"{name}.temperature": s.temperature for name, s in gases.items()}
         out |= {f"{name}.mass": state["mass"][name] for name in self.chambers}
-        for name, flows in self._flows(state, memory, seen, inputs).items():
+        for name, flows in self._flows(state, memory, gases, inputs).items():
             element = self.elements[name]
             for path, flow in zip(element.paths, flows, strict=True):
                 out[f"{path_name(element, name, path)}.mass_flow"] = flow
-            own = state["elements"][name], _kept(memory, name), self._command(name, inputs)
-            out |= {f"{name}.{key}": value for key, value in element.outputs(self._at(name, seen), *own).items()}
+            arguments = state["elements"][name], _kept(memory, name), self._command(name, inputs)
+            out |= {f"{name}.{key}": value for key, value in element.outputs(self._at(name, gases), *arguments).items()}
         return out
 
     def admissible(self, state: Any) -> Any:
         """Whether every volume holds gas at a pressure above vacuum."""
-        held = [state[what][name] > 0.0 for what in ("mass", "pressure") for name in self.chambers]
+        held = [state[quantity][name] > 0.0 for quantity in ("mass", "pressure") for name in self.chambers]
         return jnp.stack(held).all()
 
     def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Any:
@@ -196,17 +196,17 @@ class Circuit(System):
         A network of conductances s over capacities has no mode faster than the sum, over the two ends of some path, of what
         the paths at each end amount to.
         """
-        seen = self._gas_states(state, inputs)
+        gases = self._gas_states(state, inputs)
         per_mass = {}  # dP/dm of each node at its stiffest, adiabatic
         for name in self.chambers:
-            volume = self._volume(name, seen[name].pressure_abs, inputs)
-            stiff = self.gas.heat_ratio * self.gas.gas_constant * seen[name].temperature
+            volume = self._volume(name, gases[name].pressure_abs, inputs)
+            stiff = self.gas.heat_ratio * self.gas.gas_constant * gases[name].temperature
             # a ramp in V(P') only softens a node, and may be left at once
             per_mass[name] = stiff / volume.value
         load: dict[str, Any] = {name: jnp.zeros(()) for name in self.nodes}
         paths = []
         for name, element in self.elements.items():
-            slopes = element.steepest(self._at(name, seen), state["elements"][name], self._command(name, inputs))
+            slopes = element.steepest(self._at(name, gases), state["elements"][name], self._command(name, inputs))
             for (i, j), slope in zip(element.paths, slopes, strict=True):
                 ends = self.ends[name][0][i], self.ends[name][0][j]
                 paths.append(ends)
@@ -225,16 +225,16 @@ class Circuit(System):
         return mass, energy
 
     def _gas_states(self, state: Any, inputs: Any) -> dict[str, GasState]:
-        seen = {}
+        gases = {}
         for name, node in self.nodes.items():
             if isinstance(node, Reservoir):
                 pressure = inputs[node.signal].value if node.signal else node.pressure_abs
-                seen[name] = GasState(pressure, node.temperature)
+                gases[name] = GasState(pressure, node.temperature)
             else:
                 p = state["pressure"][name]
                 volume = self._volume(name, p, inputs)
-                seen[name] = GasState(p, self.gas.temperature(p, volume.value, state["mass"][name]))
-        return seen
+                gases[name] = GasState(p, self.gas.temperature(p, volume.value, state["mass"][name]))
+        return gases
 
     def _chamber(self, name: str) -> Chamber:
         node = self.nodes[name]
@@ -261,14 +261,14 @@ class Circuit(System):
     def inner_volume(self, name: str) -> Scalar:
         """Volume that the elements at a node add to it [m^3]."""
         # By name: a tree that was taken apart and put together has its tables sorted.
-        own = [
+        volumes = [
             inner
             for element, (ends, _) in self.ends.items()
             if name in ends
             for end, inner in zip(ends, self.elements[element].inner_volumes(), strict=True)
             if end == name
         ]
-        return sum(own, start=jnp.zeros(()))
+        return sum(volumes, start=jnp.zeros(()))
 
     def _flows(self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, tuple[Scalar, ...]]:
         return {
@@ -280,16 +280,16 @@ class Circuit(System):
 
     def _streams(self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, ExergyStream]:
         """The gas on every path."""
-        found = {}
+        streams = {}
         for name, flows in self._flows(state, memory, seen, inputs).items():
             element, ends = self.elements[name], self.ends[name][0]
             power: Any = [None] * len(flows)
             if kind_of(element) == "machine":
-                own = state["elements"][name], _kept(memory, name), self._command(name, inputs)
-                power = element.heating(self._at(name, seen), *own)
+                arguments = state["elements"][name], _kept(memory, name), self._command(name, inputs)
+                power = element.heating(self._at(name, seen), *arguments)
             for path, flow, gain in zip(element.paths, flows, power, strict=True):
-                found[path_name(element, name, path)] = ExergyStream(name, (ends[path[0]], ends[path[1]]), flow, gain)
-        return found
+                streams[path_name(element, name, path)] = ExergyStream(name, (ends[path[0]], ends[path[1]]), flow, gain)
+        return streams
 
     def _inflows(
         self, streams: Mapping[str, ExergyStream], seen: dict[str, GasState]

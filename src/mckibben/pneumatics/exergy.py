@@ -153,15 +153,15 @@ def exergies(circuit: Circuit, now: Passing, room: Environment) -> dict[str, Sca
     names = list(now.gas)
     # all logarithms at once, which is faster than one by one
     together = dead.see(*(jnp.stack([jnp.asarray(now.gas[n][i]) for n in names]) for i in (0, 1)))
-    seen = {n: Seen(*(values[i] for values in together)) for i, n in enumerate(names)}
+    states = {n: Seen(*(values[i] for values in together)) for i, n in enumerate(names)}
     out: dict[str, Any] = dict.fromkeys(("mixed", "heat_worth"), 0.0)
     for stream in now.streams.values():
         role = role_of(circuit, stream.element, stream.ends)
-        found = _on_a_path(circuit, stream, seen, dead)
+        rates = _on_a_path(circuit, stream, states, dead)
         line = next((g for g in lines if len(g & set(stream.ends)) == 1), None)
-        if "thrown" in found and line is not None and not role.startswith("leak"):
-            found["idle"] = found["thrown"] * idle_share(circuit, now, line)
-        for key, value in found.items():
+        if "thrown" in rates and line is not None and not role.startswith("leak"):
+            rates["idle"] = rates["thrown"] * idle_share(circuit, now, line)
+        for key, value in rates.items():
             name = key if key in out else f"{key}.{role}"
             out[name] = out.get(name, 0.0) + value
     for name, heat in now.heat.items():
@@ -173,19 +173,19 @@ def _on_a_path(circuit: Circuit, stream: ExergyStream, seen: Mapping[str, Seen],
     """Exergy rates of a path: throttling, mixing at its end, inflow from a reservoir, and discharge [W]."""
     (a, b), flow = stream.ends, stream.flow
     ahead, size = flow >= 0.0, jnp.abs(flow)
-    taken = given = Seen(*(jnp.where(ahead, *both) for both in zip(seen[a], seen[b], strict=True)))
+    taken = delivered = Seen(*(jnp.where(ahead, *both) for both in zip(seen[a], seen[b], strict=True)))
     lost = dead.throttled(flow, seen[a], seen[b])
     if stream.power is not None:
         capacity = size * circuit.gas.cp
         hot = taken.temperature + stream.power / jnp.where(size > 0.0, capacity, jnp.inf)
-        given = dead.see(taken.pressure_abs, hot)
-        lost = lost + dead.temperature * capacity * (given.warmth - taken.warmth)
+        delivered = dead.see(taken.pressure_abs, hot)
+        lost = lost + dead.temperature * capacity * (delivered.warmth - taken.warmth)
     out: dict[str, Any] = {}
     for end, into in ((a, ~ahead), (b, ahead)):
         # what arrives has its own temperature and the pressure of the place
-        arrives = Seen(seen[end].pressure_abs, given.temperature, seen[end].squeeze, given.warmth)
+        arrives = Seen(seen[end].pressure_abs, delivered.temperature, seen[end].squeeze, delivered.warmth)
         if not isinstance(circuit.nodes[end], Reservoir):
-            out["mixed"] = out.get("mixed", 0.0) + jnp.where(into, dead.mixed(size, given, seen[end]), 0.0)
+            out["mixed"] = out.get("mixed", 0.0) + jnp.where(into, dead.mixed(size, delivered, seen[end]), 0.0)
             if ROOM in (a, b):
                 out["thrown"] = jnp.where(into, -size, size) * dead.flowing(arrives)
         elif end != ROOM:
@@ -227,8 +227,8 @@ def lines_of(circuit: Circuit) -> list[frozenset[str]]:
             near[a] |= near[b]
             for n in near[b]:
                 near[n] = near[a]
-    found = {frozenset(group) for group in near.values()}
-    return sorted((g for g in found if any(isinstance(circuit.nodes[n], MovingVolume) for n in g)), key=sorted)
+    lines = {frozenset(group) for group in near.values()}
+    return sorted((g for g in lines if any(isinstance(circuit.nodes[n], MovingVolume) for n in g)), key=sorted)
 
 
 def kind_of(element: FlowElement) -> str:

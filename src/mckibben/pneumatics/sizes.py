@@ -100,13 +100,13 @@ def canonical(key: str, prefixes: Iterable[str] = ()) -> str:
 
 def with_aliases(known: Mapping[str, Quantity], prefixes: Iterable[str] = ()) -> dict[str, Quantity]:
     """Known keys, and behind them what else they may be called."""
-    found = dict(known)
+    keys = dict(known)
     for key, quantity in known.items():
         prefix = _prefix(key, prefixes)
         for alias, name in ALIASES.items():
             if key == prefix + name:
-                found[prefix + alias] = quantity
-    return found
+                keys[prefix + alias] = quantity
+    return keys
 
 
 def has_size(given: Iterable[str], prefix: str = "") -> bool:

@@ -96,13 +96,13 @@ def check_self_contained(path: str | os.PathLike[str]) -> None:
                     raise ValueError(f"{name} lies in another file, {link.filename}")
                 if isinstance(link, h5py.SoftLink):
                     continue  # what it leads to is met, too
-                found = group[name]
-                if isinstance(found, h5py.Dataset) and (found.external or found.is_virtual):
+                item = group[name]
+                if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
                     raise ValueError(f"the numbers of {name} lie in another file")
-                address = h5py.h5o.get_info(found.id).addr
-                if isinstance(found, h5py.Group) and address not in known:
+                address = h5py.h5o.get_info(item.id).addr
+                if isinstance(item, h5py.Group) and address not in known:
                     known.add(address)
-                    groups.append(found)
+                    groups.append(item)
 
 
 def _digest(path: Path, size: int) -> bytes:

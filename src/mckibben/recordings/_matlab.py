@@ -58,8 +58,8 @@ def write_matlab(recording: Recording, path: Path) -> list[str]:
 
 def matlab_names(names: Iterable[str]) -> list[str]:
     """Names of channels as MATLAB allows them, none taken twice."""
-    own = ["time", "units", KEY]
-    return plain_names([*own, *names], _allowed)[len(own) :]
+    reserved = ["time", "units", KEY]
+    return plain_names([*reserved, *names], _allowed)[len(reserved) :]
 
 
 def _allowed(name: str) -> str:

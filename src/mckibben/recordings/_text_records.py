@@ -159,16 +159,16 @@ def _time(column: ColumnSource | None, given: str | None, period: float | None, 
     steps = np.diff(time)
     if not (steps > 0.0).all():
         i = int(np.argmin(steps > 0.0))
-        told = f"{time[i + 1]!s} s after {time[i]!s} s"
+        distance = f"{time[i + 1]!s} s after {time[i]!s} s"
         allowed = "allowed are increasing times, each once"
-        raise InputError(f"{column.label}, row {rows[i + 1][0]}", told, allowed, where=where)
+        raise InputError(f"{column.label}, row {rows[i + 1][0]}", distance, allowed, where=where)
     usual = float(np.median(steps))
     # Stamps are decimals: an interval of three times the median may be a bit longer in binary.
     if steps.max() > LARGEST_GAP * usual * (1.0 + 1e-9) + 4.0 * np.spacing(np.abs(time).max()):
         i = int(steps.argmax())
-        told = f"{steps[i]:.6g} s after the row before, at {time[i + 1]:.6g} s"
+        distance = f"{steps[i]:.6g} s after the row before, at {time[i + 1]:.6g} s"
         allowed = f"a gap; allowed is {LARGEST_GAP:g} times the usual interval, {LARGEST_GAP * usual:.6g} s"
-        raise InputError(f"{column.label}, row {rows[i + 1][0]}", told, allowed, where=where)
+        raise InputError(f"{column.label}, row {rows[i + 1][0]}", distance, allowed, where=where)
     return time
 
 

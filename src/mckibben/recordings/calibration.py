@@ -37,8 +37,8 @@ def moment(value: Moment) -> datetime.datetime:
         InputError: it is none.
     """
     try:
-        found = datetime.datetime.fromisoformat(value) if isinstance(value, str) else value
-        return found.replace(tzinfo=datetime.UTC) if found.tzinfo is None else found.astimezone(datetime.UTC)
+        time = datetime.datetime.fromisoformat(value) if isinstance(value, str) else value
+        return time.replace(tzinfo=datetime.UTC) if time.tzinfo is None else time.astimezone(datetime.UTC)
     except (TypeError, ValueError, AttributeError, OverflowError):
         raise InputError("date", str(value), "must be a date such as 2026-03-31T12:00:00+00:00") from None
 
@@ -252,14 +252,14 @@ def correction_table(one: Correction, *, bare: bool) -> dict[str, Any]:
     out = {"unit": one.unit, "sensor": one.sensor, "correlation": one.correlation} if bare else {}
     out |= schema.write_table(one, units=units, bare=bare, skip=("terms",))
     for name, term in one.terms.items():
-        own = {**units, "term": {"gain": "1", "zero": one.unit, "skew": "s"}[name]}
+        term_units = {**units, "term": {"gain": "1", "zero": one.unit, "skew": "s"}[name]}
         number: dict[str, Any] = {"value": term.value}
         if not math.isnan(term.uncertainty):
             number |= {"uncertainty": term.uncertainty, "degrees": term.degrees}
         if not bare:
-            number = schema.write_table(term, units=own, skip=("origin",))
+            number = schema.write_table(term, units=term_units, skip=("origin",))
         if term.origin is not None:
-            number |= dict(vars(term.origin)) if bare else schema.write_table(term.origin, units=own)
+            number |= dict(vars(term.origin)) if bare else schema.write_table(term.origin, units=term_units)
         out[name] = number
     return out
 

@@ -128,8 +128,8 @@ def _index(
     match = [i for i, cell in enumerate(header) if cell == wanted]
     match = match or [i for i, (stem, _) in enumerate(known) if stem == wanted]
     if len(match) != 1:
-        told = f"the file has {', '.join(header)}" if not match else "two columns have it; give a number from 1"
-        raise InputError(f"columns, {name}", str(wanted), told, where=where)
+        reason = f"the file has {', '.join(header)}" if not match else "two columns have it; give a number from 1"
+        raise InputError(f"columns, {name}", str(wanted), reason, where=where)
     return match[0]
 
 

@@ -210,20 +210,20 @@ def _table(path: Path, where: str) -> tuple[list[str], Rows]:
 
 
 def _choose(header: list[str], columns: dict[str, str], where: str) -> dict[str, str]:
-    for what, column in columns.items():
-        if what not in COLUMNS:
-            raise InputError("column", what, f"known are {', '.join(COLUMNS)}", where=where)
+    for quantity, column in columns.items():
+        if quantity not in COLUMNS:
+            raise InputError("column", quantity, f"known are {', '.join(COLUMNS)}", where=where)
         if column not in (*header, LEFT_OUT):
             raise InputError("column", column, f"the file has {', '.join(header)}", where=where)
-    for what, match in recognise_columns(header).items():
-        if len(match) > 1 and what not in columns:
-            allowed = f"several columns may be the {what}; say which one is"
-            raise InputError(what, ", ".join(match), allowed, where=where, remedy=f"column {what}")
-        columns.setdefault(what, match[0])
-    columns = {what: column for what, column in columns.items() if column != LEFT_OUT}
-    for what in ("pressure", "tension"):
-        if what not in columns:
-            raise _no_column(what, header, where)
+    for quantity, match in recognise_columns(header).items():
+        if len(match) > 1 and quantity not in columns:
+            allowed = f"several columns may be the {quantity}; say which one is"
+            raise InputError(quantity, ", ".join(match), allowed, where=where, remedy=f"column {quantity}")
+        columns.setdefault(quantity, match[0])
+    columns = {quantity: column for quantity, column in columns.items() if column != LEFT_OUT}
+    for quantity in ("pressure", "tension"):
+        if quantity not in columns:
+            raise _no_column(quantity, header, where)
     if "length" not in columns and "contraction" not in columns:
         raise _no_column("length", header, where)
     if "length" in columns:
@@ -239,21 +239,21 @@ def _no_column(what: str, header: list[str], where: str) -> InputError:
 def recognise_columns(header: list[str]) -> dict[str, list[str]]:
     """The columns that a header names, by what they hold; more than one where it is not clear which."""
     stems = {column: split_header(column, _UNIT_WORDS)[0] for column in header}
-    found: dict[str, list[str]] = {}
-    for what, names in COLUMNS.items():
+    columns: dict[str, list[str]] = {}
+    for quantity, names in COLUMNS.items():
         matches = ([c for c in header if stems[c] == name] for name in names)
         match = next((m for m in matches if m), None)
         if match:
-            found[what] = match
-    return found
+            columns[quantity] = match
+    return columns
 
 
 def unit_of(column: str, what: str) -> tuple[str | None, bool]:
     """Unit that a header states, if any, and whether a pressure is absolute."""
     _, tail = split_header(column, _UNIT_WORDS)
     absolute = any(w.lower() in _ABSOLUTE for w in tail)
-    found = [w for w in tail if w in _UNIT_WORDS]
-    return (_UNIT_WORDS[found[-1]] if found else "1" if what == "contraction" else None), absolute
+    units = [w for w in tail if w in _UNIT_WORDS]
+    return (_UNIT_WORDS[units[-1]] if units else "1" if what == "contraction" else None), absolute
 
 
 def _unit(column: str, given: str | None, what: str, where: str) -> tuple[str, bool]:
@@ -398,7 +398,7 @@ def preview_table(path: str | Path, rows: int = 60) -> TablePreview:
         InputError: there is no such file, or it is no table at all.
     """
     header, lines = _table(Path(path), str(path))
-    meant = {what: match[0] for what, match in recognise_columns(header).items() if len(match) == 1}
+    meant = {quantity: match[0] for quantity, match in recognise_columns(header).items() if len(match) == 1}
     if "length" in meant:
         meant.pop("contraction", None)
     return TablePreview(header, [row for _, row in lines[:rows]], len(lines), meant)

@@ -130,7 +130,7 @@ def writer_of(path: Path) -> FileFormat:
     Raises:
         InputError: no format has the suffix, or its files are only read.
     """
-    found = format_of(path)
-    if found is None or found.write is None:
+    file_format = format_of(path)
+    if file_format is None or file_format.write is None:
         raise InputError("suffix", path.suffix or str(path), f"known are {', '.join(writable())}", where=str(path))
-    return found
+    return file_format

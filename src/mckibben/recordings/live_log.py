@@ -222,8 +222,8 @@ class LiveLog:
                 for i, name in enumerate(self._names, 1):
                     out[:, i] = values[name]
             else:
-                given = np.asarray(values, float)
-                out[:, 1:] = given[None] if given.ndim == 1 and len(at) == 1 else given.reshape(len(at), -1)
+                array = np.asarray(values, float)
+                out[:, 1:] = array[None] if array.ndim == 1 and len(at) == 1 else array.reshape(len(at), -1)
         except (TypeError, ValueError) as error:
             raise InputError(
                 "values", " ".join(str(error).split()), "allowed is a number per channel and time"

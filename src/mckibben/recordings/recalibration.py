@@ -88,11 +88,11 @@ def saturated(recording: Recording, channel: str) -> np.ndarray:
     The lower end of a range that begins at nothing is none. A sample that was shifted in time counts where one that it is
     interpolated from does.
     """
-    found = indicated(recording, channel)
-    counts = found.counts
-    if counts is None or found.last is None:
+    values = indicated(recording, channel)
+    counts = values.counts
+    if counts is None or values.last is None:
         return np.zeros(len(recording), bool)
-    marked: np.ndarray = (counts >= found.last) | ((counts <= 0.0) & found.low_end)
+    marked: np.ndarray = (counts >= values.last) | ((counts <= 0.0) & values.low_end)
     if channel + INDICATED not in recording:
         return marked
     old = carried(recording)
@@ -227,8 +227,8 @@ def _shifted(time: np.ndarray, values: np.ndarray, skew: float) -> np.ndarray:
     if len(time) < 2:
         return np.full(len(time), np.nan)
     at = time + skew
-    found = np.interp(at, time, values, left=np.nan, right=np.nan)
+    shifted = np.interp(at, time, values, left=np.nan, right=np.nan)
     after = np.clip(np.searchsorted(time, at, side="left"), 1, len(time) - 1)
     period = np.median(np.diff(time))
     gap = (time[after] - time[after - 1] > LONGEST_GAP * period) & (at < time[after])
-    return np.where(gap, np.nan, found)
+    return np.where(gap, np.nan, shifted)

@@ -316,14 +316,14 @@ def check_name(name: object, where: str | None = None) -> None:
 
 def _column(values: Any, what: str) -> np.ndarray:
     try:
-        given = np.asarray(values)
+        array = np.asarray(values)
     except (TypeError, ValueError) as error:
         raise InputError(what, f"no array ({error})", "allowed are real numbers") from None
-    if given.dtype.kind not in "fiub":
-        raise InputError(what, f"of type {given.dtype}", "allowed are real numbers")
-    if given.ndim != 1:
-        raise InputError(what, f"of shape {given.shape}", "allowed is one dimension")
-    column = np.array(given, dtype=np.float64)
+    if array.dtype.kind not in "fiub":
+        raise InputError(what, f"of type {array.dtype}", "allowed are real numbers")
+    if array.ndim != 1:
+        raise InputError(what, f"of shape {array.shape}", "allowed is one dimension")
+    column = np.array(array, dtype=np.float64)
     column.flags.writeable = False
     return column
 

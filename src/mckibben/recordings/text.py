@@ -99,9 +99,9 @@ def _with_points(rows: Rows, where: str) -> Rows:
         points = [n for n, cell in column if commas and _DECIMAL_POINT.fullmatch(cell)]
         if points:
             cells = dict(column)
-            told = f"{cells[points[0]]} in row {points[0]}, {cells[commas[0]]} in row {commas[0]}"
+            examples = f"{cells[points[0]]} in row {points[0]}, {cells[commas[0]]} in row {commas[0]}"
             allowed = "one column has decimal points and decimal commas; allowed is one of the two"
-            raise InputError(f"column {at + 1}", told, allowed, where=where)
+            raise InputError(f"column {at + 1}", examples, allowed, where=where)
         wrong = set(commas)
         for n, row in rows if wrong else ():
             if n in wrong:
@@ -195,13 +195,13 @@ def is_number(cell: str) -> bool:
 
 def plain_names(names: Iterable[str], plain: Callable[[str], str], longest: int = 63) -> list[str]:
     """Names as another format allows them, each once; `plain` maps a name to letters that it allows."""
-    found: list[str] = []
+    allowed_names: list[str] = []
     for name in names:
         stem = plain(name)[: longest - 4].rstrip("_")
         stem = stem if re.match(r"[a-z]", stem, re.I) else f"x{stem}"
         taken, count = stem, 1
-        while taken in found:
+        while taken in allowed_names:
             count += 1
             taken = f"{stem}_{count}"
-        found.append(taken)
-    return found
+        allowed_names.append(taken)
+    return allowed_names

@@ -41,12 +41,12 @@ class Document:
         texts = [self.lead, *(t for b in blocks for t in texts_of(b))]
         wanted = {p.to for t in texts for p in pieces(t) if isinstance(p, Link)}
         cited = {k for t in texts for p in pieces(t) if isinstance(p, Cite) for k in p.keys}
-        for what, wrong in (
+        for text, wrong in (
             ("more than once", {a for a in anchors if anchors.count(a) > 1} | {k for k in keys if keys.count(k) > 1}),
             ("nowhere", (wanted - set(anchors)) | (cited - set(keys))),
         ):
             if wrong:
-                raise ValueError(f"{', '.join(sorted(wrong))}: {what} in the document")
+                raise ValueError(f"{', '.join(sorted(wrong))}: {text} in the document")
         object.__setattr__(self, "references", keys)
 
     def anchors(self) -> list[str]:

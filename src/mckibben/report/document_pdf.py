@@ -240,8 +240,8 @@ class _Writer:
             (plain(c.text), c.hint) for r in block.rows for c in r.cells if isinstance(c, TableCell) and c.hint
         )
         if hints:
-            told = "; ".join(f"{text}: {hint}" for text, hint in hints)
-            yield f"#quiet({self.text(told + '.')})"
+            legend = "; ".join(f"{text}: {hint}" for text, hint in hints)
+            yield f"#quiet({self.text(legend + '.')})"
 
     def _head(self, table: ReportTable) -> Iterator[str]:
         yield "table.header("

@@ -107,14 +107,14 @@ def fit_report(studies: Iterable[Study]) -> str:
 
 def fit_document(studies: Iterable[Study]) -> Document:
     """The report of one or more studies; arguments as for `write_fit_report`."""
-    found = list(studies)
-    these = "this muscle" if len(found) == 1 else "these muscles"
+    shown = list(studies)
+    these = "this muscle" if len(shown) == 1 else "these muscles"
     lead = f"Which law describes {these}, how well it predicts what it was not shown, and what its parameters are."
     versions_said = f"{versions_text()}. Fits are deterministic: the same table and versions give this file again."
     sections = (
-        *(Section(study.title, tuple(_study(study, f"s{i}")), f"s{i}") for i, study in enumerate(found, 1)),
+        *(Section(study.title, tuple(_study(study, f"s{i}")), f"s{i}") for i, study in enumerate(shown, 1)),
         Section("How to read this", (KeyValues(READING),), "reading"),
-        Section("Papers this rests on", (References(tuple(_cited(found))),), "papers"),
+        Section("Papers this rests on", (References(tuple(_cited(shown))),), "papers"),
         Section("Versions", (Paragraph(versions_said),), "versions"),
     )
     return Document("Tension laws fitted to measured force", sections, lead)
@@ -239,8 +239,8 @@ def _table(study: Study, mark: str) -> list[Block]:
     rows = tuple(_ranking_rows(study, mark, schemes, bool(held_out)))
     blocks: list[Block] = [Paragraph(note, "quiet"), ReportTable(tuple(columns), rows, head=1)]
     if study.skipped:
-        told = "; ".join(f"{_title(name)} ({reason})" for name, reason in study.skipped.items())
-        blocks.append(Paragraph(f"Passed over: {told}.", "quiet"))
+        reasons = "; ".join(f"{_title(name)} ({reason})" for name, reason in study.skipped.items())
+        blocks.append(Paragraph(f"Passed over: {reasons}.", "quiet"))
     return blocks
 
 
@@ -347,12 +347,12 @@ def _curves(fit: Fit, study: Study) -> Figure:
 
 
 def _more_pictures(fit: Fit) -> list[Figure]:
-    title, found = law_title(fit), []
+    title, figures = law_title(fit), []
     matrix = fit_figures.correlation(fit)
     if matrix is not None:
         words = "Near +1 or −1 the data fix a combination of the two parameters, not each of them."
-        found.append(Figure(matrix, words, f"Correlation of the estimates of {title}.", wide=False))
-    found.append(
+        figures.append(Figure(matrix, words, f"Correlation of the estimates of {title}.", wide=False))
+    figures.append(
         Figure(
             fit_figures.residuals(fit),
             "Errors of the fit, and of points predicted by fits that were not shown their pressure or length. "
@@ -363,7 +363,7 @@ def _more_pictures(fit: Fit) -> list[Figure]:
     )
     beyond = fit_figures.hold_out(fit)
     if beyond is not None:
-        found.append(
+        figures.append(
             Figure(
                 beyond,
                 "A separate fit saw the shaded pressures only. Filled triangles are measured, open ones predicted; "
@@ -371,7 +371,7 @@ def _more_pictures(fit: Fit) -> list[Figure]:
                 f"{title} trained at low pressure and asked above.",
             )
         )
-    return found
+    return figures
 
 
 def _parameter(name: str, fit: Fit) -> TableRow:
@@ -426,38 +426,40 @@ def _held(fit: Fit) -> str:
 
 def cautions_of(fit: Fit, size: float) -> list[str]:
     """Cautions about a fit, in sentences; `size` is the largest tension [N], to which shares refer."""
-    found = []
+    sentences = []
     if not fit.converged:
-        found.append(
+        sentences.append(
             f"The fit did not converge ({fit.message}). Its numbers are not to be used, and it is ranked last."
         )
-    told = [w for w in fit.warnings if not w.startswith("did not converge")]
-    found += [_sentence(w) for w in told]
+    warnings = [w for w in fit.warnings if not w.startswith("did not converge")]
+    sentences += [_sentence(w) for w in warnings]
     if fit.degenerate:
         rest, verb = len(fit.parameters) - len(fit.degenerate), "describes" if len(fit.degenerate) == 1 else "describe"
-        found.append(
+        sentences.append(
             f"{listed(fit.degenerate)} {verb} nothing here, so the criterion counts {rest} of {len(fit.parameters)} "
             "parameters. A simpler law may say the same."
         )
-    if any("apart" in w for w in told):
-        found.append(
+    if any("apart" in w for w in warnings):
+        sentences.append(
             "Where two parameters cannot be told apart, trust what the law predicts near the data, not these values."
         )
     for scheme, cross in fit.cross.items():
         if cross.failed:
-            found.append(
+            sentences.append(
                 f"With one {SCHEMES.get(scheme, scheme)} left out, {cross.failed} of {cross.groups} fits had too few points "
                 "or did not converge; no error is stated for that column."
             )
     if fit.holdout and not fit.holdout.max_error < 0.2 * size:
         bounded = fit.holdout.max_error < DIVERGES * size
         how = f"by up to {_percent(fit.holdout.max_error, size)}" if bounded else "without bound"
-        what = _sentence(fit.holdout.what)[:-1]
-        found.append(f"{what}, it misses what lies above {how}. Do not use it beyond the pressures measured.")
+        description = _sentence(fit.holdout.what)[:-1]
+        sentences.append(
+            f"{description}, it misses what lies above {how}. Do not use it beyond the pressures measured."
+        )
     across = [n for n, e in fit.parameters.items() if math.isfinite(e.high - e.low) and e.low < 0.0 < e.high]
     if across:
-        found.append(f"The interval of {listed(across)} includes zero.")
-    return found
+        sentences.append(f"The interval of {listed(across)} includes zero.")
+    return sentences
 
 
 # ---- words

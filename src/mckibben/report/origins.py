@@ -57,21 +57,21 @@ def known_specimen(meta: Mapping[str, Any]) -> Specimen | None:
 
 def parameters(meta: Mapping[str, Any]) -> list[ResolvedParameters]:
     """All resolved parameters of a recording, in order; the gas of a circuit appears once, not at each of its parts."""
-    spec, found = known_specimen(meta), []
+    spec, resolved = known_specimen(meta), []
     for path, entry in mapping(meta.get("parameters")).items():
         if _repeated(str(path), entry, mapping(meta.get("parameters"))):
             continue
         value, unit = (mapping(entry).get(k) for k in ("value", "unit"))
         names = [*_names(str(path), meta)]
         why, inferred = _origin(names, value, str(unit), meta, spec)
-        found.append(ResolvedParameters(str(path), _value(value, str(unit)), why, inferred))
-    return found
+        resolved.append(ResolvedParameters(str(path), _value(value, str(unit)), why, inferred))
+    return resolved
 
 
 def inferred_inputs(meta: Mapping[str, Any]) -> list[InferredInput]:
     """Inferred values of the files of rig and specimen, as far as this run used them."""
     spec, rig = known_specimen(meta), mapping(meta.get("rig_document"))
-    listed, found = meta.get("inferred"), []
+    listed, inputs = meta.get("inferred"), []
     layout, used = str(meta.get("plumbing", "")), {"laws": _laws(meta, spec), "friction": _frictions(spec)}
     for name in (str(n) for n in (listed if isinstance(listed, list) else [])):
         room, _, rest = name.partition(".")
@@ -79,18 +79,18 @@ def inferred_inputs(meta: Mapping[str, Any]) -> list[InferredInput]:
             continue
         if room in used and used[room] and rest.partition(".")[0] not in used[room]:
             continue
-        given, printed = _walk(rig, name), _stated(spec, name)
-        if given is None and printed is not None:
+        stated, printed = _walk(rig, name), _stated(spec, name)
+        if stated is None and printed is not None:
             note = printed.note
             if printed.range is not None:
                 ends = " to ".join(significant(v) for v in printed.range)
                 note = "; ".join(filter(None, (note, f"plausible {tied(ends, printed.unit)}")))
-            found.append(InferredInput(name, f"specimen {meta.get('specimen')}", _printed(printed), note))
-        elif given is not None:
-            found.append(InferredInput(name, f"rig {meta.get('rig')}", "; ".join(_lines(given)), ""))
+            inputs.append(InferredInput(name, f"specimen {meta.get('specimen')}", _printed(printed), note))
+        elif stated is not None:
+            inputs.append(InferredInput(name, f"rig {meta.get('rig')}", "; ".join(_lines(stated)), ""))
         else:
-            found.append(InferredInput(name, "", "", ""))
-    return found
+            inputs.append(InferredInput(name, "", "", ""))
+    return inputs
 
 
 def _repeated(path: str, entry: Any, all_of_them: Mapping[str, Any]) -> bool:
@@ -159,8 +159,8 @@ def _differs(printed: SpecimenNumber, value: Any, unit: str) -> bool:
 
 
 def _laws(meta: Mapping[str, Any], spec: Specimen | None) -> list[str]:
-    told = mapping(mapping(meta.get("energy")).get("laws")).values()
-    return [str(law) for law in told] or ([spec.law] if spec else [])
+    stated = mapping(mapping(meta.get("energy")).get("laws")).values()
+    return [str(law) for law in stated] or ([spec.law] if spec else [])
 
 
 def _frictions(spec: Specimen | None) -> list[str]:

@@ -51,8 +51,8 @@ def later(module: str, function: str, *arguments: str) -> Callable[[], Figure]:
     """A drawing function of `report.figures.paper`, loaded when it is called, for drawing takes a second to load."""
 
     def draw() -> Figure:
-        found: Figure = getattr(importlib.import_module(f"{__package__}.figures.paper.{module}"), function)(*arguments)
-        return found
+        figure: Figure = getattr(importlib.import_module(f"{__package__}.figures.paper.{module}"), function)(*arguments)
+        return figure
 
     return draw
 
@@ -344,7 +344,7 @@ def _shortening() -> tuple[PaperFigure, ...]:
         "fall_half",
     )
     cases = ("10N_1Hz", "50N_5Hz")
-    isotonic = [f"{what}_{case}" for case in cases for what in ("work", "mean_power", "peak_power")]
+    isotonic = [f"{quantity}_{case}" for case in cases for quantity in ("work", "mean_power", "peak_power")]
     return (
         PaperFigure(
             "10",

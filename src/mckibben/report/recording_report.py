@@ -105,19 +105,19 @@ def channels(record: Recording) -> ReportTable:
 
 def saturation(meta: Mapping[str, Any]) -> list[str]:
     """A sentence for each channel that was at an end of its range."""
-    found = []
+    sentences = []
     for name, said in mapping(meta.get("saturation")).items():
-        told = mapping(said)
-        if told.get("sentence"):
-            found.append(f"{name} {told['sentence']}.")
-        elif told:
+        entry = mapping(said)
+        if entry.get("sentence"):
+            sentences.append(f"{name} {entry['sentence']}.")
+        elif entry:
             words = (
-                [f"{significant(100.0 * told['share'], 3)} % of its samples"] if is_number(told.get("share")) else []
+                [f"{significant(100.0 * entry['share'], 3)} % of its samples"] if is_number(entry.get("share")) else []
             )
-            words += [f"first at {significant(told['first'], 6)} s"] if is_number(told.get("first")) else []
-            words += [f"at most {time_words(told['longest'])} on end"] if is_number(told.get("longest")) else []
-            found.append(", ".join([f"{name} was at an end of its range", *words]) + ".")
-    return found
+            words += [f"first at {significant(entry['first'], 6)} s"] if is_number(entry.get("first")) else []
+            words += [f"at most {time_words(entry['longest'])} on end"] if is_number(entry.get("longest")) else []
+            sentences.append(", ".join([f"{name} was at an end of its range", *words]) + ".")
+    return sentences
 
 
 def steps(record: Recording) -> list[Block]:
@@ -148,8 +148,8 @@ def steps(record: Recording) -> list[Block]:
 
 def events(meta: Mapping[str, Any]) -> list[Block]:
     """List the events by time."""
-    found = meta.get("events")
-    told = [mapping(e) for e in found] if isinstance(found, list) else []
+    entries = meta.get("events")
+    told = [mapping(e) for e in entries] if isinstance(entries, list) else []
     rows = [
         TableRow((significant(float(e["time"]), 6), str(e.get("text") or e.get("kind") or "")))
         for e in told
@@ -179,8 +179,8 @@ def balances(meta: Mapping[str, Any]) -> list[Block]:
     ]
     friction = {k: v for k, v in mapping(meta.get("friction")).items() if is_number(v)}
     if friction:
-        told = ", ".join(f"{name} {tied(significant(v), 'J')}" for name, v in friction.items())
-        blocks.append(KeyValues((("Friction of the braid", told),)))
+        energies = ", ".join(f"{name} {tied(significant(v), 'J')}" for name, v in friction.items())
+        blocks.append(KeyValues((("Friction of the braid", energies),)))
     return blocks
 
 
@@ -238,7 +238,7 @@ def calibration(meta: Mapping[str, Any]) -> list[Block]:
     if not meta.get("calibration"):
         return []
     try:
-        found = read_plain(meta["calibration"])
+        corrections = read_plain(meta["calibration"])
     except InputError:  # of a newer version: what it says is shown as it stands
         return [KeyValues(tuple(flat(meta["calibration"])))]
     columns = (
@@ -251,8 +251,8 @@ def calibration(meta: Mapping[str, Any]) -> list[Block]:
         TableColumn("Date"),
         TableColumn("Valid until"),
     )
-    rows = tuple(_terms(found, str(meta.get("created") or found.created)))
-    pairs = (("Rig", found.rig), ("Made", found.created))
+    rows = tuple(_terms(corrections, str(meta.get("created") or corrections.created)))
+    pairs = (("Rig", corrections.rig), ("Made", corrections.created))
     words = "True value = gain × (indicated value − zero), taken later by the skew. Applied to what was measured."
     return [KeyValues(pairs), Paragraph(words, "quiet"), ReportTable(columns, rows)]
 
@@ -283,19 +283,21 @@ def _whence(term: CorrectionTerm, expired: bool) -> tuple[str, str, str | TableC
 
 def deadlines(meta: Mapping[str, Any]) -> list[Block]:
     """Show how a run in real time kept its deadlines."""
-    told = mapping(meta.get("deadlines"))
-    count = told.get("samples")
+    timing = mapping(meta.get("deadlines"))
+    count = timing.get("samples")
     if not (is_number(count) and count):
-        return [KeyValues(tuple(flat(told)))] if told else []
+        return [KeyValues(tuple(flat(timing)))] if timing else []
     pairs = [("Samples", significant(float(count), 9))]
     names = {"late": "Began more than a tenth of a period late", "behind": "Began more than a period late"}
     for key, words in names.items():
-        if is_number(told.get(key)):
-            pairs.append((words, f"{significant(float(told[key]), 9)} ({significant(100.0 * told[key] / count, 3)} %)"))
-    found = told.get("percentiles")
-    if isinstance(found, list) and len(found) == 4 and all(map(is_number, found)):
+        if is_number(timing.get(key)):
+            pairs.append(
+                (words, f"{significant(float(timing[key]), 9)} ({significant(100.0 * timing[key] / count, 3)} %)")
+            )
+    percentiles = timing.get("percentiles")
+    if isinstance(percentiles, list) and len(percentiles) == 4 and all(map(is_number, percentiles)):
         shares = ("half of them", "99 %", "99.9 %", "all")
-        words = "; ".join(f"{s} within {time_words(v)}" for s, v in zip(shares, found, strict=True))
+        words = "; ".join(f"{s} within {time_words(v)}" for s, v in zip(shares, percentiles, strict=True))
         pairs.append(("Lateness", words))
     return [KeyValues(tuple(pairs))]
 
@@ -348,14 +350,14 @@ def _moves(values: np.ndarray) -> bool:
 
 
 def _cycling(parts: Sequence[Recording], name: str) -> list[Recording]:
-    found = []
+    chosen = []
     for part in parts:
         try:
             if name in part and np.isfinite(part[name]).all() and _moves(part[name]) and find_cycles(part[name]):
-                found.append(part)
+                chosen.append(part)
         except InputError:
             continue
-    return found
+    return chosen
 
 
 def _figure(parts: list[Recording], across: str, up: str, label: str) -> Block:
@@ -378,10 +380,16 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
     rows = []
     for part in parts:
         try:
-            found = loop(part, length=length, tension=tension)
+            mean_loop = loop(part, length=length, tension=tension)
         except InputError:
             continue
-        values = (1e3 * found.width, found.height, found.work, 1e-2 * found.stiffness, found.friction)
+        values = (
+            1e3 * mean_loop.width,
+            mean_loop.height,
+            mean_loop.work,
+            1e-2 * mean_loop.stiffness,
+            mean_loop.friction,
+        )
         count = len(find_cycles(part[length]))
         rows.append(TableRow((_case(part, apart), str(count), *(significant(v) for v in values))))
     if not rows:
@@ -417,8 +425,8 @@ def _case(part: Recording, apart: list[str]) -> str:
     step = part.meta.get("step")
     if not step:
         return "whole recording"
-    told = [f"{n.replace('_', ' ')} {step['case'][n]}" for n in apart if n in step["case"]]
-    return listed(told) or str(step["label"])
+    values = [f"{n.replace('_', ' ')} {step['case'][n]}" for n in apart if n in step["case"]]
+    return listed(values) or str(step["label"])
 
 
 MOST_FURTHER = 60  # lines of what a recording says beside all that is known here
@@ -478,8 +486,8 @@ def _done(record: Recording, name: str) -> list[Block]:
 
 
 def _warnings(meta: Mapping[str, Any]) -> list[str]:
-    found = meta.get("warnings")
-    return [str(mapping(w).get("text", w)) for w in found] if isinstance(found, list) else []
+    warnings = meta.get("warnings")
+    return [str(mapping(w).get("text", w)) for w in warnings] if isinstance(warnings, list) else []
 
 
 def _facts(record: Recording, name: str) -> list[tuple[str, Text]]:
@@ -487,9 +495,9 @@ def _facts(record: Recording, name: str) -> list[tuple[str, Text]]:
     facts: list[tuple[str, Text]] = []
 
     def add(title: str, *words: Any) -> None:
-        told = ", ".join(str(w) for w in words if w)
-        if told:
-            facts.append((title, told))
+        text = ", ".join(str(w) for w in words if w)
+        if text:
+            facts.append((title, text))
 
     spec = known_specimen(meta)
     add(
@@ -519,12 +527,12 @@ def _facts(record: Recording, name: str) -> list[tuple[str, Text]]:
 
 def _room(meta: Mapping[str, Any]) -> list[str]:
     room = mapping(meta.get("environment"))
-    found = []
+    lines = []
     if is_number(room.get("pressure_abs")):
-        found.append(f"room at {amount(room['pressure_abs'], 'Pa', 5)} absolute")
+        lines.append(f"room at {amount(room['pressure_abs'], 'Pa', 5)} absolute")
     if is_number(room.get("temperature")):
-        found.append(tied(significant(room["temperature"]), "K"))
-    return found
+        lines.append(tied(significant(room["temperature"]), "K"))
+    return lines
 
 
 # ---- what was recorded
@@ -551,7 +559,7 @@ def _figures(record: Recording) -> list[Block]:
 
 def _sections(record: Recording) -> list[Section]:
     meta = record.meta
-    found = (
+    sections = (
         ("Steps and events", "steps", [*steps(record), *events(meta)]),
         ("Balances", "balances", balances(meta)),
         ("Where the energy went", "energy", energy(meta)),
@@ -559,7 +567,7 @@ def _sections(record: Recording) -> list[Section]:
         ("Deadlines", "deadlines", deadlines(meta)),
         ("Parameters and their origin", "parameters", _parameters(meta)),
     )
-    return [Section(title, tuple(blocks), anchor) for title, anchor, blocks in found if blocks]
+    return [Section(title, tuple(blocks), anchor) for title, anchor, blocks in sections if blocks]
 
 
 def _parameters(meta: Mapping[str, Any]) -> list[Block]:
@@ -597,12 +605,12 @@ def _rests(meta: Mapping[str, Any]) -> list[Section]:
     keys = dict.fromkeys(str(k) for k in cited) if isinstance(cited, list) else {}
     spec = known_specimen(meta)
     keys |= dict.fromkeys(spec.sources if spec else ())
-    found = []
+    sections = []
     if keys:
         known = [k for k in keys if k in known_keys()]
         listing = (Fold("BibTeX", (Listing(bibtex(known)),)),) if known else ()
-        found.append(Section("Papers this run rests on", (References(tuple(keys)), *listing), "papers"))
+        sections.append(Section("Papers this run rests on", (References(tuple(keys)), *listing), "papers"))
     ran = ", ".join(f"{n} {v}" for n, v in mapping(meta.get("versions")).items())
     pairs = (("The run", ran),) if ran else ()
-    found.append(Section("Versions", (KeyValues((*pairs, ("This report", versions_text()))),), "versions"))
-    return found
+    sections.append(Section("Versions", (KeyValues((*pairs, ("This report", versions_text()))),), "versions"))
+    return sections

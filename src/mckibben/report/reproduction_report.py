@@ -91,7 +91,7 @@ def chosen_figures(
     Raises:
         InputError: there is no such figure, or it is named and left out.
     """
-    found = [*known.values()]
+    figures = [*known.values()]
     if ids:
         named: dict[str, PaperFigure] = {}
         for word in ids:
@@ -99,26 +99,26 @@ def chosen_figures(
             if not panels:
                 raise InputError("--figure", word, f"known are {', '.join(known)}")
             named |= panels
-        found = [*named.values()]
-        elsewhere = [f.id for f in found if part not in (None, f.part)]
+        figures = [*named.values()]
+        elsewhere = [f.id for f in figures if part not in (None, f.part)]
         if elsewhere:
             raise InputError("--figure", ", ".join(elsewhere), f"not in part {part}")
-        left = [f.id for f in found if f.recordings and not recordings]
+        left = [f.id for f in figures if f.recordings and not recordings]
         if left:
             raise InputError("--figure", ", ".join(left), "drawn of recordings, which --no-recordings leaves out")
     elif rows:
-        found = [f for f in found if any(a.startswith(b) for a in f.rows for b in rows)]
-    return [f for f in found if (part is None or f.part == part) and (recordings or not f.recordings)]
+        figures = [f for f in figures if any(a.startswith(b) for a in f.rows for b in rows)]
+    return [f for f in figures if (part is None or f.part == part) and (recordings or not f.recordings)]
 
 
 def draw(figures: Iterable[PaperFigure], tell: Callable[[PaperFigure], None] | None = None) -> list[Drawn]:
     """Draw figures, one after the other; `tell` is called with each before."""
-    found = []
+    drawings = []
     for figure in figures:
         if tell:
             tell(figure)
-        found.append(Drawn(figure, figure.draw()))
-    return found
+        drawings.append(Drawn(figure, figure.draw()))
+    return drawings
 
 
 def reproduction_report(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn] = (), *, left_out: str = "") -> Document:
@@ -259,9 +259,17 @@ def _row(outcome: RowOutcome, drawn: Sequence[Drawn]) -> TableRow:
     links = tuple(p for f in shows for p in ("  ", Link(_named(f), _anchor("figure", f.id))))
     first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
     named = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
-    what = (named, " ", Span(row.id, "code"), *links)
-    own = TableCell(significant(ours) if ours is not None else "\N{EN DASH}", "best" if ours is not None else "")
-    cells = (_mark(kind_of(outcome)), what, theirs, own, unit_text(row.unit), difference(row, ours), _gauge(row, ours))
+    description = (named, " ", Span(row.id, "code"), *links)
+    computed = TableCell(significant(ours) if ours is not None else "\N{EN DASH}", "best" if ours is not None else "")
+    cells = (
+        _mark(kind_of(outcome)),
+        description,
+        theirs,
+        computed,
+        unit_text(row.unit),
+        difference(row, ours),
+        _gauge(row, ours),
+    )
     return TableRow(cells, note=_said(outcome.note))
 
 

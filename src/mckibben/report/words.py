@@ -70,8 +70,8 @@ def tied(text: str, unit: str) -> str:
 
 def listed(words: Iterable[str]) -> str:
     """Join words by commas, with ``and`` before the last."""
-    found = list(words)
-    return found[0] if len(found) == 1 else ", ".join(found[:-1]) + f" and {found[-1]}" if found else ""
+    items = list(words)
+    return items[0] if len(items) == 1 else ", ".join(items[:-1]) + f" and {items[-1]}" if items else ""
 
 
 def mapping(value: Any) -> Mapping[str, Any]:

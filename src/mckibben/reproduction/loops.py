@@ -145,8 +145,8 @@ def width_bridgestone() -> ComputedValue:
 @reproduces("friction.bridgestone", "N")
 def friction_bridgestone() -> ComputedValue:
     """Half its height."""
-    found = _friction(bridgestone(), MODERN)
-    return found._replace(note=f"{found.note}; {_bridgestone_note()}")
+    friction = _friction(bridgestone(), MODERN)
+    return friction._replace(note=f"{friction.note}; {_bridgestone_note()}")
 
 
 def pressure_variation(record: Recording) -> Variation:
@@ -354,14 +354,14 @@ def stiff(record: Recording) -> Recording:
 
 def ten_points(length: str) -> list[StaticPoint]:
     """Means of the rising and the falling path at the lengths of a channel."""
-    found: list[StaticPoint] = []
+    points: list[StaticPoint] = []
     for pressure, shares in SHARES.items():
         record = stiff(triangle(pressure=pressure, cycles=FIT_CYCLES))
         rising, falling = paths(record, length=length, tension=TENSION)
         low, high = falling.length_at(TAUT), min(rising.length[-1], falling.length[-1])
         at = [low + share * (high - low) for share in shares]
-        found += static_points(record, at, length=length, tension=TENSION, pressure="pressure")
-    return found
+        points += static_points(record, at, length=length, tension=TENSION, pressure="pressure")
+    return points
 
 
 @functools.cache

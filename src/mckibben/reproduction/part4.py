@@ -112,8 +112,8 @@ def maximal_output() -> ComputedValue:
 @reproduces("energy.maximal.efficiency", "1", INFERRED)
 def maximal_efficiency() -> ComputedValue:
     """Ea."""
-    found = cycle("maximal").efficiency
-    return ComputedValue(found, f"{found:.4f} unrounded; {_beside('maximal', 'efficiency')}")
+    efficiency = cycle("maximal").efficiency
+    return ComputedValue(efficiency, f"{efficiency:.4f} unrounded; {_beside('maximal', 'efficiency')}")
 
 
 @reproduces("energy.maximal.efficiency_accumulator", "1", INFERRED)
@@ -121,8 +121,8 @@ def maximal_efficiency_accumulator() -> ComputedValue:
     """Ea with the accumulator."""
     smooth = cycle("maximal", accumulator=True, friction=False).efficiency
     words = f"{smooth:.3f} without friction, which is what is printed"
-    found = cycle("maximal", accumulator=True).efficiency
-    return ComputedValue(found, f"{words}; {_beside('maximal', 'efficiency', accumulator=True)}")
+    efficiency = cycle("maximal", accumulator=True).efficiency
+    return ComputedValue(efficiency, f"{words}; {_beside('maximal', 'efficiency', accumulator=True)}")
 
 
 @reproduces("energy.maximal.best_pressure", "Pa")
@@ -142,8 +142,8 @@ def maximal_zero_pressure() -> float:
 @reproduces("energy.maximal.output_below_W12", "1")
 def maximal_output_below_delivery() -> ComputedValue:
     """Largest Wa/W12."""
-    found = energy_curve(muscle(), "maximal", PRESSURES, conditions()).cycles
-    share = found.output / found.delivery
+    cycles = energy_curve(muscle(), "maximal", PRESSURES, conditions()).cycles
+    share = cycles.output / cycles.delivery
     return ComputedValue(float(np.nanmax(share)), f"at {1e-5 * PRESSURES[int(np.nanargmax(share))]:.1f} bar")
 
 

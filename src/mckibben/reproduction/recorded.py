@@ -57,10 +57,10 @@ class Folder:
             if file.exists():
                 return read_recording(file)
             return make()
-        found = make()
+        recording = make()
         if self.alive is None:
-            found.save(file)
-        return found
+            recording.save(file)
+        return recording
 
     def _claimed(self, name: str) -> bool:
         try:
@@ -142,9 +142,9 @@ def recording(
 def _made(
     name: str, muscle: str, rig: str, plumbing: str | None, accept_saturation: bool, values: dict[str, Any]
 ) -> Recording:
-    given = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
+    settings = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
     bench = prepare(
-        protocol(name, **given), muscle=muscle, rig=rig, plumbing=plumbing, accept_saturation=accept_saturation
+        protocol(name, **settings), muscle=muscle, rig=rig, plumbing=plumbing, accept_saturation=accept_saturation
     )
     words = ", ".join([name, muscle, *(str(value) for value in values.values() if not isinstance(value, tuple))])
 
@@ -153,16 +153,16 @@ def _made(
             tell(f"recording {words}: {100.0 * done / total:.0f} %")
 
     progress(0.0, 1.0)
-    found = run(bench, progress=progress)
-    if found.meta["result"] != "done":
-        raise ConvergenceError(f"{words}: {found.meta['message']}")
-    return found
+    recording = run(bench, progress=progress)
+    if recording.meta["result"] != "done":
+        raise ConvergenceError(f"{words}: {recording.meta['message']}")
+    return recording
 
 
 def step_of(record: Recording, label: str, **case: Any) -> Recording:
     """The one recorded step with a label, and a case where several have it."""
-    (found,) = segments(record, label, **case)
-    return found
+    (step,) = segments(record, label, **case)
+    return step
 
 
 def saturation_words(record: Recording, channel: str = "tension") -> str:

@@ -137,9 +137,9 @@ def reproduce_row(row: PrintedRow) -> RowOutcome:
         return RowOutcome(row, None, None, said_of(row))
     way = _WAYS[row.id]
     computed = way.compute()
-    value, found = computed if isinstance(computed, ComputedValue) else (computed, "")
+    value, remark = computed if isinstance(computed, ComputedValue) else (computed, "")
     ours = from_si(value, way.si_unit, _plain_unit(row.unit))
-    note = "; ".join(filter(None, (row.note, way.note, found, _reasoned(row))))
+    note = "; ".join(filter(None, (row.note, way.note, remark, _reasoned(row))))
     return RowOutcome(row, ours, judge(row, ours), note)
 
 
@@ -313,14 +313,14 @@ def relative_tolerance(row: PrintedRow) -> float | None:
 def tallies(outcomes: Iterable[RowOutcome]) -> list[Tally]:
     """The kinds that occur, in their order."""
     listed = list(outcomes)
-    found = []
+    counts = []
     for kind in KINDS.values():
         rows = [o for o in listed if kind_of(o) is kind]
         differences = [relative_difference(o.row, o.ours) for o in rows] if kind.key in DIFFERING else []
         known = [d for d in differences if d is not None]
         if rows:
-            found.append(Tally(kind, len(rows), min(known, default=None), max(known, default=None)))
-    return found
+            counts.append(Tally(kind, len(rows), min(known, default=None), max(known, default=None)))
+    return counts
 
 
 def headline(outcomes: Sequence[RowOutcome]) -> str:

@@ -62,11 +62,11 @@ def specimen(name: str | os.PathLike[str]) -> Specimen:
         alone = _shipped(text.lower())
         if alone is not None:
             return alone
-    found = _by_id()
-    if text.lower() not in found:
-        hint = suggest(text.lower(), found)
+    specimens_by_id = _by_id()
+    if text.lower() not in specimens_by_id:
+        hint = suggest(text.lower(), specimens_by_id)
         raise InputError("specimen", text, f"{hint}known are {', '.join(specimen_ids())}, or a .toml file")
-    return found[text.lower()]
+    return specimens_by_id[text.lower()]
 
 
 def specimens() -> list[Specimen]:
@@ -102,13 +102,13 @@ def _by_id() -> dict[str, Specimen]:
 
 @functools.lru_cache(maxsize=4)
 def _all(folders: str) -> dict[str, Specimen]:
-    found: dict[str, Specimen] = {}
+    specimens_by_id: dict[str, Specimen] = {}
     for where, text in _files(folders):
         one = _read(text, where=where)
-        if one.id.lower() in found:
+        if one.id.lower() in specimens_by_id:
             raise InputError("id", one.id, "another specimen has that id", where=where)
-        found[one.id.lower()] = one
-    return found
+        specimens_by_id[one.id.lower()] = one
+    return specimens_by_id
 
 
 def _files(folders: str) -> Iterator[tuple[str, str]]:

@@ -85,5 +85,5 @@ def _part(id_: str, table: FileTable, units: dict[str, str]) -> CataloguePart:
         if not isinstance(value, float) or value < 0.0:
             raise table.fail(key, str(one.value), "must be one number, not negative")
         values[key] = value
-    given = {key: table.text(key) for key in ("form", "law", "note")}
-    return CataloguePart(id_, table.word("title"), table.texts("sources"), values, stated, **given)
+    texts = {key: table.text(key) for key in ("form", "law", "note")}
+    return CataloguePart(id_, table.word("title"), table.texts("sources"), values, stated, **texts)

@@ -61,12 +61,12 @@ def read_ranges(text: str, *, where: str) -> dict[str, PublishedRange]:
     """The ranges of a file's text; raises `InputError` with the file, the entry and what is allowed."""
     top = FileTable(parse_toml(text, where=where), "", where)
     top.schema(SCHEMA)
-    found: dict[str, PublishedRange] = {}
+    ranges: dict[str, PublishedRange] = {}
     for table in top.listed("range"):
         one = read_table(PublishedRange, table, owner="a range has")
         if one.low > one.high:
             raise table.fail("low", one.low, f"must be at most high, {one.high:g}")
-        if one.property in found:
+        if one.property in ranges:
             raise table.fail("property", one.property, "it stands twice")
-        found[one.property] = one
-    return found
+        ranges[one.property] = one
+    return ranges

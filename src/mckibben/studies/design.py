@@ -34,11 +34,11 @@ def dominated(costs: np.ndarray) -> np.ndarray:
         costs: less is better (n, m).
     """
     finite = np.isfinite(costs).all(axis=1)
-    found = ~finite
+    mask = ~finite
     for i in np.flatnonzero(finite):
         others = costs[finite]
-        found[i] = bool(np.any((others <= costs[i]).all(axis=1) & (others < costs[i]).any(axis=1)))
-    return found
+        mask[i] = bool(np.any((others <= costs[i]).all(axis=1) & (others < costs[i]).any(axis=1)))
+    return mask
 
 
 FILE = "cycle-and-step.toml"
@@ -142,7 +142,7 @@ def design_sweep(
     base = dataclasses.replace(base, specimens={m: specimen(m) for m in muscles})
     words = {"muscle": muscles, TUBE_LENGTH: tube_lengths, TUBE_DIAMETER: tube_diameters, VALVE_FLOW: valve_flows}
     settings = {p: setting(p, base.protocol, base.first_rig, base.first_unit) for p in words}
-    axes = {path: [settings[path].read(one) for one in given] for path, given in words.items()}
+    axes = {path: [settings[path].read(one) for one in axis] for path, axis in words.items()}
     return Sweep(dataclasses.replace(base, settings=settings), grid(axes), title="Muscles, tubes and valves")
 
 

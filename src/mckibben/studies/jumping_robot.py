@@ -96,10 +96,10 @@ def robot_study(
     """
     plan = robot_plan()
     trials, others = ([robot_trial(f, plan) for f in folders] for folders in (fitted, predicted))
-    found = fit_circuit(
+    result = fit_circuit(
         trials, free or plan.fit.free, predict=others, step=plan.step, progress=progress, evaluations=evaluations
     )
-    return found, [*trials, *others]
+    return result, [*trials, *others]
 
 
 def _numbers(path: Path, shape: tuple[int | None, int]) -> np.ndarray:

@@ -43,16 +43,16 @@ def read_loop(folder: str | Path) -> PathRecord:
         allowed = f"allowed is {SENSOR:g} bar/V less {-SENSOR_ZERO:g} bar, which the volts give, to {AGREES:g} bar"
         raise InputError("p_bar_gauge", f"off by {off:.3g} bar", allowed, where=str(path))
     _only(words, ("up", "down"), "branch", path)
-    found = PathRecord(
+    record = PathRecord(
         to_si(1.0, "bar", "Pa", field="pressure") * bar,
         to_si(1.0, "mm", "m", field="stroke") * numbers["stroke_mm"],
         str(path),
     )
-    agreed = float(np.mean((found.branch == 1) == (words == "up")))
+    agreed = float(np.mean((record.branch == 1) == (words == "up")))
     if agreed < 0.9:
         allowed = "allowed is up while the pressure rises and down while it falls"
         raise InputError("branch", f"right in {agreed:.0%} of the rows", allowed, where=str(path))
-    return found
+    return record
 
 
 def read_steps(folder: str | Path) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -91,8 +91,8 @@ def _columns(path: Path, word: str, names: tuple[str, ...]) -> tuple[np.ndarray,
 
 def _only(words: np.ndarray, allowed: tuple[str, ...], field: str, path: Path) -> None:
     if set(words) != set(allowed):
-        told = ", ".join(sorted(set(words)))
-        raise InputError(field, told, f"allowed is {' and '.join(allowed)}, each of them", where=str(path))
+        names = ", ".join(sorted(set(words)))
+        raise InputError(field, names, f"allowed is {' and '.join(allowed)}, each of them", where=str(path))
 
 
 HELD_FROM = {"step_up": 0.49, "step_down": 0.37}  # from here the pressure stays put [s]
@@ -222,9 +222,9 @@ def loop_study(
     # Every other run of ten samples: both halves hold all of both branches but for gaps of 0.6 bar.
     train, halves = record.split("blocks"), []
     options: dict[str, Any] = {"known": {"per_pressure": 0.0}, "knots": knots}
-    for which, seen in (("first", train), ("second", ~train)):
+    for which, training in (("first", train), ("second", ~train)):
         tell(f"loop, {which} half")
-        halves.append(fit_loops(record, models=frictions, train=seen, **options)[0])
+        halves.append(fit_loops(record, models=frictions, train=training, **options)[0])
     one, other = halves
     unseen = record.with_stroke(np.where(one.train, other.predicted, one.predicted))
     branches = []
@@ -265,8 +265,8 @@ def _hold(segment: str, rows: Segment, where: str) -> Segment:
     if not (np.diff(time) > 0.0).all():
         raise InputError("t_since_segment_start_s", "does not rise", "allowed is a time that rises", where=name)
     if (moved := from_si(float(np.ptp(pressure)), "Pa", "bar")) > PUT:
-        told = f"moves by {moved:.3g} bar after {start:g} s"
-        raise InputError("p_bar_sensor", told, f"allowed is a step held to {PUT:g} bar", where=name)
+        reason = f"moves by {moved:.3g} bar after {start:g} s"
+        raise InputError("p_bar_sensor", reason, f"allowed is a step held to {PUT:g} bar", where=name)
     return time, stroke, pressure
 
 
@@ -293,18 +293,18 @@ def _band(fit: CreepFit, at: np.ndarray, longest: float, draws: int) -> tuple[np
     once with its own elements and once with slower ones, up to `longest` [s], which the seen half cannot exclude. The
     band holds both, and the scatter of single samples.
     """
-    seen, draw = fit.train, np.random.default_rng(SEED)
-    time, count = fit.time[seen], int(seen.sum())
+    training, draw = fit.train, np.random.default_rng(SEED)
+    time, count = fit.time[training], int(training.sum())
     run = max(2, count // 4)
     edges = []
     for slowest in (None, longest):
-        own = fit_creep(time, fit.stroke[seen], law=fit.law, longest=slowest)
-        used = 1 + sum(abs(a.value) > 0.0 for a in own.amplitudes)
-        error = (own.error - own.error.mean()) * np.sqrt(count / max(count - used, 1))
+        fitted = fit_creep(time, fit.stroke[training], law=fit.law, longest=slowest)
+        used = 1 + sum(abs(a.value) > 0.0 for a in fitted.amplitudes)
+        error = (fitted.error - fitted.error.mean()) * np.sqrt(count / max(count - used, 1))
         begins = draw.integers(0, count - run + 1, size=(draws, -(-count // run)))
         shaken = error[begins[..., None] + np.arange(run)].reshape(draws, -1)[:, :count]
-        tried = [fit_creep(time, own.predicted + e, law=fit.law, longest=slowest).predict(at) for e in shaken]
-        centre, scatter = own.predict(at), 1.96 * float(np.std(error))
+        tried = [fit_creep(time, fitted.predicted + e, law=fit.law, longest=slowest).predict(at) for e in shaken]
+        centre, scatter = fitted.predict(at), 1.96 * float(np.std(error))
         low, high = np.quantile(tried, [0.025, 0.975], axis=0)
         edges.append((centre - np.hypot(centre - low, scatter), centre + np.hypot(high - centre, scatter)))
     return np.minimum(edges[0][0], edges[1][0]), np.maximum(edges[0][1], edges[1][1])

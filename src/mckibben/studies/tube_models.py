@@ -283,16 +283,16 @@ def _fit(model: TubeModel, cases: Sequence[Case], start: Mapping[str, float]) ->
     share = surface_share(cases[0].volume)
     trials = [c.trial(model.element, model.heat) for c in cases]
     first = {path: value * share if path == HEAT else value for path, value in start.items()}
-    found = fit_circuit(trials, model.free, start=first, step=STEP)
+    result = fit_circuit(trials, model.free, start=first, step=STEP)
     return TubeModelResult(
         model=model.key,
         accumulator=cases[0].accumulator,
         fitted=True,
         vessel=_vessel(model.heat),
-        parameters={path.rpartition(".")[2]: e for path, e in found.parameters.items()},
-        changes={path: value / share if path == HEAT else value for path, value in found.changes.items()},
-        comparisons=tuple(compare(c, found.predicted[t.name][CHANNEL]) for c, t in zip(cases, trials, strict=True)),
-        warnings=found.warnings if found.converged else (*found.warnings, f"not converged: {found.message}"),
+        parameters={path.rpartition(".")[2]: e for path, e in result.parameters.items()},
+        changes={path: value / share if path == HEAT else value for path, value in result.changes.items()},
+        comparisons=tuple(compare(c, result.predicted[t.name][CHANNEL]) for c, t in zip(cases, trials, strict=True)),
+        warnings=result.warnings if result.converged else (*result.warnings, f"not converged: {result.message}"),
     )
 
 
@@ -310,8 +310,8 @@ def _judged(model: TubeModel, heat: HeatModel, cases: Sequence[Case], changes: M
 def predict(model: TubeModel, heat: HeatModel, case: Case, changes: Mapping[str, float]) -> np.ndarray:
     """Pressure in the vessel [Pa]; a conductance in `changes` is that of the large accumulator."""
     share = surface_share(case.volume)
-    own = {path: value * share if path == HEAT else value for path, value in changes.items()}
-    return np.asarray(case.trial(model.element, heat).run(own, step=STEP).outputs[CHANNEL])
+    parameters = {path: value * share if path == HEAT else value for path, value in changes.items()}
+    return np.asarray(case.trial(model.element, heat).run(parameters, step=STEP).outputs[CHANNEL])
 
 
 def compare(case: Case, predicted: np.ndarray) -> RecordError:

@@ -131,14 +131,14 @@ def _chosen(keys: Sequence[str] | None) -> dict[str, TubeModel]:
 
 
 def _answers(some: Sequence[Record], accumulator: str, thermal: str, tell: Progress) -> tuple[tuple[Case, ...], float]:
-    found, hottest = [], 0.0
+    cases, hottest = [], 0.0
     for record in some:
         tell(f"{thermal}: distributed tube, {record.name}, {accumulator}")
         supply = record.pressure_abs()
         answer = reference(supply, ACCUMULATORS[accumulator], thermal)
         hottest = max(hottest, answer.hottest)
-        found.append(Case(record, accumulator, supply, answer.pressure_abs))
-    return tuple(found), hottest
+        cases.append(Case(record, accumulator, supply, answer.pressure_abs))
+    return tuple(cases), hottest
 
 
 def _results(
@@ -277,12 +277,12 @@ def claims(study: TubeStudy) -> list[Claim]:
             _improved,
         ),
     ]
-    found = []
+    verdicts = []
     for text, source, needed, judge in every:
         if all(study.has(key) for key in needed):
             judged = {thermal: judge(study, thermal) for thermal in study.thermals}
             verdict = together([v for v, _ in judged.values()])
-            found.append(
+            verdicts.append(
                 Claim(text, source, verdict, {t: {"verdict": v, **numbers} for t, (v, numbers) in judged.items()})
             )
     if study.cost is not None:
@@ -290,8 +290,8 @@ def claims(study: TubeStudy) -> list[Claim]:
         ratio = study.cost.ratio
         numbers = {"ratio": ratio, "ratio_with_vessel_heat": study.cost.ratio_with_vessel_heat}
         text = "the improved model costs less than twice the inertial one"
-        found.append(Claim(text, "target", HELD if ratio < LIMITS["cost"] else NOT, {"time of a run": numbers}))
-    return found
+        verdicts.append(Claim(text, "target", HELD if ratio < LIMITS["cost"] else NOT, {"time of a run": numbers}))
+    return verdicts
 
 
 def together(verdicts: list[str]) -> str:
@@ -369,8 +369,8 @@ def _transfers(study: TubeStudy, thermal: str) -> tuple[str, Numbers]:
     numbers = _shifts(study, thermal, "inertial")
     refitted, kept = (study.result(thermal, "quadratic", SMALL, refitted=r).rms for r in (True, False))
     numbers |= {"rms_quadratic_refitted": refitted, "rms_quadratic_kept": kept}
-    own = numbers["rms_kept"]
-    return (HELD if own <= refitted else PARTLY if own < kept else NOT), numbers
+    errors = numbers["rms_kept"]
+    return (HELD if errors <= refitted else PARTLY if errors < kept else NOT), numbers
 
 
 def _lead(study: TubeStudy, thermal: str) -> tuple[str, Numbers]:

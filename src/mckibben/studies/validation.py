@@ -126,16 +126,16 @@ def branches_apart(points: ForceMap) -> tuple[float, float] | None:
     rest = np.zeros(len(points)) if points.rest_length is None else points.rest_length
     gaps = []
     for one in np.unique(np.stack([rest, points.length]), axis=1).T:
-        here = (rest == one[0]) & (points.length == one[1]) & points.taut
-        up, down = (points.select(here & (points.branch == b)) for b in ("inflate", "deflate"))
+        selected = (rest == one[0]) & (points.length == one[1]) & points.taut
+        up, down = (points.select(selected & (points.branch == b)) for b in ("inflate", "deflate"))
         if len(down) < 2 or not len(up):
             continue
         order = np.argsort(down.pressure)
         both = (up.pressure >= down.pressure.min()) & (up.pressure <= down.pressure.max())
         falling = np.interp(up.pressure[both], down.pressure[order], down.tension[order])
         gaps.append(0.5 * (falling - up.tension[both]))
-    found = np.concatenate(gaps) if gaps else np.zeros(0)
-    return (float(np.sqrt(np.mean(found**2))), float(np.abs(found).max())) if len(found) else None
+    distances = np.concatenate(gaps) if gaps else np.zeros(0)
+    return (float(np.sqrt(np.mean(distances**2))), float(np.abs(distances).max())) if len(distances) else None
 
 
 def _map(name: str) -> StaticSet:
@@ -336,11 +336,11 @@ def _static(
     for law in laws:
         tell(f"{one.name}, {law}")
         try:
-            found = fit(law, points, known=one.known, schemes=_told(schemes, points), train_below=TRAINED_BELOW)
+            result = fit(law, points, known=one.known, schemes=_told(schemes, points), train_below=TRAINED_BELOW)
         except (InputError, ConvergenceError) as error:
             skipped[law] = str(error)
             continue
-        fits.append(found)
+        fits.append(result)
     unfitted = [_applied(a, one, points) for a in one.applied if not laws or a.law in laws]
     return StaticResult(one, points, _by_prediction(fits), unfitted, skipped, branches_apart(points))
 
@@ -375,13 +375,13 @@ def _applied(applied: Applied, one: StaticSet, points: ForceMap) -> Unfitted:
 
 def _jumps(folder: Path, evaluations: int, tell: Callable[[str], None]) -> tuple[Jump, ...]:
     """Each jump by a fit to the others."""
-    found = []
+    jumps = []
     for name in JUMPS:
         tell(f"{ROBOT}, {name} from the others")
         others = [folder / j for j in JUMPS if j != name]
         fitted, _ = robot_study(others, [folder / name], evaluations=evaluations)
         unseen = [e for e in fitted.errors if not e.fitted]
-        found.append(
+        jumps.append(
             Jump(
                 name=name,
                 rms=fitted.rms(fitted=False),
@@ -391,4 +391,4 @@ def _jumps(folder: Path, evaluations: int, tell: Callable[[str], None]) -> tuple
                 converged=fitted.converged,
             )
         )
-    return tuple(found)
+    return tuple(jumps)

@@ -110,10 +110,10 @@ def _seen(found: Validation, version: str) -> str:
     if found.jumps:
         source = "public repository borglab/GTDynamics, Georgia Tech Research Corp."
         rows.append(["Jumping robot", f"{len(found.jumps)} jumps", DASH, source, "BSD-style: read, not copied"])
-    told = f"Computed with version {version} from these data:" if version else "Computed from these data:"
-    lines = [told, _left(["data", "points", "largest tension", "source", "licence"], rows)]
+    heading = f"Computed with version {version} from these data:" if version else "Computed from these data:"
+    lines = [heading, _left(["data", "points", "largest tension", "source", "licence"], rows)]
     if found.absent:
-        absent = "; ".join(f"{what} (`{file}`)" for what, file in found.absent.items())
+        absent = "; ".join(f"{name} (`{file}`)" for name, file in found.absent.items())
         lines.append(f"**Not at hand when this page was made**, and so not on it: {absent}.")
     return "\n\n".join(lines)
 

@@ -170,15 +170,15 @@ class Element:
 
     def attributes(self) -> dict[str, str]:
         """All attributes as the browser has them."""
-        found = dict(self._attributes)
+        attributes = dict(self._attributes)
         if self._classes:
-            found["class"] = " ".join(self._classes)
+            attributes["class"] = " ".join(self._classes)
         if self._styles:
-            found["style"] = ";".join(f"{name}:{value}" for name, value in self._styles.items())
+            attributes["style"] = ";".join(f"{name}:{value}" for name, value in self._styles.items())
         if self._handlers:
-            found["data-on"] = " ".join(self._handlers)
-        found["data-id"] = str(self.number)
-        return found
+            attributes["data-on"] = " ".join(self._handlers)
+        attributes["data-id"] = str(self.number)
+        return attributes
 
     def changes(self) -> dict[str, str | None]:
         """The attributes that the browser has otherwise; None for those that are no more."""
@@ -308,25 +308,25 @@ class PageDocument:
     def html(self) -> str:
         """The first HTML of the page; later changes are sent over its socket."""
         self._written = True
-        found = self.root.html()
+        text = self.root.html()
         self._flush_soon()  # calls that were made meanwhile
-        return found
+        return text
 
     async def serve(self, socket: Any) -> None:
         """Serve a line of the page that was accepted, until it ends."""
         from starlette.websockets import WebSocketDisconnect
 
         try:
-            seen = int(parse_json(await socket.receive_text()).get("seen", 0))
+            received = int(parse_json(await socket.receive_text()).get("seen", 0))
         except (WebSocketDisconnect, ValueError, TypeError, AttributeError):
             return
         first = self._batches[0][0] if self._batches else self._sent + 1
-        if seen + 1 < first and seen < self._sent:
+        if received + 1 < first and received < self._sent:
             await socket.send_text('{"reload":true}')  # the page missed more than is kept
             return
         self.connected = True
         self._arrived.set()
-        both = [asyncio.create_task(self._hear(socket)), asyncio.create_task(self._tell(socket, seen))]
+        both = [asyncio.create_task(self._hear(socket)), asyncio.create_task(self._tell(socket, received))]
         try:
             await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -388,26 +388,26 @@ def _operations(records: list[tuple[str, Element]]) -> list[list[object]]:
             element = element.parent
         return False
 
-    found: list[list[object]] = []
+    operations: list[list[object]] = []
     for kind, element in records:
         if within(element.parent, fresh):
             continue  # its place is told with all that is in it
-        here = element.number in element.document.elements or element.parent is None
+        attached = element.number in element.document.elements or element.parent is None
         if kind == "insert":
-            if here and element.parent is not None:
-                found.append(["insert", element.parent.number, element.html()])
+            if attached and element.parent is not None:
+                operations.append(["insert", element.parent.number, element.html()])
         elif element.number in fresh:
             continue
         elif kind == "remove":
-            found.append(["remove", element.number])
+            operations.append(["remove", element.number])
         elif kind == "clear":
-            found.append(["inside", element.number, ""])
-        elif here and element.number not in gone:
+            operations.append(["inside", element.number, ""])
+        elif attached and element.number not in gone:
             if kind == "inside":
-                found.append(["inside", element.number, element.inside])
+                operations.append(["inside", element.number, element.inside])
             elif changes := element.changes():
-                found.append(["attributes", element.number, changes])
-    return found
+                operations.append(["attributes", element.number, changes])
+    return operations
 
 
 def place() -> Element:

@@ -39,10 +39,10 @@ def accept(name: str, words: str, quantity: Quantity, old: float) -> Accepted:
         old: value that stays in use where the words are refused [SI].
     """
     unit = shown_unit(quantity.unit)
-    given = words.strip().replace("\u2212", "-").replace("\u2009", " ").replace("\u2060", "")
-    bare = given.removeprefix("-").replace(".", "", 1).replace("e-", "", 1).replace("e", "", 1).isdigit()
+    text = words.strip().replace("\u2212", "-").replace("\u2009", " ").replace("\u2060", "")
+    bare = text.removeprefix("-").replace(".", "", 1).replace("e-", "", 1).replace("e", "", 1).isdigit()
     try:
-        value = parse(f"{given} {unit}" if bare and unit != "1" else given, quantity.unit, field=name)
+        value = parse(f"{text} {unit}" if bare and unit != "1" else text, quantity.unit, field=name)
         quantity.check(name, value)
     except InputError as error:
         return Accepted(old, f"{error}. The old value, {shown(old, quantity)}, stays in use.")
@@ -76,10 +76,12 @@ def field(
     words = label or name.replace("_", " ")
     kept = value
     with box("div", "f") as one:
-        own = f"c-{one.number}"
-        text("label", words, COLOURS.get(quantity.unit, "")).set(for_=own)
+        element_id = f"c-{one.number}"
+        text("label", words, COLOURS.get(quantity.unit, "")).set(for_=element_id)
         with box("div", "field s") as edge:
-            typed = box("input").set(id=own, value=shown(value, quantity), inputmode="decimal", title=quantity.doc)
+            typed = box("input").set(
+                id=element_id, value=shown(value, quantity), inputmode="decimal", title=quantity.doc
+            )
             typed.set(aria_describedby=f"d-{one.number}")
             if quantity.unit != "1":
                 text("span", shown_unit(quantity.unit), "u")

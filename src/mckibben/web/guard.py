@@ -101,10 +101,10 @@ class Guard:
 
     async def _asked(self, scope: Scope, heads: dict[str, str], receive: Receive, send: Send) -> None:
         asked = parse_qs(scope.get("query_string", b"").decode("latin-1"), keep_blank_values=True)
-        given = asked.pop("token", [""])[0]
+        token = asked.pop("token", [""])[0]
         rest = urlencode(asked, doseq=True)
         where = "/" + quote(scope["path"].lstrip("/\\")) + (f"?{rest}" if rest else "")
-        if scope["type"] != "http" or not secrets.compare_digest(given.encode(), self.token.encode()):
+        if scope["type"] != "http" or not secrets.compare_digest(token.encode(), self.token.encode()):
             if scope["type"] == "websocket" and scope["path"] == "/live":
                 await _close(receive, send, UNKNOWN, ASKS)  # a page of an earlier server
             else:

@@ -148,8 +148,8 @@ class Laboratory:
             if action not in FREE and not self.control.holds(page):
                 who = "another page is in control" if self.control.present else "nobody is in control"
                 raise InputError(action.replace("_", " "), "refused", f"{who}; ask for the controls first")
-            given = {**(words or {}), "page": page} if action in self._own else dict(words or {})
-            said = known[action](**given)
+            arguments = {**(words or {}), "page": page} if action in self._own else dict(words or {})
+            said = known[action](**arguments)
             return {"ok": True, "said": said}
         except InputError as error:
             return {"ok": False, "said": str(error), "field": error.field, "allowed": error.allowed}

@@ -142,7 +142,7 @@ class PageConnection:
                     self.lab.shown(self.page, _whole(asked.get("epoch")), _whole(asked["shown"]))
                 continue
             action, words = str(asked.get("act", "")), asked.get("words")
-            given = {str(k): v for k, v in words.items()} if isinstance(words, dict) else {}
+            arguments = {str(k): v for k, v in words.items()} if isinstance(words, dict) else {}
             stops = action in STOPS
             if (self._stops if stops else self._acts) >= AT_ONCE:
                 said = f"refused: {AT_ONCE} requests of this page have no answer yet"
@@ -150,7 +150,7 @@ class PageConnection:
                 continue
             self._stops += stops
             self._acts += not stops
-            future = loop.run_in_executor(_STOPS if stops else _ACTS, self.lab.act, self.page, action, given)
+            future = loop.run_in_executor(_STOPS if stops else _ACTS, self.lab.act, self.page, action, arguments)
             task = asyncio.create_task(self._answer(asked.get("id"), future, stops))
             tasks.add(task)
             task.add_done_callback(tasks.discard)
@@ -189,8 +189,8 @@ class PageConnection:
             await asyncio.sleep(TICK)
 
     async def _new(self, machine: Any, stream: Any) -> None:
-        told = self.lab.told()
-        self._moving = '"moving":true' in told
+        status = self.lab.told()
+        self._moving = '"moving":true' in status
         for name, part in machine.describe().items():
             if self._kept.get(name) is not part:
                 self._kept[name] = part
@@ -200,7 +200,7 @@ class PageConnection:
             if self._kept.get(kind) != key:
                 self._kept[kind] = key
                 await self._send({"type": kind, kind: one})
-        await self._put(f'{{"type":"status","status":{told}}}')
+        await self._put(f'{{"type":"status","status":{status}}}')
         log = machine.log(self._told)
         if log:
             self._told = log[-1]["number"]
@@ -214,10 +214,10 @@ def _key(toasts: list[dict[str, Any]]) -> list[Any]:
 def _read(text: str) -> dict[str, Any]:
     """An object of JSON; nothing if it is something else."""
     try:
-        found = parse_json(text[:LONGEST])
+        message = parse_json(text[:LONGEST])
     except (ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return message if isinstance(message, dict) else {}
 
 
 def _whole(value: Any) -> int:

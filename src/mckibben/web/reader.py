@@ -110,12 +110,12 @@ class ReaderProcess:
                     allowed = f"reading it took longer than {patience:.0f} s and was stopped"
                     raise InputError("file", self._path.name, allowed)
                 if line.poll(LOOK):
-                    kind, found = line.recv()
+                    kind, answer = line.recv()
                     if kind == "done":
-                        return found
+                        return answer
                     if kind == "refused":
-                        raise found
-                    self._share = found
+                        raise answer
+                    self._share = answer
         except (EOFError, OSError):
             raise InputError("file", self._path.name, "the process that read it ended before it was done") from None
         finally:

@@ -83,29 +83,29 @@ def _page_routes(lab: Laboratory, documents: Documents) -> list[Any]:
 
     async def line(socket: WebSocket) -> None:
         await socket.accept()
-        found = documents.find(socket.path_params["key"])
+        document = documents.find(socket.path_params["key"])
         with contextlib.suppress(WebSocketDisconnect):
-            if found is None:
+            if document is None:
                 await socket.close(UNKNOWN_DOCUMENT, "The server no longer has this page.")
             else:
-                await documents.serve(found, socket)
+                await documents.serve(document, socket)
 
     async def upload(request: Request) -> Response:
-        found = documents.find(request.path_params["key"])
-        element = None if found is None else found.elements.get(request.path_params["number"])
+        document = documents.find(request.path_params["key"])
+        element = None if document is None else document.elements.get(request.path_params["number"])
         handler = None if element is None else element.handler("came")
-        if found is None or element is None or handler is None:
+        if document is None or element is None or handler is None:
             return PlainTextResponse("mckibben: this page takes no file here\n", 404)
         file = IncomingFile(request.query_params.get("name", "file"))
         with open(file.path, "wb") as stream:
             async for part in request.stream():
                 stream.write(part)
-        found.spawn(found.handle(element, handler, file))
+        document.spawn(document.handle(element, handler, file))
         return PlainTextResponse("")
 
     async def download(request: Request) -> Response:
-        found = documents.find(request.path_params["key"])
-        file = None if found is None else found.downloads.pop(request.path_params["file"], None)
+        document = documents.find(request.path_params["key"])
+        file = None if document is None else document.downloads.pop(request.path_params["file"], None)
         if file is None:
             return PlainTextResponse("mckibben: this file was downloaded already\n", 404)
         name, data = file
@@ -172,19 +172,19 @@ def listen(host: str, port: int) -> socket.socket:
     Raises:
         InputError: if it is taken, or there is no such address here.
     """
-    found = None
+    listener = None
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        found = socket.socket(family, socket.SOCK_STREAM)
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        found.bind((host, port))
-        found.listen(128)
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen(128)
     except (OSError, OverflowError, UnicodeError) as error:
-        if found is not None:
-            found.close()
+        if listener is not None:
+            listener.close()
         why = getattr(error, "strerror", None) or str(error)
         raise InputError("--port" if port else "--host", f"{host}:{port}", f"nobody can listen there ({why})") from None
-    return found
+    return listener
 
 
 def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: Callable[[str], None]) -> None:

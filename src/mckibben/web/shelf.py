@@ -35,9 +35,9 @@ class Shelf:
         """Names of all files, the newest first."""
         if not self.folder.is_dir():
             return []
-        found = [p for p in self.folder.iterdir() if p.suffix.lower() in self.endings and p.is_file()]
-        found = [p for p in found if WELL_NAMED.fullmatch(p.name) and not p.is_symlink()]
-        return [p.name for p in sorted(found, key=lambda p: (-p.stat().st_mtime, p.name))]
+        files = [p for p in self.folder.iterdir() if p.suffix.lower() in self.endings and p.is_file()]
+        files = [p for p in files if WELL_NAMED.fullmatch(p.name) and not p.is_symlink()]
+        return [p.name for p in sorted(files, key=lambda p: (-p.stat().st_mtime, p.name))]
 
     def path(self, name: str) -> Path:
         """Path of a file, whether it exists or not.
@@ -135,8 +135,8 @@ class Shelf:
 
 def plain(words: str, otherwise: str = "run") -> str:
     """Stem of a file name from any text."""
-    found = re.sub(r"[^A-Za-z0-9_-]+", "-", words).strip("-_")[:80]
-    return found or otherwise
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", words).strip("-_")[:80]
+    return stem or otherwise
 
 
 def plain_name(name: str) -> str:

@@ -86,13 +86,13 @@ def document(
 
 
 def _head(sheets: tuple[str, ...], scripts: tuple[str, ...]) -> str:
-    found = [f'<link rel="stylesheet" href="{HOME}/{s}">' for s in (*SHEETS, *sheets)]
-    found += [f'<script type="module" src="{HOME}/{s}"></script>' for s in (*SCRIPTS, *scripts)]
+    tags = [f'<link rel="stylesheet" href="{HOME}/{s}">' for s in (*SHEETS, *sheets)]
+    tags += [f'<script type="module" src="{HOME}/{s}"></script>' for s in (*SCRIPTS, *scripts)]
     early = (  # before anything is drawn, so that a dark page never begins light
         'const t=new URLSearchParams(location.search).get("theme")??sessionStorage.getItem("mckibben-theme");'
         'if(t==="dark"||t==="light")document.documentElement.dataset.theme=t'
     )
-    return f"<script>{early}</script><style>{style_sheet()}</style>{''.join(found)}"
+    return f"<script>{early}</script><style>{style_sheet()}</style>{''.join(tags)}"
 
 
 def _mark(page: Page) -> str:

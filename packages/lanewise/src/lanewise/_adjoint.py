@@ -87,15 +87,15 @@ class ReverseAnalysis:
         needed = {a for e in entries if e in self.active.nodes for a in _needed(e)}
         uses = Counter(a for e in entries for a in e.args)
         cost: dict[Node, float] = {}
-        found = []
+        sums = []
         for node in entries:
             if node.op in ("load", "table"):
                 continue
             cost[node] = 1.0 + sum(0.0 if a in needed else cost.get(a, 0.0) / uses[a] for a in node.args)
             if cost[node] > DEAR and node.kind == "real":
                 cost[node] = 0.0
-                found.append(node)
-        return found
+                sums.append(node)
+        return sums
 
     def plain(self, buffer: Buffer) -> bool:
         """Whether an argument is read at known places only."""
@@ -107,16 +107,16 @@ class ReverseAnalysis:
 
     def begun(self, entries: list[Entry]) -> list[Buffer]:
         """Buffers whose derivatives begin with a block: those that it writes and reads."""
-        found: dict[Buffer, None] = {}
+        buffers: dict[Buffer, None] = {}
         for entry in entries:
             if isinstance(entry, Node) and entry.op == "table" and entry in self.active.nodes:
-                found[entry.attr] = None
+                buffers[entry.attr] = None
             for loop in self.inside[entry] if isinstance(entry, Loop) else ():
                 for store in loop.stores:
                     root = list(enclosing_buffers(store.buffer))[-1]
                     if root.role == "scratch" and root in self.active.buffers and root.kind == "real":
-                        found[root] = None
-        return [b for b in found if self._here(b, entries)]
+                        buffers[root] = None
+        return [b for b in buffers if self._here(b, entries)]
 
     def _here(self, buffer: Buffer, entries: list[Entry]) -> bool:
         """Whether all readers of a buffer are in a block or inside it."""
@@ -149,7 +149,7 @@ class ReverseAnalysis:
 
     def again(self, most: int) -> set[Loop]:
         """Loops whose content is recomputed in every trip of the reverse pass."""
-        found = {x for x in self.moving if self.local(x)}
+        loops = {x for x in self.moving if self.local(x)}
         size = 0
         for loop in self.moving:
             many, up = len(self.plan.live.carried[loop]), self.home[loop]
@@ -158,13 +158,13 @@ class ReverseAnalysis:
                 many, up = many * self.trips(up), self.home[up]
             size += many
         if size > most:
-            found |= {x for x in self.moving if self.home[x] is None and len(self.inside[x]) > 1}
-        return found
+            loops |= {x for x in self.moving if self.home[x] is None and len(self.inside[x]) > 1}
+        return loops
 
     def shared(self, loop: Loop) -> list[Node]:
         """Changing values from outside a loop that are used inside."""
         if loop not in self._shared:
-            found: dict[Node, None] = {}
+            nodes: dict[Node, None] = {}
             for x in sorted(self.inside[loop], key=lambda x: x.serial):
                 places = self.plan.live.carried[x]
                 used = [n for k in places for n in (loop_inits(x, k, loop), x.nexts[k]) if n is not None]
@@ -175,8 +175,8 @@ class ReverseAnalysis:
                         used += entry.args
                 for node in used:
                     if node in self.active.nodes and node.op != "table" and self.home[node] not in self.inside[loop]:
-                        found[node] = None
-            self._shared[loop] = list(found)
+                        nodes[node] = None
+            self._shared[loop] = list(nodes)
         return self._shared[loop]
 
 
@@ -267,9 +267,9 @@ class Sums:
         """The derivatives by a buffer's numbers."""
         at: Scope | None = scope
         while at is not None:
-            found = self.twins.get((at, buffer))
-            if found is not None:
-                return found
+            twin = self.twins.get((at, buffer))
+            if twin is not None:
+                return twin
             at = at.around
         assert buffer.within is not None, buffer.name
         inside, offset, loop, by = buffer.within
@@ -279,8 +279,8 @@ class Sums:
         home = scope
         while loop is not None and home.around is not None and loop not in home.loops:
             home = home.around
-        found = self.twins[home if loop is not None else self.outer, buffer] = Twin(made, home, around.root)
-        return found
+        twin = self.twins[home if loop is not None else self.outer, buffer] = Twin(made, home, around.root)
+        return twin
 
 
 def side_by_side(graph: Graph) -> None:
@@ -346,12 +346,12 @@ class _Reverse(DerivedGraph, Sums):
     # What goes in and comes out
 
     def program(self) -> Program:
-        g, given, leaves = self.new, self.given, list(self.given.arguments)
+        g, original, leaves = self.new, self.given, list(self.given.arguments)
         for buffer in self.arguments:
             self.outer.buffers[buffer] = g.buffer("argument", buffer.kind, buffer.shape, buffer.name)
         results = [b for b in self.old.buffers if b.role == "result"]
         rest, weights = iter(results), {}
-        for leaf in given.results:
+        for leaf in original.results:
             if leaf.kind is not None:
                 buffer = next(rest)
                 if leaf.kind == "real":
@@ -359,9 +359,9 @@ class _Reverse(DerivedGraph, Sums):
                     weights[buffer] = g.buffer("argument", "real", leaf.shape, leaves[-1].name)
         for buffer in results:
             self.outer.buffers[buffer] = g.buffer("result", buffer.kind, buffer.shape, buffer.name)
-        wanted, slopes = list(given.results), {}
+        wanted, slopes = list(original.results), {}
         for place in self.places:
-            leaf = given.arguments[place]
+            leaf = original.arguments[place]
             wanted.append(Leaf(f"derivative by {leaf.name}", "real", leaf.shape))
             slopes[self.arguments[place]] = g.buffer("result", "real", leaf.shape, wanted[-1].name)
         self.forward(self.plan.root, self.outer, [], [], True)
@@ -377,7 +377,7 @@ class _Reverse(DerivedGraph, Sums):
                     g.store(slope, k, self.sums.get((buffer, k), g.const(0.0)))
         whole = rewrite(g, lambda g, node, args: None, exact=False)
         side_by_side(whole)
-        return Program(whole, leaves, wanted, given.title)
+        return Program(whole, leaves, wanted, original.title)
 
     # Forwards
 

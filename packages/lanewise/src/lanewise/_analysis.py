@@ -41,10 +41,10 @@ class Liveness(NamedTuple):
 
 def enclosing_buffers(buffer: Buffer) -> Iterable[Buffer]:
     """Iterate over a buffer and all that contain it."""
-    found: Buffer | None = buffer
-    while found is not None:
-        yield found
-        found = found.within[0] if found.within else None
+    enclosing: Buffer | None = buffer
+    while enclosing is not None:
+        yield enclosing
+        enclosing = enclosing.within[0] if enclosing.within else None
 
 
 def find_live(graph: Graph) -> Liveness:
@@ -206,29 +206,29 @@ def largest_need(live: Liveness, worth: Callable[[Node, Node], float]) -> Callab
 
     That of a loop is computed once for all its ends.
     """
-    found: dict[Loop, float] = {}
+    largest: dict[Loop, float] = {}
 
     def over(node: Node) -> float:
         if node.op not in ("end", "done"):
             return max((worth(a, node) for a in node.args), default=0)
         loop = loop_of_token(node)
-        if loop not in found:
-            found[loop] = max((worth(a, node) for a in sinks(loop, live)), default=0)
-        return found[loop]
+        if loop not in largest:
+            largest[loop] = max((worth(a, node) for a in sinks(loop, live)), default=0)
+        return largest[loop]
 
     return over
 
 
 def sinks(loop: Loop, live: Liveness) -> list[Node]:
     """Entries that a loop must complete before it ends, including inner loops."""
-    found, inside = [], False
+    entries, inside = [], False
     for x in live.loops:
         inside = x is loop or (inside and x.depth > loop.depth)
         if inside:
-            found += [n for k in live.carried[x] for n in (x.inits[k], x.nexts[k])]
-            found += [n for s in x.stores if s.buffer in live.buffers for n in (s.index, s.value) if n is not None]
-            found += [*x.after, *([x.trips] if isinstance(x.trips, Node) else [])]
-    return found
+            entries += [n for k in live.carried[x] for n in (x.inits[k], x.nexts[k])]
+            entries += [n for s in x.stores if s.buffer in live.buffers for n in (s.index, s.value) if n is not None]
+            entries += [*x.after, *([x.trips] if isinstance(x.trips, Node) else [])]
+    return entries
 
 
 def rewrite(
@@ -322,9 +322,9 @@ def _again(
         attr = (buffers[attr[0]], *attr[1:])
     elif node.op == "table":
         attr = buffers[attr]
-    found = rule(new, node, args)
-    if found is not None:
-        return found
+    replacement = rule(new, node, args)
+    if replacement is not None:
+        return replacement
     if node.op == "table":
         return new.intern(("table", attr), "table", args, attr, "token")
     return new.make(node.op, args, attr, node.kind)
@@ -423,12 +423,12 @@ class _Order:
         push(first, None)
         while stack:
             entry, needs, within = stack[-1]
-            found = next(needs, None)
-            if found is None:
+            following = next(needs, None)
+            if following is None:
                 stack.pop()
                 self.put(entry, within)
             else:
-                push(found, entry if isinstance(entry, Loop) else within)
+                push(following, entry if isinstance(entry, Loop) else within)
 
 
 # ---- divergence

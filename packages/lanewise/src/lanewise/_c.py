@@ -146,15 +146,15 @@ def _parts(field: str, leaves: Sequence[Leaf], names: Sequence[str] | None, defa
         _identifier(field, name)
     if len(set(names)) < len(names):
         raise ArgumentError(field, f"{field} must be names that differ, got {', '.join(names)}")
-    found: dict[str, list[int]] = {name: [] for name in names}
+    places: dict[str, list[int]] = {name: [] for name in names}
     for place, number in enumerate(numbers):
         if leaves[place].kind is not None:
-            found[names[number]].append(place)
-    return found
+            places[names[number]].append(place)
+    return places
 
 
 def _members(leaves: Sequence[Leaf], places: Sequence[int], *, argument: bool) -> list[Member]:
-    found: list[Member] = []
+    members: list[Member] = []
     taken: set[str] = set()
     for place in places:
         leaf = leaves[place]
@@ -168,8 +168,8 @@ def _members(leaves: Sequence[Leaf], places: Sequence[int], *, argument: bool) -
             name = f"{plain}_{count}"
         taken.add(name)
         at = (place, None) if argument else (None, place)
-        found.append(Member(name, path, leaf.kind or "real", leaf.shape, *at))
-    return found
+        members.append(Member(name, path, leaf.kind or "real", leaf.shape, *at))
+    return members
 
 
 def dotted_path(name: str) -> str:
@@ -223,7 +223,7 @@ class _FunctionText:
     ) -> None:  # fmt: skip
         self.name, self.real, self.groups = name, real, groups
         self.bases: dict[Buffer, str] = {}
-        given = [b for b in graph.buffers if b.role == "argument"]
+        inputs = [b for b in graph.buffers if b.role == "argument"]
         wanted = [b for b in graph.buffers if b.role == "result"]
         named = [k for k, leaf in enumerate(program.results) if leaf.kind is not None]
         places = {k: b for k, b in zip(named, wanted, strict=True)}
@@ -231,7 +231,7 @@ class _FunctionText:
             for member in group.members:
                 if member.argument is not None:
                     of = f"{group.name}_before." if group.is_replaced else f"{group.name}->"
-                    self.bases[given[member.argument]] = f"{'' if member.shape else '&'}{of}{member.name}"
+                    self.bases[inputs[member.argument]] = f"{'' if member.shape else '&'}{of}{member.name}"
                 if member.result is not None:
                     self.bases[places[member.result]] = f"{'' if member.shape else '&'}{group.name}->{member.name}"
         alive = sorted(plan.live.buffers, key=lambda b: b.serial)
@@ -244,7 +244,7 @@ class _FunctionText:
             m.argument
             for g in groups
             for m in g.members
-            if m.argument is not None and given[m.argument] in plan.live.buffers
+            if m.argument is not None and inputs[m.argument] in plan.live.buffers
         }
 
     def memory(self, kind: str) -> str:
@@ -254,13 +254,13 @@ class _FunctionText:
     def parameters(self, *, restrict: bool) -> str:
         """Parameters of the function."""
         mark = "restrict " if restrict else ""
-        found = [
+        parameters = [
             f"{'const ' if g.is_read and not g.is_replaced else ''}{self.name}_{g.name} *{mark}{g.name}"
             for g in self.groups
         ]
         if self.scratch:
-            found.append(f"{self.name}_scratch *{mark}scratch")
-        return ", ".join(found) or "void"
+            parameters.append(f"{self.name}_scratch *{mark}scratch")
+        return ", ".join(parameters) or "void"
 
     def declared(self, kind: str, name: str, shape: tuple[int, ...]) -> str:
         """A member of a struct."""

@@ -110,8 +110,8 @@ def _rcp(body: Statements, node: Node) -> str:
 @_op("load")
 def _load(body: Statements, node: Node) -> str:
     buffer, scale, offset = node.attr
-    found = body.element(buffer, node.args[0] if scale else None, scale, offset)
-    return f"{found} != 0" if node.kind == "bool" else found
+    element = body.element(buffer, node.args[0] if scale else None, scale, offset)
+    return f"{element} != 0" if node.kind == "bool" else element
 
 
 @_op("real")

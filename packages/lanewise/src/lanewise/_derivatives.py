@@ -33,9 +33,9 @@ def partials(g: Graph, node: Node, args: tuple[Node, ...], made: Node) -> list[N
         made: itself in the new one.
     """
     if node.op == "given":
-        found: list[Node | None] = [None] * len(args)
-        found[1::2] = args[2::2]
-        return found
+        derivatives: list[Node | None] = [None] * len(args)
+        derivatives[1::2] = args[2::2]
+        return derivatives
     rule = _RULES.get(node.op)
     return [None] * len(args) if rule is None else rule(g, made, args)
 
@@ -304,9 +304,9 @@ class Scope:
         """Replacement of an object; None if there is none."""
         scope: Scope | None = self
         while scope is not None:
-            found = getattr(scope, table).get(key)
-            if found is not None:
-                return found
+            replacement = getattr(scope, table).get(key)
+            if replacement is not None:
+                return replacement
             scope = scope.around
         return None
 
@@ -329,28 +329,28 @@ class Replay:
         if node.op == "const":
             return self.new.const(node.attr, node.kind)
         if node.op == "end":
-            found = scope.find("nodes", node.attr)
+            replacement = scope.find("nodes", node.attr)
         elif node.op == "done":
             loop = scope.find("loops", node.attr)
             return self.new.done(loop)
         else:
-            found = scope.find("nodes", node)
-        assert found is not None, node
-        return found
+            replacement = scope.find("nodes", node)
+        assert replacement is not None, node
+        return replacement
 
     def buffer(self, scope: Scope, buffer: Buffer) -> Buffer:
         """Replacement of a buffer; scratch memory is allocated at the first request."""
-        found = scope.find("buffers", buffer)
-        if found is None:
-            found = self.new.buffer(buffer.role, buffer.kind, buffer.shape, buffer.name, buffer.data)
+        replacement = scope.find("buffers", buffer)
+        if replacement is None:
+            replacement = self.new.buffer(buffer.role, buffer.kind, buffer.shape, buffer.name, buffer.data)
             home = scope if buffer.within is not None and buffer.within[2] is not None else self.outer
             if buffer.within is not None:
                 inside, offset, loop, by = buffer.within
-                found.within = self.moved(scope, self.buffer(scope, inside), offset, loop, by)
+                replacement.within = self.moved(scope, self.buffer(scope, inside), offset, loop, by)
                 while loop is not None and home.around is not None and loop not in home.loops:
                     home = home.around
-            home.buffers[buffer] = found
-        return found
+            home.buffers[buffer] = replacement
+        return replacement
 
     def moved(self, scope: Scope, inside: Buffer, offset: int, loop: Loop | None, by: int) -> Any:
         """The place of a buffer in another one, as seen by the loops of a scope."""
@@ -365,10 +365,10 @@ class Replay:
     @staticmethod
     def turns(scope: Scope, loop: Loop) -> bool:
         """Whether the loop that replaces a loop runs backwards."""
-        found: Scope | None = scope
-        while found is not None and loop not in found.loops:
-            found = found.around
-        return found is not None and loop in found.turned
+        outer: Scope | None = scope
+        while outer is not None and loop not in outer.loops:
+            outer = outer.around
+        return outer is not None and loop in outer.turned
 
     def again(self, scope: Scope, node: Node) -> Node:
         """Write one node."""
@@ -469,7 +469,7 @@ class _Forward(DerivedGraph):
         self.inside = {home for x, home in self.plan.home.items() if isinstance(x, Loop)}
 
     def program(self) -> Program:
-        given, leaves = self.given, list(self.given.arguments)
+        original, leaves = self.given, list(self.given.arguments)
         for buffer in self.arguments:
             self.outer.buffers[buffer] = self.new.buffer("argument", buffer.kind, buffer.shape, buffer.name)
         for place in self.places:
@@ -479,8 +479,8 @@ class _Forward(DerivedGraph):
         results = [b for b in self.old.buffers if b.role == "result"]
         for buffer in results:
             self.outer.buffers[buffer] = self.new.buffer("result", buffer.kind, buffer.shape, buffer.name)
-        wanted, rest = list(given.results), iter(results)
-        for leaf in given.results:
+        wanted, rest = list(original.results), iter(results)
+        for leaf in original.results:
             changed = Leaf(f"change of {leaf.name}", None, (self.count, *leaf.shape))
             if leaf.kind is not None:
                 buffer = next(rest)
@@ -490,7 +490,7 @@ class _Forward(DerivedGraph):
             wanted.append(changed)
         self.block(self.plan.root, self.outer, False)
         whole = rewrite(self.new, lambda g, node, args: None, exact=False)
-        return Program(whole, leaves, wanted, given.title)
+        return Program(whole, leaves, wanted, original.title)
 
     def _twinned(self, buffer: Buffer, twin: Buffer) -> None:
         for k in range(self.count):
@@ -498,21 +498,21 @@ class _Forward(DerivedGraph):
 
     def twin(self, scope: Scope, buffer: Buffer, k: int) -> tuple[Buffer, int]:
         """Memory of the tangents of a buffer in one direction: a buffer and an offset."""
-        found = self.twins.get((buffer, k))
-        if found is None:
+        twin = self.twins.get((buffer, k))
+        if twin is None:
             made = self.new.buffer("scratch", "real", buffer.shape, buffer.name)
             if buffer.within is not None:
                 inside, offset, loop, by = buffer.within
                 root, more = self.twin(scope, inside, k)
                 made.within = self.replay.moved(scope, root, offset + more, loop, by)
-            found = self.twins[buffer, k] = made, 0
-        return found
+            twin = self.twins[buffer, k] = made, 0
+        return twin
 
     def change(self, node: Node, k: int) -> Node:
         """Tangent of a node in one direction."""
         if node.op == "end":
-            found = self.ends.get(node.attr)
-            return self.new.const(0.0) if found is None else found[k]
+            tangent = self.ends.get(node.attr)
+            return self.new.const(0.0) if tangent is None else tangent[k]
         return self.changes.get((node, k)) or self.new.const(0.0)
 
     def block(self, entries: list[Entry], scope: Scope, leaf: bool) -> None:
@@ -573,14 +573,14 @@ class _Forward(DerivedGraph):
 
     def _sum(self, node: Node, terms: list[tuple[Node, Node]]) -> None:
         for k in range(self.count):
-            found = None
+            total_change = None
             for argument, partial in sorted(terms, key=lambda t: t[1].op != "const"):
                 change = self.change(argument, k)
                 if not is_zero(change):
                     part = product(self.new, partial, change)
-                    found = part if found is None else total(self.new, found, part)
-            if found is not None:
-                self.changes[node, k] = found
+                    total_change = part if total_change is None else total(self.new, total_change, part)
+            if total_change is not None:
+                self.changes[node, k] = total_change
 
     def _memory(self, node: Node, scope: Scope) -> None:
         """Tangent of a load from memory or of a table."""

@@ -73,9 +73,9 @@ def differentiable(
         leaves = [
             _checked_leaf(x, leaf) for x, leaf in zip(jax.tree.leaves(trees), kernels.program.arguments, strict=True)
         ]
-        found = iter(_RUN.bind(*leaves, kernels=kernels, depth=0))
+        results = iter(_RUN.bind(*leaves, kernels=kernels, depth=0))
         every = [
-            np.zeros(leaf.shape, jax.dtypes.float0) if leaf.kind is None else next(found)
+            np.zeros(leaf.shape, jax.dtypes.float0) if leaf.kind is None else next(results)
             for leaf in kernels.program.results
         ]
         return jax.tree.unflatten(compiled.tree, every)
@@ -120,9 +120,9 @@ class Derivatives:
             whole = np.broadcast_to(x, [batch[k] if k in fixed else n for k, n in enumerate(x.shape)])
             moved = np.moveaxis(whole, fixed, last)
             changes.append(moved.reshape((*moved.shape[: len(lanes)], many, *x.shape[depth:])))
-        given = [x.squeeze(tuple(fixed)) for x in arrays[:known]]
-        found = self._jvp_of_lanes(given, changes, lanes, places)
-        return [np.moveaxis(x.reshape((*lanes, *sizes, *x.shape[len(lanes) + 1 :])), last, fixed) for x in found]
+        primals = [x.squeeze(tuple(fixed)) for x in arrays[:known]]
+        tangents = self._jvp_of_lanes(primals, changes, lanes, places)
+        return [np.moveaxis(x.reshape((*lanes, *sizes, *x.shape[len(lanes) + 1 :])), last, fixed) for x in tangents]
 
     def _jvp_of_lanes(
         self, arrays: Any, changes: Any, batch: tuple[int, ...], places: tuple[int, ...]
@@ -137,12 +137,12 @@ class Derivatives:
             few = [x[(slice(None),) * depth + (slice(k, k + count),)] for x in changes]
             rest = [(0, 0)] * depth + [(0, count - few[0].shape[depth])]
             some = [np.pad(x, rest + [(0, 0)] * (x.ndim - depth - 1)) for x in few]
-            given = [*arrays[: len(self.program.arguments)], *some]
-            found = iter(
-                _call_program(program, given, batch, self.options, [x for x in leaves if x.kind is not None], begin)
+            primals = [*arrays[: len(self.program.arguments)], *some]
+            results = iter(
+                _call_program(program, primals, batch, self.options, [x for x in leaves if x.kind is not None], begin)
             )
             parts.append([
-                np.zeros((*batch, *leaf.shape)) if leaf.kind is None else next(found)
+                np.zeros((*batch, *leaf.shape)) if leaf.kind is None else next(results)
                 for leaf, own in zip(leaves, self.program.results, strict=True) if own.kind == "real"
             ])  # fmt: skip
         return [np.take(np.concatenate(p, depth), range(many), depth) for p in zip(*parts, strict=True)]
@@ -175,21 +175,21 @@ def _call_program(
     depth, lanes = len(batch), int(np.prod(batch))
     if lanes == 0:
         return [np.zeros((*batch, *leaf.shape), DTYPES[leaf.kind or "real"]) for leaf in leaves]
-    given = []
+    inputs = []
     for x, leaf in zip(arrays, program.arguments, strict=True):
         x = np.asarray(x)
         if _is_one(x.shape[:depth]):
-            given.append(x.reshape(leaf.shape))
+            inputs.append(x.reshape(leaf.shape))
         else:
             whole = np.broadcast_to(x, (*batch, *leaf.shape)).reshape((lanes, *leaf.shape))
-            given.append(np.moveaxis(whole, 0, -1))
-    every = program.call(given, lanes=None if lanes == 1 else lanes, **options)[begin:]
-    found = [x for x in every if x is not None]
+            inputs.append(np.moveaxis(whole, 0, -1))
+    every = program.call(inputs, lanes=None if lanes == 1 else lanes, **options)[begin:]
+    results = [x for x in every if x is not None]
     if lanes > 1:
-        found = [np.moveaxis(x, -1, 0) for x in found]
+        results = [np.moveaxis(x, -1, 0) for x in results]
     return [
         np.ascontiguousarray(x).reshape((*batch, *leaf.shape)).astype(DTYPES[leaf.kind or "real"], copy=False)
-        for x, leaf in zip(found, leaves, strict=True)
+        for x, leaf in zip(results, leaves, strict=True)
     ]
 
 
@@ -213,8 +213,8 @@ def _primitive(name: str, host: Callable[..., Any], leaves: Callable[..., Sequen
             jnp.expand_dims(x, 0) if axis is None else jnp.moveaxis(x, axis, 0)
             for x, axis in zip(arrays, axes, strict=True)
         ]
-        found = made.bind(*moved, depth=depth + 1, **more)
-        return found, [0] * len(found)
+        results = made.bind(*moved, depth=depth + 1, **more)
+        return results, [0] * len(results)
 
     def abstract(*arrays: Any, **more: Any) -> list[Any]:
         return [jax.core.ShapedArray(s.shape, s.dtype) for s in shapes(*arrays, **more)]
@@ -246,7 +246,7 @@ def _zero(value: Any) -> Any:
 
 
 def _jvp_of_run(primals: Any, changes: Any, *, kernels: Derivatives, depth: int) -> tuple[Any, Any]:
-    found = _RUN.bind(*primals, kernels=kernels, depth=depth)
+    results = _RUN.bind(*primals, kernels=kernels, depth=depth)
     places = tuple(
         k
         for k, (x, leaf) in enumerate(zip(changes, kernels.program.arguments, strict=True))
@@ -255,9 +255,9 @@ def _jvp_of_run(primals: Any, changes: Any, *, kernels: Derivatives, depth: int)
     moved = iter(())
     if places:
         moved = iter(_PUSH.bind(*primals, *(changes[p] for p in places), kernels=kernels, depth=depth, places=places))
-    return found, [
+    return results, [
         next(moved) if leaf.kind == "real" and places else _zero(x)
-        for x, leaf in zip(found, kernels.results, strict=True)
+        for x, leaf in zip(results, kernels.results, strict=True)
     ]
 
 
@@ -265,10 +265,10 @@ def _transpose_jvp(weights: Any, *arrays: Any, kernels: Derivatives, depth: int,
     known = len(kernels.program.arguments)
     if any(ad.is_undefined_primal(x) for x in arrays[:known]):
         raise LoweringError("a derivative of a derivative", "no kernel can do that")
-    given = [ad.instantiate_zeros(w) for w in weights]
-    found = _PULL.bind(*arrays[:known], *given, kernels=kernels, depth=depth, places=places)
+    cotangents_in = [ad.instantiate_zeros(w) for w in weights]
+    cotangents = _PULL.bind(*arrays[:known], *cotangents_in, kernels=kernels, depth=depth, places=places)
     out: list[Any] = [None] * known
-    for x, slope in zip(arrays[known:], found, strict=True):
+    for x, slope in zip(arrays[known:], cotangents, strict=True):
         # what was one for all of a batch has the sum of their derivatives
         shape = x.aval.shape
         axes = tuple(k for k in range(depth) if shape[k] == 1 and slope.shape[k] != 1)

@@ -80,14 +80,14 @@ def gpu_assembly(
         real: type of its numbers.
     """
     graph, plan = program.prepared(mode, real)
-    given, wanted = ([b for b in graph.buffers if b.role == role] for role in ("argument", "result"))
-    divergence = find_divergence(graph, plan, {given[k] for k in differs}, lanes=True)
+    inputs, wanted = ([b for b in graph.buffers if b.role == role] for role in ("argument", "result"))
+    divergence = find_divergence(graph, plan, {inputs[k] for k in differs}, lanes=True)
     kind = "double" if real == "float64" else "float"
     text, layout = emit(graph, plan, divergence, width=1, real=kind, features="alwaysinline nounwind ")
     text = text.replace("define void @kernel", "define internal void @kernel")
     if mode == "fast" and real == "float32":
         text = re.sub(r"= (fdiv|call(?= (?:<1 x float>|float) @llvm\.sqrt))", r"= \1 afn", text)
-    numbers = dict(zip(given, range(len(given)), strict=True))
+    numbers = dict(zip(inputs, range(len(inputs)), strict=True))
     numbers |= dict(zip(wanted, (k for k, leaf in enumerate(program.results) if leaf.kind is not None), strict=True))
     slots = [[b.role, numbers[b], b.kind, list(b.shape), b in divergence.buffers] for b in layout.external]
     brought = layout.scratch if layout.scratch > OWN else 0
@@ -253,14 +253,14 @@ class GpuKernel(Kernel):
     ) -> list[Any]:
         """Run it; see `Kernel.__call__`."""
         n = 1 if lanes is None else lanes
-        found: list[Any] = [None] * results
+        outputs: list[Any] = [None] * results
         arrays = []
         for slot in self.slots:
             if slot.role == "argument":
                 arrays.append(np.ascontiguousarray(arguments[slot.place], self.type(slot)))
             else:
-                found[slot.place] = np.empty((*slot.shape, n), self.type(slot))
-                arrays.append(found[slot.place])
+                outputs[slot.place] = np.empty((*slot.shape, n), self.type(slot))
+                arrays.append(outputs[slot.place])
         _gpu_driver.use_device(self.device)
         size, self.seconds = self.chunk(n), 0.0
         stride = -(-size // ROUND) * ROUND
@@ -274,7 +274,7 @@ class GpuKernel(Kernel):
                 blocks = -(-(last - first) // BLOCK)
                 self.seconds += _gpu_driver.launch(self.function, blocks, BLOCK, memory, scratch, stride, last - first)
                 self._get(arrays, memory, stride, first, last)
-        return found
+        return outputs
 
     def _put(self, arrays: Sequence[Any], memory: int, stride: int, first: int, last: int, *, fixed: bool) -> None:
         """Copy the arguments of a chunk of lanes."""
@@ -341,15 +341,16 @@ def to_gpu(program: Program, *, device: int = 0, most: int | None = None) -> Gpu
         UnavailableError: no driver, no GPU, or one that is too old; says which in one line.
         ArgumentError: there is no such device.
     """
-    found = _gpu_driver.devices()
-    if not 0 <= device < len(found):
+    devices = _gpu_driver.devices()
+    if not 0 <= device < len(devices):
         raise ArgumentError(
-            "device", f"Unknown device {device}. Known are 0 to {len(found) - 1}: {', '.join(d.name for d in found)}"
+            "device",
+            f"Unknown device {device}. Known are 0 to {len(devices) - 1}: {', '.join(d.name for d in devices)}",
         )
-    if found[device].capability < OLDEST:
-        version = ".".join(map(str, found[device].capability))
-        raise UnavailableError(f"No GPU: {found[device].name} has compute capability {version}; 6.0 is needed.")
+    if devices[device].capability < OLDEST:
+        version = ".".join(map(str, devices[device].capability))
+        raise UnavailableError(f"No GPU: {devices[device].name} has compute capability {version}; 6.0 is needed.")
     made = GpuProgram(program.graph, program.arguments, program.results, program.title)
     made.serialised = program.serialised
-    made.device, made.most = found[device], most
+    made.device, made.most = devices[device], most
     return made

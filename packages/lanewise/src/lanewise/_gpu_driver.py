@@ -58,19 +58,19 @@ def _library(name: str | None) -> Any:
     """The driver, ready for use."""
     for candidate in (name,) if name else NAMES:
         try:
-            found = ctypes.CDLL(candidate)
+            library = ctypes.CDLL(candidate)
         except OSError:
             continue
         for call, types in CALLS.items():
-            function = getattr(found, call, None)
+            function = getattr(library, call, None)
             if function is None:
                 raise UnavailableError(
                     f"No GPU: the driver {candidate} has no {call}; one of CUDA 11 or later is needed."
                 )
             function.argtypes, function.restype = types, c_int
-        if (code := found.cuInit(0)) != 0:
-            raise UnavailableError(f"No GPU: the driver says {_error_text(found, code)!r}.")
-        return found
+        if (code := library.cuInit(0)) != 0:
+            raise UnavailableError(f"No GPU: the driver says {_error_text(library, code)!r}.")
+        return library
     raise UnavailableError(f"No GPU: there is no driver of NVIDIA here ({', '.join((name,) if name else NAMES)}).")
 
 
@@ -105,17 +105,17 @@ def devices() -> list[Device]:
     """
     count, number, major, minor = c_int(), c_int(), c_int(), c_int()
     call("cuDeviceGetCount", byref(count))
-    found = []
+    gpus = []
     for k in range(count.value):
         call("cuDeviceGet", byref(number), k)
         text = ctypes.create_string_buffer(256)
         call("cuDeviceGetName", text, len(text), number.value)
         call("cuDeviceGetAttribute", byref(major), MAJOR, number.value)
         call("cuDeviceGetAttribute", byref(minor), MINOR, number.value)
-        found.append(Device(number.value, text.value.decode(errors="replace"), (major.value, minor.value)))
-    if not found:
+        gpus.append(Device(number.value, text.value.decode(errors="replace"), (major.value, minor.value)))
+    if not gpus:
         raise UnavailableError("No GPU: the driver is there, but it finds no device.")
-    return found
+    return gpus
 
 
 @functools.cache

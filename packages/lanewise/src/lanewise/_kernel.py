@@ -192,23 +192,23 @@ class Kernel:
         """
         n = 1 if lanes is None else lanes
         arrays: list[np.ndarray] = []
-        found: list[Any] = [None] * results
+        outputs: list[Any] = [None] * results
         for slot in self.slots:
             if slot.role == "argument":
                 arrays.append(np.ascontiguousarray(arguments[slot.place], self.type(slot)))
             else:
                 shape = (*slot.shape, n) if slot.differs else slot.shape
-                found[slot.place] = np.empty(shape, self.type(slot))
-                arrays.append(found[slot.place])
+                outputs[slot.place] = np.empty(shape, self.type(slot))
+                arrays.append(outputs[slot.place])
         if lanes is None:
             self._run(arrays, 1, 0, 1)
-            return found
+            return outputs
         whole, rest = divmod(n, self.width)
         if whole:
             self._spread(arrays, n, whole, threads or available_cores())
         if rest:
             self._last(arrays, n, rest)
-        return found
+        return outputs
 
     def _spread(self, arrays: list[np.ndarray], n: int, blocks: int, threads: int) -> None:
         threads = min(threads, blocks)

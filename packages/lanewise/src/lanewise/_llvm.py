@@ -138,11 +138,11 @@ def emit(
 
 def _divided(lines: list[str]) -> tuple[list[str], str]:
     """Divide the code outside loops into blocks of limited length; also return the name of the last one."""
-    found, label = lines[:LONGEST], "entry"
+    text, label = lines[:LONGEST], "entry"
     for k in range(LONGEST, len(lines), LONGEST):
         label = f"once{k}"
-        found += [f"  br i1 %never, label %out, label %{label}", f"{label}:", *lines[k : k + LONGEST]]
-    return found, label
+        text += [f"  br i1 %never, label %out, label %{label}", f"{label}:", *lines[k : k + LONGEST]]
+    return text, label
 
 
 def _memory(body: Body, head: list[str]) -> None:

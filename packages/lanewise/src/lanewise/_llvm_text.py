@@ -155,8 +155,8 @@ class Memory(Text):
             if many:
                 place = self.emit(f"mul <{self.width} x i64> {place}, {self._stride(root, True)}")
                 place = self.emit(f"add <{self.width} x i64> {place}, {counted(self.width)}")
-            found = self.emit(f"getelementptr {one}, ptr {self.base(root)}, <{self.width} x i64> {place}")
-            return found, True, False
+            address = self.emit(f"getelementptr {one}, ptr {self.base(root)}, <{self.width} x i64> {place}")
+            return address, True, False
         if many:
             if root.role == "scratch" and place.isdigit():
                 place = str(int(place) * self.width)
@@ -184,15 +184,15 @@ class Memory(Text):
         size = 1 if one == "i8" else 4 if one == "float" else 8
         if scattered:
             whole = f"<{self.width} x {one}>"
-            found = self._gather(pointer, node.kind, one, size)
+            value = self._gather(pointer, node.kind, one, size)
         else:
             whole = f"<{self.width} x {one}>" if vector else one
-            found = self.emit(f"load {whole}, ptr {pointer}, align {size}")
+            value = self.emit(f"load {whole}, ptr {pointer}, align {size}")
         if node.kind == "bool":
-            return self.emit(f"trunc {whole} {found} to {self.type('bool', vector)}")
+            return self.emit(f"trunc {whole} {value} to {self.type('bool', vector)}")
         if node.kind == "int" and vector and self.real == "float":
-            return self.emit(f"trunc {whole} {found} to {self.type('int', True)}")
-        return found
+            return self.emit(f"trunc {whole} {value} to {self.type('int', True)}")
+        return value
 
     def _gather(self, pointers: str, kind: str, one: str, size: int) -> str:
         """Read from an address per lane."""
@@ -300,7 +300,7 @@ def _estimate(body: Memory, what: str, x: str) -> str:
     """The processor's estimate, register by register."""
     lanes, short = (8, "pd") if body.real == "double" else (16, "ps")
     whole, part = body.type("real", True), f"<{lanes} x {body.real}>"
-    found = []
+    registers = []
     for k in range(body.width // lanes):
         piece = x
         if body.width > lanes:
@@ -308,17 +308,17 @@ def _estimate(body: Memory, what: str, x: str) -> str:
             piece = body.emit(f"shufflevector {whole} {x}, {whole} poison, <{lanes} x i32> <{mask}>")
         name = f"llvm.x86.avx512.{what}.{short}.512"
         mask_type = f"i{lanes}"
-        found.append(body.intrinsic(name, part, (part, piece), (part, "zeroinitializer"), (mask_type, "-1")))
+        registers.append(body.intrinsic(name, part, (part, piece), (part, "zeroinitializer"), (mask_type, "-1")))
     size = lanes
-    while len(found) > 1:
+    while len(registers) > 1:
         size *= 2
         mask = ", ".join(f"i32 {i}" for i in range(size))
         half = f"<{size // 2} x {body.real}>"
-        found = [
+        registers = [
             body.emit(f"shufflevector {half} {a}, {half} {b}, <{size} x i32> <{mask}>")
-            for a, b in zip(found[::2], found[1::2], strict=True)
+            for a, b in zip(registers[::2], registers[1::2], strict=True)
         ]
-    return found[0]
+    return registers[0]
 
 
 # ---- operations
@@ -410,11 +410,11 @@ def _extreme(body: Memory, node: Node) -> str:
     if node.args[0].op == "const":  # b is what may be NaN, and is taken if it is
         a, b = b, a
     better = body.emit(f"fcmp {'ogt' if most else 'olt'} {kind} {b}, {a}")
-    found = body.emit(f"select {truth} {better}, {kind} {b}, {kind} {a}")
+    value = body.emit(f"select {truth} {better}, {kind} {b}, {kind} {a}")
     if any(n.op == "const" for n in node.args):
-        return found
+        return value
     lost = body.emit(f"fcmp uno {kind} {b}, {b}")
-    return body.emit(f"select {truth} {lost}, {kind} {b}, {kind} {found}")
+    return body.emit(f"select {truth} {lost}, {kind} {b}, {kind} {value}")
 
 
 ROOTS = {"sqrt": "sqrt", "abs": "fabs", "floor": "floor", "ceil": "ceil", "round": "roundeven", "fma": "fma"}
@@ -469,15 +469,15 @@ def _invert(body: Memory, node: Node) -> str:
     products = [d[0]]
     for x in d[1:]:
         products.append(body.emit(f"fmul {kind} {products[-1]}, {x}"))
-    left, found = body.emit(f"fdiv {kind} {_one(body, vector)}, {products[-1]}"), [""] * len(d)
+    left, reciprocals = body.emit(f"fdiv {kind} {_one(body, vector)}, {products[-1]}"), [""] * len(d)
     for k in range(len(d) - 1, 0, -1):
-        found[k] = body.emit(f"fmul {kind} {left}, {products[k - 1]}")
+        reciprocals[k] = body.emit(f"fmul {kind} {left}, {products[k - 1]}")
         left = body.emit(f"fmul {kind} {left}, {d[k]}")
-    found[0] = left
+    reciprocals[0] = left
     truth, name = body.type("bool", vector), f"llvm.is.fpclass.{_suffix(body, vector)}"
     body.declared.add(f"declare {truth} @{name}({kind}, i32 immarg)")
     odd = body.emit(f"call {truth} @{name}({kind} {products[-1]}, i32 {NOT_NORMAL})")
-    body.inverted[node] = _one_by_one(body, odd, vector, kind, d, found)
+    body.inverted[node] = _one_by_one(body, odd, vector, kind, d, reciprocals)
     return ""
 
 
@@ -491,7 +491,7 @@ def _one_by_one(body: Memory, odd: str, vector: bool, kind: str, d: list[str], f
         name, truth = f"llvm.vector.reduce.or.v{body.width}i1", f"<{body.width} x i1>"
         some = body.intrinsic(name, "i1", (truth, odd))
     body.count += 1
-    key, here = body.count, body.label
+    key, label = body.count, body.label
     body.lines += [f"  br i1 {some}, label %odd{key}, label %even{key}, !prof !0", f"odd{key}:"]
     blended = []
     for x, value in zip(d, found, strict=True):
@@ -500,7 +500,7 @@ def _one_by_one(body: Memory, odd: str, vector: bool, kind: str, d: list[str], f
     body.lines += [f"  br label %even{key}", f"even{key}:"]
     body.label = f"even{key}"
     pairs = zip(found, blended, strict=True)
-    return [body.emit(f"phi {kind} [ {a}, %{here} ], [ {b}, %odd{key} ]") for a, b in pairs]
+    return [body.emit(f"phi {kind} [ {a}, %{label} ], [ {b}, %odd{key} ]") for a, b in pairs]
 
 
 @_op("real")

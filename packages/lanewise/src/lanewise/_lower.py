@@ -56,10 +56,10 @@ def trace(function: Callable[..., Tree], *examples: Tree) -> TracedFunction:
         arguments.append(buffer)
         rows: Any = BufferArray(tracer.graph, buffer, leaf.shape)
         values.append(rows if leaf.shape else rows.at(()))
-    found = tracer.closed(closed, values)
+    outputs = tracer.closed(closed, values)
     leaves = jax.tree.leaves_with_path(out)
     results = [
-        tracer.result(v, leaf, _path_name(path, "result")) for v, (path, leaf) in zip(found, leaves, strict=True)
+        tracer.result(v, leaf, _path_name(path, "result")) for v, (path, leaf) in zip(outputs, leaves, strict=True)
     ]
     return TracedFunction(tracer.graph, arguments, results, jax.tree.structure(out), [leaf.shape for _, leaf in leaves])
 

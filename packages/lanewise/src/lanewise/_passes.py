@@ -92,7 +92,7 @@ def _depths(live: Liveness) -> dict[Node, int]:
 def _order(live: Liveness, chosen: dict[Node, list[Node]]) -> list[Node]:
     """The nodes in an order in which all denominators of a group stand before its reciprocals."""
     order: list[Node] = []
-    seen: set[Node] = set()
+    visited: set[Node] = set()
     over: set[Loop] = set()  # all that they need is in order, or will be before what is looked at
 
     def needs(node: Node) -> list[Node]:
@@ -105,15 +105,15 @@ def _order(live: Liveness, chosen: dict[Node, list[Node]]) -> list[Node]:
         return sinks(loop_of_token(node), live) if first else []
 
     for first in live.nodes:
-        stack = [(first, iter(needs(first)))] if first not in seen else []
-        seen.add(first)
+        stack = [(first, iter(needs(first)))] if first not in visited else []
+        visited.add(first)
         while stack:
-            found = next(stack[-1][1], None)
-            if found is None:
+            following = next(stack[-1][1], None)
+            if following is None:
                 order.append(stack.pop()[0])
-            elif found not in seen:
-                seen.add(found)
-                stack.append((found, iter(needs(found))))
+            elif following not in visited:
+                visited.add(following)
+                stack.append((following, iter(needs(following))))
     return order
 
 
@@ -187,12 +187,12 @@ class Survey(NamedTuple):
 
 def count_uses(graph: Graph, live: Liveness) -> Counter[Node]:
     """Count the uses of each node."""
-    found = Counter(a for n in live.nodes for a in n.args)
+    uses = Counter(a for n in live.nodes for a in n.args)
     for loop in live.loops:
-        found.update(n for k in live.carried[loop] for n in (loop.inits[k], loop.nexts[k]))
-        found.update(s.value for s in loop.stores)
-    found.update(s.value for s in graph.stores)
-    return found
+        uses.update(n for k in live.carried[loop] for n in (loop.inits[k], loop.nexts[k]))
+        uses.update(s.value for s in loop.stores)
+    uses.update(s.value for s in graph.stores)
+    return uses
 
 
 def survey(graph: Graph) -> Survey:
@@ -282,7 +282,7 @@ def _bags(at: Survey) -> dict[Node, FactorBag]:
         if node.kind == "real" and node.op in OPEN:
             for a in node.args:
                 users[a].append(node)
-    found = {}
+    bags = {}
     for node in reversed(at.live.nodes):
         if node.kind != "real" or node.op not in OPEN or node.op == "neg":
             continue
@@ -291,8 +291,8 @@ def _bags(at: Survey) -> dict[Node, FactorBag]:
             continue
         bag = _factorise(node, at)
         if bag is not None:
-            found[node] = bag
-    return found
+            bags[node] = bag
+    return bags
 
 
 def _in_product(neg: Node, at: Survey, users: dict[Node, list[Node]]) -> bool:
@@ -306,14 +306,14 @@ def _in_product(neg: Node, at: Survey, users: dict[Node, list[Node]]) -> bool:
 
 def _factorise(root: Node, at: Survey) -> FactorBag | None:
     """The factors of a product; None if there are too many."""
-    here, constant = at.home[root], 1.0
+    home, constant = at.home[root], 1.0
     factors: list[tuple[Node, int]] = []
     stack = [(root, 1)]
     while stack:
         node, exponent = stack.pop()
         if node.op == "const" and node.attr != 0.0:
             constant = constant * node.attr if exponent > 0 else constant / node.attr
-        elif node is root or (node.op in OPEN and (at.home[node] is not here or at.times[node] == 1)):
+        elif node is root or (node.op in OPEN and (at.home[node] is not home or at.times[node] == 1)):
             if node.op == "neg":
                 constant = -constant
             if node.op == "rcp":
@@ -331,8 +331,8 @@ def _factorise(root: Node, at: Survey) -> FactorBag | None:
             factors.remove((node, exponent))
             factors.remove((node, -exponent))
     factors.sort(key=lambda f: f[0].serial)
-    fixed: list[Factor] = [f for f in factors if at.home[f[0]] is not here]
-    return FactorBag(constant, fixed, [f for f in factors if at.home[f[0]] is here])
+    fixed: list[Factor] = [f for f in factors if at.home[f[0]] is not home]
+    return FactorBag(constant, fixed, [f for f in factors if at.home[f[0]] is home])
 
 
 def _pair(at: Survey, bags: dict[Node, FactorBag]) -> None:
@@ -340,9 +340,9 @@ def _pair(at: Survey, bags: dict[Node, FactorBag]) -> None:
     while True:
         having: dict[Any, list[Node]] = defaultdict(list)
         for root, bag in bags.items():
-            seen = sorted(set(bag.changing), key=_factor_order)
-            for i, a in enumerate(seen):
-                for b in seen[i + 1 :]:
+            factors = sorted(set(bag.changing), key=_factor_order)
+            for i, a in enumerate(factors):
+                for b in factors[i + 1 :]:
                     having[at.home[root], a, b].append(root)
         best = sorted(
             (p for p, roots in having.items() if len(roots) > 1),
@@ -366,10 +366,10 @@ def _pair(at: Survey, bags: dict[Node, FactorBag]) -> None:
 
 def _factor_order(factor: Factor) -> Any:
     """Some order that depends on the graph only."""
-    what, exponent = factor
-    if isinstance(what, Node):
-        return ((what.serial,), exponent)
-    return (tuple(n for part in what for n in _factor_order(part if exponent == 0 else (part, -1))[0]), exponent)
+    base, exponent = factor
+    if isinstance(base, Node):
+        return ((base.serial,), exponent)
+    return (tuple(n for part in base for n in _factor_order(part if exponent == 0 else (part, -1))[0]), exponent)
 
 
 class _Builder:
@@ -412,21 +412,21 @@ class _Builder:
 
     def ready(self, factor: Factor) -> float:
         """Depth at which a factor is available."""
-        what, exponent = factor
-        if isinstance(what, Node):
-            return self.at.ready[what] + (LATENCY["rcp"] if exponent < 0 else 0.0)
-        parts = what if exponent == 0 else [(n, 1) for n in what]
-        return max(map(self.ready, parts)) + (1.0 if exponent == 0 else len(what) - 1.0 + LATENCY["rcp"])
+        base, exponent = factor
+        if isinstance(base, Node):
+            return self.at.ready[base] + (LATENCY["rcp"] if exponent < 0 else 0.0)
+        parts = base if exponent == 0 else [(n, 1) for n in base]
+        return max(map(self.ready, parts)) + (1.0 if exponent == 0 else len(base) - 1.0 + LATENCY["rcp"])
 
     def factor(self, factor: Factor) -> Node:
         """The new node of a factor that changes."""
-        what, exponent = factor
-        if isinstance(what, Node):
-            return self.made[what] if exponent > 0 else self.g.make("rcp", (self.made[what],))
+        base, exponent = factor
+        if isinstance(base, Node):
+            return self.made[base] if exponent > 0 else self.g.make("rcp", (self.made[base],))
         if exponent == 0:
-            a, b = sorted(what, key=self.ready)
+            a, b = sorted(base, key=self.ready)
             return self.g.make("mul", (self.factor(a), self.factor(b)))
-        whole = self.made[what[0]]
-        for node in what[1:]:
+        whole = self.made[base[0]]
+        for node in base[1:]:
             whole = self.g.make("mul", (whole, self.made[node]))
         return self.g.make("rcp", (whole,))

@@ -299,8 +299,8 @@ class Program:
             ArgumentError: if it is no program of this release's schema.
         """
         graph, more = deserialise(data, where)
-        given, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in more[part]] for part in ("arguments", "results"))
-        made = cls(graph, given, wanted, more["title"])
+        arguments, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in more[part]] for part in ("arguments", "results"))
+        made = cls(graph, arguments, wanted, more["title"])
         made.serialised = data
         return made
 
@@ -356,9 +356,9 @@ class Program:
         if mode == "fast" and lanes and at.divides:
             mode = "default"
         graph, plan = self.prepared(mode, real)
-        given = [b for b in graph.buffers if b.role == "argument"]
+        inputs = [b for b in graph.buffers if b.role == "argument"]
         wanted = [b for b in graph.buffers if b.role == "result"]
-        divergence = find_divergence(graph, plan, {given[k] for k in differs}, lanes=lanes)
+        divergence = find_divergence(graph, plan, {inputs[k] for k in differs}, lanes=lanes)
         size = 64 if real == "float64" else 32
         if width is None:
             width = at.bits // size if lanes else 1
@@ -376,7 +376,7 @@ class Program:
             estimates=mode == "fast" and lanes and fits(width, REALS[real], at.bits),
         )
         named = [k for k, leaf in enumerate(self.results) if leaf.kind is not None]
-        places = {b: k for k, b in enumerate(given)} | dict(zip(wanted, named, strict=True))
+        places = {b: k for k, b in enumerate(inputs)} | dict(zip(wanted, named, strict=True))
         slots = [[b.role, places[b], b.kind, list(b.shape), b in divergence.buffers and lanes] for b in layout.external]
         return text, {"slots": slots, "width": width, "scratch": layout.scratch}
 
@@ -404,8 +404,8 @@ class Program:
             values = self._ordered(arguments)
         else:
             values = list(arguments)
-        found = self.call(values, lanes=lanes, mode=mode, real=real, threads=threads, width=width)
-        return {leaf.name: value for leaf, value in zip(self.results, found, strict=True) if value is not None}
+        outputs = self.call(values, lanes=lanes, mode=mode, real=real, threads=threads, width=width)
+        return {leaf.name: value for leaf, value in zip(self.results, outputs, strict=True) if value is not None}
 
     def call(
         self,

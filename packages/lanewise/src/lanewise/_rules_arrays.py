@@ -88,12 +88,12 @@ def _reshape(t: Tracer, eqn: Any, a: Any, *_: Any) -> Any:
         return make_array(g, shape, a.kind, same)
 
     def moved(index: tuple[Any, ...]) -> Node:
-        place, found = flat_index(g, index, shape), []
+        place, indices = flat_index(g, index, shape), []
         for n in reversed(old):
             number = as_node(g, place)
-            found.append(g.make("rem", (number, g.const(n, "int"))))
+            indices.append(g.make("rem", (number, g.const(n, "int"))))
             place = g.make("quot", (number, g.const(n, "int")))
-        return element_at(g, a, tuple(reversed(found)))
+        return element_at(g, a, tuple(reversed(indices)))
 
     return make_array(g, shape, a.kind, moved)
 
@@ -155,13 +155,13 @@ def take_slice(g: Graph, a: Any, start: Any, shape: tuple[int, ...], strides: An
 
 @rule("split")
 def _split(t: Tracer, eqn: Any, a: Any) -> Any:
-    axis, begin, found = eqn.params["axis"], 0, []
+    axis, begin, parts = eqn.params["axis"], 0, []
     for n, var in zip(eqn.params["sizes"], eqn.outvars, strict=True):
         start = [0] * len(shape_of(a))
         start[axis] = begin
-        found.append(take_slice(t.graph, a, start, var.aval.shape))
+        parts.append(take_slice(t.graph, a, start, var.aval.shape))
         begin += n
-    return found
+    return parts
 
 
 @rule("concatenate")
@@ -206,12 +206,12 @@ def _pad(t: Tracer, eqn: Any, a: Any, fill: Any) -> Any:
         return ScatteredBlocks(g, shape, [(tuple(low for low, _, _ in config), a)])
 
     def element(index: tuple[Any, ...]) -> Node:
-        inside, here = g.const(True, "bool"), []
+        inside, indices = g.const(True, "bool"), []
         for i, (low, _, _), n in zip(index, config, shape_of(a), strict=True):
             place = subtract_index(g, i, low)
             inside = g.make("and", (inside, is_within(g, place, n)))
-            here.append(clamp_index(g, place, n))
-        return g.make("select", (inside, element_at(g, a, tuple(here)), fill))
+            indices.append(clamp_index(g, place, n))
+        return g.make("select", (inside, element_at(g, a, tuple(indices)), fill))
 
     return make_array(g, shape, kind_of(a), element)
 
@@ -242,14 +242,14 @@ def _dynamic_update_slice(t: Tracer, eqn: Any, a: Any, block: Any, *start: Any) 
         return ScatteredBlocks(g, shape, [(begin, block)])
 
     def element(index: tuple[Any, ...]) -> Node:
-        inside, here = g.const(True, "bool"), []
+        inside, indices = g.const(True, "bool"), []
         for i, s, n in zip(index, begin, sizes, strict=True):
             place = subtract_index(g, i, s)
             inside = g.make("and", (inside, is_within(g, place, n)))
-            here.append(clamp_index(g, place, n))
+            indices.append(clamp_index(g, place, n))
         if inside.op == "const" and not inside.attr:
             return element_at(g, a, index)
-        return g.make("select", (inside, element_at(g, block, tuple(here)), element_at(g, a, index)))
+        return g.make("select", (inside, element_at(g, block, tuple(indices)), element_at(g, a, index)))
 
     return make_array(g, shape, kind_of(a), element)
 
@@ -295,8 +295,8 @@ def _gather(t: Tracer, eqn: Any, a: Any, indices: Any) -> Any:
             start[d] = clamp_index(g, start[d], room)
         for d, e in zip(offsets, numbers.offset_dims, strict=True):
             start[d] = add_index(g, start[d], index[e])
-        found = element_at(g, a, tuple(start))
-        return g.make("select", (sound, found, fill)) if fills else found
+        value = element_at(g, a, tuple(start))
+        return g.make("select", (sound, value, fill)) if fills else value
 
     return make_array(g, tuple(out), kind_of(a), element)
 
@@ -350,20 +350,20 @@ def _changed(t: Tracer, a: Any, shape: tuple[int, ...], blocks: list[Any], adds:
         return ScatteredBlocks(g, shape, kept)
 
     def element(index: tuple[Any, ...]) -> Node:
-        found = element_at(g, a, index)
+        changed = element_at(g, a, index)
         for start, block, sound in blocks:
-            inside, here = sound, []
+            inside, indices = sound, []
             for i, s, n in zip(index, start, block.shape, strict=True):
                 place = subtract_index(g, i, s)
                 inside = g.make("and", (inside, is_within(g, place, n)))
-                here.append(clamp_index(g, place, n))
+                indices.append(clamp_index(g, place, n))
             if inside.op == "const" and not inside.attr:
                 continue
-            value = element_at(g, block, tuple(here))
+            value = element_at(g, block, tuple(indices))
             if adds:
-                value = g.make("add", (found, value))
-            found = g.make("select", (inside, value, found))
-        return found
+                value = g.make("add", (changed, value))
+            changed = g.make("select", (inside, value, changed))
+        return changed
 
     return make_array(g, shape, kind_of(a), element)
 

@@ -67,11 +67,11 @@ def _call(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
 
 def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
     """Trace a function with its own derivatives, one input at a time."""
-    found = t.run(eqn.params["call_jaxpr"].jaxpr, [t.constant(c) for c in eqn.params["call_jaxpr"].consts], values)
+    results = t.run(eqn.params["call_jaxpr"].jaxpr, [t.constant(c) for c in eqn.params["call_jaxpr"].consts], values)
     inputs = [k for k, v in enumerate(values) if isinstance(v, Node) and v.kind == "real" and v.op != "const"]
-    numbers = all(isinstance(v, Node) for v in (*values, *found))
+    numbers = all(isinstance(v, Node) for v in (*values, *results))
     if not numbers or not inputs:
-        return found  # of arrays the operations themselves are differentiated
+        return results  # of arrays the operations themselves are differentiated
     known = {v: value for v, value in zip(eqn.invars, values, strict=True) if not isinstance(v, Literal)}
     slopes: dict[Any, list[Any]] = {}
     for var in known:
@@ -84,14 +84,14 @@ def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:
                 slopes[var] = t.closed(t.slopes[key][1], list(known.values()))
             finally:
                 t.graph.exact = exact
-    told: list[Any] = []
-    for k, value in enumerate(found):
+    derivatives: list[Any] = []
+    for k, value in enumerate(results):
         rows = [x for var, d in slopes.items() for x in (known[var], d[k])]
         if value.kind != "real" or any(not isinstance(x, Node) for x in rows):
-            told.append(value)
+            derivatives.append(value)
         else:
-            told.append(t.graph.make("given", (value, *rows), kind="real"))
-    return told
+            derivatives.append(t.graph.make("given", (value, *rows), kind="real"))
+    return derivatives
 
 
 def _slope(eqn: Any, names: list[Any], by: Any) -> Any:
@@ -123,11 +123,11 @@ def _cond(t: Tracer, eqn: Any, which: Any, *values: Any) -> list[Any]:
     if isinstance(which, Refusal):
         return [which] * len(eqn.outvars)
     cases = [t.closed(b, values) for b in eqn.params["branches"]]
-    found = []
+    results = []
     for outs in zip(*cases, strict=True):
         refused = [v for v in outs if isinstance(v, Refusal)]
-        found.append(refused[0] if refused else RULES["select_n"](t, eqn, which, *outs))
-    return found
+        results.append(refused[0] if refused else RULES["select_n"](t, eqn, which, *outs))
+    return results
 
 
 # ---- what a loop carries
@@ -152,12 +152,12 @@ def find_invariants(jaxpr: Any, consts: int, count: int, inits: Sequence[Any]) -
 
 def accumulator_memory(t: Tracer, inits: Sequence[Any], stays: set[int]) -> dict[int, AccumulatedArray]:
     """Memory for long arrays that a loop changes."""
-    g, found = t.graph, {}
+    g, memory = t.graph, {}
     for k, value in enumerate(inits):
         if k in stays or not (is_long(value) or isinstance(value, AccumulatedArray)):
             continue
         if isinstance(value, AccumulatedArray):
-            found[k] = AccumulatedArray(value.buffer, value.shape)
+            memory[k] = AccumulatedArray(value.buffer, value.shape)
         elif value.kind != "real":
             raise NotImplementedError("long arrays of whole numbers cannot be carried through a loop")
         else:
@@ -172,9 +172,9 @@ def accumulator_memory(t: Tracer, inits: Sequence[Any], stays: set[int]) -> dict
             g.store(buffer, loop.index, node)
             g.pin()
             g.close_loop(loop, ())
-            found[k] = AccumulatedArray(buffer, value.shape)
-            found[k].filled = g.done(loop)
-    return found
+            memory[k] = AccumulatedArray(buffer, value.shape)
+            memory[k].filled = g.done(loop)
+    return memory
 
 
 class LoopCarry:
@@ -312,9 +312,9 @@ def _scan(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
     row = subtract_index(g, length - 1, loop.index) if p["reverse"] else loop.index
     places = LoopCarry(g, loop, inits, stays, counts, starts)
     rows = [_row(g, x, row) for x in xs]
-    found = t.closed(closed, [*known, *places.during, *rows])
-    stacked = [_stacked(t, v, loop, row, length) for v in found[len(inits) :]]
-    ends = places.close(found[: len(inits)])
+    results = t.closed(closed, [*known, *places.during, *rows])
+    stacked = [_stacked(t, v, loop, row, length) for v in results[len(inits) :]]
+    ends = places.close(results[: len(inits)])
     return [*ends, *(_after(g, v, loop) for v in stacked)]
 
 
@@ -325,8 +325,8 @@ def _unrolled(t: Tracer, eqn: Any, known: Any, carry: list[Any], xs: Any) -> lis
     rows: dict[int, list[Any]] = {}
     for i in order:
         part = [x if isinstance(x, Refusal) else _row(g, x, i) for x in xs]
-        found = t.closed(p["jaxpr"], [*known, *carry, *part])
-        carry, rows[i] = found[:count], found[count:]
+        results = t.closed(p["jaxpr"], [*known, *carry, *part])
+        carry, rows[i] = results[:count], results[count:]
     ys = []
     for k, var in enumerate(eqn.outvars[count:]):
         parts = [rows[i][k] for i in range(length)]

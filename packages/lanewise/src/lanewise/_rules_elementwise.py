@@ -102,15 +102,15 @@ def whole_power(g: Graph, x: Node, y: int) -> Node:
     """A whole power of x, by the squarings that JAX does."""
     if y == 0:
         return g.const(1, x.kind)
-    left, found = abs(y), None
+    left, power = abs(y), None
     while left:
         if left & 1:
-            found = x if found is None else g.make("mul", (found, x))
+            power = x if power is None else g.make("mul", (power, x))
         left >>= 1
         if left:
             x = g.make("mul", (x, x))
-    assert found is not None
-    return g.make("div", (g.const(1.0), found)) if y < 0 else found
+    assert power is not None
+    return g.make("div", (g.const(1.0), power)) if y < 0 else power
 
 
 @rule("rsqrt")
@@ -142,9 +142,9 @@ def _tanh(t: Tracer, eqn: Any, a: Any) -> Any:
         size = g.make("min", (g.make("abs", (x,)), g.const(22.0)))  # where it is 1 to rounding
         e = g.make("expm1", (g.make("mul", (g.const(2.0), size)),))
         share = g.make("div", (e, g.make("add", (e, g.const(2.0)))))
-        found = g.make("select", (g.make("lt", (x, g.const(0.0))), g.make("neg", (share,)), share))
-        slope = g.make("sub", (g.const(1.0), g.make("mul", (found, found))))
-        return g.make("given", (found, x, slope), kind="real")  # shorter than that of its parts
+        value = g.make("select", (g.make("lt", (x, g.const(0.0))), g.make("neg", (share,)), share))
+        slope = g.make("sub", (g.const(1.0), g.make("mul", (value, value))))
+        return g.make("given", (value, x, slope), kind="real")  # shorter than that of its parts
 
     return elementwise(g, one, a)
 
@@ -162,8 +162,8 @@ def _sign(t: Tracer, eqn: Any, a: Any) -> Any:
     def one(x: Node) -> Node:
         zero = g.const(0, x.kind)
         below = g.make("select", (g.make("lt", (x, zero)), g.const(-1, x.kind), x))
-        found = g.make("select", (g.make("lt", (zero, x)), g.const(1, x.kind), below))
-        return g.make("given", (found,), kind="real") if x.kind == "real" else found
+        value = g.make("select", (g.make("lt", (zero, x)), g.const(1, x.kind), below))
+        return g.make("given", (value,), kind="real") if x.kind == "real" else value
 
     return elementwise(g, one, a)
 
@@ -211,10 +211,10 @@ def _select_n(t: Tracer, eqn: Any, which: Any, *cases: Any) -> Any:
     def one(chosen: Node, *nodes: Node) -> Node:
         if chosen.kind == "bool":
             return g.make("select", (chosen, nodes[1], nodes[0]))
-        found = nodes[-1]
+        selected = nodes[-1]
         for k in range(len(nodes) - 2, -1, -1):
-            found = g.make("select", (g.make("le", (chosen, g.const(k, "int"))), nodes[k], found))
-        return found
+            selected = g.make("select", (g.make("le", (chosen, g.const(k, "int"))), nodes[k], selected))
+        return selected
 
     return elementwise(g, one, which, *cases)
 
@@ -266,10 +266,10 @@ def _reduce(t: Tracer, eqn: Any, a: Any) -> Any:
 
         if many <= SMALL:
             nodes = [element_at(g, a, place(part)) for part in itertools.product(*(range(sizes[d]) for d in axes))]
-            found = nodes[0] if nodes else _empty(g, op)
+            value = nodes[0] if nodes else _empty(g, op)
             for node in nodes[1:]:
-                found = g.make(op, (found, node))
-            return found
+                value = g.make(op, (value, node))
+            return value
         return _looped(g, op, lambda part: element_at(g, a, place(part)), [sizes[d] for d in axes])
 
     return make_array(g, tuple(sizes[d] for d in kept), kind_of(a), element)
@@ -285,11 +285,11 @@ def _looped(g: Graph, op: str, element: Callable[[tuple[Any, ...]], Node], sizes
     first = element((0,) * len(sizes))
     start = first if op in ("max", "min") else g.const(_empty(g, op).attr, first.kind)
     loop = g.open_loop(sizes[0])
-    found = carried = g.carry(loop, start)
+    result = carried = g.carry(loop, start)
     for rest in itertools.product(*map(range, sizes[1:])):
-        found = g.make(op, (found, element((loop.index, *rest))))
-    assert carried.kind == found.kind
-    return g.close_loop(loop, [found])[0]
+        result = g.make(op, (result, element((loop.index, *rest))))
+    assert carried.kind == result.kind
+    return g.close_loop(loop, [result])[0]
 
 
 @rule("cumsum", "cumprod", "cummax", "cummin")
@@ -432,12 +432,12 @@ def _custom_linear_solve(t: Tracer, eqn: Any, *values: Any) -> Any:
     # JAX's factors have no derivatives; those of the solution are those of what a correction by the residual would add
     g = t.graph
     alone = lambda x: g.make("given", (x,), kind="real")  # noqa: E731
-    found = [
+    solution = [
         unwrap_scalar(v) for v in t.closed(jaxprs.solve, [*parts["solve"], *(elementwise(g, alone, b) for b in wanted)])
     ]
-    still = [elementwise(g, alone, x) for x in found]
+    still = [elementwise(g, alone, x) for x in solution]
     left = t.closed(jaxprs.matvec, [*parts["matvec"], *still])
     rest = [elementwise(g, lambda b, ax: g.make("sub", (b, ax)), *pair) for pair in zip(wanted, left, strict=True)]
     more = t.closed(jaxprs.solve, [*parts["solve"], *rest])
     told = lambda x, y: g.make("given", (x, y, g.const(1.0)), kind="real")  # noqa: E731
-    return [unwrap_scalar(elementwise(g, told, x, y)) for x, y in zip(found, more, strict=True)]
+    return [unwrap_scalar(elementwise(g, told, x, y)) for x, y in zip(solution, more, strict=True)]

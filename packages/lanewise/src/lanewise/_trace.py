@@ -107,12 +107,12 @@ class ScatteredBlocks(LazyArray):
     def _at(self, index: Index) -> Node:
         g, total = self.graph, self.graph.const(0.0)
         for start, block in self.blocks:
-            here, inside = [], g.const(True, "bool")
+            indices, inside = [], g.const(True, "bool")
             for i, begin, n in zip(index, start, shape_of(block), strict=True):
                 place = subtract_index(g, i, begin)
                 inside = g.make("and", (inside, is_within(g, place, n)))
-                here.append(clamp_index(g, place, n))
-            value = element_at(g, block, tuple(here))
+                indices.append(clamp_index(g, place, n))
+            value = element_at(g, block, tuple(indices))
             total = g.make("add", (total, g.make("select", (inside, value, g.const(0.0)))))
         return total
 
@@ -192,8 +192,8 @@ def element_at(graph: Graph, value: Value, index: Index) -> Node:
     if isinstance(value, LazyArray):
         return value.at(index)
     if all(isinstance(i, int) for i in index):
-        found: Node = value[index]
-        return found
+        node: Node = value[index]
+        return node
     return _picked(graph, value, index)
 
 
@@ -224,11 +224,11 @@ def _picked(graph: Graph, value: np.ndarray, index: Index) -> Node:
     part, moving = value[fixed], tuple(i for i in index if not isinstance(i, int))
     flattened, place = part.ravel(), flat_index(graph, moving, part.shape)
     if len(flattened) <= FEW:
-        found: Node = flattened[-1]
+        node: Node = flattened[-1]
         for k in range(len(flattened) - 2, -1, -1):
-            here = graph.make("le", (place, graph.const(k, "int")))
-            found = graph.make("select", (here, flattened[k], found))
-        return found
+            reached = graph.make("le", (place, graph.const(k, "int")))
+            node = graph.make("select", (reached, flattened[k], node))
+        return node
     return store_table(graph, flattened).at((place,))
 
 
@@ -371,8 +371,8 @@ class Tracer:
         known.update(zip(jaxpr.constvars, consts, strict=True))
         known.update(zip(jaxpr.invars, values, strict=True))
         for eqn in jaxpr.eqns:
-            found = self.equation(eqn, read)
-            for var, value in zip(eqn.outvars, found, strict=True):
+            results = self.equation(eqn, read)
+            for var, value in zip(eqn.outvars, results, strict=True):
                 known[var] = value
         return [read(v) for v in jaxpr.outvars]
 
@@ -394,7 +394,7 @@ class Tracer:
             made = RULES.get(name)
             if made is None:
                 raise self.refusal(eqn, "no kernel can do that")
-            found = made(self, eqn, *values)
+            results = made(self, eqn, *values)
         except LoweringError as error:
             self.graph.unwind(depth)
             return [Refusal(error)] * len(eqn.outvars)
@@ -403,7 +403,7 @@ class Tracer:
             return [Refusal(self.refusal(eqn, str(error)))] * len(eqn.outvars)
         finally:
             self.calls.pop()
-        return found if isinstance(found, list) else [found]
+        return results if isinstance(results, list) else [results]
 
     def refusal(self, eqn: Any, why: str) -> LoweringError:
         """Error for an operation that cannot be lowered, with its place in the source."""

@@ -41,9 +41,9 @@ def energy_curve(muscle: CycleMuscle, name: str, pressures: Any, conditions: Con
     floor = max(float(muscle.threshold()), conditions.exchange_pressure)
     if not np.all(np.isfinite(at) & (at > floor)):
         raise InputError("pressures", with_unit(float(at.min()), "Pa"), f"allowed is above {with_unit(floor, 'Pa')}")
-    found = computed(muscle, name, conditions, at)
+    cycles = computed(muscle, name, conditions, at)
     shortens = Probe(muscle).tension(conditions.stretched_length, at) > conditions.friction
-    return EnergyCurve(name, at, EnergyCycle(*(np.where(shortens, v, np.nan) for v in found)))
+    return EnergyCurve(name, at, EnergyCycle(*(np.where(shortens, v, np.nan) for v in cycles)))
 
 
 def best_pressure(

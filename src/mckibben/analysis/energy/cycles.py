@@ -137,14 +137,14 @@ def energy_cycle(muscle: CycleMuscle, name: str, conditions: Conditions) -> Ener
     if name not in CYCLES:
         raise InputError("cycle", name, f"known are {', '.join(CYCLES)}")
     conditions.check(muscle)
-    found = EnergyCycle(*(float(v) for v in computed(muscle, name, conditions)))
-    if not math.isfinite(found.input):
+    cycle = EnergyCycle(*(float(v) for v in computed(muscle, name, conditions)))
+    if not math.isfinite(cycle.input):
         raise InputError(
             "pressure",
             with_unit(conditions.pressure, "Pa"),
             f"the cycle '{name}' cannot begin; allowed is more, or a lower exchange pressure",
         )
-    return found
+    return cycle
 
 
 def _check_pressures(c: Conditions, threshold: float) -> None:
@@ -192,10 +192,10 @@ def computed(muscle: CycleMuscle, name: str, c: Conditions, pressure: np.ndarray
 
     if name == "maximal":
         delivery = (high - low) * (short - probe.volume(long, high))
-        given = along(lambda x: probe.tension(x, _wide(high)), end, long)
+        delivered = along(lambda x: probe.tension(x, _wide(high)), end, long)
     else:
         delivery = along(lambda x: _isotonic_power(probe, x, _wide(inside), low, _wide(high)), end, long)
-        given = inside * (long - end)
+        delivered = inside * (long - end)
     throttling = (high - low) * (short - rest) - fill - delivery if name == "valve" else np.zeros_like(high)
     exhaust = _exergy(c, high, short)
     taut = rising_root(lambda x: probe.tension(x, low), end, np.full_like(high, long))
@@ -204,7 +204,7 @@ def computed(muscle: CycleMuscle, name: str, c: Conditions, pressure: np.ndarray
     friction = rubbed + c.return_friction * (long - taut)
     emptying = _filling(probe, end, low, high)
     slackening = -along(lambda x: probe.tension(x, low), end, taut)
-    put_in, output = exhaust + fill + delivery + throttling, given - rubbed - taken
+    put_in, output = exhaust + fill + delivery + throttling, delivered - rubbed - taken
     possible = probe.tension(long, high) >= inside
     if name != "maximal":
         possible &= probe.tension(long, low) <= inside

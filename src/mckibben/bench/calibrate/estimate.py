@@ -126,17 +126,17 @@ def of_counts(scatter: float, resolution: float) -> float:
     if not resolution > 0.0:
         return 0.0
     k = np.arange(1, HARMONICS + 1)
-    seen = (scatter / resolution) ** 2
+    counts = (scatter / resolution) ** 2
 
     def left(noise: float) -> float:  # in counts^2; without noise the sum has 1/12, which its end must not miss
         if noise == 0.0:
             return 1.0 / 12.0
         return float((np.exp(-4.0 * math.pi**2 * (k * noise) ** 2) / (2.0 * math.pi**2 * k**2)).sum())
 
-    low, high = 0.0, math.sqrt(seen) + 1.0
+    low, high = 0.0, math.sqrt(counts) + 1.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if middle**2 + 1.0 / 12.0 - left(middle) < seen else (low, middle)
+        low, high = (middle, high) if middle**2 + 1.0 / 12.0 - left(middle) < counts else (low, middle)
     return resolution * math.sqrt(left(low if low > 1e-9 else 0.0))
 
 

@@ -87,10 +87,10 @@ class HardwareReadings:
             rows = self._rows
         names = self._hardware.names
         counts = np.array([row for row, _ in rows], float).reshape(samples, len(names))
-        found = {n: np.asarray(s.value(counts[:, names.index(n)])) for n, s in self._scales.items()}
+        readings = {n: np.asarray(s.value(counts[:, names.index(n)])) for n, s in self._scales.items()}
         if self._encoder is not None:
-            found[SPAN] = np.asarray(self._encoder.span(np.array([c for _, c in rows], float), 0.0))
-        return found
+            readings[SPAN] = np.asarray(self._encoder.span(np.array([c for _, c in rows], float), 0.0))
+        return readings
 
     def _sample(self) -> None:
         machine, k = self._hardware, 0

@@ -74,13 +74,13 @@ class CalibrationSession:
         task = OperatorTask(
             f"take all load and pressure off: {_and(channels)} at nothing", dict.fromkeys(channels, 0.0)
         )
-        found, _ = self._read(task, channels, {})
+        readings, _ = self._read(task, channels, {})
         corrections = {}
         for name in channels:
-            term = estimate.zero(found[name], resolution=grids[name].resolution, uncertainty=uncertainty)
+            term = estimate.zero(readings[name], resolution=grids[name].resolution, uncertainty=uncertainty)
             origin = self._origin("zero", Reference("nothing", uncertainty), 1)
             corrections[name] = self._correction(grids[name].unit, {"zero": (term, origin)})
-        points = {name: [Point(0.0, 0.0, found[name])] for name in channels}
+        points = {name: [Point(0.0, 0.0, readings[name])] for name in channels}
         return CalibrationOutcome(corrections, points=points)
 
     def weights(
@@ -135,17 +135,17 @@ class CalibrationSession:
             if to is None
             else Chirp(amplitude=1.0, first=frequency, last=to, duration=duration)
         )
-        what = f"a sine of {frequency:g} Hz" if to is None else f"a sweep from {frequency:g} Hz to {to:g} Hz"
-        self.ask(OperatorTask(f"let {_and(channels)} see {what}", {}, wave=wave))
-        seen = self.source.read(self.samples)
+        wave_text = f"a sine of {frequency:g} Hz" if to is None else f"a sweep from {frequency:g} Hz to {to:g} Hz"
+        self.ask(OperatorTask(f"let {_and(channels)} see {wave_text}", {}, wave=wave))
+        samples = self.source.read(self.samples)
         for name in channels:
-            _off_rails(name, np.asarray(seen[name]), grids[name])
+            _off_rails(name, np.asarray(samples[name]), grids[name])
         time = self.source.period * np.arange(self.samples)
         resolution = {name: grids[name].resolution for name in channels}
-        terms = skew(time, {n: seen[n] for n in channels}, frequency=frequency, to=to, resolution=resolution)
-        origin = self._origin("skew", Reference(f"{channels[0]}, {what}"), self.samples)
-        found = {n: self._correction(grids[n].unit, {"skew": (term, origin)}) for n, term in terms.items()}
-        return CalibrationOutcome(found)
+        terms = skew(time, {n: samples[n] for n in channels}, frequency=frequency, to=to, resolution=resolution)
+        origin = self._origin("skew", Reference(f"{channels[0]}, {wave_text}"), self.samples)
+        corrections = {n: self._correction(grids[n].unit, {"skew": (term, origin)}) for n, term in terms.items()}
+        return CalibrationOutcome(corrections)
 
     def _grid(self, channel: str) -> ChannelScale:
         grids = self.source.grids
@@ -161,9 +161,9 @@ class CalibrationSession:
         up = sorted(asked)
         for setting in (*up, *up[-2::-1]):
             task = asked[setting]
-            found, shown = self._read(task, channels, {n: p[-1] for n, p in points.items() if p})
+            readings, shown = self._read(task, channels, {n: p[-1] for n, p in points.items() if p})
             for name in channels:
-                points[name].append(Point(setting, task.values[name] if shown is None else shown, found[name]))
+                points[name].append(Point(setting, task.values[name] if shown is None else shown, readings[name]))
         return points
 
     def _read(
@@ -175,12 +175,12 @@ class CalibrationSession:
             try:
                 if shown is not None and not math.isfinite(shown):
                     raise InputError("reference", str(shown), "must be a finite number")
-                seen = self.source.read(self.samples)
-                found = {}
+                samples = self.source.read(self.samples)
+                readings = {}
                 for name in channels:
                     true = task.values[name] if shown is None else shown
-                    found[name] = self._sound(name, np.asarray(seen[name]), true, before.get(name))
-                return found, shown
+                    readings[name] = self._sound(name, np.asarray(samples[name]), true, before.get(name))
+                return readings, shown
             except InputError as error:
                 if self.again is None:
                     raise
@@ -192,18 +192,18 @@ class CalibrationSession:
             allowed = f"the sensor sees {with_unit(grid.least, grid.unit)} to {with_unit(grid.most, grid.unit)}"
             raise InputError(f"reference for {name}", with_unit(true, grid.unit), allowed)
         _off_rails(name, samples, grid)
-        found = estimate.reading(samples)
+        reading = estimate.reading(samples)
         most = max(self.most_scatter * grid.range, 2.0 * grid.resolution)
-        if found.scatter > most:
+        if reading.scatter > most:
             allowed = f"must be at most {with_unit(most, grid.unit)}: is it at rest?"
-            raise InputError(f"scatter of {name}", with_unit(found.scatter, grid.unit), allowed)
+            raise InputError(f"scatter of {name}", with_unit(reading.scatter, grid.unit), allowed)
         if before is not None and true != before.true:
-            step, moved = true - before.true, found.mean - before.reading.mean
+            step, moved = true - before.true, reading.mean - before.reading.mean
             if moved / step < LEAST_FOLLOWED:
-                at = f"{with_unit(found.mean, grid.unit, 6)} after {with_unit(before.reading.mean, grid.unit, 6)}"
+                at = f"{with_unit(reading.mean, grid.unit, 6)} after {with_unit(before.reading.mean, grid.unit, 6)}"
                 went = f"the reference went from {with_unit(before.true, grid.unit)} to {with_unit(true, grid.unit)}"
                 raise InputError(f"reading of {name}", at, f"{went}, which it has to follow")
-        return found
+        return reading
 
     def _origin(self, method: str, reference: Reference, points: int) -> Origin:
         return Origin(

@@ -37,8 +37,8 @@ class SkewModel(NamedTuple):
     def parts(self, p: np.ndarray) -> tuple[float, float, float, float, np.ndarray, np.ndarray, np.ndarray]:
         """f, k, A, B, and of each channel c, g and T."""
         n = self.channels
-        own = p[4 : 4 + n], np.append(1.0, p[4 + n : 3 + 2 * n]), np.append(0.0, p[3 + 2 * n : 2 + 3 * n])
-        return float(p[0]), float(p[1]), float(p[2]), float(p[3]), *own
+        phases = p[4 : 4 + n], np.append(1.0, p[4 + n : 3 + 2 * n]), np.append(0.0, p[3 + 2 * n : 2 + 3 * n])
+        return float(p[0]), float(p[1]), float(p[2]), float(p[3]), *phases
 
     def both(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Channels (channels, n), and their derivatives to the parameters (channels, n, parameters)."""
@@ -118,13 +118,13 @@ def _fitted(
         p[free] = start[free] + scale[free] * q
         return p
 
-    found = optimize.least_squares(
+    solution = optimize.least_squares(
         lambda q: (model.both(put(q))[0] - y).ravel(),
         np.zeros(len(free)),
         jac=lambda q: (model.both(put(q))[1][:, :, free] * scale[free]).reshape(-1, len(free)),
         x_scale="jac",
     )
-    p = put(found.x)
+    p = put(solution.x)
     modelled, d = model.both(p)
     left = y - modelled
     for name, rms in zip(names, np.sqrt((left**2).mean(axis=1)), strict=True):
@@ -149,11 +149,11 @@ def _start(model: SkewModel, y: np.ndarray, frequency: float, rate: float) -> np
     t = model.time
     chirp = np.exp(-1j * np.pi * rate * t * t) * np.hanning(len(t))
     tries = frequency + np.linspace(-1.0, 1.0, 41) / t[-1]
-    seen = np.abs(np.exp(-2j * np.pi * tries[:, None] * t[None, :]) @ (chirp * y[0]))
-    f = float(tries[np.argmax(seen)])
-    found = y @ (np.exp(-2j * np.pi * f * t) * chirp) * 2.0 / np.hanning(len(t)).sum()
+    spectrum = np.abs(np.exp(-2j * np.pi * tries[:, None] * t[None, :]) @ (chirp * y[0]))
+    f = float(tries[np.argmax(spectrum)])
+    amplitude = y @ (np.exp(-2j * np.pi * f * t) * chirp) * 2.0 / np.hanning(len(t)).sum()
     # about the middle of a sweep, where the window looks
     middle = f + rate * 0.5 * t[-1]
-    lag = -np.angle(found[1:] / found[0]) / (2.0 * np.pi * middle)
-    gain = np.abs(found[1:]) / np.abs(found[0])
-    return np.concatenate([[f, rate, found[0].real, -found[0].imag], np.zeros(len(y)), gain, lag])
+    lag = -np.angle(amplitude[1:] / amplitude[0]) / (2.0 * np.pi * middle)
+    gain = np.abs(amplitude[1:]) / np.abs(amplitude[0])
+    return np.concatenate([[f, rate, amplitude[0].real, -amplitude[0].imag], np.zeros(len(y)), gain, lag])

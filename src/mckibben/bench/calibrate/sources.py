@@ -91,14 +91,14 @@ class Source(Protocol):
 
 def grids(rig: Rig) -> dict[str, ChannelScale]:
     """The nominal scales of a rig's channels; of the encoder that of its travel."""
-    found = {}
+    scales = {}
     for name, sensor in rig.sensors.items():
         at = sensor.converter
         ends = float(sensor.low), float(sensor.high)
-        found[name] = ChannelScale(float(at.low), float(at.top), float(at.resolution), SENSORS[name].unit, *ends)
+        scales[name] = ChannelScale(float(at.low), float(at.top), float(at.resolution), SENSORS[name].unit, *ends)
     if rig.encoder is not None:
-        found[SPAN] = ChannelScale(-math.inf, math.inf, float(rig.encoder.resolution), "m")
-    return found
+        scales[SPAN] = ChannelScale(-math.inf, math.inf, float(rig.encoder.resolution), "m")
+    return scales
 
 
 class SimulatedSensors:
@@ -131,11 +131,11 @@ class SimulatedSensors:
         draws = {n: self._draw.standard_normal(samples) for n in self._sensors}
         rest = {n: np.float64(self.true[n]) for n in self._sensors}
         y, x = (None, rest) if self.wave is None else self._waved(self.wave, samples)
-        found = {n: np.asarray(v) for n, v in _readings(self._sensors, y, x, draws).items()}
+        readings = {n: np.asarray(v) for n, v in _readings(self._sensors, y, x, draws).items()}
         if self._encoder is not None and self._nominal is not None:
             count = self._encoder.count(self.true[SPAN], self._zeroed)
-            found[SPAN] = np.full(samples, float(self._nominal.span(count, 0.0)))
-        return found
+            readings[SPAN] = np.full(samples, float(self._nominal.span(count, 0.0)))
+        return readings
 
     def _waved(self, wave: Waveform, samples: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """Filtered signals and true values at the samples; cached, since they are always the same."""

@@ -107,8 +107,8 @@ def _split(words: str) -> tuple[str, str]:
 def _backend(name: str) -> Backend:
     if name in OURS:
         return OURS[name]
-    (found,) = [e for e in importlib.metadata.entry_points(group=GROUP) if e.name == name][:1]
-    backend: Backend = found.load()
+    (entry_point,) = [e for e in importlib.metadata.entry_points(group=GROUP) if e.name == name][:1]
+    backend: Backend = entry_point.load()
     return backend
 
 

@@ -48,11 +48,11 @@ class Converters(Module):
 
     def read(self, counts: Mapping[str, Any]) -> dict[str, Scalar]:
         """Convert counts by channel to measured channels [SI]."""
-        found = {n: self.true(n, self.analog[n].value(counts[n])) for n in self.names if n in counts}
+        values = {n: self.true(n, self.analog[n].value(counts[n])) for n in self.names if n in counts}
         if self.encoder is not None and SPAN in counts:
             travel = self.encoder.span(counts[SPAN], 0.0)
-            found[SPAN] = self.mounted + self.true(SPAN, travel)
-        return found
+            values[SPAN] = self.mounted + self.true(SPAN, travel)
+        return values
 
     def true(self, name: str, indicated: Any) -> Scalar:
         """Apply the calibration of a channel, if any, to a nominal value [SI]."""

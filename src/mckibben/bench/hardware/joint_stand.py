@@ -47,6 +47,9 @@ class RiggedJoint(MeasuredPlant):
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
         """Outputs of the machine, and two stiffnesses of the joint [N m/rad]: for slow and for quick displacements."""
-        found = joint_stiffness(self.machine, state["machine"], memory, inputs)
-        own = {"joint.stiffness": found.relaxed_at_pressure, "joint.quick_stiffness": found.short_at_mass}
-        return super().outputs(state, memory, inputs) | own
+        stiffness = joint_stiffness(self.machine, state["machine"], memory, inputs)
+        stiffnesses = {
+            "joint.stiffness": stiffness.relaxed_at_pressure,
+            "joint.quick_stiffness": stiffness.short_at_mass,
+        }
+        return super().outputs(state, memory, inputs) | stiffnesses

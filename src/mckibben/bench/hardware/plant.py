@@ -40,8 +40,8 @@ class MeasuredPlant(Plant):
     def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
         """State and memory at rest, at absolute pressures [Pa]."""
         state, memory = self.machine.initial(pressures, inputs)
-        seen = self.seen(state, memory, inputs)
-        return {"machine": state, "sensors": {n: s.initial(seen[n]) for n, s in self.sensors.items()}}, memory
+        signals = self.seen(state, memory, inputs)
+        return {"machine": state, "sensors": {n: s.initial(signals[n]) for n, s in self.sensors.items()}}, memory
 
     def at_rest(self, commands: Mapping[str, float], pressures: Mapping[str, float]) -> tuple[Any, Any]:
         """State and memory at rest, where commands [SI] have lasted, at gauge pressures of all volumes [Pa]."""
@@ -56,21 +56,21 @@ class MeasuredPlant(Plant):
 
     def analogue(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
         """Analogue channels, and for each ``<channel>.code``, the count of its converter."""
-        seen = self.seen(state["machine"], memory, inputs)
+        signals = self.seen(state["machine"], memory, inputs)
         lost = row.get("lost", {})
-        found: dict[str, Scalar] = {}
+        channels: dict[str, Scalar] = {}
         for name, sensor in self.sensors.items():
             draw = row["draws"][name]
-            value, code = sensor.reading(state["sensors"][name], seen[name], draw, lost.get(name, 0.0))
-            found |= {name: value, f"{name}.code": code}
-        return found
+            value, code = sensor.reading(state["sensors"][name], signals[name], draw, lost.get(name, 0.0))
+            channels |= {name: value, f"{name}.code": code}
+        return channels
 
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
         """Rates of change of the machine's state and of the filters before the converters."""
-        seen = self.seen(state["machine"], memory, inputs)
+        signals = self.seen(state["machine"], memory, inputs)
         return {
             "machine": self.machine.rate(state["machine"], memory, inputs),
-            "sensors": {n: s.rate(state["sensors"][n], seen[n]) for n, s in self.sensors.items()},
+            "sensors": {n: s.rate(state["sensors"][n], signals[n]) for n, s in self.sensors.items()},
         }
 
     def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
@@ -132,5 +132,5 @@ class InstrumentedPlant(MeasuredPlant):
 
     def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
         """Upper bound of the fastest rate of the machine, the filters and the motor's current loop [1/s]."""
-        found, motor = super().max_rate_bound(state, memory, inputs), self._stand().motor
-        return found if motor is None else jnp.maximum(found, 2.0 * jnp.pi * motor.current_bandwidth)
+        bound, motor = super().max_rate_bound(state, memory, inputs), self._stand().motor
+        return bound if motor is None else jnp.maximum(bound, 2.0 * jnp.pi * motor.current_bandwidth)

@@ -50,10 +50,10 @@ class Plumbing(Module):
 
     def parts(self) -> frozenset[str]:
         """Parts that a protocol can use, by the names of `Step.needs`."""
-        found = {"valve"}
-        found |= {"shut-off"} if self.shut_off is not None else set()
+        names = {"valve"}
+        names |= {"shut-off"} if self.shut_off is not None else set()
         held = float(self.valve_accumulator) + float(self.muscle_accumulator)
-        return frozenset(found | ({"accumulators"} if held > 0.0 else set()))
+        return frozenset(names | ({"accumulators"} if held > 0.0 else set()))
 
     def signals(self) -> tuple[str, ...]:
         """Names of the driving signals."""

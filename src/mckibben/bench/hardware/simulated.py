@@ -106,14 +106,14 @@ class SimulatedMachine:
 
     def carry(self, state: np.ndarray | None = None) -> sampled.Carry:
         """A state that `state` gave, or the present one, for the accounts."""
-        found: sampled.Carry = self._act.tree(0, self._physics if state is None else state)
-        return found
+        carry: sampled.Carry = self._act.tree(0, self._physics if state is None else state)
+        return carry
 
     def true_outputs(self, looks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
         """True outputs at some samples, (n,) each, from the vectors that `look` returned."""
         table = np.stack(looks) if looks else np.zeros((0, self._observe.size(1)))
-        found: sampled.Observation = self._observe.columns(1, table)
-        return found.outputs
+        observation: sampled.Observation = self._observe.columns(1, table)
+        return observation.outputs
 
 
 def _observe(

@@ -105,8 +105,8 @@ class Interlocks(Module):
         tripped[Trip.EMERGENCY_STOP] = jnp.asarray(pressed) > 0.5
         found: Any = jnp.zeros((), jnp.int32)
         for trip in sorted(tripped, reverse=True):
-            found = jnp.where(tripped[trip], jnp.int32(trip), found)
-        code = jnp.where(state.code != Trip.NOTHING, state.code, found)
+            first_trip = jnp.where(tripped[trip], jnp.int32(trip), first_trip)
+        code = jnp.where(state.code != Trip.NOTHING, state.code, first_trip)
         return InterlockState(code, *pressure_times, tension_time, *span_state), code
 
     def _pressure(
@@ -121,11 +121,11 @@ class Interlocks(Module):
         if "valve" in asked:
             nothing = (asked["valve"] > ASKED * self.valve_range) & (x < NOTHING_READ * self.valve_range)
             silent_for, silent = _lasting(nothing, silent_for, dt, self.implausible_after)
-        found = {
+        trips = {
             Trip.OVER_PRESSURE: (x > self.burst_pressure) & ~railed,
             Trip.LOST_PRESSURE: lost | silent | ~jnp.isfinite(x),
         }
-        return (lost_for, silent_for), found
+        return (lost_for, silent_for), trips
 
     def _tension(self, state: InterlockState, measured: Mapping[str, Any], dt: Any) -> tuple[Any, dict[Trip, Any]]:
         if "tension" not in measured:
@@ -133,10 +133,10 @@ class Interlocks(Module):
         x = measured["tension"]
         railed = _at(x, self.tension_rail) & self.watch_tension
         lost_for, lost = _lasting(railed | (x < self.tension_floor), state.tension_lost, dt, self.patience)
-        found = {Trip.LOST_TENSION: lost | ~jnp.isfinite(x)}
+        trips = {Trip.LOST_TENSION: lost | ~jnp.isfinite(x)}
         if self.watch_tension:
-            found[Trip.OVER_FORCE] = (x > self.most_tension) & ~railed
-        return lost_for, found
+            trips[Trip.OVER_FORCE] = (x > self.most_tension) & ~railed
+        return lost_for, trips
 
     def _span(
         self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], velocity: Any, dt: Any
@@ -151,13 +151,13 @@ class Interlocks(Module):
             left = jnp.abs(force - measured.get("tension", 0.0)) > UNBALANCED * self.motor_force
             full = jnp.abs(force) >= FULL * self.motor_force
             still_for, stuck = _lasting(full & left & (x == state.span), still_for, dt, self.patience)
-        found = {
+        trips = {
             Trip.TOO_SHORT: (x < self.shortest) & jnp.isfinite(x),
             Trip.TOO_LONG: (x > self.longest) & jnp.isfinite(x),
             Trip.OVER_SPEED: jnp.abs(velocity) > self.most_speed,
             Trip.LOST_SPAN: stuck | ~jnp.isfinite(x),
         }
-        return (still_for, x), found
+        return (still_for, x), trips
 
     def _sensors(self, measured: Mapping[str, Any]) -> dict[Trip, Any]:
         within = [

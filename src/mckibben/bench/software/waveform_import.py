@@ -36,7 +36,7 @@ def read_protocol(path: str | os.PathLike[str]) -> Protocol:
 
 
 def _steps(steps: list[Any], path: str, where: str) -> list[Any]:
-    found = []
+    rows = []
     for number, step in enumerate(steps, 1):
         if isinstance(step, Mapping):
             place = f"{path}.{number}"
@@ -48,8 +48,8 @@ def _steps(steps: list[Any], path: str, where: str) -> list[Any]:
                 else value
                 for key, value in step.items()
             }
-        found.append(step)
-    return found
+        rows.append(step)
+    return rows
 
 
 def _taken_in(value: Any, unit: str, field: str, where: str) -> Any:

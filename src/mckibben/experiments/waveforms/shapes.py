@@ -427,8 +427,8 @@ class PointTable(Waveform):
             raise table.fail("file", file, "no files can be read here")
         at, values = files(file, time, column, unit)
         times = tuple(float(t) - float(at[0]) for t in at)
-        given = {"times": times, "values": tuple(float(v) for v in values), "file": file}
-        return table.without("file", "time", "column"), given
+        fields = {"times": times, "values": tuple(float(v) for v in values), "file": file}
+        return table.without("file", "time", "column"), fields
 
     def __post_init__(self) -> None:
         check_rising(self.times, self.values)
@@ -511,10 +511,10 @@ class Sequence(Waveform):
         t = np.asarray(times, float)
         starts = np.concatenate([[0.0], np.cumsum(self.lasting[:-1])])
         turn = np.maximum(np.searchsorted(starts, t + JUMP, side="right") - 1, 0)
-        own = np.maximum(t - starts[turn], 0.0)
+        elapsed = np.maximum(t - starts[turn], 0.0)
         out = np.zeros(t.shape)
         for i, p in enumerate(self.parts):
-            out = np.where(turn == i, p.at(own), out)
+            out = np.where(turn == i, p.at(elapsed), out)
         return out
 
     def sentence(self, unit: str) -> str:

@@ -77,8 +77,8 @@ def read_waveform(
     stated = entry if isinstance(entry, Mapping) else {"kind": "constant", "value": entry}
     whole = FileTable(stated, field, where or "")
     kind = KINDS[whole.word("kind", among=KINDS)]
-    prepared, given = kind.prepared(whole.without("kind"), unit, table)
-    return read_table(kind, prepared, units={VALUE: unit}, files=table, owner=f"{kind.kind} has", **given)
+    prepared, fields = kind.prepared(whole.without("kind"), unit, table)
+    return read_table(kind, prepared, units={VALUE: unit}, files=table, owner=f"{kind.kind} has", **fields)
 
 
 def read_parts(raw: Any, place: Place) -> tuple[Waveform, ...]:

@@ -66,8 +66,8 @@ class MartensBoblan(TensionLaw):
 
     def _shape(self) -> dict[str, Any]:
         angle = self.rest_angle + self.angle_correction
-        found = braid.wound(rest_length=self.rest_length, rest_angle=angle, rest_diameter=self.rest_diameter)
-        return found._asdict()
+        shape = braid.wound(rest_length=self.rest_length, rest_angle=angle, rest_diameter=self.rest_diameter)
+        return shape._asdict()
 
     def length_range(self) -> tuple[Scalar, Scalar]:
         """Range from half the rest length to the rest length [m]."""

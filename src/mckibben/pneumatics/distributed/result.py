@@ -118,8 +118,8 @@ def _balance(tube: DistributedTube, ends: tuple[End, End], start: TubeState, end
         return np.array([tube_content, *([float(e.mass), float(e.energy)] for e in (state.left, state.right))])
 
     heat = float(end.heat)
-    given = np.array([0.0, heat + float(end.left.heat) + float(end.right.heat)])
+    received = np.array([0.0, heat + float(end.left.heat) + float(end.right.heat)])
     before, after, passed = content(start), content(end), np.array(end.passed, float)
-    error = (np.sum(after - before, axis=0) - given) / (np.sum(before, axis=0) + passed)
+    error = (np.sum(after - before, axis=0) - received) / (np.sum(before, axis=0) + passed)
     remainder = tube.wall == "isothermal" or any(e.heat_is_remainder() for e in ends)
     return TubeBalance(float(error[0]), float(error[1]), float(passed[0]), float(passed[1]), heat, remainder)

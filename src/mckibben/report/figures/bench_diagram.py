@@ -144,8 +144,8 @@ class _Drawing:
 
     def _tube_words(self) -> list[Words]:
         sizes = {name: getattr(self.plumbing.tube, name, None) for name in ("length", "diameter")}
-        told = [self.of(f"tube.{n}", f"{1e3 * _si(v):.4g} mm") for n, v in sizes.items() if v is not None]
-        return [Words("tube", SMALL, True, INK), *([Words(", ".join(told))] if told else [])]
+        words = [self.of(f"tube.{n}", f"{1e3 * _si(v):.4g} mm") for n, v in sizes.items() if v is not None]
+        return [Words("tube", SMALL, True, INK), *([Words(", ".join(words))] if words else [])]
 
     def anchor(self, x: float) -> None:
         """The frame at the end of the muscle that does not move, hatched as a ground."""
@@ -156,12 +156,12 @@ class _Drawing:
 
     def channels(self) -> None:
         """Sensors with their filters and converters, and the outputs at the sides."""
-        here = {**self.rig.sensors, **({"span": self.rig.encoder} if self.rig.encoder is not None else {})}
+        sensors = {**self.rig.sensors, **({"span": self.rig.encoder} if self.rig.encoder is not None else {})}
         pulled = ("tension", "span") if self.plumbing.has_muscle else ()
-        names = [n for n in (*TAPS, *here) if n in here and (n in pulled or n not in ("tension", "span"))]
+        names = [n for n in (*TAPS, *sensors) if n in sensors and (n in pulled or n not in ("tension", "span"))]
         columns, wide = _columns(list(dict.fromkeys(names)))
         for name, x in columns.items():
-            kind, one = SENSORS[name] if name in self.rig.sensors else None, here[name]
+            kind, one = SENSORS[name] if name in self.rig.sensors else None, sensors[name]
             label, colour = (
                 ("span", COLOURS["length"]) if kind is None else (kind.label, COLOURS.get(kind.quantity, INK))
             )

@@ -83,23 +83,23 @@ def draw(
     Raises:
         InputError: names a pressure or a subtitle of something that the circuit has not.
     """
-    found = plan(circuit, pressures=pressures, subtitles=subtitles)
-    head = stacked([Words(title, TITLE, True, INK)], found.box.x0, 0.0, "left") if title else []
-    wide = max(found.box.x1 - found.box.x0, *(t.box.x1 - t.box.x0 for t in head), 60.0) + 2.0 * MARGIN
+    layout = plan(circuit, pressures=pressures, subtitles=subtitles)
+    head = stacked([Words(title, TITLE, True, INK)], layout.box.x0, 0.0, "left") if title else []
+    wide = max(layout.box.x1 - layout.box.x0, *(t.box.x1 - t.box.x0 for t in head), 60.0) + 2.0 * MARGIN
     above = 16.0 + TITLE if title else 0.0
-    high = found.box.y1 - found.box.y0 + 2.0 * MARGIN + above
+    high = layout.box.y1 - layout.box.y0 + 2.0 * MARGIN + above
     fig = style.figure(wide / 72.0, high / 72.0)
     ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
-    left, bottom = found.box.x0 - MARGIN, found.box.y0 - MARGIN
+    left, bottom = layout.box.x0 - MARGIN, layout.box.y0 - MARGIN
     ax.set_xlim(left, left + wide)
     ax.set_ylim(bottom, bottom + high)
     strength = _strengths(circuit, pressures or {})
-    for name, net in found.nets.items():
+    for name, net in layout.nets.items():
         _draw_net(ax, net, strength.get(name))
-    for mark in found.marks:
+    for mark in layout.marks:
         draw_mark(ax, mark)
-    for text in [*found.texts, *(t.moved(0.0, found.box.y1 + above) for t in head)]:
+    for text in [*layout.texts, *(t.moved(0.0, layout.box.y1 + above) for t in head)]:
         draw_text(ax, text)
     return fig
 
@@ -117,11 +117,11 @@ def _check(circuit: Circuit, pressures: Mapping[str, float], subtitles: Mapping[
 def _wires(circuit: Circuit) -> DiagramWiring:
     nodes = [name for name, node in circuit.nodes.items() if not is_atmosphere(node)]
     supplies = [name for name in nodes if isinstance(circuit.nodes[name], Reservoir)]
-    ends = {e: tuple(n for n in found if n in nodes) for e, (found, _) in circuit.ends.items()}
+    ends = {e: tuple(n for n in ports if n in nodes) for e, (ports, _) in circuit.ends.items()}
     starts = {
         e
-        for e, (found, _) in circuit.ends.items()
-        if type(circuit.elements[e]).__name__ == "Compressor" and found[0] not in nodes
+        for e, (ports, _) in circuit.ends.items()
+        if type(circuit.elements[e]).__name__ == "Compressor" and ports[0] not in nodes
     }
     return wiring(supplies, nodes, ends, starts)
 

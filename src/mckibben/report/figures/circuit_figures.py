@@ -201,20 +201,20 @@ def overview(found: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figur
     width = style.MIDDLE + 0.6 if columns == 1 else style.WIDE
     each = UPPER + GAP + LOWER
     height = TOP + lines * each + (lines - 1) * STEP + FOOT
-    own = (width - LEFT - KEY - (columns - 1) * BETWEEN) / columns
+    column_width = (width - LEFT - KEY - (columns - 1) * BETWEEN) / columns
     fig = style.figure(width, height)
     levels, limit = _levels(found, shown, channels), _limit(found, shown, channels)
     unit = "mbar" if limit < FINE else "bar"
     for i, trial in enumerate(shown):
         line, column = divmod(i, columns)
-        x, y = LEFT + column * (own + BETWEEN), height - TOP - line * (each + STEP)
-        upper = fig.add_axes((x / width, (y - UPPER) / height, own / width, UPPER / height))
-        lower = fig.add_axes((x / width, (y - each) / height, own / width, LOWER / height), sharex=upper)
+        x, y = LEFT + column * (column_width + BETWEEN), height - TOP - line * (each + STEP)
+        upper = fig.add_axes((x / width, (y - UPPER) / height, column_width / width, UPPER / height))
+        lower = fig.add_axes((x / width, (y - each) / height, column_width / width, LOWER / height), sharex=upper)
         _draw_trial(upper, lower, trial, found, channels, unit)
         upper.set_ylim(*levels)
         lower.set_ylim(from_si(-limit, "Pa", unit), from_si(limit, "Pa", unit))
         _titles(upper, lower, unit, first=column == 0)
-        _heading(upper, trial, found, int(own / LETTER))
+        _heading(upper, trial, found, int(column_width / LETTER))
         if i == columns - 1:
             _key(upper, channels, grey=not all(_fitted(found, t) for t in shown))
     fig.text(

@@ -63,14 +63,14 @@ def width(text: str, size: float, bold: bool) -> float:
 
 def stacked(lines: list[Words], x: float, top: float, align: str) -> list[Text]:
     """Lines below each other, the first one's upper edge at `top` [pt]."""
-    found, y = [], top
+    texts, y = [], top
     for words in lines:
         wide = width(words.text, words.size, words.bold)
         left = x - {"left": 0.0, "center": wide / 2.0, "right": wide}[align]
         box = Box(left, y - 1.25 * words.size, left + wide, y)
-        found.append(Text(words, x, y - 0.95 * words.size, align, box))
+        texts.append(Text(words, x, y - 0.95 * words.size, align, box))
         y = box.y0 - 0.5
-    return found
+    return texts
 
 
 # ---- what is written
@@ -134,17 +134,17 @@ def main_values(element: Any) -> list[str]:
         return [f"bore {reading(bore, 'm')}"]
     passages = [getattr(element, f.name) for f in dataclasses.fields(element)]
     sizes = dict.fromkeys(_conductance(p) for p in passages if isinstance(p, Orifice))
-    found = [f"C\N{NO-BREAK SPACE}{' / '.join(sizes)}\N{NO-BREAK SPACE}L/(min\N{NO-BREAK SPACE}bar)"] if sizes else []
+    values = [f"C\N{NO-BREAK SPACE}{' / '.join(sizes)}\N{NO-BREAK SPACE}L/(min\N{NO-BREAK SPACE}bar)"] if sizes else []
     if "set_pressure" in known:
-        return [f"set to {reading(known['set_pressure'], 'Pa')}", *found]
-    if found:
-        return found
+        return [f"set to {reading(known['set_pressure'], 'Pa')}", *values]
+    if values:
+        return values
     needed = {f.name for f in dataclasses.fields(element) if f.default is dataclasses.MISSING}
     for name, q in declared(element).items():
         if name in known and name in needed:
             symbol = _MORE_GREEK.get(q.symbol) or symbol_text(q.symbol, name.replace("_", " "))
-            found.append(f"{symbol}\N{NO-BREAK SPACE}{reading(known[name], q.unit)}")
-    return found[:MOST]
+            values.append(f"{symbol}\N{NO-BREAK SPACE}{reading(known[name], q.unit)}")
+    return values[:MOST]
 
 
 def _conductance(passage: Orifice) -> str:
@@ -158,8 +158,8 @@ def reading(value: float, unit: str) -> str:
         shown = "m" if abs(value) >= 1.0 else "cm" if abs(value) >= 0.05 else "mm"
     if unit == "m^3" and abs(value) >= 1e-3:
         shown = "L"
-    found = from_si(value, unit, shown) if shown != unit else value
-    text = f"{found:.{4 if unit == 'm' else 3}g}"
+    converted = from_si(value, unit, shown) if shown != unit else value
+    text = f"{converted:.{4 if unit == 'm' else 3}g}"
     if "e" in text:
         head, power = text.split("e")
         text = f"{head}·10{str(int(power)).translate(_HIGH)}".replace("-", "\N{MINUS SIGN}")

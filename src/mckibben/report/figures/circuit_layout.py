@@ -140,7 +140,7 @@ def _along(points: Sequence[Point]) -> Box:
 
 def _routes(symbol: Symbol, ends: Sequence[str], sides: Sequence[int]) -> tuple[list[Route], float]:
     """The lines from the ports to their sides, around the symbol where they leave on the other one; and their lowest."""
-    found, low, turned = [], symbol.box.y0, 0
+    routes, low, turned = [], symbol.box.y0, 0
     for port, end, side in zip(symbol.ports, ends, sides, strict=True):
         if side == 0:
             continue
@@ -151,8 +151,8 @@ def _routes(symbol: Symbol, ends: Sequence[str], sides: Sequence[int]) -> tuple[
             out = port.x + port.side * (1.0 + 4.0 * turned)
             far = symbol.box.x1 + 2.0 if side > 0 else symbol.box.x0 - 2.0
             points = (*points, (out, port.y), (out, low), (far, low))
-        found.append(Route(end, side, points))
-    return found, low
+        routes.append(Route(end, side, points))
+    return routes, low
 
 
 def _outside(
@@ -162,19 +162,19 @@ def _outside(
     boxes: list[Box] = []
     texts: list[Text] = []
     for side in (-1, 1):
-        own = sorted((i for i in free if symbol.ports[i].side == side), key=lambda i: symbol.ports[i].y)
+        open_ports = sorted((i for i in free if symbol.ports[i].side == side), key=lambda i: symbol.ports[i].y)
         lowest = min((p.y for p in symbol.ports if p.side == side), default=0.0)
         start = min(lowest - 9.0, low - 8.0 if low < symbol.box.y0 else 0.0)
-        for k, i in enumerate(own):
+        for k, i in enumerate(open_ports):
             port = symbol.ports[i]
             x = (max(port.x, symbol.box.x1) if side > 0 else min(port.x, symbol.box.x0)) + side * (10.0 + 15.0 * k)
             top = start
             marks.append(line((port.x, port.y), (x, port.y), (x, top)))
             marks += [shape((x - 6.0, top - 9.0), (x + 6.0, top - 9.0), (x, top))] if i in inward else exhaust(x, top)
             boxes.append(Box(x - 7.0, top - 10.0, x + 7.0, top))
-        names = dict.fromkeys(ends[i] for i in own)
-        if own:
-            group = around(boxes[-len(own) :])
+        names = dict.fromkeys(ends[i] for i in open_ports)
+        if open_ports:
+            group = around(boxes[-len(open_ports) :])
             align, edge = ("right", group.x1) if side < 0 else ("left", group.x0)
             lines = [Words(name, SMALL, False, INK_3) for name in names]
             texts += stacked(lines, edge, group.y0 - 2.0, align)
@@ -203,8 +203,8 @@ class DiagramWiring(NamedTuple):
 
     def leaving(self, node: str) -> list[str]:
         """Elements right of a node, those that lead on before those that only vent."""
-        found = [e for e, ends in self.left.items() if node in ends]
-        return sorted(found, key=lambda e: not self.right[e])
+        elements = [e for e, ends in self.left.items() if node in ends]
+        return sorted(elements, key=lambda e: not self.right[e])
 
     def arriving(self, node: str) -> list[str]:
         """Elements left of a node."""
@@ -231,30 +231,30 @@ def wiring(
         if node in order:
             continue
         order[node] = None
-        queue.extend(end for found in ends.values() if node in found for end in found if end not in order)
+        queue.extend(end for ports in ends.values() if node in ports for end in ports if end not in order)
     rank = {name: i for i, name in enumerate(order)}
     left, right = {}, {}
-    for name, found in ends.items():
-        sources = [n for n in found if n in supplies]
-        if not sources and found and not (name in starts and len(set(found)) == 1):
-            sources = [min(found, key=rank.__getitem__)]
+    for name, ports in ends.items():
+        sources = [n for n in ports if n in supplies]
+        if not sources and ports and not (name in starts and len(set(ports)) == 1):
+            sources = [min(ports, key=rank.__getitem__)]
         left[name] = tuple(dict.fromkeys(sources))
-        right[name] = tuple(n for n in dict.fromkeys(found) if n not in sources)
+        right[name] = tuple(n for n in dict.fromkeys(ports) if n not in sources)
     # Supplies are in order from the start, so that whatever they feed comes after all of them.
     return DiagramWiring(tuple([*supplies, *(n for n in order if n not in supplies)]), left, right)
 
 
 def columns(wires: DiagramWiring) -> dict[tuple[str, str], int]:
     """The column of each node ("node", name) and element ("element", name): one after the last that feeds it."""
-    found: dict[tuple[str, str], int] = {}
+    places: dict[tuple[str, str], int] = {}
     for node in wires.order:
-        before = [max((found["node", n] for n in wires.left[e]), default=-2) + 1 for e in wires.arriving(node)]
-        found["node", node] = max(before, default=-1) + 1
+        before = [max((places["node", n] for n in wires.left[e]), default=-2) + 1 for e in wires.arriving(node)]
+        places["node", node] = max(before, default=-1) + 1
     for e, ends in wires.left.items():
-        feeds = [found["node", n] for n in wires.right[e]]
-        found["element", e] = max(found["node", n] for n in ends) + 1 if ends else min(feeds, default=1) - 1
-    first = min(found.values(), default=0)
-    return {key: at - first for key, at in found.items()}
+        feeds = [places["node", n] for n in wires.right[e]]
+        places["element", e] = max(places["node", n] for n in ends) + 1 if ends else min(feeds, default=1) - 1
+    first = min(places.values(), default=0)
+    return {key: at - first for key, at in places.items()}
 
 
 class _Board:
@@ -325,7 +325,7 @@ def rows(
             row = board.put(kind, name, hint)
             following = wires.leaving(name) if kind == "node" else wires.right[name]
             other = "element" if kind == "node" else "node"
-            stack += [(other, found, row) for found in reversed(following)]
+            stack += [(other, following_column, row) for following_column in reversed(following)]
     used = {row: i for i, row in enumerate(sorted(set(board.rows.values())))}
     return {key: used[row] for key, row in board.rows.items()}
 
@@ -386,22 +386,22 @@ def _most(
     cells: Mapping[tuple[str, str], SymbolCell], row: Mapping[tuple[str, str], int], which: int, sign: int
 ) -> float:
     """Largest extent of the cells of a row above (1) or below (-1) its line."""
-    found = [cells[key].box for key, r in row.items() if r == which]
-    return max(b.y1 if sign > 0 else -b.y0 for b in found)
+    boxes = [cells[key].box for key, r in row.items() if r == which]
+    return max(b.y1 if sign > 0 else -b.y0 for b in boxes)
 
 
 def _heights(row: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], SymbolCell]) -> dict[int, float]:
     """The height of each row's line, the first at 0."""
-    found = {0: 0.0}
+    heights = {0: 0.0}
     for r in range(1, max(row.values()) + 1):
-        found[r] = found[r - 1] - _most(cells, row, r - 1, -1) - GAP - _most(cells, row, r, 1)
-    return found
+        heights[r] = heights[r - 1] - _most(cells, row, r - 1, -1) - GAP - _most(cells, row, r, 1)
+    return heights
 
 
 def _buses(
     wires: DiagramWiring, cells: Mapping[tuple[str, str], SymbolCell], height: Mapping[tuple[str, str], float]
 ) -> list[_Bus]:
-    found = []
+    buses = []
     for node in wires.order:
         for side, elements in ((-1, wires.arriving(node)), (1, wires.leaving(node))):
             ends, ys = [], [height["node", node]]
@@ -411,13 +411,13 @@ def _buses(
                         ends.append((e, i))
                         ys.append(height["element", e] + port.route[-1][1])
             if ends:
-                found.append(_Bus(node, side, tuple(ends), min(ys), max(ys)))
-    return found
+                buses.append(_Bus(node, side, tuple(ends), min(ys), max(ys)))
+    return buses
 
 
 def _tracks(buses: Sequence[_Bus], column: Mapping[tuple[str, str], int]) -> dict[tuple[str, int], tuple[int, int]]:
     """The track of each line along a column and the channel it lies in, none for a line that runs straight on."""
-    found: dict[tuple[str, int], tuple[int, int]] = {}
+    tracks: dict[tuple[str, int], tuple[int, int]] = {}
     used: dict[int, list[list[_Bus]]] = {}
     for bus in sorted(buses, key=lambda b: (b.low - b.high, b.node, b.side)):
         if bus.high - bus.low < 1e-6:
@@ -429,8 +429,8 @@ def _tracks(buses: Sequence[_Bus], column: Mapping[tuple[str, str], int]) -> dic
             lanes.append([])
             fits.append(True)
         lanes[fits.index(True)].append(bus)
-        found[bus.node, bus.side] = fits.index(True), channel
-    return found
+        tracks[bus.node, bus.side] = fits.index(True), channel
+    return tracks
 
 
 def _widths(
@@ -443,7 +443,7 @@ def _widths(
     channels: dict[int, float] = {}
     at = 0.0
     for c in range(max(column.values()) + 1):
-        boxes = [cells[key].box for key, found in column.items() if found == c]
+        boxes = [cells[key].box for key, place in column.items() if place == c]
         x[c] = at - min((b.x0 for b in boxes), default=0.0)
         at = x[c] + max((b.x1 for b in boxes), default=0.0)
         lanes = 1 + max((t for t, channel in tracks.values() if channel == c), default=-1)

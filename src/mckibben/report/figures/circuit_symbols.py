@@ -42,8 +42,8 @@ class Box(NamedTuple):
 
 def around(boxes: Iterable[Box]) -> Box:
     """The smallest rectangle around some."""
-    found = np.array(list(boxes), float)
-    return Box(*map(float, (*found[:, :2].min(axis=0), *found[:, 2:].max(axis=0))))
+    corners = np.array(list(boxes), float)
+    return Box(*map(float, (*corners[:, :2].min(axis=0), *corners[:, 2:].max(axis=0))))
 
 
 class Stroke(NamedTuple):
@@ -312,12 +312,12 @@ _SUPPLY = ("supply", "inlet", "in", "p", "source", "1")
 
 def roles(ports: Sequence[str]) -> list[str]:
     """Role of each port by its name: in, out or exhaust; the first port is the inlet if no name tells."""
-    found = [
+    names = [
         "exhaust" if p.startswith(_EXHAUST[:4]) or p in _EXHAUST else "in" if p in _SUPPLY else "out" for p in ports
     ]
-    if "in" not in found:
-        found[0] = "in"
-    return found
+    if "in" not in names:
+        names[0] = "in"
+    return names
 
 
 def _by_role(ports: Sequence[str], at: dict[str, Port]) -> tuple[Port, ...]:

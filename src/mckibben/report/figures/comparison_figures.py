@@ -59,9 +59,9 @@ def comparison_figure(muscles: Sequence[Trials], matches: Sequence[Match] = ()) 
     for i, row in enumerate(rows):
         for j, panel in enumerate(row):
             _panel(axes(i, j), panel, muscles, lines)
-    for i, found in enumerate(matches, len(rows)):
+    for i, match in enumerate(matches, len(rows)):
         for j, name in enumerate(_MATCHED):
-            _matched(axes(i, j), found, name)
+            _matched(axes(i, j), match, name)
     return fig
 
 
@@ -79,15 +79,15 @@ class _Line:
 
 def _lines(muscles: Sequence[Trials]) -> list[_Line]:
     used = {True: 0, False: 0}
-    found = []
+    lines = []
     for i, one in enumerate(muscles):
         biological = one.muscle.fibre is not None
         if used[biological] >= len(RECORDING_DASHES):
             allowed = f"allowed are {len(RECORDING_DASHES)} of a kind in one figure"
             raise InputError("muscles", len(muscles), allowed)
-        found.append(_Line(chr(ord("A") + i), RECORDING_DASHES[used[biological]], biological))
+        lines.append(_Line(chr(ord("A") + i), RECORDING_DASHES[used[biological]], biological))
         used[biological] += 1
-    return found
+    return lines
 
 
 def _key(fig: Figure, muscles: Sequence[Trials], lines: Sequence[_Line], height: float) -> None:
@@ -136,13 +136,13 @@ def _letters(ax: Axes, ends: Sequence[tuple[np.ndarray, np.ndarray, _Line]]) -> 
         if not inside.size:
             continue
         last = inside[np.argmax(x[inside])]
-        here = (float(x[last]) - low) / (high - low), (float(y[last]) - bottom) / (top - bottom)
-        near = [i for i, m in enumerate(marks) if np.hypot(m[0] - here[0], m[1] - here[1]) < NEAR]
+        place = (float(x[last]) - low) / (high - low), (float(y[last]) - bottom) / (top - bottom)
+        near = [i for i, m in enumerate(marks) if np.hypot(m[0] - place[0], m[1] - place[1]) < NEAR]
         if near:
             old = marks[near[0]]
             marks[near[0]] = (old[0], old[1], f"{old[2]}, {line.letter}", old[3] or line.biological)
         else:
-            marks.append((*here, line.letter, line.biological))
+            marks.append((*place, line.letter, line.biological))
     for across, up, letters, biological in marks:
         if len(marks) == 1 and len(ends) > 1:  # all lines end here: letters would tell nothing
             return

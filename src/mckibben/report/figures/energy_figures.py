@@ -91,8 +91,8 @@ def loops_figure(loops: Sequence[CycleLoops], *, title: str, printed: Printed | 
             _row(fig, (1.12, 1.0), HEIGHT * (len(rows) - 1 - i)), (draw_piston, draw_tendon), strict=True
         ):
             draw(ax, row, printed or {})
-        what = SHORTENING[row[0].name == "maximal"]
-        style.heading(fig.axes[2 * i], title if i == 0 else what, what if i == 0 else "", above=40.0)
+        shortening = SHORTENING[row[0].name == "maximal"]
+        style.heading(fig.axes[2 * i], title if i == 0 else shortening, shortening if i == 0 else "", above=40.0)
     return fig
 
 
@@ -477,8 +477,8 @@ def energy_flow_figure(account: EnergyAccount, *, title: str = "Where the exergy
     size = _draw(upper, gas, supply)
     kind = "integrals of the run" if account.parts[0].origin == "integral" else account.parts[0].origin
     style.heading(upper, title, f"exergy in J, share of the supply; {kind}", above=16.0)
-    own = _draw(lower, muscle, supply)
-    grown = f"magnified {number(own / size, 0)} times" if size > 0.0 and own >= 2.0 * size else ""
+    width = _draw(lower, muscle, supply)
+    grown = f"magnified {number(width / size, 0)} times" if size > 0.0 and width >= 2.0 * size else ""
     style.heading(lower, "The muscle", grown, above=16.0)
     return fig
 
@@ -546,8 +546,8 @@ def _ribbon(ax: Axes, ends: tuple[float, float, float, float], one: DrawnStream)
 def _label(ax: Axes, x: float, y: float, one: DrawnStream, supply: float, side: str) -> None:
     digits = int(np.clip(2 - np.floor(np.log10(one.value)), 0, 5))
     share = 100.0 * one.value / supply if supply > 0.0 else 0.0
-    told = f"  {number(share, 1 if share > 1.0 else 2)} %" if share >= 0.01 else ""
-    text = f"{one.words}  {number(one.value, digits)} J{told}"
+    percentage = f"  {number(share, 1 if share > 1.0 else 2)} %" if share >= 0.01 else ""
+    text = f"{one.words}  {number(one.value, digits)} J{percentage}"
     if side == "right":
         text = f"{one.words}\n{number(one.value, digits)} J"
     ax.text(x, y, text, fontsize=SMALL, color=INK, ha=side, va="center", clip_on=False)

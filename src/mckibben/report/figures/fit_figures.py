@@ -70,12 +70,12 @@ def _muscles(fit: Fit, points: ForceMap) -> list[tuple[float | None, TensionLaw,
         return [(None, fit.build(), points)]
     rests = np.unique(points.rest_length[points.taut])
     chosen = rests[np.unique(np.linspace(0, len(rests) - 1, min(MOST_PANELS, len(rests))).round().astype(int))]
-    found: list[tuple[float | None, TensionLaw, ForceMap]] = []
+    muscles: list[tuple[float | None, TensionLaw, ForceMap]] = []
     for rest in chosen:
         same = fit.points.rest_length == rest if fit.points.rest_length is not None else np.ones(len(fit.points), bool)
-        own = {k: float(np.asarray(v)[same].max()) for k, v in fit.known.items() if np.ndim(v)}
-        found.append((float(rest), fit.build(**own), points.select(points.rest_length == rest)))
-    return found
+        known = {k: float(np.asarray(v)[same].max()) for k, v in fit.known.items() if np.ndim(v)}
+        muscles.append((float(rest), fit.build(**known), points.select(points.rest_length == rest)))
+    return muscles
 
 
 @functools.cache
@@ -203,13 +203,13 @@ def residuals(fit: Fit) -> Figure:
         panels.append(("Predicted", "its pressure left out", fit.cross["pressure"].error, "pressure"))
     scheme = "rest_length" if "rest_length" in fit.cross else "length"
     if scheme in fit.cross:
-        what = "its rest length left out" if scheme == "rest_length" else "its length left out"
-        panels.append(("Predicted", what, fit.cross[scheme].error, "length"))
+        left_out = "its rest length left out" if scheme == "rest_length" else "its length left out"
+        panels.append(("Predicted", left_out, fit.cross[scheme].error, "length"))
     fig = style.figure(style.WIDE, 3.3)
     grid = fig.add_gridspec(1, len(panels), left=0.05, right=0.955, bottom=0.155, top=0.80, wspace=0.13)
-    seen = np.concatenate([np.abs(e[np.isfinite(e)]) for _, _, e, _ in panels[:2]])
-    limit = max(1.15 * float(seen.max()), 0.017 * fit.points.largest)
-    limit = min(limit, 8.0 * max(float(np.sqrt(np.mean(seen**2))), 0.005 * fit.points.largest))
+    errors = np.concatenate([np.abs(e[np.isfinite(e)]) for _, _, e, _ in panels[:2]])
+    limit = max(1.15 * float(errors.max()), 0.017 * fit.points.largest)
+    limit = min(limit, 8.0 * max(float(np.sqrt(np.mean(errors**2))), 0.005 * fit.points.largest))
     for i, (head, remark, error, over) in enumerate(panels):
         ax = fig.add_subplot(grid[i])
         values, title = _over(fit.points, over)
@@ -315,11 +315,11 @@ def ranking(study: Study) -> Figure:
 
 
 def _rows(study: Study) -> list[_Row]:
-    found = []
+    rows = []
     for fit in study.fits:
         size = fit.points.largest
         cross = fit.cross.get("pressure")
-        found.append(
+        rows.append(
             _Row(
                 name=law_title(fit),
                 remark=f"{len(fit.parameters)}" if fit.converged else "not converged",
@@ -332,10 +332,10 @@ def _rows(study: Study) -> list[_Row]:
     size = study.points.largest
     for title, error in study.published:
         both = (float(np.sqrt(np.mean(error**2))) / size, float(np.abs(error).max()) / size)
-        found.append(
+        rows.append(
             _Row(name=_shorter(title), remark="published", converged=True, predicted=None, beyond=None, fitted=both)
         )
-    return found
+    return rows
 
 
 def _shorter(title: str) -> str:
@@ -647,10 +647,10 @@ def overview(studies: Iterable[Study]) -> Figure:
 
     Two studies stand side by side, each ranking below its curves; of a single one it stands beside them.
     """
-    found = list(studies)[:2]
-    single = len(found) == 1
+    shown = list(studies)[:2]
+    single = len(shown) == 1
     fig = style.figure(14.4, 4.7 if single else 8.1)
-    for i, study in enumerate(found):
+    for i, study in enumerate(shown):
         left = 0.045 + 0.5 * i
         best = study.fits[0]
         _, law, points = _muscles(best, study.points)[-1]

@@ -78,8 +78,8 @@ def _width(ax: Axes, study: LoopStudy) -> None:
     style.quantity_axes(ax, x=("Gauge pressure, bar", "pressure"), y=("Width in stroke, mm", "length"))
     ax.set_ylim(min(0.0, 1.1 * float(predicted.min()), 1.1 * float(measured.min())), 1.28 * float(measured.max()))
     worst = study.worst
-    told = f"worst mid-range {number(100.0 * worst.error, 1, sign=True)} % at {number(worst.pressure * bar, 2)} bar"
-    style.heading(ax, "Width", told, above=24.0)
+    note = f"worst mid-range {number(100.0 * worst.error, 1, sign=True)} % at {number(worst.pressure * bar, 2)} bar"
+    style.heading(ax, "Width", note, above=24.0)
     _key(ax, "upper left")
 
 
@@ -87,9 +87,9 @@ def _creep(ax: Axes, step: StepCreep) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     mm, fit = from_si(1.0, "m", "mm"), step.fit
-    seen, time = fit.train, fit.time
+    training, time = fit.train, fit.time
     late = step.late
-    split = 0.5 * (float(time[seen][-1]) + float(time[~seen][0]))
+    split = 0.5 * (float(time[training][-1]) + float(time[~training][0]))
     end = float(step.at[-1])
     shown = step.at > 0.0
     ax.axvspan(split, end * 1.3, color=SUNKEN, lw=0, zorder=0, label="not seen by the fit")
@@ -127,8 +127,8 @@ def _creep(ax: Axes, step: StepCreep) -> None:
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.tick_params(axis="x", which="minor", length=0)
     rms = [number(fit.rmse(seen=which) * mm, 3) for which in (True, False)]
-    told = f"{LAWS.get(fit.law, fit.law)}; rms seen {rms[0]} mm, unseen {rms[1]} mm"
-    style.heading(ax, f"Creep, {step.segment.replace('_', ' ')}", told, above=24.0)
+    note = f"{LAWS.get(fit.law, fit.law)}; rms seen {rms[0]} mm, unseen {rms[1]} mm"
+    style.heading(ax, f"Creep, {step.segment.replace('_', ' ')}", note, above=24.0)
     _key(ax, "upper left" if fit.stroke[-1] >= fit.stroke[0] else "lower left")
 
 

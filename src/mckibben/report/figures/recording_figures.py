@@ -77,7 +77,7 @@ def panels(record: Recording, names: Sequence[str]) -> list[ChannelPanel]:
     grouped: dict[tuple[str, str | None, str, str], list[str]] = {}
     for name in names:
         grouped.setdefault(_axes(name, record.unit(name)), []).append(name)
-    return [ChannelPanel(_title(key[0], found), *key[1:], found) for key, found in grouped.items()]
+    return [ChannelPanel(_title(key[0], members), *key[1:], members) for key, members in grouped.items()]
 
 
 def checked_names(record: Recording, names: Iterable[str], *, field: str = "--channels") -> list[str]:
@@ -101,19 +101,19 @@ def usual_channels(parts: Sequence[Recording]) -> list[str]:
     record = parts[0]
     measured = record.names("measured")
     if measured:
-        found = [*measured, *(n for n in record.names("true") if n.removeprefix("muscle.") in measured)]
+        names = [*measured, *(n for n in record.names("true") if n.removeprefix("muscle.") in measured)]
         asked = [n for n in record.names("command") if n.rpartition(".")[2] in measured]
         # a valve's command in bar nearly is the pressure's, and would hide it
-        found += asked + [n for n in record.names("command") if _axes(n, record.unit(n))[1] == "valve"]
+        names += asked + [n for n in record.names("command") if _axes(n, record.unit(n))[1] == "valve"]
     else:
         valves = [n for n in record.names() if _axes(n, record.unit(n))[1] == "valve"]
-        found = [n for n in record.names() if record.unit(n) in _KNOWN and not n.endswith("_abs")] + valves
+        names = [n for n in record.names() if record.unit(n) in _KNOWN and not n.endswith("_abs")] + valves
         # an atmosphere says nothing
-        found = [n for n in found if any(np.nanmax(np.abs(part[n]), initial=0.0) > 0.0 for part in parts)]
+        names = [n for n in names if any(np.nanmax(np.abs(part[n]), initial=0.0) > 0.0 for part in parts)]
     known = [n for n in record.names() if any(np.isfinite(part[n]).any() for part in parts)]
     order = [*_KNOWN]
-    found = [n for n in found if n in known] or known
-    return sorted(found, key=lambda n: order.index(record.unit(n)) if record.unit(n) in order else len(order))
+    names = [n for n in names if n in known] or known
+    return sorted(names, key=lambda n: order.index(record.unit(n)) if record.unit(n) in order else len(order))
 
 
 def told_apart(parts: Sequence[Recording]) -> list[ChannelFamily]:
@@ -147,14 +147,14 @@ def lane_steps(parts: Sequence[Recording]) -> list[tuple[float, float, list[str]
     for step in shown:
         for name, words in step["case"].items():
             values.setdefault(name, set()).add(words)
-    found = []
+    steps = []
     for step in shown:
         case = ", ".join(words for name, words in step["case"].items() if len(values[name]) > 1)
         label = str(step["label"])
-        found.append(
+        steps.append(
             (step["start"], step["end"], [f"{label}, {case}" if label and case else label or case, case, label])
         )
-    return found
+    return steps
 
 
 def envelope(time: np.ndarray, values: np.ndarray, columns: int = COLUMNS) -> tuple[np.ndarray, np.ndarray]:
@@ -205,11 +205,11 @@ def _extremes(t: np.ndarray, v: np.ndarray, begins: np.ndarray, columns: int) ->
     first = np.flatnonzero(begins)
     last = np.append(first[1:], len(t)) - 1
     group = np.cumsum(begins) - 1
-    found = [first, last]
+    indices = [first, last]
     for extreme in (np.minimum, np.maximum):
         hits = np.flatnonzero(v == extreme.reduceat(v, first)[group])
-        found.append(hits[np.diff(group[hits], prepend=-1) > 0])  # of equal ones the first
-    return np.unique(np.concatenate(found))
+        indices.append(hits[np.diff(group[hits], prepend=-1) > 0])  # of equal ones the first
+    return np.unique(np.concatenate(indices))
 
 
 def _axes(name: str, unit: str) -> tuple[str, str | None, str, str]:
@@ -526,8 +526,8 @@ def _note(record: Recording) -> str:
     if meta.get("result", "done") != "done":
         said.append(str(meta.get("message") or meta["result"]))
     clipped = meta.get("saturation")
-    for name, told in clipped.items() if isinstance(clipped, Mapping) else ():
-        share = told.get("share") if isinstance(told, Mapping) else None
+    for name, entry in clipped.items() if isinstance(clipped, Mapping) else ():
+        share = entry.get("share") if isinstance(entry, Mapping) else None
         if isinstance(share, int | float) and share > 0.0:
             said.append(f"{name} at the end of its range in {100.0 * share:.2g} % of the recording")
     return ", ".join(said)

@@ -247,10 +247,10 @@ def design_front(study: DesignStudy) -> Figure:
         ("Air per cycle, mg", [1e6 * d.air for d in done], "Less air", "from the supply, in a working cycle"),
         ("Efficiency, %", [1e2 * d.efficiency for d in done], "More work from it", "work over the exergy of the air"),
     )
-    for number, (what, values, title, note) in enumerate(panels):
+    for number, (quantity, values, title, note) in enumerate(panels):
         ax = fig.add_subplot(grid[number])
         _panel(ax, done, values)
-        style.quantity_axes(ax, x=("Response to a step of pressure, ms", None), y=(what, None))
+        style.quantity_axes(ax, x=("Response to a step of pressure, ms", None), y=(quantity, None))
         style.heading(ax, title, note, above=46.0)
         if number == 0:
             _front_key(ax, study)

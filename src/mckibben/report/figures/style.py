@@ -234,14 +234,14 @@ def end_labels(
         gap: least distance between labels [pt].
         bold: weight.
     """
-    found = list(ends)
-    if not found:
+    labels = list(ends)
+    if not labels:
         return
     scale = 72.0 / ax.figure.dpi
     right = ax.get_window_extent().x1 * scale
-    points = [ax.transData.transform((x, y)) * scale for x, y, _ in found]
+    points = [ax.transData.transform((x, y)) * scale for x, y, _ in labels]
     places = spread([p[1] for p in points], gap)
-    for (x, y, text), at, place in zip(found, points, places, strict=True):
+    for (x, y, text), at, place in zip(labels, points, places, strict=True):
         moved = abs(place - at[1]) > 2.0
         offset = (right - at[0] + (13 if moved else 5), place - at[1])
         ax.annotate(
@@ -310,7 +310,7 @@ def to_svg(fig: Figure) -> str:
 def _gathered(match: re.Match[str]) -> str:
     """Markers that share a style, in a group that states it once."""
     uses = re.findall(r"<use ([^>]*?)\s*/>", match[0])
-    styles = {found[1] if (found := re.search(r' style="([^"]*)"', use)) else "" for use in uses}
+    styles = {style[1] if (style := re.search(r' style="([^"]*)"', use)) else "" for use in uses}
     if len(styles) > 1 or len(uses) < 3:
         return match[0]
     bare = "\n".join("<use " + re.sub(r' style="[^"]*"', "", use) + "/>" for use in uses)

@@ -126,16 +126,16 @@ def fibre_run(muscle: BiologicalMuscle, protocol: Protocol, *, full_pressure: fl
         goal = np.append(motor, _following(plan.steps, group[-1], motor[-1]))
         inputs = {"drive": held(end)} | ({"span": ramped(goal)} if mode == "span" else {"load": held(goal)})
         # a group that a test ends keeps its full length here, so that equal cases are compiled once
-        seen = integrate(system, state, inputs, period=period, step_size=min(STEP, period)).outputs
-        last = _ends(group[-1], seen, rest, period) if group[-1].until is not None else count
-        state = FibreState(*(jnp.asarray(seen[n][last]) for n in ("activation", "span", "velocity")))
-        pulled = float(seen["tension"][last])
+        outputs = integrate(system, state, inputs, period=period, step_size=min(STEP, period)).outputs
+        last = _ends(group[-1], outputs, rest, period) if group[-1].until is not None else count
+        state = FibreState(*(jnp.asarray(outputs[n][last]) for n in ("activation", "span", "velocity")))
+        pulled = float(outputs["tension"][last])
         first = 0
         for step in group:
             stop = min(first + step.count, last)
             listed.append(_listed(step, time + first * period, time + stop * period))
             if step.record:
-                parts.append((time + period * np.arange(first, stop), {n: v[first:stop] for n, v in seen.items()}))
+                parts.append((time + period * np.arange(first, stop), {n: v[first:stop] for n, v in outputs.items()}))
             first = stop
         time += last * period
     return _recording(parts, listed, protocol, name, rest)
@@ -196,8 +196,8 @@ def _ends(step: PlannedStep, seen: dict[str, Any], rest: float, period: float) -
         return advance(kind, state, x, limit, test.lasting, x, period)
 
     _, holds = jax.lax.scan(one, tuple(jnp.asarray(x) for x in START), jnp.asarray(seen[test.channel]))
-    found = np.flatnonzero(np.asarray(holds)[: step.count])
-    return max(int(found[0]), 1) if found.size else step.count
+    samples = np.flatnonzero(np.asarray(holds)[: step.count])
+    return max(int(samples[0]), 1) if samples.size else step.count
 
 
 def _listed(step: PlannedStep, start: float, end: float) -> dict[str, Any]:

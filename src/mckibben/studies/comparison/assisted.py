@@ -155,5 +155,5 @@ def twitch_of(muscle: Assisted, pressure: Any, period: float) -> Any:
     signal = ramped(pressure).delayed(muscle.delay)
     system = Mounted(unit=muscle.unit, span=muscle.rest_span)
     memory = muscle.unit.initial_memory()
-    _, seen = march(system, start, memory, {"pressure": signal}, period, 1, len(pressure) - 1, True)
-    return seen[2]["tension"]
+    _, outputs = march(system, start, memory, {"pressure": signal}, period, 1, len(pressure) - 1, True)
+    return outputs[2]["tension"]

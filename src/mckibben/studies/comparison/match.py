@@ -103,8 +103,8 @@ class Search:
         return changed
 
     def _all(self, u: Any) -> Any:
-        own = curves_of(self.muscle(u), self.goal)
-        parts = [(own[n] - self.goal.curves[n][1]) / np.sqrt(len(self.goal.curves[n][1])) for n in CURVES]
+        curves = curves_of(self.muscle(u), self.goal)
+        parts = [(curves[n] - self.goal.curves[n][1]) / np.sqrt(len(self.goal.curves[n][1])) for n in CURVES]
         return jnp.concatenate(parts)
 
     def residuals(self, u: Any) -> np.ndarray:
@@ -124,7 +124,7 @@ class Search:
         for number, first in enumerate([self.start, *self._drawn(draws)], 1):
             tell(f"search {number} of {draws + 1}, rms so far {np.sqrt(cost / len(CURVES)):.3f}")
             begin = np.clip(first, self.low + inside, self.high - inside)
-            found = least_squares(
+            solution = least_squares(
                 self.residuals,
                 begin,
                 jac=self.slopes,
@@ -134,8 +134,8 @@ class Search:
                 ftol=1e-5,
                 gtol=1e-8,
             )
-            if 2.0 * found.cost < cost:
-                best, cost = found.x, 2.0 * float(found.cost)
+            if 2.0 * solution.cost < cost:
+                best, cost = solution.x, 2.0 * float(solution.cost)
         return best
 
     def _drawn(self, draws: int) -> list[np.ndarray]:
@@ -151,24 +151,24 @@ class Search:
 
     def curves(self, u: Any) -> dict[str, Curve]:
         """Curves at the abscissae of the target's."""
-        own = self._curves(u)
-        return {n: (self.goal.curves[n][0], np.asarray(own[n])) for n in CURVES}
+        curves = self._curves(u)
+        return {n: (self.goal.curves[n][0], np.asarray(curves[n])) for n in CURVES}
 
     def rms(self, u: Any) -> dict[str, float]:
         """Root mean square residual of each curve, and of all together under ``all``."""
-        found = {n: float(np.sqrt(np.mean((y - self.goal.curves[n][1]) ** 2))) for n, (_, y) in self.curves(u).items()}
-        return found | {"all": float(np.sqrt(np.mean(np.square(list(found.values())))))}
+        errors = {n: float(np.sqrt(np.mean((y - self.goal.curves[n][1]) ** 2))) for n, (_, y) in self.curves(u).items()}
+        return errors | {"all": float(np.sqrt(np.mean(np.square(list(errors.values())))))}
 
     def tuned(self, u: np.ndarray) -> tuple[Tuned, ...]:
         """The parameters at a point."""
-        found, near = [], HIT * (self.high - self.low)
+        parameters, near = [], HIT * (self.high - self.low)
         for i, path in enumerate(self.free):
             low, high = self.bounds[path]
             hit = "low" if u[i] - self.low[i] < near[i] else "high" if self.high[i] - u[i] < near[i] else ""
             first, last = (float(self.sizes[i] * np.expm1(v[i])) for v in (self.start, u))
             unit = paths.declaration(self.before, path).unit
-            found.append(Tuned(path, NAMES[path], unit, first, last, low, high, hit))
-        return tuple(found)
+            parameters.append(Tuned(path, NAMES[path], unit, first, last, low, high, hit))
+        return tuple(parameters)
 
 
 TWITCH = "isometric-twitch"
@@ -262,7 +262,7 @@ def match(
     search = Search(before, goal, dict(free), _bounds(muscle, before, free))
     best = search.run(draws, evaluations, tell)
     after = search.muscle(best)
-    found = Match(
+    result = Match(
         muscle,
         target,
         before,
@@ -275,9 +275,9 @@ def match(
         search.curves(best),
     )
     if not simulate:
-        return found
+        return result
     tell(f"{muscle.id} with elements: twitch")
-    return simulated(found, rig=on)
+    return simulated(result, rig=on)
 
 
 def goal_of(muscle: ComparedMuscle, target: ComparedMuscle, own: Recording, wanted: Recording) -> Goal:
@@ -305,10 +305,10 @@ def goal_of(muscle: ComparedMuscle, target: ComparedMuscle, own: Recording, want
 
 def _bounds(muscle: ComparedMuscle, before: Assisted, free: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     """Bounds of the parameters, as declared; the span at rest within the braid's range from its free length on."""
-    found = {path: paths.declaration(before, path).bounds for path in free}
-    if "rest_span" in found:
-        found["rest_span"] = 1.02 * float(muscle.law.free_length(muscle.full)), 1.3 * muscle.upper_length
-    return found
+    bounds = {path: paths.declaration(before, path).bounds for path in free}
+    if "rest_span" in bounds:
+        bounds["rest_span"] = 1.02 * float(muscle.law.free_length(muscle.full)), 1.3 * muscle.upper_length
+    return bounds
 
 
 def simulated(found: Match, *, rig: str) -> Match:
@@ -323,5 +323,5 @@ def simulated(found: Match, *, rig: str) -> Match:
     start = float(segments(record, "twitch")[0].time[0])
     time, target = found.target_curves["twitch"]
     pull = float(steady(found.after.unit, found.after.rest_span, muscle.full)[0])
-    own = np.interp(time, record.time - start, record["muscle.tension"]) / pull
-    return found._replace(simulated=(time, own), rms_simulated=float(np.sqrt(np.mean((own - target) ** 2))))
+    tension = np.interp(time, record.time - start, record["muscle.tension"]) / pull
+    return found._replace(simulated=(time, tension), rms_simulated=float(np.sqrt(np.mean((tension - target) ** 2))))

@@ -194,8 +194,8 @@ def trials(
             refused = error
             notes.append(f"no {name}: {error}")
             continue
-        found, drawn, said = _READ[name](muscle, records[name])
-        values, curves, notes = values | found, curves | drawn, notes + said
+        numbers, drawn, said = _READ[name](muscle, records[name])
+        values, curves, notes = values | numbers, curves | drawn, notes + said
     if refused is not None and not records:
         raise refused
     return Trials(muscle, records, values, curves, tuple(notes))
@@ -227,11 +227,11 @@ Read = tuple[dict[str, float], dict[str, Curve], list[str]]
 
 def _read_twitch(muscle: ComparedMuscle, record: Recording) -> Read:
     start = float(segments(record, "twitch")[0].time[0])
-    found = twitch(record, stimulus=start, tension="tension")
+    timing = twitch(record, stimulus=start, tension="tension")
     values = {
-        "twitch_tension": found.peak / muscle.full_tension,
-        "twitch_contraction_time": found.contraction_time,
-        "twitch_half_relaxation_time": found.half_relaxation_time,
+        "twitch_tension": timing.peak / muscle.full_tension,
+        "twitch_contraction_time": timing.contraction_time,
+        "twitch_half_relaxation_time": timing.half_relaxation_time,
     }
     return values, {"twitch": _against_time(muscle, record, start, record.time[-1])}, []
 

@@ -233,12 +233,12 @@ class MuscleTable:
 
     def rows(self) -> tuple[PropertyRow, ...]:
         """All rows that are not empty, in the order of `PROPERTIES`."""
-        found = []
+        rows = []
         for name, prop in PROPERTIES.items():
             values = tuple(c.values.get(name) for c in self.columns)
             if any(v is not None for v in values) or (name in self.published and prop in STATIC):
-                found.append(PropertyRow(prop, values, self.published.get(name)))
-        return tuple(found)
+                rows.append(PropertyRow(prop, values, self.published.get(name)))
+        return tuple(rows)
 
 
 def compare(
@@ -306,18 +306,18 @@ def _braided(muscle: ComparedMuscle) -> tuple[dict[str, float], tuple[str, ...]]
 
 def _efficiency(muscle: ComparedMuscle, friction: float) -> tuple[dict[str, float], str]:
     """Efficiencies of quasi-stationary maximal shortening, with air from the surroundings and from an accumulator."""
-    own: dict[str, Any] = {"stretched_length": muscle.upper_length, "friction": friction}
+    settings: dict[str, Any] = {"stretched_length": muscle.upper_length, "friction": friction}
     try:
         gas = cycle_muscle(muscle.law)
         threshold = float(gas.threshold())
-        plain = energy_cycle(gas, "maximal", Conditions(pressure=muscle.full, **own))
-        found = {"efficiency": plain.efficiency}
+        plain = energy_cycle(gas, "maximal", Conditions(pressure=muscle.full, **settings))
+        values = {"efficiency": plain.efficiency}
         if threshold > 0.0:
-            stored = Conditions(pressure=muscle.full, exchange_pressure=threshold, **own)
-            found["efficiency_accumulator"] = energy_cycle(gas, "maximal", stored).efficiency
+            stored = Conditions(pressure=muscle.full, exchange_pressure=threshold, **settings)
+            values["efficiency_accumulator"] = energy_cycle(gas, "maximal", stored).efficiency
     except (InputError, NoVolumeError) as error:
         return {}, f"no efficiency: {error}"
-    return found, "efficiency of quasi-stationary maximal shortening with an ideal compressor"
+    return values, "efficiency of quasi-stationary maximal shortening with an ideal compressor"
 
 
 def _biological(muscle: ComparedMuscle) -> tuple[dict[str, float], tuple[str, ...]]:
@@ -377,9 +377,9 @@ def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = No
         record, where = file, str(file.meta.get("title", "recording"))
     else:
         record, where = read_recording(Path(file)), str(file)
-    own = name or (where if isinstance(file, Recording) else Path(file).stem)
+    title = name or (where if isinstance(file, Recording) else Path(file).stem)
     try:
-        return _column(record, own)
+        return _column(record, title)
     except InputError as error:
         raise error if error.where else error.at(where) from None
 
@@ -395,8 +395,8 @@ def _column(record: Recording, name: str) -> MuscleColumn:
     if steady:
         top = max(p.drive for p in steady)
         slowest = min((p for p in steady if p.drive >= NEAR_TOP * top), key=lambda p: p.velocity)
-        found, said = _static(slowest.record, length, tension, rest)
-        values, notes = values | found, [*notes, *said]
+        properties, said = _static(slowest.record, length, tension, rest)
+        values, notes = values | properties, [*notes, *said]
         if top > 0.0:
             notes.append(f"static rows at {with_unit(slowest.drive, 'Pa')}")
     else:
@@ -423,7 +423,7 @@ def _static(record: Recording, length: str, tension: str, rest: float) -> tuple[
         [] if first > 0 or mean[0] <= 2.0 * SLACK * strongest else ["zero tension was not reached: range as visited"]
     )
     low, high = float(at[first]), float(at[-1])
-    found = {
+    values = {
         "shortest": low / rest,
         "longest": high / rest,
         "dynamic_range": (high - low) / rest,
@@ -432,20 +432,20 @@ def _static(record: Recording, length: str, tension: str, rest: float) -> tuple[
         "work": float(np.trapezoid(mean[first:], at[first:])) / rest,
         "coulomb_friction": loop(record, length=length, tension=tension).friction,
     }
-    return found, notes
+    return values, notes
 
 
 def _per_volume(values: dict[str, float], powers: list[ShorteningPower], area: float, rest: float) -> dict[str, float]:
     size: dict[str, Any] = {"section_area": area, "rest_length": rest}
-    found = {
+    shares = {
         "section_area": area,
         "tension_intensity": values["maximum_tension"] / area,
         "mean_power_density": power_density(max(p.mean_power for p in powers), **size),
         "peak_power_density": power_density(max(p.peak_power for p in powers), **size),
     }
     if "stiffness" in values:
-        found |= {"stiffness_intensity": values["stiffness"] / area, "work_density": values["work"] / area}
-    return found
+        shares |= {"stiffness_intensity": values["stiffness"] / area, "work_density": values["work"] / area}
+    return shares
 
 
 def _channel(record: Recording, names: tuple[str, ...], what: str) -> str:
@@ -489,7 +489,7 @@ def _pieces(record: Recording, length: str) -> list[_Piece]:
     except InputError:
         parts = [record]
     pressure = next((n for n in PRESSURES if n in record), None)
-    found, last = [], None
+    pieces, last = [], None
     for part in parts:
         try:
             velocity = peak_velocity(part, length=length)
@@ -499,8 +499,8 @@ def _pieces(record: Recording, length: str) -> list[_Piece]:
         drive = np.zeros(1) if pressure is None else known(part, pressure)
         mean = float(np.mean(drive))
         moves = float(np.ptp(np.quantile(drive, [0.01, 0.99]))) / mean if mean > 0.0 else 0.0
-        found.append(_Piece(part, mean, moves, velocity))
-    if not found:
+        pieces.append(_Piece(part, mean, moves, velocity))
+    if not pieces:
         assert last is not None
         raise last
-    return found
+    return pieces

@@ -38,15 +38,15 @@ def settled_courses(lanes: Sequence[Lane], done: Sequence[Course]) -> list[Cours
     Returns:
         The courses; one that has not settled even then says so.
     """
-    found = list(done)
+    settled = list(done)
     for times in LONGER:
-        late = [i for i, course in enumerate(found) if course.sound and not course.settled]
+        late = [i for i, course in enumerate(settled) if course.sound and not course.settled]
         if not late:
             break
         again = courses([replace(lanes[i], fills=times * lanes[i].fills) for i in late])
         for i, course in zip(late, again, strict=True):
-            found[i] = course if course.sound else found[i]
-    return found
+            settled[i] = course if course.sound else settled[i]
+    return settled
 
 
 NAME = "muscle"
@@ -164,14 +164,14 @@ def courses(lanes: Sequence[Lane]) -> list[Course]:
     groups: dict[Any, list[int]] = {}
     for i, (tree, _) in enumerate(prepared):
         groups.setdefault(jax.tree.structure(tree), []).append(i)
-    found: list[Course | None] = [None] * len(lanes)
+    results: list[Course | None] = [None] * len(lanes)
     for members in groups.values():
         order = sorted(members, key=lambda i: prepared[i][1])
         for begin in range(0, len(order), CHUNK):
             part = order[begin : begin + CHUNK]
             for i, course in zip(part, _together([lanes[i] for i in part], [prepared[i] for i in part]), strict=True):
-                found[i] = course
-    return [c for c in found if c is not None]
+                results[i] = course
+    return [c for c in results if c is not None]
 
 
 def _prepared(lane: Lane) -> tuple[Any, float]:
@@ -182,8 +182,8 @@ def _prepared(lane: Lane) -> tuple[Any, float]:
         {NAME: lane.unit}, supply=lane.supply, line=AirLine(valve=valve, tube=lane.tube), environment=lane.environment
     )
     port = float(circuit.nodes[f"{NAME}.port"].size)  # type: ignore[union-attr]
-    own = _valve_time(lane.valve)
-    fill = lane.fills * time_scale(lane, port) + own
+    valve_time = _valve_time(lane.valve)
+    fill = lane.fills * time_scale(lane, port) + valve_time
     moving = lane.stroke / lane.speed if lane.stroke > 0.0 else 0.0
     period = max(fill / TURN, moving / (0.8 * (SAMPLES - TURN)))
     time = period * np.arange(SAMPLES + 1)
@@ -240,15 +240,15 @@ def _together(lanes: Sequence[Lane], prepared: Sequence[tuple[Any, float]]) -> l
             break
         worst = float(np.max(needed[: len(lanes)]))
         steps = int(np.ceil(steps * (1.05 * worst if np.isfinite(worst) else 2.0)))
-    found = []
+    results = []
     for i in range(len(lanes)):
         period = float(stacked[2][i])
         tension, pressure = out["tension"][i], out["pressure"][i]
         sound = bool(short[i] and np.isfinite(tension).all() and np.isfinite(pressure).all())
         length = np.asarray(stacked[1][f"{NAME}.length"].values[i])
         time = period * np.arange(SAMPLES + 1)
-        found.append(Course(time, pressure, length, tension, period * TURN, sound))
-    return found
+        results.append(Course(time, pressure, length, tension, period * TURN, sound))
+    return results
 
 
 @jit_arrays

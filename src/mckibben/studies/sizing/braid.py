@@ -220,7 +220,7 @@ def _misses(wish: Requirements, law: str, error: LawError) -> tuple[Shortfall, .
     """For each requirement, the part that could be met with all others as required; the nearest first."""
     angles, contractions = np.linspace(*ANGLES, GRID), np.linspace(*CONTRACTIONS, GRID)
     shapes = shapes_of(law, wish.pressure, angles, contractions)
-    found = [
+    shortfalls = [
         Shortfall("force", wish.force, _most_force(shapes, wish, error)),
         Shortfall("stroke", wish.stroke, _edge(wish, law, "stroke", 1e-2)),
         Shortfall("pressure", wish.pressure, _edge(wish, law, "pressure", ALLOWED["pressure"][2] / wish.pressure)),
@@ -229,8 +229,8 @@ def _misses(wish: Requirements, law: str, error: LawError) -> tuple[Shortfall, .
     for part, has in (("length", sizes.overall), ("diameter", sizes.contracted)):
         if getattr(wish, part) is not None:
             free = has[_fits(sizes, wish, but=part)]
-            found.append(Shortfall(part, getattr(wish, part), float(free.min()) if free.size else None))
-    return tuple(sorted(found, key=lambda m: m.change))
+            shortfalls.append(Shortfall(part, getattr(wish, part), float(free.min()) if free.size else None))
+    return tuple(sorted(shortfalls, key=lambda m: m.change))
 
 
 def _most_force(shapes: Shapes, wish: Requirements, error: LawError) -> float | None:

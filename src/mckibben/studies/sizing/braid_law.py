@@ -130,12 +130,12 @@ def error_of_specimen(spec: Specimen, law: str) -> LawError:
 
 def error_of_size(spec: Specimen, law: str, *, same_bore: bool) -> LawError:
     """The error of a law of a specimen taken to another length, or also to another bore."""
-    own = error_of_specimen(spec, law)
+    error = error_of_specimen(spec, law)
     if not same_bore:
-        return LawError(own.share + OTHER_BORE, "inferred", f"{spec.id} scaled to another bore and length")
-    if own.kind == "cross-validated":
-        return own  # that of another length it is
-    return LawError(own.share + OTHER_LENGTH, "inferred", f"{spec.id} taken to another length")
+        return LawError(error.share + OTHER_BORE, "inferred", f"{spec.id} scaled to another bore and length")
+    if error.kind == "cross-validated":
+        return error  # that of another length it is
+    return LawError(error.share + OTHER_LENGTH, "inferred", f"{spec.id} taken to another length")
 
 
 @functools.lru_cache(maxsize=64)

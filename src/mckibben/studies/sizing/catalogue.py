@@ -24,13 +24,13 @@ NYLON_WALL = 0.0762e-2  # [m]
 
 def of_specimens(wish: Requirements) -> list[Candidate]:
     """All shipped McKibben muscles with a known law."""
-    found = []
+    candidates = []
     for spec in specimens():
         if spec.kind == "mckibben":
             one = of_specimen(spec, wish)
             if one is not None:
-                found.append(one)
-    return found
+                candidates.append(one)
+    return candidates
 
 
 def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:

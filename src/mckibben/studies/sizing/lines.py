@@ -109,8 +109,8 @@ def lines_for(
     done = courses(lanes)
     rest = settled_courses(lanes, done)
     both = list(zip(done, rest, strict=True))  # each as it was, and until it settles
-    found = [_found(muscle, wish, *pair, both[2 * i], both[2 * i + 1], lanes[2 * i]) for i, pair in enumerate(pairs)]
-    ranked = rank(found)
+    results = [_found(muscle, wish, *pair, both[2 * i], both[2 * i + 1], lanes[2 * i]) for i, pair in enumerate(pairs)]
+    ranked = rank(results)
     if wish.speed is None or lengths is not None:
         return ranked
     best = [line for line in ranked if line.pareto and line.keeps_up][:MOST_DRAWN]
@@ -234,20 +234,20 @@ def speeds_of(muscle: Judged, wish: Requirements, lines: Sequence[LineResult]) -
     ]
     done = courses(lanes)
     wanted = wish.force + muscle.muscle.friction + muscle.passive
-    found = []
+    speeds = []
     for i in range(len(lines)):
         some = done[i * len(tried) : (i + 1) * len(tried)]
         over = np.array([_at_end(c, muscle.muscle.longest - wish.stroke) - wanted if c.sound else np.nan for c in some])
         keeps = np.flatnonzero(~(over >= 0.0))
         if not keeps.size:
-            found.append(tried[-1])
+            speeds.append(tried[-1])
         elif keeps[0] == 0:
-            found.append(0.0)
+            speeds.append(0.0)
         else:
             k = int(keeps[0])
             share = over[k - 1] / (over[k - 1] - over[k]) if np.isfinite(over[k]) else 0.0
-            found.append(float(tried[k - 1] * (tried[k] / tried[k - 1]) ** share))
-    return found
+            speeds.append(float(tried[k - 1] * (tried[k] / tried[k - 1]) ** share))
+    return speeds
 
 
 def _at_end(course: Course, end: float) -> float:
@@ -262,10 +262,10 @@ def rank(lines: Sequence[LineResult]) -> list[LineResult]:
         return list(lines)
     table = np.array([[max(float(getattr(line, n)), LEAST[n]) for n in WEIGHED] for line in able])
     score = np.log(table / table.min(axis=0)).sum(axis=1)
-    found = []
+    results = []
     for i, line in enumerate(able):
         as_good = (table <= table[i] * (1.0 + 1e-9)).all(axis=1)
         better = (table < table[i] * (1.0 - 1e-9)).any(axis=1)
-        found.append(replace(line, pareto=not bool((as_good & better).any()), score=float(score[i])))
-    found.sort(key=lambda line: (not line.keeps_up, line.score))
-    return [*found, *(line for line in lines if line.to_force is None)]
+        results.append(replace(line, pareto=not bool((as_good & better).any()), score=float(score[i])))
+    results.sort(key=lambda line: (not line.keeps_up, line.score))
+    return [*results, *(line for line in lines if line.to_force is None)]

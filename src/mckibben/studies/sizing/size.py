@@ -75,8 +75,8 @@ def sources_for(muscle: Judged, wish: Requirements, line: LineResult | None) -> 
     """Evaluate every shipped source for the air that muscle and line take; sufficient ones first, by their energy."""
     air, pressure = (muscle.air, wish.pressure) if line is None else (line.air, line.supply)
     make = {"bottle": _bottle, "compressor": _compressor, "heated": _heated}
-    found = [make[p.form](p, muscle, wish, air, pressure) for p in parts("gas_source")]
-    return sorted(found, key=lambda s: (not s.able, s.energy))
+    results = [make[p.form](p, muscle, wish, air, pressure) for p in parts("gas_source")]
+    return sorted(results, key=lambda s: (not s.able, s.energy))
 
 
 def _work(wish: Requirements) -> float:
@@ -283,22 +283,25 @@ def size(
     """
     tell = progress or (lambda _: None)
     tell("braids")
-    found: list[Candidate] = []
+    candidates: list[Candidate] = []
     misses: tuple[Shortfall, ...] = ()
     for objective in OBJECTIVES:
-        one, missing = design(wish, law=law, objective=objective, fitting=not found and not misses)
+        one, missing = design(wish, law=law, objective=objective, fitting=not candidates and not misses)
         if one is None:
             misses = missing
             break
-        found.append(one)
+        candidates.append(one)
     tell("specimens")
-    found += catalogue.of_specimens(wish)
+    candidates += catalogue.of_specimens(wish)
     if muscle is not None and muscle.lower().endswith(".toml"):
-        own = catalogue.of_file(muscle, wish)
-        found, muscle = [one for one in found if one.id != own.id] + [own], own.id
+        own_candidate = catalogue.of_file(muscle, wish)
+        candidates, muscle = (
+            [one for one in candidates if one.id != own_candidate.id] + [own_candidate],
+            own_candidate.id,
+        )
     tell("fluidic muscles")
-    found += catalogue.of_sizes(wish)
-    order = ranked([judged(one, wish) for one in found])
+    candidates += catalogue.of_sizes(wish)
+    order = ranked([judged(one, wish) for one in candidates])
     chosen = _chosen(order, muscle)
     best: list[LineResult] = []
     other: list[LineResult] = []
@@ -325,13 +328,13 @@ def _with_lines(
     for one in tried:
         if one.verdict == VERDICTS[2]:
             break
-        found = lines_for(one, wish, progress=tell)
+        results = lines_for(one, wish, progress=tell)
         if wish.speed is None:
-            return order, one, found
-        faster = one.with_speed(max((v.speed for v in found if v.speed is not None), default=0.0), wish.speed)
+            return order, one, results
+        faster = one.with_speed(max((v.speed for v in results if v.speed is not None), default=0.0), wish.speed)
         order = [faster if m is one else m for m in order]
         if not best or faster.margins["speed"] > fastest.margins["speed"]:
-            fastest, best = faster, found
+            fastest, best = faster, results
         if faster.margins["speed"] >= 0.0:
             break
     run = [m for m in order if m.speed is not None]  # of the others nobody knows whether they are fast enough

@@ -89,9 +89,9 @@ class BenchSelection:
 
     def _rigs(self) -> dict[str, str]:
         """Return the titles of the known rigs by name."""
-        own = [n.removesuffix(".toml") for n in self.rigs.names()]
+        names = [n.removesuffix(".toml") for n in self.rigs.names()]
         those = {n: rig_of(n).title for n in rig_names()}
-        return those | {n: f"Your own: {n}" for n in own} | {self._first.name: self._first.title}
+        return those | {n: f"Your own: {n}" for n in names} | {self._first.name: self._first.title}
 
     def load(self, name: str) -> str:
         """Select a shipped protocol or one of the user's by name."""
@@ -161,18 +161,18 @@ class BenchSelection:
 
     def cure(self) -> str:
         """Take the value with which the dry run passes."""
-        found = None if self.dry is None else self.dry.plain.get("cure")
-        if not found:
+        cure = None if self.dry is None else self.dry.plain.get("cure")
+        if not cure:
             raise InputError("cure", "none", "no smaller value of one number was found that fits")
-        return self.value(found["name"], found["words"])
+        return self.value(cure["name"], cure["words"])
 
     def _renew(self, setup: bool = False) -> None:
         with self._lock:
             self._number += 1
             self.dry = None
-            found = {"setup": self._setup()} if setup else {}
-            found |= {"protocol": {**faces(self.protocol), "known": self._known()}, "dry": {"pending": True}}
-            self.parts = {**self.parts, **found}
+            changes = {"setup": self._setup()} if setup else {}
+            changes |= {"protocol": {**faces(self.protocol), "known": self._known()}, "dry": {"pending": True}}
+            self.parts = {**self.parts, **changes}
             number = self._number
         self._pool.submit(self._make, number, setup)
         self._news()
@@ -183,9 +183,9 @@ class BenchSelection:
         try:
             unit = unit_from_specimen(self.spec)
             if setup:
-                found = self._laws(unit)
+                curves = self._laws(unit)
                 with self._lock:  # what was chosen meanwhile stays
-                    self.parts = {**self.parts, "laws": found}
+                    self.parts = {**self.parts, "laws": curves}
             dry = dry_run(self.protocol, self.spec, unit, self.rig, on_machine=bool(self.machine))
         except MckibbenError as error:
             dry = DryRun.refused(str(error))
@@ -207,8 +207,8 @@ class BenchSelection:
             compile_run(bench, lambda: number == self._number and not self._closed)
 
     def _known(self) -> list[dict[str, str]]:
-        found = [{"name": n, "title": shipped(n).title} for n in protocol_names()]
-        return found + [{"name": n.removesuffix(".toml"), "title": n.removesuffix(".toml")} for n in self.own.names()]
+        entries = [{"name": n, "title": shipped(n).title} for n in protocol_names()]
+        return entries + [{"name": n.removesuffix(".toml"), "title": n.removesuffix(".toml")} for n in self.own.names()]
 
     def _setup(self) -> dict[str, Any]:
         limits = self._limits()

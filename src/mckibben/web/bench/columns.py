@@ -35,13 +35,13 @@ class Columns:
             "pressure": "pressure", "tension": "tension", "length": "span", "set_pressure": "command.pressure",
             "set_length": "command.span",
         }  # fmt: skip
-        found = {shown: np.asarray(arrays[name], float) for shown, name in names.items() if name in arrays}
+        columns = {shown: np.asarray(arrays[name], float) for shown, name in names.items() if name in arrays}
         if "valve.command" in arrays:
-            found["valve"] = np.asarray(arrays["valve.command"], float) / self.top
+            columns["valve"] = np.asarray(arrays["valve.command"], float) / self.top
         flow = self._flow(arrays)
         if flow is not None:
-            found["flow"] = flow / self.density
-        return found
+            columns["flow"] = flow / self.density
+        return columns
 
     def _flow(self, arrays: Mapping[str, Any]) -> np.ndarray | None:
         """Return the mass flow towards the muscle [kg/s]; None if no channel tells it."""
@@ -56,9 +56,9 @@ class Columns:
 
 def factors() -> dict[str, dict[str, Any]]:
     """Return unit of the screen and factor from SI of every quantity."""
-    found = {}
+    units = {}
     for name, si in UNITS.items():
         unit = SHOWN.get(name, shown_unit(si))
         factor = 100.0 if unit == "%" else from_si(1.0, si, "l/min" if unit == "L/min" else unit)
-        found[name] = {"unit": unit, "factor": factor}
-    return found
+        units[name] = {"unit": unit, "factor": factor}
+    return units

@@ -23,9 +23,9 @@ ANGLES = np.radians(np.geomspace(89.0, 2.0, 160))
 
 def muscles() -> list[Specimen]:
     """Return the specimens that fit a bench, sorted by length."""
-    found = [s for s in specimens() if s.kind == "mckibben"]
+    fitting = [s for s in specimens() if s.kind == "mckibben"]
     order = ["nylon", "fiberglass", "bridgestone"]
-    return sorted(found, key=lambda s: (order.index(s.id) if s.id in order else 9, rest_length(s), s.id))
+    return sorted(fitting, key=lambda s: (order.index(s.id) if s.id in order else 9, rest_length(s), s.id))
 
 
 def rest_length(spec: Specimen) -> float:
@@ -47,10 +47,10 @@ def shape(spec: Specimen, law: Any = None) -> dict[str, Any] | None:
 
 def _of_law(spec: Specimen, law: Any) -> dict[str, Any] | None:
     try:
-        found = braid.braid_of(unit_from_specimen(spec).law if law is None else law)
+        shape_of_law = braid.braid_of(unit_from_specimen(spec).law if law is None else law)
     except MckibbenError:
         return None
-    return None if found is None else {**found._asdict(), "inferred": False}
+    return None if shape_of_law is None else {**shape_of_law._asdict(), "inferred": False}
 
 
 def _of_volume(spec: Specimen) -> dict[str, Any] | None:
@@ -60,8 +60,10 @@ def _of_volume(spec: Specimen) -> dict[str, Any] | None:
     rest, wide = rest_length(spec), spec.property_si("diameter_shortened", "m")
     volume, short = (group[k].si(u, field=k) for k, u in (("rest_volume", "m^3"), ("shortest_length", "m")))
     assert isinstance(volume, float) and isinstance(short, float)
-    found = braid.through(rest_length=rest, rest_volume=volume, shortest_length=short, diameter_shortened=wide)
-    return None if found is None else {**found._asdict(), "inferred": True}
+    shape_of_volume = braid.through(
+        rest_length=rest, rest_volume=volume, shortest_length=short, diameter_shortened=wide
+    )
+    return None if shape_of_volume is None else {**shape_of_volume._asdict(), "inferred": True}
 
 
 def table(thread_length: float, turns: float) -> dict[str, list[float]]:
@@ -74,6 +76,10 @@ def table(thread_length: float, turns: float) -> dict[str, list[float]]:
 
 def plain(spec: Specimen) -> dict[str, Any]:
     """Describe a specimen for the list of a page."""
-    found = shape(spec)
-    drawn = None if found is None else {**found, "table": table(found["thread_length"], found["turns"])}
+    braid_shape = shape(spec)
+    drawn = (
+        None
+        if braid_shape is None
+        else {**braid_shape, "table": table(braid_shape["thread_length"], braid_shape["turns"])}
+    )
     return {"id": spec.id, "title": spec.title, "rest_length": rest_length(spec), "law": spec.law, "braid": drawn}

@@ -84,30 +84,30 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig, *, o
             bench = prepare(protocol, muscle=spec, unit=unit, rig=rig)
     except InputError as error:
         return DryRun.refused(str(error), error.field)
-    found = [{"sentence": f.sentence, "path": f.path, "field": f.field} for f in bench.findings]
+    findings = [{"sentence": f.sentence, "path": f.path, "field": f.field} for f in bench.findings]
     plain: dict[str, Any] = {
-        "passed": not found, "findings": found, "cautions": list(bench.cautions), "duration": bench.plan.duration,
+        "passed": not findings, "findings": findings, "cautions": list(bench.cautions), "duration": bench.plan.duration,
         "plumbing": bench.layout, "rest_length": bench.plan.rest_length, "lane": lane(bench),
     }  # fmt: skip
     curves = _curves(bench)
     plain["limits"] = _limits(bench, curves)
     plain["curves"] = {n: _plain(v) for n, v in _drawable(bench, curves).items()}
-    plain["cure"] = _cure(bench) if found else None
+    plain["cure"] = _cure(bench) if findings else None
     return DryRun(bench, plain)
 
 
 def lane(bench: PreparedRun) -> list[dict[str, Any]]:
     """List the steps in time: path, label, start, end [s], and the period of their cycles [s] where they have any."""
-    rate, found = bench.plan.sample_rate, []
+    rate, steps = bench.plan.sample_rate, []
     for step in bench.plan.steps[:CYCLES]:
         frequency = step.step.frequency()
-        found.append(
+        steps.append(
             {
                 "path": step.path, "label": step.step.label or "step", "start": step.start / rate,
                 "end": (step.start + step.count) / rate, "period": 1.0 / frequency if frequency else 0.0,
             }
         )  # fmt: skip
-    return found
+    return steps
 
 
 def _curves(bench: PreparedRun) -> dict[str, np.ndarray]:
@@ -174,15 +174,15 @@ def _flow(bench: PreparedRun, time: np.ndarray, span: np.ndarray, pressure: np.n
 def _limits(bench: PreparedRun, curves: dict[str, np.ndarray]) -> list[dict[str, Any]]:
     """List name, peak and limit [SI] of each limited quantity, and the peak's share of the limit."""
     limits = bench.rig.limits(bench.layout)
-    found = []
+    rows = []
     for name, limit in (
         ("pressure", limits.pressure[1]), ("tension", min(limits.tension, limits.motor_force)), ("length", limits.span[1])
     ):  # fmt: skip
         values = curves[name][np.isfinite(curves[name])]
         if values.size and math.isfinite(limit):
             peak = float(values.max())
-            found.append({"name": name, "peak": peak, "limit": float(limit), "share": peak / float(limit)})
-    return found
+            rows.append({"name": name, "peak": peak, "limit": float(limit), "share": peak / float(limit)})
+    return rows
 
 
 def _cure(bench: PreparedRun) -> dict[str, Any] | None:
@@ -195,9 +195,9 @@ def _cure(bench: PreparedRun) -> dict[str, Any] | None:
     used = names_in(parts[int(number) - 1]) if number.isdigit() and int(number) <= len(parts) else set()
     for p in protocol.parameters:
         if p.name in used and p.unit in units and len(p.values) == 1:
-            found = _fitting(bench, p)
-            if found is not None:
-                return {"name": p.name, "words": found, "sentence": f"Up to {found} fits."}
+            value = _fitting(bench, p)
+            if value is not None:
+                return {"name": p.name, "words": value, "sentence": f"Up to {value} fits."}
     return None
 
 
@@ -239,13 +239,13 @@ def laws(unit: MuscleUnit, low: float, high: float, top: float) -> list[dict[str
     """Compute the thin lines of the live plot: tension over length at whole bars [SI], with the pressure as text."""
     bar = 1.0 / from_si(1.0, "Pa", shown_unit("Pa"))
     lengths = np.linspace(low, high, 60)
-    tension, found = expected(unit), []
+    tension, lines = expected(unit), []
     for n in range(1, 6):
         if n * bar > top:
             break
         values = np.asarray(tension(lengths, np.full(len(lengths), n * bar)))
-        found.append({"words": with_unit(n * bar, "Pa"), "length": _plain(lengths), "tension": _plain(values)})
-    return found
+        lines.append({"words": with_unit(n * bar, "Pa"), "length": _plain(lengths), "tension": _plain(values)})
+    return lines
 
 
 def _plain(values: np.ndarray) -> list[float | None]:

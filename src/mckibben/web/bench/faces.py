@@ -38,7 +38,7 @@ def sentence(protocol: Protocol) -> list[dict[str, Any]]:
                     for j in [j for j, (a, b) in enumerate(zip(mine, theirs, strict=True)) if a != b]:
                         owner.setdefault((i, j), p)
     known = {f"this {p.name.replace('_', ' ')}": p for p in protocol.parameters if len(p.values) > 1}
-    found = []
+    parts = []
     for i, (path, _) in enumerate(said):
         pieces: list[dict[str, Any]] = []
         for j, token in enumerate(cut[i]):
@@ -51,8 +51,8 @@ def sentence(protocol: Protocol) -> list[dict[str, Any]]:
                 pieces.append({"text": token})
         if pieces and "name" not in pieces[0]:
             pieces[0]["text"] = pieces[0]["text"][:1].upper() + pieces[0]["text"][1:]
-        found.append({"path": path, "pieces": pieces})
-    return found
+        parts.append({"path": path, "pieces": pieces})
+    return parts
 
 
 def _changed(protocol: Protocol, p: ProtocolParameter) -> list[list[list[str]]]:
@@ -74,11 +74,11 @@ def _changed(protocol: Protocol, p: ProtocolParameter) -> list[list[list[str]]]:
 
 def form(protocol: Protocol) -> list[dict[str, Any]]:
     """List a field of every choice and parameter: name, label, value, unit, meaning and what is allowed."""
-    found: list[dict[str, Any]] = []
+    fields: list[dict[str, Any]] = []
     for c in protocol.choices:
         options = [o for o, _ in c.options]
         value = ", ".join(c.values)
-        found.append(
+        fields.append(
             {
                 "name": c.name, "label": _label(c.name), "value": value, "unit": "", "about": c.about, "options": options,
                 "allowed": f"one or more of {', '.join(options)}", "colour": "",
@@ -91,14 +91,14 @@ def form(protocol: Protocol) -> list[dict[str, Any]]:
             continue
         value, unit = _value(p)
         allowed = f"{p.bounds[0]} to {p.bounds[1]}" if p.bounds else ""
-        found.append(
+        fields.append(
             {
                 "name": p.name, "label": _label(p.name), "value": value, "unit": unit, "about": p.about, "options": None,
                 "allowed": allowed, "colour": COLOURS.get(p.unit, ""),
                 "inferred": any(is_inferred(p, v) for v in p.values),
             }
         )  # fmt: skip
-    return found
+    return fields
 
 
 def _label(name: str) -> str:
@@ -123,10 +123,10 @@ def changed(protocol: Protocol, name: str, words: str) -> Protocol:
     Raises:
         InputError: names the field, and what is allowed.
     """
-    given = words.replace("\u2212", "-").replace("\u2009", " ").replace("\u2060", "").strip()
-    if not given:
+    text = words.replace("\u2212", "-").replace("\u2009", " ").replace("\u2060", "").strip()
+    if not text:
         raise InputError(name, "empty", "allowed is a value")
     unit = next((_value(p)[1] for p in protocol.parameters if p.name == name), "")
-    listed = split_values(given, field=name)
+    listed = split_values(text, field=name)
     full = [f"{w} {unit}" if unit and (m := _NUMBER.fullmatch(w)) and not m[2] else w for w in listed]
-    return with_values(protocol, {name: full if len(full) > 1 else full[0] if full else given})
+    return with_values(protocol, {name: full if len(full) > 1 else full[0] if full else text})

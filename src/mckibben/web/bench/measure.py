@@ -32,14 +32,14 @@ def of_cycle(columns: dict[str, np.ndarray], period: float, frequency: float) ->
     if n < LEAST or len(length) < n or not (np.isfinite(length).all() and np.isfinite(tension).all()):
         return []
     work = -closed_area(length[-n:], tension[-n:])
-    found = [_row("Work per cycle", work, "J", 2)]
+    rows = [_row("Work per cycle", work, "J", 2)]
     try:
         record = Recording(
             period * np.arange(len(length)),
             {"length": Channel(length, "m", "measured"), "tension": Channel(tension, "N", "measured")}, {},
         )  # fmt: skip
         power = shortening_power(record, length="length", tension="tension", frequency=frequency)
-        found += [
+        rows += [
             _row("Mean power while shortening", power.mean_power, "W", 2), _row("Peak power", power.largest_power, "W", 2),
         ]  # fmt: skip
     except MckibbenError:
@@ -47,9 +47,9 @@ def of_cycle(columns: dict[str, np.ndarray], period: float, frequency: float) ->
     flow = columns["flow"][-n:].astype(float)
     if np.isfinite(flow).all():
         air = from_si(float(np.sum(np.maximum(flow, 0.0)) * period), "m^3", "cm^3")
-        found.append(_row("Air per cycle, as in the room", air, "cm\u00b3", 1))
-    found.append(_row("Highest tension", float(tension[-n:].max()), "N", 1))
-    return found
+        rows.append(_row("Air per cycle, as in the room", air, "cm\u00b3", 1))
+    rows.append(_row("Highest tension", float(tension[-n:].max()), "N", 1))
+    return rows
 
 
 def _row(name: str, value: float, unit: str, places: int) -> dict[str, Any]:

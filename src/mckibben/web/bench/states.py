@@ -18,21 +18,21 @@ UNITS = {"pressure": "Pa", "span": "m", "tension": "N", "velocity": "m/s"}
 def status_of(bench: Bench) -> dict[str, Any]:
     """Return state, reason and times."""
     run, manual = bench.running, bench.manual
-    found: dict[str, Any] = {
+    status: dict[str, Any] = {
         "shape": "idle", "name": "Idle", "small": "", "pace": bench.pace, "vented": bench.vented, "why": bench.why,
         "trip": bench.when, "moving": False, "paused": False, "time": bench.ended.get("time", 0.0), "ended": bench.ended,
         "asked": "",
         "by_hand": "ready" if manual is not None and manual.ready else (manual.failed if manual else "") or "getting ready",
     }  # fmt: skip
     if run is not None:
-        return found | _running(bench, run)
+        return status | _running(bench, run)
     if bench.why:
-        return found | {"shape": "tripped", "name": "Tripped", "small": bench.small}
+        return status | {"shape": "tripped", "name": "Tripped", "small": bench.small}
     if manual is not None and manual.moving:
-        return found | _manual(manual)
+        return status | _manual(manual)
     dry = bench.chosen.dry
     passed = "protocol does not pass" if dry is None or not dry.passed else "ready, dry run passed"
-    return found | {"small": "checking the protocol" if dry is None else passed}
+    return status | {"small": "checking the protocol" if dry is None else passed}
 
 
 def _running(bench: Bench, run: RunController) -> dict[str, Any]:
@@ -80,14 +80,14 @@ def ended(run: RunController, said: dict[str, Any], why: str) -> dict[str, Any]:
 
 def steps_of(run: RunController) -> list[dict[str, Any]]:
     """List the steps that have begun, as a page draws them."""
-    found = []
+    steps = []
     for one in run.steps:
         frequency = run.prepared.plan.steps[one["index"] - 1].step.frequency()
         end = one["end"] if one["end"] > one["start"] else None
-        found.append(
+        steps.append(
             {
                 "path": one["path"], "label": one["label"] or "step", "start": one["start"], "end": end,
                 "period": 1.0 / frequency if frequency else 0.0,
             }
         )  # fmt: skip
-    return found
+    return steps

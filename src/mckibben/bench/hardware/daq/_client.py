@@ -250,9 +250,9 @@ class Tasks:
                     samps_per_chan=size,
                 )
                 task.in_stream.input_buf_size = size
-            found = float(self._inputs.timing.samp_clk_rate)
-        if abs(found * period - 1.0) > RATE_TOLERANCE:
-            raise InputError("period", f"{period:g} s", f"the card samples at {found:.6g} Hz instead", where=self.place)
+            rate = float(self._inputs.timing.samp_clk_rate)
+        if abs(rate * period - 1.0) > RATE_TOLERANCE:
+            raise InputError("period", f"{period:g} s", f"the card samples at {rate:.6g} Hz instead", where=self.place)
         with self._complaints.told("clock", self.wiring.sample_clock):
             for task, _ in clocked:
                 self._sampling.append(task)

@@ -183,8 +183,8 @@ class DaqHardware(Hardware):
                 counts = [scale.count(level) for scale, level in zip(scales, levels, strict=True)]
                 self._waiting.append((counts, 0 if counter is None else counter.signed(tick)))
             except (ValueError, OverflowError):
-                what = ", ".join(f"{s.channel} {v:g} V" for s, v in zip(scales, levels, strict=True))
-                raise self._lost(LineLostError(f"{self._tasks.place}: no numbers came: {what}")) from None
+                readings = ", ".join(f"{s.channel} {v:g} V" for s, v in zip(scales, levels, strict=True))
+                raise self._lost(LineLostError(f"{self._tasks.place}: no numbers came: {readings}")) from None
 
     def _levels(self, valve: int, motor: float | None) -> list[float]:
         return [self.wiring.valve.volts(valve), *([] if motor is None else [motor])]

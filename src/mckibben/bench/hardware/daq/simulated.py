@@ -127,11 +127,11 @@ class Card:
             if self._taken < place + count:
                 raise CardError(GONE, self._failed)
             self._places[reader] = place + count
-            found = [self._samples[k - self._first] for k in range(place, place + count)]
+            samples = [self._samples[k - self._first] for k in range(place, place + count)]
             while self._first < min(self._places.values()):
                 self._samples.popleft()
                 self._first += 1
-            return found
+            return samples
 
     def _go(self, what: Callable[[], None]) -> None:
         try:
@@ -208,13 +208,13 @@ def answers(call: Callable[[Calls, Any], dict[str, Any]]) -> Any:
 
     def answered(self: Calls, request: Any, context: Any) -> Any:
         try:
-            found = call(self, request)
+            answer = call(self, request)
         except CardError as error:
             task = request.task.name if hasattr(request, "task") else ""
             parts = [TEXTS[error.code], error.text, f"Task Name: {task}", f"Status Code: {error.code}"]
             context.set_trailing_metadata((("ni-error", str(error.code)),))
             context.abort(self.grpc.StatusCode.UNKNOWN, "\n\n".join(p for p in parts if p))
-        return getattr(self.messages, f"{name}Response")(**found)
+        return getattr(self.messages, f"{name}Response")(**answer)
 
     return answered
 
@@ -332,8 +332,8 @@ class Calls:
     def CfgSampClkTiming(self, request: Any) -> dict[str, Any]:  # noqa: N802
         """Rate, and where the clock comes from: the inputs have their own, and the counter has that of the inputs."""
         task = self.task(request)
-        own = "" if task.kind == "ai" else self.wiring.sample_clock
-        if request.source.lower() != own.lower():
+        clock = "" if task.kind == "ai" else self.wiring.sample_clock
+        if request.source.lower() != clock.lower():
             raise CardError(NO_ROUTE, f"Source Terminal: {request.source}")
         if request.sample_mode_raw != CONTINUOUS:
             raise CardError(BAD_VALUE, "Property: DAQmx_SampQuant_SampMode")
@@ -421,11 +421,11 @@ class Calls:
     @answers
     def WriteAnalogF64(self, request: Any) -> dict[str, Any]:  # noqa: N802
         """Levels of the outputs, which take effect together."""
-        found: dict[str, int] = {}
+        levels: dict[str, int] = {}
         for channel, level in zip(self.running(request).channels, request.write_array, strict=True):
             name, scale = self.outputs[channel]
-            found[name] = scale.count(level)
-        self.card.write(found.get("valve"), found.get("motor"), None)
+            levels[name] = scale.count(level)
+        self.card.write(levels.get("valve"), levels.get("motor"), None)
         return {"samps_per_chan_written": 1}
 
     @answers

@@ -107,9 +107,9 @@ class Analog:
 
     def count(self, volts: float) -> int:
         """The count nearest to a level [V], at the rail beyond the scale. A level that is no number is a `ValueError`."""
-        found = (volts - self.low) / self.step + 0.5
+        count = (volts - self.low) / self.step + 0.5
         last = (1 << self.bits) - 1
-        return 0 if found < 1.0 else last if found >= last else math.floor(found)
+        return 0 if count < 1.0 else last if count >= last else math.floor(count)
 
     def volts(self, count: int) -> float:
         """Level [V] of a count, or of the nearest existing one."""
@@ -236,11 +236,11 @@ class CardWiring:
             named("clock", self.clock, TERMINAL)
         if self.connection != LOCAL:
             named("connection", self.connection, SERVER)
-        seen: dict[str, str] = {}
+        users: dict[str, str] = {}
         for path, terminal in self.terminals().items():
-            if terminal.lower() in seen:
-                raise InputError(path, terminal, f"it is taken by {seen[terminal.lower()]}")
-            seen[terminal.lower()] = path
+            if terminal.lower() in users:
+                raise InputError(path, terminal, f"it is taken by {users[terminal.lower()]}")
+            users[terminal.lower()] = path
         clocked = [f"inputs.{n}.channel" for n in self.inputs] + (["encoder.counter"] if self.encoder else [])
         self._together([path for path in clocked if not (self.clock and path == "encoder.counter")])
         self._together(["valve.channel"] + (["motor.channel"] if self.motor else []))
@@ -255,15 +255,15 @@ class CardWiring:
 
     def terminals(self) -> dict[str, str]:
         """Names of the physical channels by the path of their entry."""
-        found = {f"inputs.{n}.channel": entry.channel for n, entry in self.inputs.items()}
-        found["valve.channel"] = self.valve.channel
+        terminals = {f"inputs.{n}.channel": entry.channel for n, entry in self.inputs.items()}
+        terminals["valve.channel"] = self.valve.channel
         if self.motor is not None:
-            found["motor.channel"] = self.motor.channel
+            terminals["motor.channel"] = self.motor.channel
         if self.shut_off is not None:
-            found["shut_off.line"] = self.shut_off.line
+            terminals["shut_off.line"] = self.shut_off.line
         if self.encoder is not None:
-            found["encoder.counter"] = self.encoder.counter
-        return found
+            terminals["encoder.counter"] = self.encoder.counter
+        return terminals
 
     @property
     def sample_clock(self) -> str:

@@ -311,10 +311,10 @@ class CompiledDevice:
         self._library.bench_tick()
 
     def _read(self, counts: ctypes._Pointer[ctypes.c_uint32], encoder: ctypes._Pointer[ctypes.c_int32]) -> int:
-        found = self.board.read()
-        if found is None:
+        sampled = self.board.read()
+        if sampled is None:
             return -1
-        for i, count in enumerate(found[0]):
+        for i, count in enumerate(sampled[0]):
             counts[i] = count
-        encoder[0] = found[1]
+        encoder[0] = sampled[1]
         return 0

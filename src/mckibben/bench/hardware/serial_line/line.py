@@ -153,9 +153,9 @@ class SerialLine:
         Raises:
             OSError, EOFError: if nothing can come any more.
         """
-        found = [messages.message_of(frame) for frame in self.frames.feed(self._wire.read(seconds))]
-        self.unknown += found.count(None)
-        return [message for message in found if message is not None]
+        arrived = [messages.message_of(frame) for frame in self.frames.feed(self._wire.read(seconds))]
+        self.unknown += arrived.count(None)
+        return [message for message in arrived if message is not None]
 
     def write(self, message: Message, *, before: bytes = b"") -> None:
         """A message; `before` is a zero where it shall be read whatever was cut off earlier.
@@ -200,12 +200,12 @@ def fit(welcome: Welcome, where: str, *, bits: Mapping[str, int], encoder: bool,
     Raises:
         InputError: if so.
     """
-    for name, found in zip(welcome.names, welcome.bits, strict=True):
-        if bits.get(name, found) != found:
-            raise InputError(f"bits of {name}", found, f"the rig has {bits[name]}", where=where)
-    for what, needed, there in (("encoder", encoder, welcome.encoder), ("motor", motor, welcome.motor)):
+    for name, bits_there in zip(welcome.names, welcome.bits, strict=True):
+        if bits.get(name, bits_there) != bits_there:
+            raise InputError(f"bits of {name}", bits_there, f"the rig has {bits[name]}", where=where)
+    for part, needed, there in (("encoder", encoder, welcome.encoder), ("motor", motor, welcome.motor)):
         if needed and not there:
-            raise InputError(what, "none at the device", "the rig has one", where=where)
+            raise InputError(part, "none at the device", "the rig has one", where=where)
 
 
 def places(welcome: Welcome, names: Sequence[str], where: str) -> tuple[int, ...]:

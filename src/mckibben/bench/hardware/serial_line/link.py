@@ -187,11 +187,11 @@ class SerialHardware(Hardware):
         """Process the messages that have arrived, or that arrive within a time [s]."""
         before = self._line.dropped
         try:
-            found = self._line.read(seconds)
+            arrived = self._line.read(seconds)
         except (OSError, EOFError) as error:
             raise EndedError(f"unplugged: {reason(error)}") from None
         now, channels, strange = time.perf_counter(), len(self.welcome.names), self._strange
-        for message in found:
+        for message in arrived:
             if isinstance(message, Fault):
                 self._arrivals.put(now, message)
             elif isinstance(message, SampleMessage) and message.run == self._run:  # others are of an earlier run
@@ -217,8 +217,8 @@ class SerialHardware(Hardware):
     def _lose(self, what: str) -> LineLostError:
         """The line is lost, and the machine vented if that can be."""
         if self._lost_by is None:
-            told = "it was told to vent" if self._vent_now() else "it could not be told to vent, and must by itself"
-            self._lost_by = f"{self.name}: {what}; {told}"
+            action = "it was told to vent" if self._vent_now() else "it could not be told to vent, and must by itself"
+            self._lost_by = f"{self.name}: {what}; {action}"
         return LineLostError(self._lost_by)
 
     def _vent_now(self) -> bool:

@@ -130,25 +130,25 @@ class Frames:
     def feed(self, data: bytes) -> list[SerialFrame]:
         """The frames that these bytes complete."""
         *ended, rest = data.split(b"\0")
-        found = []
+        frames = []
         for part in ended:
             if not self._skipping and len(self._begun) + len(part) <= LONGEST_CODED:
                 one = self._frame(bytes(self._begun) + part if self._begun else part)
                 if one is not None:
-                    found.append(one)
+                    frames.append(one)
             elif not self._skipping:
                 self.oversized += 1
             self._begun.clear()
             self._skipping = False
         if self._skipping or not rest:
-            return found
+            return frames
         if len(self._begun) + len(rest) > LONGEST_CODED:
             self.oversized += 1
             self._begun.clear()
             self._skipping = True
         else:
             self._begun += rest
-        return found
+        return frames
 
     def _frame(self, data: bytes) -> SerialFrame | None:
         if not data:

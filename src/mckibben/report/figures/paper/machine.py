@@ -308,8 +308,8 @@ def _resistances(figure: str, shows: Pressures) -> list[NumberEntry]:
     r1 = from_si(result.value("viscous"), "Pa*s/m", "bar*s/cm")
     r2 = from_si(result.value("turbulent"), "Pa*s^2/m^2", "bar*s^2/cm^2")
     both = zip(("R₁, bar s/cm", "R₂, bar s²/cm²"), (r1, r2), PRINTED[figure], strict=True)
-    found = [NumberEntry(words, shown(value), shown(paper)) for words, value, paper in both]
+    entries = [NumberEntry(words, shown(value), shown(paper)) for words, value, paper in both]
     if shows.model == "inertial":
         whole = from_si(float(inertance(length=result.value("length"), area=AREA)), "Pa*s^2/kg", "bar*s^2/g")
-        found.append(NumberEntry("L, bar s²/g", shown(whole), as_printed(printed("tube.inertance"))))
-    return found
+        entries.append(NumberEntry("L, bar s²/g", shown(whole), as_printed(printed("tube.inertance"))))
+    return entries

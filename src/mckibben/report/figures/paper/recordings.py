@@ -307,14 +307,14 @@ def figure_4(figure: str = "4") -> Figure:
     low.set_ylim(0.0, 1.15 * max(raw))
     low.set_xlim(0.0, 8.5)
     style.quantity_axes(low, x=("Peak velocity, L₀/s", None), y=("Width of the loop, cm", "length"))
-    found = [
+    widths = [
         entry("Spread, corrected", "loop.sine_width_spread", 2),
         NumberEntry("Spread, raw", shown(loops.spread(raw[:-1]), 2)),
         entry("Highest velocity", "loop.max_velocity"),
     ]
     numbers(
         top,
-        found,
+        widths,
         remarks=(
             "Corrected: without the lag of the",
             "cell's filter. At 40 Hz the inertia of",

@@ -125,8 +125,8 @@ def figure_5b() -> Figure:
     measured = specimen("nylon").property_si("diameter_shortened", "m") * CM
     ax.plot([free * CM], [measured], **MARK)
     ax.set_ylim(0.0, 1.55)
-    found = float(braid.inner_diameter(free, **shape)) * CM
-    numbers(ax, [NumberEntry("Inside at 0.75 L₀, cm", shown(found), shown(measured, 2))])
+    diameter = float(braid.inner_diameter(free, **shape)) * CM
+    numbers(ax, [NumberEntry("Inside at 0.75 L₀, cm", shown(diameter), shown(measured, 2))])
     key(ax, [*handles, printed_key("paper: 5 bar, no load")])
     return fig
 
@@ -140,13 +140,13 @@ def figure_5c() -> Figure:
     fig, ax, handles = _over_length("5c", "Nylon muscle: volume", ("Volume, cm³", None), np.asarray(whole) * ml, inside)
     ax.set_ylim(0.0, 16.5)
     rest = specimen("nylon").property_si("rest_length", "m")
-    found = float(braid.inner_volume(rest, **shape)) * ml
+    volume = float(braid.inner_volume(rest, **shape)) * ml
     inferred = float(linear().rest_volume) * ml
     diamond = MARK | {"marker": "D", "ms": 5.0}
     ax.plot([rest * CM], [inferred], **diamond)
     numbers(
         ax,
-        [NumberEntry("Inside at L₀, cm³", shown(found), shown(inferred) + "‡")],
+        [NumberEntry("Inside at L₀, cm³", shown(volume), shown(inferred) + "‡")],
         remarks=("‡ inferred from the printed", "   8.86 J of Part IV, not printed"),
     )
     key(

@@ -91,8 +91,8 @@ def _cell(identifier: str, digits: int = 3) -> TableEntry:
 
 def _range(muscle: str) -> TableEntry:
     """Working range: the lower end where the law's tension ends at 5 bar, the upper end as given."""
-    found = part1.table1(muscle)
-    shortest, upper = (v / found.rest_length for v in (found.zero_tension_length, found.upper_length))
+    column = part1.table1(muscle)
+    shortest, upper = (v / column.rest_length for v in (column.zero_tension_length, column.upper_length))
     width = outcome(f"table1.{muscle}.dynamic_range").row.paper
     assert isinstance(width, float)
     return TableEntry(f"{shortest:.3f}–{upper:.2f}", f"{number(round(upper - width, 3))}–{number(round(upper, 3))}")
@@ -100,8 +100,8 @@ def _range(muscle: str) -> TableEntry:
 
 def _fastest() -> TableEntry:
     """A velocity up to which no viscous friction was seen, so a lower limit."""
-    found = _cell("loop.max_velocity", 2)
-    return TableEntry(f"> {found.ours}", f"> {found.paper}", found.mark)
+    cell = _cell("loop.max_velocity", 2)
+    return TableEntry(f"> {cell.ours}", f"> {cell.paper}", cell.mark)
 
 
 def _efficiency() -> TableEntry:

@@ -21,10 +21,10 @@ def muscle_of(plan: CircuitPlan) -> str:
     Raises:
         InputError: it has none, or more than one.
     """
-    found = [str(words["specimen"]) for words in plan.document["nodes"].values() if words["kind"] == "muscle"]
-    if len(found) != 1:
-        raise InputError("nodes", f"{len(found)} muscles", "the bench takes one")
-    return found[0]
+    specimens = [str(words["specimen"]) for words in plan.document["nodes"].values() if words["kind"] == "muscle"]
+    if len(specimens) != 1:
+        raise InputError("nodes", f"{len(specimens)} muscles", "the bench takes one")
+    return specimens[0]
 
 
 def rig_text(plan: CircuitPlan, name: str) -> str:
@@ -82,7 +82,7 @@ def _inside(words: Mapping[str, Any], nodes: Mapping[str, Any]) -> bool:
 
 
 def _only(elements: Mapping[str, Any], kind: str, words: str) -> str:
-    found = [n for n, e in elements.items() if e["kind"] == kind]
-    if len(found) != 1:
-        raise InputError("elements", f"{len(found)} of {kind}", f"the bench takes {words}")
-    return found[0]
+    names = [n for n, e in elements.items() if e["kind"] == kind]
+    if len(names) != 1:
+        raise InputError("elements", f"{len(names)} of {kind}", f"the bench takes {words}")
+    return names[0]

@@ -98,36 +98,36 @@ def _text(text: Any) -> str:
 
 def _nets(plan: CircuitPlan, drawn: DiagramPlan, chosen: str) -> list[str]:
     """The lines of each node, with a wide one beneath that is easy to drop on."""
-    found = []
+    lines = []
     for name, net in drawn.nets.items():
         path = "".join("M" + "L".join(f"{x:.1f} {-y:.1f}" for x, y in run) for run in net.lines)
         gas = plan.nodes[name].kind != "reservoir"
         colour = "var(--q-pressure)" if gas else "var(--ink)"
         dots = "".join(f'<circle cx="{x:.1f}" cy="{-y:.1f}" r="2.6" fill="var(--ink)"/>' for x, y in net.dots)
-        found.append(
+        lines.append(
             f'<g class="net" data-part="{name}"><path class="hit" d="{path}"/><path d="{path}" fill="none" '
             f'stroke="{colour}" stroke-width="{2.6 if gas else 1.6}" stroke-linecap="square"/>{dots}</g>'
         )
-    return found
+    return lines
 
 
 def _sensors(drawn: DiagramPlan, boxes: Mapping[str, Box], sensors: Sequence[str], flows: Sequence[str]) -> list[str]:
     y = -drawn.box.y1 - 18.0
-    found = []
+    lines = []
     signs = pressure_signs(sensors)
     for name in (n for n in sensors if n in boxes):
         box = boxes[name]
         x = (box.x0 + box.x1) / 2.0
         line = drawn.nets[name].lines[0][-1][1] if name in drawn.nets and drawn.nets[name].lines else box.y1
-        found.append(
+        lines.append(
             _sensor(x, y, -max(line, box.y1) if box.y1 - box.y0 < 30.0 else -box.y1, "p", "pressure", signs[name])
         )
     for name in (n for n in flows if n in boxes):
         box = boxes[name]
         x = (box.x0 + box.x1) / 2.0
         label = "q" if len(flows) == 1 else f"q{flows.index(name) + 1}".translate(SUBS)
-        found.append(_sensor(x, y, -box.y1, "q", "flow", label))
-    return found
+        lines.append(_sensor(x, y, -box.y1, "q", "flow", label))
+    return lines
 
 
 def _sensor(x: float, y: float, foot: float, letter: str, quantity: str, label: str) -> str:

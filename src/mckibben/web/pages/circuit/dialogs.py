@@ -132,9 +132,9 @@ def waveform(face: CircuitPage) -> None:
         try:
             if len(typed) > LARGEST:
                 raise InputError("signals", f"{len(typed)} characters", f"allowed are {LARGEST}")
-            found = parse_toml(typed, where="signals").get("signals", {})
-            read_text(text_of({**face.desk.document, "signals": found}))
-            face.change(lambda d: {**d, "signals": found})
+            signals = parse_toml(typed, where="signals").get("signals", {})
+            read_text(text_of({**face.desk.document, "signals": signals}))
+            face.change(lambda d: {**d, "signals": signals})
         except InputError as error:
             with said:
                 refused(str(error))

@@ -28,7 +28,7 @@ def _ms(record: Recording) -> np.ndarray:
 
 def pressure_chart(desk: CircuitState, answer: CircuitAnswer) -> Chart:
     """Pressures at the sensors, the same with other tube models, and where 90 % is reached."""
-    record, found = answer.record, answer.numbers
+    record, numbers = answer.record, answer.numbers
     time, signs = _ms(record), pressure_signs(desk.sensors)
     lines = [
         ChartLine(time, from_si(1.0, "Pa", "bar") * values, response.MODELS[kind], dash=DASHES[kind], width=1.25)
@@ -39,19 +39,21 @@ def pressure_chart(desk: CircuitState, answer: CircuitAnswer) -> Chart:
         values = from_si(1.0, "Pa", "bar") * record[f"{node}.pressure"]
         lines.append(ChartLine(time, values, f"{signs[node]} {node.replace('_', ' ')}", "pressure", width=heavy))
     marks, reached = [], None
-    if found.settled and found.transition is not None and found.delay is not None:
-        reached = found.command_time + found.delay + found.transition
+    if numbers.settled and numbers.transition is not None and numbers.delay is not None:
+        reached = numbers.command_time + numbers.delay + numbers.transition
     if reached is not None and reached <= record.time[-1]:
         node = f"{desk.read}.pressure"
         at = float(np.interp(reached, record.time, record[node]))
-        share = "90 %" if found.rising else "10 %"
-        words = f"{share} after {span(reached - found.command_time)}"
+        share = "90 %" if numbers.rising else "10 %"
+        words = f"{share} after {span(reached - numbers.command_time)}"
         x, y = from_si(reached, "s", "ms"), from_si(at, "Pa", "bar")
         marks += [
             Mark("", x=x),
-            Mark(words, x=x, y=0.4 * y if found.rising else from_si(0.6 * found.before, "Pa", "bar")),
+            Mark(words, x=x, y=0.4 * y if numbers.rising else from_si(0.6 * numbers.before, "Pa", "bar")),
         ]
-    summary = f"Pressure of {', '.join(desk.sensors)} over {with_unit(record.time[-1], 's')}; it {ending(desk, found)}"
+    summary = (
+        f"Pressure of {', '.join(desk.sensors)} over {with_unit(record.time[-1], 's')}; it {ending(desk, numbers)}"
+    )
     return Chart("Pressure", summary, Axis("Time", "ms"), Axis("Pressure", "bar", "pressure"), lines, marks, height=256)
 
 
@@ -82,8 +84,8 @@ def numbers(desk: CircuitState, found: response.ResponseNumbers) -> None:
     node = found.channel.removesuffix(".pressure").capitalize()
     if found.settled:
         if found.transition is not None and found.delay is not None:
-            what = "Rise, 0 to 90 %" if found.rising else "Fall, 100 to 10 %"
-            rows += [(what, span(found.transition)), ("Delay before it", span(found.delay))]
+            label = "Rise, 0 to 90 %" if found.rising else "Fall, 100 to 10 %"
+            rows += [(label, span(found.transition)), ("Delay before it", span(found.delay))]
         later = found.duration > 1.5 * desk.plan.duration
         shown = f" after the {span(desk.plan.duration)} shown" if later else ""
         rows.append((f"{node} {'settles' if later else 'ends'} at", f"{with_unit(found.after, 'Pa')}{shown}"))
@@ -113,8 +115,8 @@ def sweep_chart(found: response.ValueSweep) -> None:
         now = float(np.interp(found.now, found.values, found.rises))
         lines = [ChartLine(x, y, width=2.0)]
         if np.isfinite(now):
-            here = [from_si(found.now, found.unit, unit)]
-            lines.append(ChartLine(here, [from_si(now, "s", "ms")], points=True, line=False))
+            present = [from_si(found.now, found.unit, unit)]
+            lines.append(ChartLine(present, [from_si(now, "s", "ms")], points=True, line=False))
         Chart(
             f"Rise over {word}", f"Time to 90 % for {len(x)} values of {word}", Axis(word.capitalize(), unit, low=0.0),
             Axis("Time to 90 %", "ms", low=0.0), lines, height=130,

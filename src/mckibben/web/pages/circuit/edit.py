@@ -97,19 +97,19 @@ def line(plan: CircuitPlan, at: str) -> tuple[str, str]:
 
 def _between(new: Document, name: str, words: Document, node: str, after: str, plan: CircuitPlan) -> None:
     junction = _free(new, "joint")
-    ends = {e: found[0] for e, found in plan.circuit.ends.items()}
-    fed = [e for e, found in ends.items() if found[plan.circuit.elements[e].paths[0][1]] == node]
+    ends = {e: nodes[0] for e, nodes in plan.circuit.ends.items()}
+    fed = [e for e, nodes in ends.items() if nodes[plan.circuit.elements[e].paths[0][1]] == node]
     tube = ELEMENTS[words["kind"]].__name__ == "LumpedTube"
     new["nodes"][junction] = {"kind": "junction", "volume": "0.5 cm^3" if tube else "2 cm^3"}
-    given = plan.nodes[node].kind in GIVEN
-    moved = ([after] if after in fed else fed) if not given else [e for e, found in ends.items() if node in found]
+    is_fed = plan.nodes[node].kind in GIVEN
+    moved = ([after] if after in fed else fed) if not is_fed else [e for e, nodes in ends.items() if node in nodes]
     if not moved:  # nothing feeds it: the part goes behind
-        moved, given = [e for e, found in ends.items() if node in found], True
+        moved, is_fed = [e for e, nodes in ends.items() if node in nodes], True
     for e in moved:
         for key, value in new["elements"][e].items():
             if value == node and key in ("from", "to", *plan.circuit.elements[e].ports):
                 new["elements"][e][key] = junction
-    first, second = (node, junction) if given else (junction, node)
+    first, second = (node, junction) if is_fed else (junction, node)
     if words["kind"] == "pressure_regulator":
         words |= {"supply": first, "outlet": second, "exhaust": _air(new)}
         if "specimen" in words:
@@ -233,9 +233,9 @@ def top(document: Document, plan: CircuitPlan) -> str:
         values = [v for v in words.get("values", []) if isinstance(v, str) and "bar" in v]
         if words.get("kind") == "steps" and values:
             return max(values, key=lambda v: float(v.split()[0]))
-    given = [n for n in document["nodes"].values() if n["kind"] == "reservoir" and "pressure" in n]
+    supplies = [n for n in document["nodes"].values() if n["kind"] == "reservoir" and "pressure" in n]
     driven = any(s.unit == "Pa" for s in plan.signals.values())
-    return TOP if driven or not given else str(given[0]["pressure"])
+    return TOP if driven or not supplies else str(supplies[0]["pressure"])
 
 
 def stepped(document: Document, plan: CircuitPlan, rising: bool) -> Document:

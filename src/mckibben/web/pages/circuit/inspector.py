@@ -89,12 +89,14 @@ def _element(document: Document, plan: CircuitPlan, name: str, put: Put, model: 
     if size and (kind == "orifice" or passages_of(kind)):
         _choice("Size stated by", TITLES, size, lambda v: put(lambda d: _restated(d, plan, name, v)))
     known = known_keys(kind)
-    own = {p: float(paths.get(element, p)) for p, _ in paths.parameters(element) if "." not in p and _plain(element, p)}
-    keys = [k for k in words if k in known] + [k for k in own if k not in words]
+    values = {
+        p: float(paths.get(element, p)) for p, _ in paths.parameters(element) if "." not in p and _plain(element, p)
+    }
+    keys = [k for k in words if k in known] + [k for k in values if k not in words]
     keys = [k for k in keys if k in known]
     shown = {}
     for key in keys:
-        value = own[key] if key not in words else _si(words[key], known[key].unit, key)
+        value = values[key] if key not in words else _si(words[key], known[key].unit, key)
         if not (key not in words and key in ("wall_temperature", "friction_scale", "supply_reference")):
             shown[key] = known[key], value
     _fields(shown, lambda k, v: put(lambda d: _changed(d, "elements", name, k, v)))

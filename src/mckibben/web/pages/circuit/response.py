@@ -106,20 +106,20 @@ def respond(plan: CircuitPlan, method: IntegrationMethod | None = None) -> Circu
     Raises:
         ConvergenceError: the state is not finite.
     """
-    given, method = _given(plan), method or IntegrationMethod()
+    arguments, method = _given(plan), method or IntegrationMethod()
     for _ in range(ATTEMPTS):
-        seen, start, end, integrals = _kernel(plan, given, method)(*given)
-        found: dict[str, np.ndarray] = dict(seen)
-        rate = float(np.max(found.pop(RATE)))
-        sound = all(np.isfinite(values).all() for values in found.values())
+        samples, start, end, integrals = _kernel(plan, arguments, method)(*arguments)
+        outputs: dict[str, np.ndarray] = dict(samples)
+        rate = float(np.max(outputs.pop(RATE)))
+        sound = all(np.isfinite(values).all() for values in outputs.values())
         needed = method_of(rate if np.isfinite(rate) and sound else float("inf"), plan.inner_step, method.stiff)
         if sound and needed.stiff <= method.stiff and needed.split <= method.split:
-            return CircuitResponse(found, method, start, end, integrals)
+            return CircuitResponse(outputs, method, start, end, integrals)
         if needed == method:
             break
         method = needed
     if sound:
-        return CircuitResponse(found, method, start, end, integrals)
+        return CircuitResponse(outputs, method, start, end, integrals)
     raise ConvergenceError("the state is not finite any more: a value is far out of range, or the step is too long")
 
 
@@ -388,32 +388,32 @@ def sweep(
         part = {**document[section][name], key: f"{share * now!r} {unit}"}
         try:
             other = planned({**document, section: {**document[section], name: part}})
-            found = measured(other, recording(other, respond(other, method).outputs), node, "")
-            found, _ = settled(other, found, node, method)
+            numbers = measured(other, recording(other, respond(other, method).outputs), node, "")
+            numbers, _ = settled(other, numbers, node, method)
         except MckibbenError:
             continue
         values.append(share * now)
-        steps = found.transition is not None and found.delay is not None and found.settled
-        rises.append(found.delay + found.transition if steps else float("nan"))  # type: ignore[operator]
+        steps = numbers.transition is not None and numbers.delay is not None and numbers.settled
+        rises.append(numbers.delay + numbers.transition if steps else float("nan"))  # type: ignore[operator]
     return ValueSweep(key, unit, np.array(values), np.array(rises), now)
 
 
 def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:
     """Derived properties of a part: title and text."""
-    found: list[tuple[str, str]] = []
+    rows: list[tuple[str, str]] = []
     if name in plan.circuit.elements:
         element: Any = plan.circuit.elements[name]
-        own = [float(v) for v in element.inner_volumes()]
-        if any(own):
-            found.append(("Its own volume", with_unit(sum(own), "m^3", 3).replace("^3", "\u00b3")))
+        volumes = [float(v) for v in element.inner_volumes()]
+        if any(volumes):
+            rows.append(("Its own volume", with_unit(sum(volumes), "m^3", 3).replace("^3", "\u00b3")))
         known = dict(paths.parameters(element))
         if {"length"} <= set(known):
             speed = float(AIR.sound_speed(float(plan.environment.temperature)))
-            found.append(("Sound passes in", f"{from_si(float(element.length) / speed, 's', 'ms'):.3g} ms"))
+            rows.append(("Sound passes in", f"{from_si(float(element.length) / speed, 's', 'ms'):.3g} ms"))
             area = float(element.area)
             from ....pneumatics.tubes.inertial import inertance
 
-            found.append(
+            rows.append(
                 (
                     "Inertance l/A",
                     f"{from_si(float(inertance(length=element.length, area=area)), '1/m', '1/cm'):.4g} cm\u207b\u00b9",
@@ -426,11 +426,11 @@ def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:
             from .edit import top
 
             full = _pressure(top(plan.document, plan))
-            found.append(
+            rows.append(
                 (f"Static tension at {with_unit(full, 'Pa')}", with_unit(float(law.tension(length, full)), "N"))
             )
-            found.append(("Volume there", with_unit(float(law.volume(length, full)), "m^3").replace("^3", "\u00b3")))
-    return found
+            rows.append(("Volume there", with_unit(float(law.volume(length, full)), "m^3").replace("^3", "\u00b3")))
+    return rows
 
 
 def _pressure(words: str) -> float:

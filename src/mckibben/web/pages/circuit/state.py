@@ -133,10 +133,10 @@ class CircuitState:
         done = respond(plan, self.method)
         self.method = done.method
         record = response.recording(plan, done.outputs)
-        found = response.measured(plan, record, node, self.flows[0])
-        found, later = response.settled(plan, found, node, self.method, wait)
+        numbers = response.measured(plan, record, node, self.flows[0])
+        numbers, later = response.settled(plan, numbers, node, self.method, wait)
         others, waits = self._others(document, plan, node, wait)
-        return CircuitAnswer(record, found, others, waits or later, done)
+        return CircuitAnswer(record, numbers, others, waits or later, done)
 
     def compiled(self) -> bool:
         """Whether the response takes no compilation."""
@@ -146,10 +146,10 @@ class CircuitState:
         self, document: Document, plan: CircuitPlan, node: str, wait: bool
     ) -> tuple[dict[str, np.ndarray], bool]:
         tube = response.first_tube(plan, self.chosen)
-        found, waits = {}, False
+        pressures, waits = {}, False
         for kind in self.models:
-            own = document["elements"][tube]["kind"]
-            if own not in response.TUBES or own == kind:
+            present_kind = document["elements"][tube]["kind"]
+            if present_kind not in response.TUBES or present_kind == kind:
                 continue
             try:
                 other = planned(response.with_model(document, plan, tube, kind))
@@ -160,8 +160,8 @@ class CircuitState:
                 self.methods[kind] = done.method
             except MckibbenError:
                 continue
-            found[kind] = done.outputs[f"{node}.pressure_abs"] - float(plan.environment.pressure_abs)
-        return found, waits
+            pressures[kind] = done.outputs[f"{node}.pressure_abs"] - float(plan.environment.pressure_abs)
+        return pressures, waits
 
     def sweep(self) -> response.ValueSweep | None:
         """The rise over a value of the selected part."""

@@ -40,10 +40,10 @@ def add(face: ComparePage) -> None:
                 button(spec.title, lambda n=spec.id: take(n), quiet=True)
             if not others:
                 text("p", "All of them are shown.", "small dim")
-        own = [n for n in face.lab.specimens.names() if n not in face.muscles]
-        if own and face.values == "laws":
+        own_files = [n for n in face.lab.specimens.names() if n not in face.muscles]
+        if own_files and face.values == "laws":
             text("h3", "Your own")
-            for name in own:
+            for name in own_files:
                 button(name.removesuffix(".toml"), lambda n=name: take(n), quiet=True)
     dialog.open()
 

@@ -96,8 +96,8 @@ def largest_of(row: PropertyRow, papers: Sequence[float | None]) -> float:
     """The end of a row's scale."""
     ends = row.shown_range()
     known = [v for v in (*row.shown(), *papers) if v is not None and v == v]
-    found = max(known, default=0.0)
-    return 1.1 * (max(found, ends[1]) if ends is not None and found and ends[1] < 1.5 * found else found)
+    largest = max(known, default=0.0)
+    return 1.1 * (max(largest, ends[1]) if ends is not None and largest and ends[1] < 1.5 * largest else largest)
 
 
 def surface_markup(one: ComparedMuscle, letter: str, found: jobs.Surface | None, scale: dict[str, float]) -> str:

@@ -84,11 +84,11 @@ class ComparisonGrid:
                 raw(f'<canvas class="drawn" role="img" aria-label="{words}" data-muscle="{packed}"></canvas>')
 
     def _surfaces(self, columns: Any, surfaces: dict[str, Any]) -> None:
-        found = [s for s in surfaces.values() if s is not None]
+        shown = [s for s in surfaces.values() if s is not None]
         scale = {
-            "low": min((float(s.lengths[0]) for s in found), default=0.6) - 0.04,
-            "high": max((float(s.lengths[-1]) for s in found), default=1.2) + 0.05,
-            "top": max((float(s.tension.max()) * from_si(1.0, "N/m^2", "N/cm^2") for s in found), default=1.0),
+            "low": min((float(s.lengths[0]) for s in shown), default=0.6) - 0.04,
+            "high": max((float(s.lengths[-1]) for s in shown), default=1.2) + 0.05,
+            "top": max((float(s.tension.max()) * from_si(1.0, "N/m^2", "N/cm^2") for s in shown), default=1.0),
         }
         raw(
             '<b class="F">Tension</b> per section, N/cm\u00b2, over <b class="L">length</b> and '

@@ -46,26 +46,26 @@ def _once(key: Any, make: Callable[[], Any]) -> Any:
 def subject_of(what: str | Path, pressure: float) -> ComparedMuscle:
     """Muscle at a full pressure [Pa]; cached while its file is unchanged."""
     stamp = what.stat().st_mtime_ns if isinstance(what, Path) else 0
-    found: ComparedMuscle = _once(("subject", str(what), stamp, pressure), lambda: subject(what, pressure=pressure))
-    return found
+    muscle: ComparedMuscle = _once(("subject", str(what), stamp, pressure), lambda: subject(what, pressure=pressure))
+    return muscle
 
 
 def column(one: ComparedMuscle) -> MuscleColumn:
     """Table 1 of a muscle by its law."""
-    found: MuscleColumn = _once(("column", one.spec.where, one.id, one.full), lambda: law_column(one))
-    return found
+    result: MuscleColumn = _once(("column", one.spec.where, one.id, one.full), lambda: law_column(one))
+    return result
 
 
 def recorded(path: Path) -> MuscleColumn:
     """Table 1 of a recording."""
-    found: MuscleColumn = _once(("recording", str(path), path.stat().st_mtime_ns), lambda: column_of(path))
-    return found
+    result: MuscleColumn = _once(("recording", str(path), path.stat().st_mtime_ns), lambda: column_of(path))
+    return result
 
 
 def run_of(one: ComparedMuscle, name: str) -> Trials:
     """Run one protocol on one muscle, on the machine that takes it."""
-    found: Trials = _once(("run", one.spec.where, one.id, one.full, name), lambda: trials(one, names=(name,)))
-    return found
+    result: Trials = _once(("run", one.spec.where, one.id, one.full, name), lambda: trials(one, names=(name,)))
+    return result
 
 
 def run_known(one: ComparedMuscle, name: str) -> Trials | None:
@@ -84,10 +84,10 @@ def with_runs(one: ComparedMuscle, of_law: MuscleColumn) -> MuscleColumn:
     """Column of a law with the results of its protocols."""
     values, notes, kind = dict(of_law.values), of_law.notes, of_law.kind
     for name in PROTOCOLS:
-        found = run_known(one, name)
-        if found is not None:
-            values |= found.values
-            notes, kind = notes + tuple(n for n in found.notes if n not in notes), "law and protocols"
+        runs = run_known(one, name)
+        if runs is not None:
+            values |= runs.values
+            notes, kind = notes + tuple(n for n in runs.notes if n not in notes), "law and protocols"
     return MuscleColumn(of_law.name, of_law.title, kind, values, notes)
 
 
@@ -117,8 +117,8 @@ def over_velocity(one: ComparedMuscle) -> tuple[np.ndarray, np.ndarray]:
     """Tension over F0 at the rest length while shortening steadily [L0/s], by the law with friction and viscosity."""
     speeds = np.linspace(0.0, FASTEST, 101)
     if one.fibre is not None:
-        found = np.asarray(one.fibre.tension(one.rest_length, 1.0, -speeds * one.rest_length))
-        return speeds, found / one.full_tension
+        tension = np.asarray(one.fibre.tension(one.rest_length, 1.0, -speeds * one.rest_length))
+        return speeds, tension / one.full_tension
     from ....studies.comparison.assisted import steady
 
     assert one.unit is not None
@@ -131,14 +131,14 @@ def paper_values(identifier: str) -> dict[str, float]:
     """Values that the paper prints of a muscle, by property, in the units of the table."""
     from ....reproduction.rows import all_rows
 
-    found = {}
+    values = {}
     for row in all_rows():
         start, _, last = row.id.rpartition(".")
         if start == f"table1.{identifier}" and last in PAPER and isinstance(row.paper, float):
-            found[PAPER[last]] = row.paper
+            values[PAPER[last]] = row.paper
         elif identifier == "nylon" and row.id == "energy.maximal.efficiency":
-            found["efficiency"] = float(row.paper)  # type: ignore[arg-type]
-    return found
+            values["efficiency"] = float(row.paper)  # type: ignore[arg-type]
+    return values
 
 
 def misprint() -> Any:
@@ -159,8 +159,8 @@ def loop_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
             raise InputError("channel", "missing", "needed are a length and a tension", where=path.name)
         return record[names[0]], record[names[1]]
 
-    found: tuple[np.ndarray, np.ndarray] = _once(("loop", str(path), path.stat().st_mtime_ns), read)
-    return found
+    loop: tuple[np.ndarray, np.ndarray] = _once(("loop", str(path), path.stat().st_mtime_ns), read)
+    return loop
 
 
 def exported(found: MuscleTable) -> bytes:

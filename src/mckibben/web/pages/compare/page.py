@@ -97,11 +97,11 @@ class ComparePage:
     # ---- what a person does
 
     async def _drive(self, words: str) -> None:
-        found = forms.accept("pressure", words, PRESSURE, self.pressure)
-        why = found.said
+        accepted = forms.accept("pressure", words, PRESSURE, self.pressure)
+        why = accepted.said
         if not why:
             try:
-                await asyncio.to_thread(self._subjects, found.value)
+                await asyncio.to_thread(self._subjects, accepted.value)
             except MckibbenError as error:
                 why = f"{error}. The old value, {forms.shown(self.pressure, PRESSURE)}, stays in use."
         self.edge.classed("bad", bool(why))
@@ -110,8 +110,8 @@ class ComparePage:
         if why:
             self._say(why)
             return
-        self.pressure = found.value
-        caution = pressure_caution(found.value, text=words)
+        self.pressure = accepted.value
+        caution = pressure_caution(accepted.value, text=words)
         if caution is not None:
             self._say(f"{caution[0].upper()}{caution[1:]}.")
         self.renew()
@@ -191,7 +191,7 @@ class ComparePage:
                     await asyncio.to_thread(self._warm, name)
                     if number != self.number:
                         return
-            found = await asyncio.to_thread(self._computed)
+            result = await asyncio.to_thread(self._computed)
         except Exception as error:  # the page has to hear of it, whatever it is
             known = isinstance(error, MckibbenError)
             said = str(error) if known else f"the comparison failed: {type(error).__name__}: {str(error)[:200]}"
@@ -201,7 +201,7 @@ class ComparePage:
                     refused(said)
             return
         if number == self.number:
-            self._show(*found)
+            self._show(*result)
 
     def _warm(self, name: str) -> None:
         try:

@@ -151,14 +151,14 @@ def _printed(choice: EnergyChoice, between: Conditions, volume: str) -> dict[tup
     if not same or choice.accumulator_pressure is not None:
         return {}
     output = "maximal" if choice.cycle == "maximal" else "isotonic"
-    found: dict[tuple[str, bool], Any] = {("output", False): part4.printed(f"{output}.output")}
-    for what in ("input", "efficiency"):
+    values: dict[tuple[str, bool], Any] = {("output", False): part4.printed(f"{output}.output")}
+    for quantity in ("input", "efficiency"):
         for accumulated in (False, True):
-            found[what, accumulated] = part4.printed(f"{choice.cycle}.{what}" + "_accumulator" * accumulated)
+            values[quantity, accumulated] = part4.printed(f"{choice.cycle}.{quantity}" + "_accumulator" * accumulated)
     if choice.cycle == "maximal":
         joules = part4.printed("maximal.output") / part4.printed("maximal.input_accumulator")
-        found["efficiency", True] = {"struck": found["efficiency", True], "instead": joules}
-    return found
+        values["efficiency", True] = {"struck": values["efficiency", True], "instead": joules}
+    return values
 
 
 def _say(choice: EnergyChoice, main: CycleLoops, other: CycleLoops | None, between: Conditions) -> list[str]:
@@ -199,15 +199,15 @@ def _accumulator(choice: EnergyChoice) -> float | None:
 
 def _volumes(all_: Mapping[str, CycleMuscle], cycle: str, between: Conditions) -> list[dict[str, Any]]:
     """Division of the input under each volume [J], as the table of the command line."""
-    found = []
+    rows = []
     for name, muscle in all_.items():
         try:
             one = energy_cycle(muscle, cycle, between)
         except InputError:
             continue
         parts = {k: _plain(getattr(one, k)) for k in ("input", "output", "efficiency", *LOSSES)}
-        found.append({"volume": name, **parts})
-    return found
+        rows.append({"volume": name, **parts})
+    return rows
 
 
 @functools.lru_cache(maxsize=16)

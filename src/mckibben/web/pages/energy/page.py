@@ -24,9 +24,9 @@ from .state import LINKED, EnergyChoice, conditions, from_link, muscles, resolve
 
 async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
     """Load what computes, then fill the page."""
-    found = await run_in_thread(place, "Loading the muscles", _loaded, words)
-    if found is not None:
-        await EnergyPage(lab, words, bar, place, *found).show()
+    loaded = await run_in_thread(place, "Loading the muscles", _loaded, words)
+    if loaded is not None:
+        await EnergyPage(lab, words, bar, place, *loaded).show()
 
 
 def _loaded(words: dict[str, str]) -> tuple[EnergyChoice, list[str], dict[str, str]]:
@@ -217,17 +217,17 @@ class CycleControls:
     def entered(self, words: object) -> None:
         """Read a typed number; an error is shown beside the field."""
         choice = self.view.choice
-        found = accept("pressure", str(words)[:60], SETTINGS["pressure"], choice.pressure)
-        why = found.said
+        accepted = accept("pressure", str(words)[:60], SETTINGS["pressure"], choice.pressure)
+        why = accepted.said
         if not why:
             try:
-                conditions(_with(choice, pressure=found.value))
+                conditions(_with(choice, pressure=accepted.value))
             except MckibbenError as error:
                 why = f"{error}. The old value, {from_si(choice.pressure, 'Pa', 'bar'):.6g}, stays in use."
-        self.refusal(why, str(words)[:60] if why else f"{from_si(found.value, 'Pa', 'bar'):.6g}")
+        self.refusal(why, str(words)[:60] if why else f"{from_si(accepted.value, 'Pa', 'bar'):.6g}")
         if not why:
-            self.track.set(data_spec=json.dumps(from_si(found.value, "Pa", "bar")))
-            self.view.changed(pressure=found.value)
+            self.track.set(data_spec=json.dumps(from_si(accepted.value, "Pa", "bar")))
+            self.view.changed(pressure=accepted.value)
 
     def refusal(self, why: str, words: str) -> None:
         """Show below a number why it was refused, and keep the text for correction."""
@@ -261,26 +261,26 @@ class CycleControls:
     def _conditions(self) -> None:
         choice = self.view.choice
         self.line = text("summary", "Conditions")
-        found = resolved(choice)
-        muscle = next(iter(found.muscles.values()))
+        resolved_muscle = resolved(choice)
+        muscle = next(iter(resolved_muscle.muscles.values()))
         values = {
-            "stretched_length": stretched_length(found.spec, muscle)
+            "stretched_length": stretched_length(resolved_muscle.spec, muscle)
             if choice.stretched_length is None
             else choice.stretched_length,
             "accumulator_pressure": float(muscle.threshold())
             if choice.accumulator_pressure is None
             else choice.accumulator_pressure,
-            "friction": coulomb_friction(found.spec) if choice.friction is None else choice.friction,
+            "friction": coulomb_friction(resolved_muscle.spec) if choice.friction is None else choice.friction,
         }
         with box("div", "bd form"):
             for name, value in values.items():
                 field(name, SETTINGS[name], value, functools.partial(self._set, name))
             with box("div", "row wrap"):
-                if len(found.spec.laws) > 1:
-                    names = {n: n.replace("_", " ") for n in found.spec.laws}
-                    select(names, found.law, lambda v: self.view.changed(law=v, volume=""), "Law")
-                volumes = {v: VOLUMES[v] for v in sorted(found.muscles)}
-                select(volumes, found.volume, lambda v: self.view.changed(volume=v), "Volume of the gas")
+                if len(resolved_muscle.spec.laws) > 1:
+                    names = {n: n.replace("_", " ") for n in resolved_muscle.spec.laws}
+                    select(names, resolved_muscle.law, lambda v: self.view.changed(law=v, volume=""), "Law")
+                volumes = {v: VOLUMES[v] for v in sorted(resolved_muscle.muscles)}
+                select(volumes, resolved_muscle.volume, lambda v: self.view.changed(volume=v), "Volume of the gas")
                 words = {"printed": "Friction in the output only", "throughout": "Friction throughout"}
                 readings = {r: words[r] for r in READINGS}
                 select(
@@ -395,10 +395,10 @@ class RecordedFlow:
             name, kind = self.name, self.kind
             link(recording=name, account=kind or None, part=self.part or None)
             self.lists()
-            found = await run_in_thread(self.place, f"Summing up {name}", self._account, name, kind)
-            if found is None or (name, kind) != (self.name, self.kind):
+            result = await run_in_thread(self.place, f"Summing up {name}", self._account, name, kind)
+            if result is None or (name, kind) != (self.name, self.kind):
                 return
-            self.account, _, self.simulated = found
+            self.account, _, self.simulated = result
             self.draw()
             self.lists()
 

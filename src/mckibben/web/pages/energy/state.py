@@ -57,7 +57,7 @@ LINKED = ("muscle", "law", "cycle", "exchange", "volume", "reading", *SETTINGS)
 
 def from_link(words: Mapping[str, str]) -> tuple[EnergyChoice, list[str]]:
     """Read a choice from a link, with a sentence for each refused value, which gets its default."""
-    found, said = EnergyChoice(), []
+    choice, said = EnergyChoice(), []
     for name, text in words.items():
         try:
             value: Any = text
@@ -68,41 +68,41 @@ def from_link(words: Mapping[str, str]) -> tuple[EnergyChoice, list[str]]:
                 raise InputError("specimen", text, f"known are {', '.join(specimen_ids())}")  # a path is no name
             elif name in WORDS and text not in WORDS[name]:
                 raise InputError(name, text, f"known are {', '.join(WORDS[name])}")
-            tried = replace(found, **{name: value})
+            tried = replace(choice, **{name: value})
             resolved(tried) if name in ("muscle", "law", "volume") else None
-            found = tried
+            choice = tried
         except MckibbenError as error:
             said.append(str(error))
-    return found, said
+    return choice, said
 
 
 def to_link(choice: EnergyChoice) -> dict[str, str | None]:
     """Parameters of a link; None for default values."""
     usual = EnergyChoice()
-    found: dict[str, str | None] = {}
+    parameters: dict[str, str | None] = {}
     for name in LINKED:
         value = getattr(choice, name)
         unit = SETTINGS[name].unit if name in SETTINGS else ""
         same = value == getattr(usual, name)
         if same:
-            found[name] = None
+            parameters[name] = None
         elif unit:
-            found[name] = f"{from_si(value, unit, shown_unit(unit)):.10g} {shown_unit(unit)}"
+            parameters[name] = f"{from_si(value, unit, shown_unit(unit)):.10g} {shown_unit(unit)}"
         else:
-            found[name] = str(value)
-    return found
+            parameters[name] = str(value)
+    return parameters
 
 
 def muscles() -> dict[str, str]:
     """Specimens with a volume: id and title."""
-    found = {}
+    titles = {}
     for one in specimen_ids("mckibben"):
         try:
             resolved(EnergyChoice(one))
         except MckibbenError:
             continue  # of another kind, or without a volume
-        found[one] = specimen(one).title
-    return found
+        titles[one] = specimen(one).title
+    return titles
 
 
 class ResolvedMuscle(NamedTuple):

@@ -45,31 +45,31 @@ def mapping(asked: FitRequest, look: TablePreview, change: Change, wrong: InputE
         shown = [(column, next((w for w, c in meant.items() if c == column), "")) for column in look.header]
     else:
         needed = [w for w in ("length", "pressure", "tension") if w not in meant and "contraction" not in meant]
-        shown = [(column, what) for what, column in meant.items()] + [("", what) for what in needed]
+        shown = [(column, quantity) for quantity, column in meant.items()] + [("", quantity) for quantity in needed]
     with box("div", "scroll-x"), box("table", "map"):
         raw("Preview and mapping of columns", "caption", "vh")
         with box("thead"):
             with box("tr"):
-                for column, what in shown:
-                    told = column if few else NAMES[what]
-                    text("th", told, "mono" if few else COLOURS.get(what, "")).set(scope="col")
+                for column, quantity in shown:
+                    label = column if few else NAMES[quantity]
+                    text("th", label, "mono" if few else COLOURS.get(quantity, "")).set(scope="col")
             with box("tr"):
-                for column, what in shown:
+                for column, quantity in shown:
                     with box("th"):
                         one = (
-                            _what(asked, column, what, meant, change)
+                            _what(asked, column, quantity, meant, change)
                             if few
-                            else _which(asked, what, column, look, change)
+                            else _which(asked, quantity, column, look, change)
                         )
-                        if blamed and blamed in (column, what):
+                        if blamed and blamed in (column, quantity):
                             one.set(aria_invalid="true")
                             if one.parent is not None:
                                 one.parent.classed("bad")
             with box("tr"):
-                for column, what in shown:
+                for column, quantity in shown:
                     with box("th"):
-                        if what in UNITS:
-                            _unit(asked, column, what, change)
+                        if quantity in UNITS:
+                            _unit(asked, column, quantity, change)
         with box("tbody", "mono"):
             at = [look.header.index(column) if column else -1 for column, _ in shown]
             pull = look.header.index(meant["tension"]) if "tension" in meant else -1
@@ -97,12 +97,12 @@ def _what(asked: FitRequest, column: str, what: str, meant: dict[str, str], chan
     """Build the choice of what one column holds."""
 
     def chosen(now: str) -> None:
-        found = asked
+        changed = asked
         if what:  # it held something else, which no column holds now
-            found = found.with_pair("columns", what, "-").with_pair("units", what, None)
+            changed = changed.with_pair("columns", what, "-").with_pair("units", what, None)
         if now:
-            found = found.with_pair("columns", now, column).with_pair("units", now, None)
-        change(found)
+            changed = changed.with_pair("columns", now, column).with_pair("units", now, None)
+        change(changed)
 
     words = {"": "not used", **NAMES}
     return select(words, what, chosen, f"What {column} holds", COLOURS.get(what, ""))
@@ -120,15 +120,15 @@ def _which(asked: FitRequest, what: str, column: str, look: TablePreview, change
 def _unit(asked: FitRequest, column: str, what: str, change: Change) -> None:
     from ....recordings.force_map import stated_unit
 
-    told = stated_unit(column, what) if column else ""
-    now = dict(asked.units).get(what, told).removesuffix(" gauge")
+    stated = stated_unit(column, what) if column else ""
+    now = dict(asked.units).get(what, stated).removesuffix(" gauge")
     words = {u: _unit_words(u, what) for u in UNITS[what]}
     if now not in words:
         words = {now: _unit_words(now, what) if now else "unit?", **words}
 
     def chosen(unit: str) -> None:
         reference = " gauge" if what == "pressure" and not unit.endswith(" abs") else ""
-        change(asked.with_pair("units", what, None if unit == told else unit + reference))
+        change(asked.with_pair("units", what, None if unit == stated else unit + reference))
 
     select(words, now, chosen, f"Unit of {NAMES[what]}")
 
@@ -169,17 +169,17 @@ def words_field(
 
     def came(value: object) -> None:
         nonlocal kept
-        given = str(value).strip().replace("\u2212", "-")
+        text = str(value).strip().replace("\u2212", "-")
         try:
-            float(given)
-            given = f"{given} {shown}"
+            float(text)
+            text = f"{text} {shown}"
         except ValueError:
             pass  # it has a unit, or is no number: `change` says which
         said.clear()
         wrong = False
         try:
-            change(given)
-            kept = given
+            change(text)
+            kept = text
         except InputError as error:
             wrong = True
             with said:

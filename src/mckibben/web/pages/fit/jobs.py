@@ -130,13 +130,13 @@ class FitJob:
                     return
                 self.words = law
                 try:
-                    found: Any = fit(law, points, known=known, slack=asked.slack, train_below=below, progress=tell)
+                    result: Any = fit(law, points, known=known, slack=asked.slack, train_below=below, progress=tell)
                 except MckibbenError as error:
-                    found = str(error)
-                _keep(key, law, found)
+                    result = str(error)
+                _keep(key, law, result)
                 if stop.is_set():
                     return
-                self._take(law, found)
+                self._take(law, result)
                 self.version += 1
         except _StoppedError:
             return
@@ -218,13 +218,13 @@ def _of_recording(path: Path, asked: FitRequest, look: Any) -> FitRequest:
 def used(points: ForceMap, asked: FitRequest) -> str:
     """Describe which rows count."""
     taut = int(points.taut.sum())
-    slack, told = len(points) - taut, int(points.informative_slack.sum())
+    slack, informative = len(points) - taut, int(points.informative_slack.sum())
     left = "".join(f" {remark[0].upper()}{remark[1:]}." for remark in points.remarks)
     if not slack:
         return f"{taut} rows used.{left}"
-    what = "row reads" if slack == 1 else "rows read"
-    use = f"; {told} of them ask the laws for zero tension" if asked.slack and told else ""
+    noun = "row reads" if slack == 1 else "rows read"
+    use = f"; {informative} of them ask the laws for zero tension" if asked.slack and informative else ""
     return (
-        f"{taut} rows used. {slack} {what} zero tension: the muscle is slack there, so errors do not count them{use}."
+        f"{taut} rows used. {slack} {noun} zero tension: the muscle is slack there, so errors do not count them{use}."
         + left
     )

@@ -147,9 +147,14 @@ class FitPage:
     def _link(self) -> None:
         from ....muscles.laws import LAWS
 
-        found = {} if self.asked is None else self.asked.link()
+        parameters = {} if self.asked is None else self.asked.link()
         laws = None if len(self.laws) == len(LAWS) else ",".join(self.laws)
-        link(**found, laws=laws, law=self.law or None, view=None if self.shown.view == "tension" else self.shown.view)
+        link(
+            **parameters,
+            laws=laws,
+            law=self.law or None,
+            view=None if self.shown.view == "tension" else self.shown.view,
+        )
 
     # ---- file and columns
 
@@ -163,7 +168,7 @@ class FitPage:
         place = self._places["mapping"]
         try:
             path = state.file_of(self.lab, asked)
-            found = await read_with_progress(place, f"Reading {asked.name}", jobs.read, path, asked, passes=2)
+            reading = await read_with_progress(place, f"Reading {asked.name}", jobs.read, path, asked, passes=2)
         except MckibbenError as error:
             if mine == self._loading:
                 with place:
@@ -173,7 +178,7 @@ class FitPage:
             return
         if mine != self._loading:
             return
-        look, size, points, wrong, self.asked = found
+        look, size, points, wrong, self.asked = reading
         self.points = points
         self._name.say(asked.name)
         ending = "MB" if size >= 2**20 else "kB"
@@ -462,8 +467,8 @@ async def _open(view: FitPage) -> None:
 def _document(study: Any, kind: str) -> bytes:
     from ....report.fit_report import fit_document
 
-    found = fit_document([study])
-    return found.pdf() if kind == "pdf" else found.html().encode()
+    content = fit_document([study])
+    return content.pdf() if kind == "pdf" else content.html().encode()
 
 
 async def _specimen(view: FitPage) -> None:

@@ -88,8 +88,8 @@ def _row(
             line.on("click", lambda: pick(row["law"])).on("enter", lambda: pick(row["law"]))
         text("td", row["place"])
         title = html.escape(row["title"])
-        told = row["degenerate"] if row["converged"] else "did not converge"
-        why = f' <span class="faint">{html.escape(told)}</span>' if told else ""
+        remark = row["degenerate"] if row["converged"] else "did not converge"
+        why = f' <span class="faint">{html.escape(remark)}</span>' if remark else ""
         raw((f"<b>{title}</b>" if picked else title) + why, "td", "law-name")
         text("td", row["free"], "num" if row["law"] else "num faint")
         share = min(1.0, row["rmse"] / widest) if math.isfinite(row["rmse"]) else 1.0
@@ -171,9 +171,9 @@ def cautions(fit: Fit, study: Study) -> None:
     """Show the cautions about one law, and why others could not be fitted."""
     from ....report.fit_report import cautions_of
 
-    told = cautions_of(fit, study.points.largest)
-    if told:
-        note(" ".join(told))
+    sentences = cautions_of(fit, study.points.largest)
+    if sentences:
+        note(" ".join(sentences))
     if study.skipped:
         with box("details"):
             text("summary", "Laws that were left out")
@@ -284,15 +284,15 @@ def _left(fit: Fit, taut: np.ndarray, cm: float, bar: float) -> list[dict[str, f
     """For every pressure the largest error of its points when it was left out, measured less predicted [N]."""
     if "pressure" not in fit.cross:
         return []
-    error, found = -fit.cross["pressure"].error, []
+    error, errors = -fit.cross["pressure"].error, []
     pressures = np.round(fit.points.pressure, 6)
     for p in np.unique(pressures[taut]):
-        here = np.flatnonzero(taut & (pressures == p) & np.isfinite(error))
-        if here.size:
-            worst = here[np.argmax(np.abs(error[here]))]
+        points = np.flatnonzero(taut & (pressures == p) & np.isfinite(error))
+        if points.size:
+            worst = points[np.argmax(np.abs(error[points]))]
             place = {"L": _short(fit.points.length[worst] * cm), "P": _short(p * bar)}
-            found.append({**place, "e": _short(error[worst])})
-    return found
+            errors.append({**place, "e": _short(error[worst])})
+    return errors
 
 
 def _short(value: float) -> float:

@@ -57,11 +57,11 @@ class FitRequest:
 
     def link(self) -> dict[str, str | None]:
         """Parameters of an address."""
-        found: dict[str, str | None] = {kind: self.name if kind == self.kind else None for kind in KINDS}
+        parameters: dict[str, str | None] = {kind: self.name if kind == self.kind else None for kind in KINDS}
         for key in ("columns", "units", "known"):
             pairs = dict(getattr(self, key))
-            found[key] = json.dumps(pairs, separators=(",", ":"), ensure_ascii=False) if pairs else None
-        return {**found, **{w: getattr(self, w) or None for w in WORDS}, "slack": None if self.slack else "no"}
+            parameters[key] = json.dumps(pairs, separators=(",", ":"), ensure_ascii=False) if pairs else None
+        return {**parameters, **{w: getattr(self, w) or None for w in WORDS}, "slack": None if self.slack else "no"}
 
     def with_pair(self, key: str, name: str, words: str | None) -> FitRequest:
         """Return a copy with one column, unit or known parameter set or removed."""
@@ -82,10 +82,10 @@ def from_link(words: Mapping[str, str]) -> FitRequest | None:
 
 def _pairs(text: str) -> tuple[tuple[str, str], ...]:
     try:
-        found = parse_json(text) if text else {}
+        table = parse_json(text) if text else {}
     except (ValueError, RecursionError):
         return ()
-    return tuple(sorted((str(k), str(v)) for k, v in found.items())) if isinstance(found, dict) else ()
+    return tuple(sorted((str(k), str(v)) for k, v in table.items())) if isinstance(table, dict) else ()
 
 
 def stored(lab: Laboratory, name: str, data: Path) -> Path:
@@ -144,13 +144,13 @@ def known(asked: FitRequest) -> dict[str, float]:
     from ....quantities import parse
     from ....report.fit_study import known_of
 
-    found, fields = known_of(specimen_of(asked)), dimensions()
+    dimensions_known, fields = known_of(specimen_of(asked)), dimensions()
     for name, words in asked.known:
         if name not in fields:
             raise InputError(name, words, f"known are {', '.join(fields)}")
-        found[name] = parse(words, fields[name].unit, field=name)
-        fields[name].check(name, found[name])
-    return found
+        dimensions_known[name] = parse(words, fields[name].unit, field=name)
+        fields[name].check(name, dimensions_known[name])
+    return dimensions_known
 
 
 def dimensions() -> dict[str, Any]:

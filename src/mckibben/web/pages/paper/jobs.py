@@ -50,9 +50,9 @@ def work(line: Connection, place: str) -> None:
     said = _Teller(line)
     with told(said), kept_in(RecordingCache(Path(place), said)), contextlib.suppress(EOFError, BrokenPipeError):
         while True:
-            kind, *given = line.recv()
+            kind, *arguments = line.recv()
             try:
-                JOBS[kind](line, said, *given)
+                JOBS[kind](line, said, *arguments)
                 line.send(("done",))
             except MckibbenError as error:
                 line.send(("refused", str(error)))
@@ -248,9 +248,9 @@ class RecordingCache(Folder):
                 time.sleep(PAUSE)
                 continue
             try:
-                found = make()
-                found.save(file)
-                return found
+                recording = make()
+                recording.save(file)
+                return recording
             finally:
                 claim.unlink(missing_ok=True)
         return read_recording(file)

@@ -22,9 +22,9 @@ FORMS = {"form": "In the paper\u2019s form", "numbers": "Its numbers"}
 
 async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
     """Load what computes, then fill the page."""
-    found = await run_in_thread(place, "Loading the rows", _loaded, lab)
-    if found is not None:
-        PaperPage(lab, words, bar, place, found).show()
+    loaded = await run_in_thread(place, "Loading the rows", _loaded, lab)
+    if loaded is not None:
+        PaperPage(lab, words, bar, place, loaded).show()
 
 
 def _loaded(lab: Laboratory) -> Reproduction:
@@ -107,8 +107,8 @@ class PaperPage:
 
     def picked(self, given: object) -> None:
         """A row or a figure was chosen in the browser."""
-        found = given if isinstance(given, dict) else {}
-        row, figure = str(found.get("row") or ""), str(found.get("figure") or "")
+        choice = given if isinstance(given, dict) else {}
+        row, figure = str(choice.get("row") or ""), str(choice.get("figure") or "")
         if row and row in self.all.rows:
             of = self.figures.get(self.figure)
             self.row, self.figure = row, self.figure if of is not None and row in of.rows else self._shows(row)
@@ -135,15 +135,15 @@ class PaperPage:
         """Download the report of the present results."""
         with self.under:
             place, line = box("div"), text("p", "", "p-caption")
-        self.writing.append((line, told := ["starting"]))
+        self.writing.append((line, messages := ["starting"]))
 
         def tell_on(words: str) -> None:
-            told[0] = words
+            messages[0] = words
 
         data = await run_in_thread(
             place, "Writing the report: its figures are drawn anew", self.all.report, ending, tell_on
         )
-        self.writing.remove((line, told))
+        self.writing.remove((line, messages))
         line.delete()
         if data is not None:
             place.delete()
@@ -153,8 +153,8 @@ class PaperPage:
 
     def look(self) -> None:
         """Show what has changed since the last look."""
-        for line, told in self.writing:
-            line.say(told[0])
+        for line, messages in self.writing:
+            line.say(messages[0])
         if not self.calm and time.monotonic() - self.began > CALM:
             self.calm = True
             if not self.asks:

@@ -32,10 +32,10 @@ def fixed_document() -> dict[str, Any]:
 
 def _row(row: PrintedRow) -> dict[str, Any]:
     first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
-    what = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
+    description = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
     figures = [f.id for f in FIGURES.values() if row.id in f.rows]
     return {
-        "id": row.id, "part": row.part, "what": minus(what), "paper": printed(row.paper), "unit": unit_text(row.unit),
+        "id": row.id, "part": row.part, "what": minus(description), "paper": printed(row.paper), "unit": unit_text(row.unit),
         "kind": EXPECTED.get(row.expect, ""), "recordings": needs_recording(row), "figures": figures,
         "note": said(said_of(row)),
     }  # fmt: skip
@@ -44,13 +44,13 @@ def _row(row: PrintedRow) -> dict[str, Any]:
 def outcome_document(outcome: RowOutcome) -> dict[str, Any]:
     """Result of a row; ``place`` is our value on its tolerance, from -1 to 1 between the ends."""
     row, ours = outcome.row, outcome.ours
-    found: dict[str, Any] = {"kind": kind_of(outcome).key, "note": said(outcome.note)}
+    content: dict[str, Any] = {"kind": kind_of(outcome).key, "note": said(outcome.note)}
     if ours is not None:
-        found |= {"ours": significant(ours), "value": ours, "difference": difference(row, ours)}
+        content |= {"ours": significant(ours), "value": ours, "difference": difference(row, ours)}
         allowed = accepted_band(row)
         if allowed is not None and allowed[1] > 0.0:
-            found |= {"place": (ours - allowed[0]) / allowed[1], "half": significant(allowed[1], 2)}
-    return found
+            content |= {"place": (ours - allowed[0]) / allowed[1], "half": significant(allowed[1], 2)}
+    return content
 
 
 def said(note: str) -> str:

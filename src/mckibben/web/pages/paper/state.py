@@ -175,13 +175,13 @@ class Reproduction:
         with self._lock:
             outcomes = [self.outcomes.get(r.id) or RowOutcome(r, None, None, r.note) for r in self.rows.values()]
             figures = [f.id for f in FIGURES.values() if self.ready(f)]
-        found: list[bytes] = []
+        reports: list[bytes] = []
         why: list[str] = []
         ended = threading.Event()
 
         def hear(kind: str, *more: Any) -> None:
             if kind == "report":
-                found.append(more[0])
+                reports.append(more[0])
             elif kind == "tell":
                 tell(more[0])
             elif kind in ("done", "refused"):
@@ -191,9 +191,9 @@ class Reproduction:
         full = len(figures) == len(FIGURES)
         self._draws.ask(("report", ending, outcomes, figures, "" if full else LEFT_OUT), hear)
         ended.wait()
-        if not found:
+        if not reports:
             raise InputError("report", ending, why[0] if why else STOPPED)
-        return found[0]
+        return reports[0]
 
     def _changed(self) -> None:
         self.version += 1

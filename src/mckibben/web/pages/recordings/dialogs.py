@@ -66,7 +66,7 @@ class ImportDialog:
         try:
             columns = jobs.pairs(self._columns.value, "columns", "tank.pressure=2")
             units = jobs.pairs(self._units.value, "units", "tank.pressure=bar")
-            found = await self._take(one, self._progress, columns, units, self._period.value.strip())
+            result = await self._take(one, self._progress, columns, units, self._period.value.strip())
         except MckibbenError as error:
             self.dialog.open()  # it is closed where the file was dropped on the list
             self.dialog.answer(str(error))
@@ -74,4 +74,4 @@ class ImportDialog:
         one.close()
         self._file = None
         self.dialog.close()
-        await self._done(*found)
+        await self._done(*result)

@@ -82,10 +82,10 @@ def check_kind(name: str) -> None:
 
 def _hint(error: MckibbenError) -> str:
     """Describe where on the page the user can supply what the file lacks."""
-    what, _, name = str(getattr(error, "remedy", "")).partition(" ")
-    if what == "column":
+    remedy, _, name = str(getattr(error, "remedy", "")).partition(" ")
+    if remedy == "column":
         return f" Say it under Columns, such as {name}=2."
-    if what == "unit":
+    if remedy == "unit":
         return f" Say it under Units, such as {name}=bar."
     return ""
 
@@ -110,12 +110,12 @@ def repaired(lab: Laboratory, name: str) -> tuple[str, list[str]]:
     if path.suffix.lower() != ".mcap":
         raise InputError("file", name, "allowed is a log of a bench, .mcap; others are written whole or not at all")
     try:
-        found = read_log(path)
+        recording = read_log(path)
     except MckibbenError as error:
         raise MckibbenError(said_of(error, path, name)) from None
     target = lab.recordings.folder / lab.recordings.free(f"{path.stem}.nc")
-    found.recording.save(target)
-    return target.name, ["The log was whole."] if found.whole else found.remarks
+    recording.recording.save(target)
+    return target.name, ["The log was whole."] if recording.whole else recording.remarks
 
 
 def rewritten(path: Path, record: object) -> None:
@@ -139,12 +139,12 @@ def report(path: Path) -> tuple[str, bytes]:
 
 def pairs(text: str, option: str, example: str) -> dict[str, str]:
     """Parse text such as ``NAME=COLUMN``, separated by semicolons or new lines, to a table."""
-    found = {}
+    table = {}
     for word in text.replace("\n", ";").split(";"):
         if not word.strip():
             continue
         name, equals, value = word.partition("=")
         if not equals or not name.strip() or not value.strip():
             raise InputError(option, word.strip(), f"allowed is NAME=VALUE, such as {example}")
-        found[name.strip()] = value.strip()
-    return found
+        table[name.strip()] = value.strip()
+    return table

@@ -62,15 +62,15 @@ def steps(record: Recording) -> list[tuple[str, Recording]]:
     if not record.meta.get("steps"):
         return [("", record)]
     try:
-        found, apart = segments(record), varied(record)
+        parts, apart = segments(record), varied(record)
     except InputError:
         return [("", record)]
     named = []
-    for i, part in enumerate(found, 1):
+    for i, part in enumerate(parts, 1):
         step = part.meta["step"]
         case = ", ".join(f"{n.replace('_', ' ')} {step['case'][n]}" for n in apart if n in step["case"])
         named.append((f"{i} {step['label'] or step['path']}{f', {case}' if case else ''}", part))
-    return named if len(named) > 1 else [("", found[0])]
+    return named if len(named) > 1 else [("", parts[0])]
 
 
 def begins(record: Recording) -> float:
@@ -101,8 +101,8 @@ def last_cycle(record: Recording) -> slice | None:
 def charts(parts: Sequence[OverlaidPart], view: str) -> list[Chart | str]:
     """The charts of a view; a sentence where there is nothing to draw."""
     if view == "channels":
-        found: list[Chart | str] = [c for what in NAMES if (c := over_time(parts, what, LOW)) is not None]
-        return found or [_others(parts)]
+        shown: list[Chart | str] = [c for quantity in NAMES if (c := over_time(parts, quantity, LOW)) is not None]
+        return shown or [_others(parts)]
     first: Chart | str | None = less_the_law(parts) if view == "law" else over_length(parts)
     second = over_time(parts, "tension", LOW) or over_time(parts, "pressure", LOW)
     both = [c for c in (first, second) if c is not None]
@@ -154,10 +154,10 @@ def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
             str(part.record.meta.get("specimen") or "none"),
             "allowed is one with a law, named by the recording",
         )
-    names = {what: channel(part.record, of) for what, of in OWN.items()}
-    for what, name in names.items():
+    names = {quantity: channel(part.record, of) for quantity, of in OWN.items()}
+    for quantity, name in names.items():
         if not name:
-            raise InputError(what, "not recorded", "a law needs length, pressure and tension")
+            raise InputError(quantity, "not recorded", "a law needs length, pressure and tension")
     law = law_from_specimen(spec)
     length, pressure, tension = (part.record[names[w]] for w in ("length", "pressure", "tension"))
     return from_si(1.0, "m", "cm") * length, tension - np.asarray(law.tension(length, pressure))
@@ -243,21 +243,21 @@ class Measure(NamedTuple):
 def measures(parts: Sequence[OverlaidPart]) -> list[Measure]:
     """Properties of one or two parts; a property that none of them has is left out."""
     shapes = [_last_loop(part) for part in parts]
-    found = [
+    rows = [
         Measure(name, unit, digits, [scale * getattr(s, key) if s is not None else math.nan for s in shapes])
         for name, unit, digits, key, scale in (
             ("Loop width at mid-range", "cm", 3, "width", 1e2), ("Loop height at mid-range", "N", 2, "height", 1.0),
             ("Work per cycle", "J", 3, "work", 1.0), ("Stiffness", "N/cm", 2, "stiffness", 1e-2),
         )
     ]  # fmt: skip
-    for name, unit, digits, what, best in (
+    for name, unit, digits, quantity, best in (
         ("Largest tension", "N", 1, "tension", np.nanmax), ("Largest pressure", "bar", 2, "pressure", np.nanmax),
         ("Shortest length", "cm", 2, "length", np.nanmin),
     ):  # fmt: skip
-        values = [part.values(what) for part in parts]
-        found.append(Measure(name, unit, digits, [math.nan if v is None else float(best(v)) for v in values]))
-    found.append(Measure("Duration", "s", 2, [part.record.duration for part in parts]))
-    return [one for one in found if any(math.isfinite(v) for v in one.values)]
+        values = [part.values(quantity) for part in parts]
+        rows.append(Measure(name, unit, digits, [math.nan if v is None else float(best(v)) for v in values]))
+    rows.append(Measure("Duration", "s", 2, [part.record.duration for part in parts]))
+    return [one for one in rows if any(math.isfinite(v) for v in one.values)]
 
 
 def _last_loop(part: OverlaidPart) -> Any:

@@ -86,18 +86,18 @@ class RecordingsPage:
             self._reading = False
 
     def _state(self) -> list[tuple[str, Any]]:
-        found = []
+        entries = []
         for name in self.lab.recordings.names():
             with contextlib.suppress(OSError):
-                found.append((name, state.key_of(self.lab.recordings.path(name))))
-        return found
+                entries.append((name, state.key_of(self.lab.recordings.path(name))))
+        return entries
 
     def _quick(self, names: list[str]) -> None:
         """Show the cached entries, without reading any file."""
         before = {e.name: e for e in self.entries}
         unread = {n: before.get(n, RecordingEntry(n, origin="", sign="", said="is being read")) for n in names}
-        found = [state.known(self.lab.recordings.path(n)) or unread[n] for n in names]
-        self.entries = found
+        entries = [state.known(self.lab.recordings.path(n)) or unread[n] for n in names]
+        self.entries = entries
         self._draw()
 
     async def _read(self, names: list[str]) -> None:
@@ -284,11 +284,11 @@ class RecordingActions:
     async def _repair(self) -> None:
         for name in self._some()[-1:]:
             try:
-                found, remarks = await asyncio.to_thread(jobs.repaired, self._view.lab, name)
+                name_of_file, remarks = await asyncio.to_thread(jobs.repaired, self._view.lab, name)
             except MckibbenError as error:
                 tell(str(error))
                 return
-            await self._taken(found, remarks)
+            await self._taken(name_of_file, remarks)
 
     # ---- export
 
@@ -308,10 +308,10 @@ class RecordingActions:
         for name in [*self._some()]:
             try:
                 path = self._view.path(name)
-                found, data, remarks = await asyncio.to_thread(make, path, *given)
+                file_name, data, remarks = await asyncio.to_thread(make, path, *given)
             except MckibbenError as error:
                 tell(str(error))
                 continue
-            download(found, data)
+            download(file_name, data)
             for remark in remarks:
                 tell(f"Note: {remark}")

@@ -95,12 +95,12 @@ class OverlayPane:
         parts, choices = [], []
         for letter, name in zip(LETTERS, names, strict=False):
             try:
-                found = await asyncio.to_thread(self._part, letter, name)
+                part = await asyncio.to_thread(self._part, letter, name)
             except MckibbenError as error:
                 wrong.append(f"{letter}: {str(error).replace(str(self._view.lab.recordings.folder) + '/', '')}")
                 continue
-            parts.append(found[0])
-            choices.append((name, letter, found[1], found[2]))
+            parts.append(part[0])
+            choices.append((name, letter, part[1], part[2]))
         if mine != self._asking:
             return
         self._parts = parts
@@ -147,7 +147,7 @@ class OverlayPane:
         if not parts:
             return
         charts = await asyncio.to_thread(overlay.charts, parts, kind)
-        found = await asyncio.to_thread(overlay.measures, parts)
+        measures = await asyncio.to_thread(overlay.measures, parts)
         if parts is not self._parts or kind != self._kind:
             return
         self._charts.clear()
@@ -163,7 +163,7 @@ class OverlayPane:
                     empty(one)
         self._table.clear()
         with self._table:
-            _measured(found, [p.letter for p in parts])
+            _measured(measures, [p.letter for p in parts])
         self._list_notes()
 
     # ---- notes

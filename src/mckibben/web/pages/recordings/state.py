@@ -89,12 +89,12 @@ def whole(path: Path) -> Recording:
             return _whole[key]
         if (used := _used.get(key)) is not None:
             return used
-    found = read_outside(_read, path)
+    recording = read_outside(_read, path)
     with _lock:
-        _used[key] = _whole[key] = found
+        _used[key] = _whole[key] = recording
         while len(_whole) > WHOLE or sum(map(_size, _whole.values())) > WHOLE_BYTES:
             _whole.popitem(last=False)
-    return found
+    return recording
 
 
 def _read(path: Path) -> Recording:
@@ -119,25 +119,25 @@ def known(path: Path) -> RecordingEntry | None:
 
 def entry(path: Path) -> RecordingEntry:
     """The line of a file; where it cannot be read, why."""
-    found = known(path)
-    if found is not None:
-        return found
+    line = known(path)
+    if line is not None:
+        return line
     try:
         key = key_of(path)
     except OSError:  # it was deleted meanwhile
         return RecordingEntry(path.name, sign="stop", said="no such file")
     try:
-        found = _described(path, whole(path))
+        line = _described(path, whole(path))
     except MckibbenError as error:
         when, size = path.stat().st_mtime, path.stat().st_size
-        found = RecordingEntry(
+        line = RecordingEntry(
             path.name, created=when, size=size, sign="stop", said=str(error).replace(str(path), path.name)
         )
     with _lock:
-        _entries[key] = found
+        _entries[key] = line
         while len(_entries) > KEPT:
             _entries.popitem(last=False)
-    return found
+    return line
 
 
 def _described(path: Path, record: Recording) -> RecordingEntry:
@@ -164,10 +164,10 @@ def _described(path: Path, record: Recording) -> RecordingEntry:
 
 def _when(words: Any, path: Path) -> float:
     try:
-        found = datetime.fromisoformat(str(words))
+        date = datetime.fromisoformat(str(words))
     except ValueError:
         return path.stat().st_mtime
-    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
 
 
 def _sign(meta: Mapping[str, Any]) -> tuple[str, str]:
@@ -180,10 +180,10 @@ def _sign(meta: Mapping[str, Any]) -> tuple[str, str]:
         ended = mapping(events[-1]).get("code") if isinstance(events, list) and events else None
         return "" if ended == "stop" else "stop", str(meta.get("message") or meta.get("result"))
     warnings = meta.get("warnings")
-    told = [str(mapping(w).get("text", w)) for w in warnings] if isinstance(warnings, list) else []
-    told += saturation(meta)
-    if told:
-        return "caution", told[0]
+    remarks = [str(mapping(w).get("text", w)) for w in warnings] if isinstance(warnings, list) else []
+    remarks += saturation(meta)
+    if remarks:
+        return "caution", remarks[0]
     energy = mapping(meta.get("balance")).get("energy")
     if energy is not None and is_number(energy):
         return "check", f"energy closes, {significant(float(energy), 1)}"
@@ -209,8 +209,8 @@ def places(record: Recording) -> dict[str, str]:
     from ....report.recording_report import LENGTHS, PRESSURES, TENSIONS
 
     named = {"length": LENGTHS, "pressure": PRESSURES, "tension": TENSIONS}
-    found = {what: channel(record, names) for what, names in named.items()}
-    return {what: name for what, name in found.items() if name}
+    channels = {quantity: channel(record, names) for quantity, names in named.items()}
+    return {quantity: name for quantity, name in channels.items() if name}
 
 
 def thumbnail(record: Recording) -> str:
@@ -224,9 +224,9 @@ def thumbnail(record: Recording) -> str:
     time = record.time[some] - record.time[0]
     across = 2.0 + (76.0 if looped else 116.0) * time / (time[-1] or 1.0)
     others = [n for n, c in record.channels.items() if c.kind != "command"][:1] if not there else []
-    for what in ("tension", "length", "pressure"):
-        if what in there:
-            lines.append(_path(across, _within(record[there[what]][some]), f"var(--q-{COLOURS[what]})"))
+    for quantity in ("tension", "length", "pressure"):
+        if quantity in there:
+            lines.append(_path(across, _within(record[there[quantity]][some]), f"var(--q-{COLOURS[quantity]})"))
     lines += [_path(across, _within(record[name][some]), "var(--ink-2)") for name in others]
     if looped:
         part = _last_cycle(record, there["length"])
