@@ -52,7 +52,7 @@ class _LazyFunction:
     Args:
         function: what is transformed.
         transform: the name of JAX's transformation.
-        options: of the transformation.
+        options: options of the transformation.
     """
 
     def __init__(self, function: Callable[..., Any], transform: str, options: dict[str, Any]) -> None:

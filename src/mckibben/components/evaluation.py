@@ -34,7 +34,7 @@ def evaluated(method: Method) -> Method:
     Its results are then NumPy's; they agree with those of JAX to rounding.
 
     Args:
-        method: of a module whose leaves are numbers; it returns one array, or a tuple of arrays.
+        method: method of a module whose leaves are numbers; it returns one array, or a tuple of arrays.
     """
     names = list(inspect.signature(method).parameters)[1:]
     defaults = method.__defaults__ or ()
@@ -68,7 +68,7 @@ def _kernel(method: Callable[..., Any], owner: Any, structure: Any, count: int) 
     """The program of a method, and a tree like its results.
 
     Raises:
-        LoweringError: no kernel can do what it does; also when it is asked for again.
+        LoweringError: no kernel can do what it does; also when it is requested again.
     """
     key = (method, structure)
     known = _known.get(key)

@@ -73,7 +73,7 @@ class System(Module):
         return jnp.zeros(())
 
     def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
-        """The parts that can be integrated side by side; empty where each acts on the others, or where they are few."""
+        """The parts that can be integrated side by side; empty if each acts on the others, or where they are few."""
         return []
 
     def admissible(self, state: Any) -> Scalar:

@@ -263,7 +263,7 @@ class BoundKernel:
         arguments: arrays by place, of the kernel's types, contiguous; those per lane with the lanes as last axis.
         results: arrays by place in which the results are left, None for one that carries nothing; no memory of an argument.
         lanes: how many, a whole number of the kernel's blocks; None for one call without lanes.
-        threads: at most; all cores where left out.
+        threads: at most; all cores by default.
 
     Raises:
         ValueError: an array has another type or shape, or is not contiguous, or the lanes leave a block unfilled.

@@ -448,11 +448,11 @@ class Program:
 
         Args:
             arguments: arrays in order, of the types of the kernel; those per lane have one axis more, the last.
-            results: arrays in order in which the results are left, None where one carries nothing.
+            results: arrays in order in which the results are left, None if one carries nothing.
             lanes: how many, a multiple of the width of `kernel`; None for a single run.
             mode: see `Program`.
             real: type of its numbers.
-            threads: at most; all cores where left out.
+            threads: at most; all cores by default.
 
         Raises:
             ValueError: an array or the number of lanes does not fit.
