@@ -180,7 +180,7 @@ def _jacobians(
             now = {**memory, "muscles": kept}
         shown = machine.outputs(at, now, all_inputs)
         picked = jnp.stack([shown[n] + 0.0 for n in outputs]) if outputs else jnp.zeros(0)
-        return flatten_util.ravel_pytree(machine.rate(at, now, given))[0], picked
+        return flatten_util.ravel_pytree(machine.rate(at, now, all_inputs))[0], picked
 
     return jax.jacfwd(both, argnums=(0, 1))(flat, values)
 
@@ -269,8 +269,8 @@ def _rate_and_slope(machine: Machine | Circuit, state: Any, memory: Any, inputs:
     flat, back = flatten_util.ravel_pytree(state)
 
     def rate(v: Any) -> Any:
-        found = flatten_util.ravel_pytree(machine.rate(back(v), memory, inputs))[0]
-        return found, found
+        derivative = flatten_util.ravel_pytree(machine.rate(back(v), memory, inputs))[0]
+        return derivative, derivative
 
     slope, value = jax.jacfwd(rate, has_aux=True)(flat)
     return value, slope

@@ -262,11 +262,11 @@ def named(seen: sampled.SampleResult, names: Sequence[str]) -> dict[str, Any]:
 
 def channels_of(seen: sampled.SampleResult) -> Mapping[str, Any]:
     """All channels of a sample, named as `bench.run` does."""
-    found = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
-    found |= {n: v for n, v in seen.shown.items() if n.startswith("command.")}
-    found |= {channels.INPUTS[n]: v for n, v in seen.commands.items()}
+    by_name = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
+    by_name |= {n: v for n, v in seen.shown.items() if n.startswith("command.")}
+    by_name |= {channels.INPUTS[n]: v for n, v in seen.commands.items()}
     true = {channels.RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(CONSTANT)}
-    return found | true
+    return by_name | true
 
 
 def at_rest(plant: InstrumentedPlant, software: Any, pressure: Any, depth: int, row: Any) -> sampled.Carry:

@@ -260,17 +260,17 @@ def lower_or_load(function: Callable[..., Any], *examples: Any, title: str = "")
 
 
 def load_program(key: str) -> tuple[Program, Any] | None:
-    """The program of a key and a tree like its results, without JAX; None if none is kept."""
+    """The program of a key and a tree like its results, without JAX; None where none is kept."""
     found = cache.load(f"{key}.program")
     if found is None:
         return None
-    data, about = content
+    data, about = found
     try:
         given, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in about[part]] for part in ("arguments", "results"))
         tree = _built(about["tree"])
         if len(flatten(tree)[0]) != len(wanted):
             return None
-        return Program.from_parts(data, arguments, wanted, about["title"]), tree
+        return Program.from_parts(data, given, wanted, about["title"]), tree
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
 

@@ -182,9 +182,9 @@ class TensionLaw(Module):
         if not (np.isfinite(tension) and tension >= 0.0):
             raise InputError("tension", f"{tension:.6g} N", "must be 0 N or more")
         grid = np.linspace(0.0, highest, 1001)
-        given = np.asarray(self.tension(float(span), grid)) - tension
-        met = np.flatnonzero(np.abs(given) <= 1e-9 * max(tension, 1.0))
-        if met.size and np.all(given[: met[0]] < 0.0):
+        excess_at = np.asarray(self.tension(float(span), grid)) - tension
+        met = np.flatnonzero(np.abs(excess_at) <= 1e-9 * max(tension, 1.0))
+        if met.size and np.all(excess_at[: met[0]] < 0.0):
             return float(grid[met[0]])  # on a grid point, to the rounding in which two compilations differ
         crossings = np.flatnonzero(
             (excess_at[:-1] < 0.0) & (excess_at[1:] >= 0.0) | (excess_at[:-1] > 0.0) & (excess_at[1:] <= 0.0)
