@@ -143,9 +143,15 @@ class InputError(MckibbenError, ValueError):
     """
 
     def __init__(
-        self, field: str, value: object, allowed: str, *,
-        where: str | None = None, sentence: str | None = None, remedy: str = "",
-    ) -> None:  # fmt: skip
+        self,
+        field: str,
+        value: object,
+        allowed: str,
+        *,
+        where: str | None = None,
+        sentence: str | None = None,
+        remedy: str = "",
+    ) -> None:
         self.field, self.value, self.allowed, self.where = field, value, allowed, where
         self.sentence, self.remedy = sentence, remedy
         place = f"{where}: " if where else ""

@@ -245,17 +245,26 @@ class FieldType:
 
 
 def entry(
-    read: Callable[[Any, Place], Any], doc: str = "", *,
-    write: Callable[[Any, Place], Any] = lambda value, place: value, key: str = "", **options: Any,
-) -> Any:  # fmt: skip
+    read: Callable[[Any, Place], Any],
+    doc: str = "",
+    *,
+    write: Callable[[Any, Place], Any] = lambda value, place: value,
+    key: str = "",
+    **options: Any,
+) -> Any:
     """Declare a field that is read and written by functions of its own; `options` are those of `dataclasses.field`."""
     return dataclasses.field(metadata={"entry": FieldType(read, write, doc, key)}, **options)
 
 
 def number(
-    unit: str, bounds: tuple[float, float] = (-math.inf, math.inf), doc: str = "", *,
-    key: str = "", endless: bool = False, **options: Any,
-) -> Any:  # fmt: skip
+    unit: str,
+    bounds: tuple[float, float] = (-math.inf, math.inf),
+    doc: str = "",
+    *,
+    key: str = "",
+    endless: bool = False,
+    **options: Any,
+) -> Any:
     """Declare a number with unit, within inclusive bounds [unit]; also infinity where it may be endless."""
 
     def read(raw: Any, place: Place) -> float:
@@ -367,9 +376,16 @@ def table_fields(kind: Any) -> dict[str, tuple[str, FieldType, bool]]:
 
 
 def read_table(
-    kind: type[T], table: FileTable, *, units: Mapping[str, str] = _NOTHING, bare: bool = False, files: object = None,
-    owner: str = "", beside: Iterable[str] = (), **given: Any,
-) -> T:  # fmt: skip
+    kind: type[T],
+    table: FileTable,
+    *,
+    units: Mapping[str, str] = _NOTHING,
+    bare: bool = False,
+    files: object = None,
+    owner: str = "",
+    beside: Iterable[str] = (),
+    **given: Any,
+) -> T:
     """Read a value of a type from a table.
 
     Args:

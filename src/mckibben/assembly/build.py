@@ -110,9 +110,13 @@ def unit_from_specimen(
         stiffness=_usual("tendon_stiffness"), toe_length=_usual("tendon_toe"), loss=_usual("tendon_loss")
     )
     return MuscleUnit(
-        law=muscle.law, tendon=cord, friction=rubbing if rubs else None, creep=creep, wrap=wrap,
+        law=muscle.law,
+        tendon=cord,
+        friction=rubbing if rubs else None,
+        creep=creep,
+        wrap=wrap,
         **{name: mechanics.get(name, _usual(name)) for name in known},
-    )  # fmt: skip
+    )
 
 
 class AirLine(NamedTuple):
@@ -182,9 +186,14 @@ def circuit_for(
 
 
 def _add(
-    nodes: dict[str, Reservoir | Chamber], branches: dict[str, Branch], name: str, unit: MuscleUnit, line: AirLine,
-    room: Environment, source: str,
-) -> None:  # fmt: skip
+    nodes: dict[str, Reservoir | Chamber],
+    branches: dict[str, Branch],
+    name: str,
+    unit: MuscleUnit,
+    line: AirLine,
+    room: Environment,
+    source: str,
+) -> None:
     port = f"{name}.port"
     wall = WallHeat(conductance=_usual("heat_conductance"), wall_temperature=room.temperature)
     heat = wall if line.heat is None else line.heat

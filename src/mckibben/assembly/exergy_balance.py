@@ -95,9 +95,12 @@ class ExergyBalance:
         """Return the sum of both balances."""
         work = {k: v + other.compressor[k] for k, v in self.compressor.items()}
         return ExergyBalance(
-            self.exergy.plus(other.exergy), self.energy.plus(other.energy), self.load.plus(other.load),
-            self.air + other.air, work,
-        )  # fmt: skip
+            self.exergy.plus(other.exergy),
+            self.energy.plus(other.energy),
+            self.load.plus(other.load),
+            self.air + other.air,
+            work,
+        )
 
 
 def exergy_balance(machine: Machine, flow: Mapping[str, float], got: StoredChange) -> ExergyBalance:
@@ -113,14 +116,20 @@ def exergy_balance(machine: Machine, flow: Mapping[str, float], got: StoredChang
         "stored": {"muscle": got.muscle, "friction": got.friction - got.dissipated, "tendon": got.tendon},
     }
     energy = ExergyLedger(
-        {"enthalpy": 0.5 * (flow["enthalpy_turnover"] + flow["enthalpy"]), "heat": flow["heat"], "machines": flow["shaft"]},
         {
-            "enthalpy": 0.5 * (flow["enthalpy_turnover"] - flow["enthalpy"]), "atmosphere": got.lifted,
-            "other_walls": flow["work"] - flow["muscle_work"], **muscle["out"],
+            "enthalpy": 0.5 * (flow["enthalpy_turnover"] + flow["enthalpy"]),
+            "heat": flow["heat"],
+            "machines": flow["shaft"],
+        },
+        {
+            "enthalpy": 0.5 * (flow["enthalpy_turnover"] - flow["enthalpy"]),
+            "atmosphere": got.lifted,
+            "other_walls": flow["work"] - flow["muscle_work"],
+            **muscle["out"],
         },
         {"gas": got.gas, **muscle["stored"]},
         max(flow["enthalpy_turnover"], flow["exchanged"]),
-    )  # fmt: skip
+    )
     air, compressor = _supplies(machine, flow)
     return ExergyBalance(_exergy(machine, flow, got, muscle), energy, load, air, compressor)
 
@@ -149,13 +158,16 @@ def _exergy(machine: Machine, flow: Mapping[str, float], got: StoredChange, musc
     # what passed the border both ways, as it is counted for the enthalpy
     crossed = sum(abs(v) for v in (*into.values(), lost["exhaust"], lost["dead_volume"], lost["leak"]))
     gas = {
-        "mixing": flow["mixed"], "heat": walls - flow["heat_worth"],
+        "mixing": flow["mixed"],
+        "heat": walls - flow["heat_worth"],
         "other_walls": flow["work"] - flow["muscle_work"] - (got.swollen - got.lifted),
-    }  # fmt: skip
+    }
     return ExergyLedger(
-        into, {**lost, **gas, **muscle["out"]}, {"gas": got.gas_exergy, **muscle["stored"]},
+        into,
+        {**lost, **gas, **muscle["out"]},
+        {"gas": got.gas_exergy, **muscle["stored"]},
         max(crossed, flow["exchanged"]),
-    )  # fmt: skip
+    )
 
 
 def _wall(machine: Machine) -> float | None:
@@ -205,9 +217,13 @@ def document(machine: Machine, parts: Sequence[ExergyBalance]) -> dict[str, Any]
         for n, v in circuit.nodes.items()
     }
     return {
-        "exergy": whole.exergy.document(), "energy": whole.energy.document(), "load": whole.load.document(),
-        "air": whole.air, "compressor": dict(whole.compressor),
+        "exergy": whole.exergy.document(),
+        "energy": whole.energy.document(),
+        "load": whole.load.document(),
+        "air": whole.air,
+        "compressor": dict(whole.compressor),
         "paths": {n: [kind_of(circuit.elements[e]), *ends] for n, (e, ends) in paths_of(circuit).items()},
-        "lines": [sorted(line) for line in lines_of(circuit)], "nodes": nodes,
+        "lines": [sorted(line) for line in lines_of(circuit)],
+        "nodes": nodes,
         "laws": {name: law_name(unit.law) for name, unit in machine.units.items()},
-    }  # fmt: skip
+    }

@@ -159,9 +159,15 @@ def linearise(
 
 @functools.partial(jit, static_argnums=(5, 6, 7))
 def _jacobians(
-    machine: Machine | Circuit, state: Any, memory: Any, inputs: Any, values: Any,
-    sources: tuple[str, ...], outputs: tuple[str, ...], stuck: bool,
-) -> Any:  # fmt: skip
+    machine: Machine | Circuit,
+    state: Any,
+    memory: Any,
+    inputs: Any,
+    values: Any,
+    sources: tuple[str, ...],
+    outputs: tuple[str, ...],
+    stuck: bool,
+) -> Any:
     """Derivatives of (rate, outputs) by (state, inputs); a stuck wrap is a spring on the span."""
     flat, back = flatten_util.ravel_pytree(state)
     load = machine.load if isinstance(machine, Machine) and stuck else None
@@ -242,9 +248,14 @@ def settle(
 
     size = np.maximum(np.abs(np.asarray(flat)), FLOOR)
     run = solve_ivp(
-        lambda t, x: rate(x) - brake * x, (0.0, longest), np.asarray(flat), method="BDF", rtol=1e-8, atol=1e-9 * size,
+        lambda t, x: rate(x) - brake * x,
+        (0.0, longest),
+        np.asarray(flat),
+        method="BDF",
+        rtol=1e-8,
+        atol=1e-9 * size,
         jac=lambda t, x: slope(x),
-    )  # fmt: skip
+    )
     x = run.y[:, -1]
 
     def residual(at: np.ndarray) -> np.ndarray:

@@ -50,16 +50,21 @@ class Machine(System):
             node = circuit.nodes.get(name)
             if not isinstance(node, MovingVolume) or node.signal != f"{name}.length":
                 raise InputError(
-                    name, "no moving volume", f"the circuit needs a MovingVolume {name} with the signal {name}.length",
+                    name,
+                    "no moving volume",
+                    f"the circuit needs a MovingVolume {name} with the signal {name}.length",
                     where="machine",
-                )  # fmt: skip
+                )
             if not unit.law.has_volume():
                 law = law_name(unit.law)
                 raise InputError(
-                    f"{name}.law", law, "must be a law that knows its volume", where="machine",
+                    f"{name}.law",
+                    law,
+                    "must be a law that knows its volume",
+                    where="machine",
                     sentence=f"The law {law} of {name} does not know the volume of its gas, which a machine needs. "
                     "State its rest_volume if it has one, or take another law",
-                )  # fmt: skip
+                )
         if sorted(load.muscles()) != sorted(units):
             raise InputError("load", ", ".join(load.muscles()), f"it must hold {', '.join(units)}", where="machine")
         return cls(circuit, dict(units), load, environment or Environment())
@@ -124,9 +129,10 @@ class Machine(System):
             alone, kept = call_compiled(_at_rest, part, chosen, {new: inputs[names[new]] for new in part.signals()})
             for whole, piece in (
                 *((state["circuit"][kind], alone["circuit"][kind]) for kind in state["circuit"]),
-                (state["muscles"], alone["muscles"]), (memory["circuit"], kept["circuit"]),
+                (state["muscles"], alone["muscles"]),
+                (memory["circuit"], kept["circuit"]),
                 (memory["muscles"], kept["muscles"]),
-            ):  # fmt: skip
+            ):
                 whole.update({names[new]: value for new, value in piece.items()})
         return state, memory
 

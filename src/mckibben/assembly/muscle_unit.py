@@ -113,11 +113,14 @@ class MuscleUnit(Module):
         """The memory after a piece of the motion that takes a time [s]."""
         done: dict[str, Advanced] = {
             name: part.advance(
-                memory[name].state, path.length,
-                start_pressure=path.start_pressure, end_pressure=path.end_pressure, duration=duration,
+                memory[name].state,
+                path.length,
+                start_pressure=path.start_pressure,
+                end_pressure=path.end_pressure,
+                duration=duration,
             )
             for name, part in self.parts.items()
-        }  # fmt: skip
+        }
         if self.wrap is not None:
             done["wrap"] = self.wrap.advance(memory["wrap"].state, path.span, path.end_tension)
         return {

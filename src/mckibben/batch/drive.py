@@ -93,6 +93,11 @@ def run_sweep(
         codes = store.codes()
     there = codes != VariantOutcome.NOT_RUN
     return SweepReport(
-        runs=int(there.sum()), new=new, failed=int((there & (codes != VariantOutcome.DONE)).sum()), codes=codes_of(codes),
-        store=str(store.path), seconds=time.perf_counter() - begun, muscle_seconds=simulated,
-    )  # fmt: skip
+        runs=int(there.sum()),
+        new=new,
+        failed=int((there & (codes != VariantOutcome.DONE)).sum()),
+        codes=codes_of(codes),
+        store=str(store.path),
+        seconds=time.perf_counter() - begun,
+        muscle_seconds=simulated,
+    )

@@ -153,8 +153,14 @@ class LaneKernels:
             first = jax.tree.map(lambda x: x[0], carry)
             self._native[stiff] = compile_function(
                 functools.partial(physics, self.kind._replace(engine="", threads=0), stiff=stiff),
-                one, first, row, np.float64(period), np.int64(inner), engine=self.kind.engine, title="a lane of a batch",
-            )  # fmt: skip
+                one,
+                first,
+                row,
+                np.float64(period),
+                np.int64(inner),
+                engine=self.kind.engine,
+                title="a lane of a batch",
+            )
         kernel = self._native.get(stiff)
         return kernel if kernel is not None and kernel.engine != "xla" else None
 
@@ -211,9 +217,15 @@ def physics(kind: KernelKey, leaves: Any, carry: Any, rows: Any, period: Any, in
 
     def sample(before: Any, row: Any) -> tuple[Any, sampled.SampleResult]:
         return sampled.sample(
-            tree["plant"], tree["software"], before, row,
-            period=period, inner=inner, latency=tree["latency"], stiff=stiff,
-        )  # fmt: skip
+            tree["plant"],
+            tree["software"],
+            before,
+            row,
+            period=period,
+            inner=inner,
+            latency=tree["latency"],
+            stiff=stiff,
+        )
 
     def one(before: Any, row: Any) -> tuple[Any, Any]:
         state, ran, last = before

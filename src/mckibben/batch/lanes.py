@@ -89,7 +89,7 @@ def build(factory: RunFactory, values: Mapping[str, Any]) -> BuiltVariant:
         rig = bench.rig
         machine = rig.machine(
             part.layout, with_friction_scale(bench.unit, part.friction), start=part.start_span, moves=part.moves
-        )  # fmt: skip
+        )
         tree = {
             "plant": rig.plant(machine, part.layout, mounted=part.start_span),
             "software": _trimmed(software_of(bench, part, timing), part),

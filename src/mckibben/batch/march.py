@@ -70,9 +70,15 @@ class NoiseRows:
 
 
 def part(
-    kernels: LaneKernels, leaves: Sequence[np.ndarray], sums: RunningTotals, rows: NoiseRows, *,
-    period: float, inner: int, tell: Callable[[float], None],
-) -> MarchedPart:  # fmt: skip
+    kernels: LaneKernels,
+    leaves: Sequence[np.ndarray],
+    sums: RunningTotals,
+    rows: NoiseRows,
+    *,
+    period: float,
+    inner: int,
+    tell: Callable[[float], None],
+) -> MarchedPart:
     """Run one part of the protocol in every lane.
 
     Args:
@@ -102,17 +108,27 @@ def part(
     names = kernels.kind.kept
     width = len(sums.going)
     return MarchedPart(
-        begun, carry, sums, failed, stopped,
+        begun,
+        carry,
+        sums,
+        failed,
+        stopped,
         {n: np.concatenate([k[0][n] for k in kept], axis=1) for n in names} if kept else {},
         np.concatenate([k[1] for k in kept], axis=1) if kept else np.zeros((width, 0), bool),
         np.concatenate([k[2] for k in kept], axis=1) if kept else np.zeros((width, 0), int),
-    )  # fmt: skip
+    )
 
 
 def _chunk(
-    kernels: LaneKernels, leaves: Sequence[np.ndarray], carry: Any, sums: Any, row: Any, period: float, inner: int,
+    kernels: LaneKernels,
+    leaves: Sequence[np.ndarray],
+    carry: Any,
+    sums: Any,
+    row: Any,
+    period: float,
+    inner: int,
     failed: dict[int, LaneFailure],
-) -> tuple[Any, Any, ChunkResult]:  # fmt: skip
+) -> tuple[Any, Any, ChunkResult]:
     """A chunk of all lanes, those that need it with shorter steps; what failed is added to `failed`."""
     after, new, result_of_chunk = kernels.march(leaves, carry, sums, row, period=period, inner=inner, stiff=False)
     todo = {Steps(): np.flatnonzero(sums.going)}

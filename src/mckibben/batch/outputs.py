@@ -214,10 +214,17 @@ def start_totals(outputs: tuple[Output, ...], after_stop: int) -> RunningTotals:
     """Before the first sample; `after_stop` samples follow a stop."""
     zero, none = jnp.zeros(()), jnp.asarray(jnp.nan)
     empty = {
-        "count": jnp.zeros((), int), "first": none, "last": none, "low": jnp.asarray(jnp.inf),
-        "high": jnp.asarray(-jnp.inf), "sum": zero, "squares": zero, "path": zero, "over": none,
+        "count": jnp.zeros((), int),
+        "first": none,
+        "last": none,
+        "low": jnp.asarray(jnp.inf),
+        "high": jnp.asarray(-jnp.inf),
+        "sum": zero,
+        "squares": zero,
+        "path": zero,
+        "over": none,
         "since": jnp.asarray(FAR),
-    }  # fmt: skip
+    }
     sums = {o.name: {k: empty[k] for k in ("count", *NEEDS[o.reduce])} for o in outputs if o.reduce in RUNNING}
     return RunningTotals(jnp.asarray(True), jnp.asarray(False), jnp.zeros((), int), jnp.asarray(after_stop), sums)
 

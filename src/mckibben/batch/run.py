@@ -73,9 +73,7 @@ class Runner:
         refused, groups = self.planner.plan(variants)
         for row, said in refused.items():
             message[row] = said
-        pieces = [
-            LaneGroup(g.family, g.lanes[i : i + LANES]) for g in groups for i in range(0, len(g.lanes), LANES)
-        ]  # fmt: skip
+        pieces = [LaneGroup(g.family, g.lanes[i : i + LANES]) for g in groups for i in range(0, len(g.lanes), LANES)]
         outputs: dict[str, np.ndarray] = {}
         for number, piece in enumerate(pieces):
             done = _Piece(self, piece, _after(number, len(pieces), tell))
@@ -95,10 +93,17 @@ class Runner:
         kept = tuple(dict.fromkeys(o.channel for o in outputs if o.reduce in LATER))
         shared = tuple(bool(s) for s in family.shared[part])
         kind = KernelKey(
-            structure=family.fixed.structures[part], shared=shared, depth=family.fixed.timing.depth,
-            every=family.fixed.every, outputs=outputs, kept=kept, accounts=any(not o.sampled for o in outputs),
-            seeds=seeds, engine=self.engine, threads=self.threads,
-        )  # fmt: skip
+            structure=family.fixed.structures[part],
+            shared=shared,
+            depth=family.fixed.timing.depth,
+            every=family.fixed.every,
+            outputs=outputs,
+            kept=kept,
+            accounts=any(not o.sampled for o in outputs),
+            seeds=seeds,
+            engine=self.engine,
+            threads=self.threads,
+        )
         for known in self._kernels:
             if known.kind == kind:
                 return known
@@ -136,9 +141,14 @@ class _Piece:
             rows = march.NoiseRows([SensorNoise(lane.built.bench, part) for lane in chosen])
             offset = sums.samples.copy()
             marched = march.part(
-                kernels, leaves, sums, rows, period=self.period, inner=self.timing.inner,
+                kernels,
+                leaves,
+                sums,
+                rows,
+                period=self.period,
+                inner=self.timing.inner,
                 tell=_after(before, total, tell),
-            )  # fmt: skip
+            )
             before = int(marched.totals.samples.max())
             self._take(kernels, leaves, part, marched, offset)
             dead = np.zeros(width, bool)
@@ -264,9 +274,15 @@ def known_names(template: BuiltVariant) -> tuple[list[str], list[str]]:
         carry = at_rest(tree["plant"], tree["software"], tree["pressure"], fixed.timing.depth, row)
         timing = fixed.timing
         _, result = sampled.sample(
-            tree["plant"], tree["software"], carry, row, period=timing.period, inner=timing.inner,
-            latency=tree["latency"], stiff=False,
-        )  # fmt: skip
+            tree["plant"],
+            tree["software"],
+            carry,
+            row,
+            period=timing.period,
+            inner=timing.inner,
+            latency=tree["latency"],
+            stiff=False,
+        )
         return channels_of(result), carry.integrals
 
     channels, integrals = jax.eval_shape(one, leaves)

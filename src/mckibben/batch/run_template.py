@@ -107,10 +107,15 @@ class RunFactory:
         of_muscle = {k: v for k, v in settings.items() if k.startswith("muscle.")}
         of_steps = {k: v for k, v in settings.items() if k not in of_rig and k not in of_muscle}
         return prepare(
-            self._protocol(_key(of_steps)), muscle=self._specimen(muscle), unit=self._changed(self._unit(muscle), of_muscle),
-            rig=self._rig((rig, *_key(of_rig))), plumbing=plumbing, step=template.step, seed=seed,
+            self._protocol(_key(of_steps)),
+            muscle=self._specimen(muscle),
+            unit=self._changed(self._unit(muscle), of_muscle),
+            rig=self._rig((rig, *_key(of_rig))),
+            plumbing=plumbing,
+            step=template.step,
+            seed=seed,
             accept_saturation=template.accept_saturation,
-        )  # fmt: skip
+        )
 
     def _specimen(self, name: str) -> Specimen:
         return self.template.specimens.get(name) or specimen(name)
@@ -146,10 +151,13 @@ def make_template(protocol: Protocol, muscle: str, rig: str = "paper", **more: A
         InputError: if there is no such muscle or rig, or a path of `given` is unknown.
     """
     made = RunTemplate(
-        protocol=protocol, muscle=muscle, rig=rig,
+        protocol=protocol,
+        muscle=muscle,
+        rig=rig,
         specimens={muscle: specimen(muscle), **more.pop("specimens", {})},
-        rigs={rig: dict(rig_of(rig).document), **more.pop("rigs", {})}, **more,
-    )  # fmt: skip
+        rigs={rig: dict(rig_of(rig).document), **more.pop("rigs", {})},
+        **more,
+    )
     for path in made.given:
         made.setting(path)
     return made

@@ -134,9 +134,11 @@ def _known(place: Path, sweep: Sweep) -> ResultStore:
     if digest != sweep.digest:
         title = about.get("title") or "without a title"
         raise InputError(
-            "--out", str(place), f"it holds the results of another sweep ({title}, {count} variants, hash {digest[:12]}; "
+            "--out",
+            str(place),
+            f"it holds the results of another sweep ({title}, {count} variants, hash {digest[:12]}; "
             f"this one has {sweep.digest[:12]}); choose another folder",
-        )  # fmt: skip
+        )
     return ResultStore(place, group, count, block)
 
 
@@ -147,13 +149,22 @@ def _create(group: Any, sweep: Sweep, block: int) -> None:
 
     def array(name: str, kind: Any, fill: Any, **attributes: Any) -> Any:
         return group.create_array(
-            name, shape=(count,), chunks=(block,), dtype=kind, fill_value=fill, dimension_names=("variant",),
+            name,
+            shape=(count,),
+            chunks=(block,),
+            dtype=kind,
+            fill_value=fill,
+            dimension_names=("variant",),
             attributes=attributes,
-        )  # fmt: skip
+        )
 
     for path, values in sweep.variants.columns.items():
-        one = array(f"parameters/{path}", float if values.dtype == float else str, np.nan if values.dtype == float else "",
-                    unit=sweep.template.settings[path].unit)  # fmt: skip
+        one = array(
+            f"parameters/{path}",
+            float if values.dtype == float else str,
+            np.nan if values.dtype == float else "",
+            unit=sweep.template.settings[path].unit,
+        )
         one[:] = values
     array("code", "i1", -1, meaning={o.name.lower(): int(o) for o in VariantOutcome})
     array("message", str, "")
@@ -166,13 +177,20 @@ def _create(group: Any, sweep: Sweep, block: int) -> None:
             array(f"outputs/{name}", float, np.nan, **{k: v for k, v in one._asdict().items() if k != "name"})
     for name in [TIME, *whole] if whole else []:
         group.create_array(
-            f"outputs/{name}", shape=(count, 1), chunks=(block, SAMPLES), dtype=float, fill_value=np.nan,
+            f"outputs/{name}",
+            shape=(count, 1),
+            chunks=(block, SAMPLES),
+            dtype=float,
+            fill_value=np.nan,
             dimension_names=("variant", "sample"),
-        )  # fmt: skip
+        )
     group.attrs[KEY] = {
-        **sweep.document(), "digest": sweep.digest, "block": block, "version": versions()["mckibben"],
+        **sweep.document(),
+        "digest": sweep.digest,
+        "block": block,
+        "version": versions()["mckibben"],
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-    }  # fmt: skip
+    }
 
 
 def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:

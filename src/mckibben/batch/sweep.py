@@ -68,13 +68,22 @@ class Sweep:
         """Shared properties of the variants as a JSON document."""
         template = self.template
         return {
-            "schema": SCHEMA, "title": self.title, "protocol": template.protocol.document(), "muscle": template.muscle,
-            "rig": template.rig, "specimens": {k: s.stated() for k, s in template.specimens.items()},
-            "rigs": {k: dict(d) for k, d in template.rigs.items()}, "set": dict(template.given),
-            "plumbing": template.plumbing, "noise_seed": template.noise_seed, "step": template.step,
-            "accept_saturation": template.accept_saturation, "outputs": document(template.outputs),
-            "parameters": {p: template.settings[p].unit for p in self.variants.columns}, "variants": len(self.variants),
-        }  # fmt: skip
+            "schema": SCHEMA,
+            "title": self.title,
+            "protocol": template.protocol.document(),
+            "muscle": template.muscle,
+            "rig": template.rig,
+            "specimens": {k: s.stated() for k, s in template.specimens.items()},
+            "rigs": {k: dict(d) for k, d in template.rigs.items()},
+            "set": dict(template.given),
+            "plumbing": template.plumbing,
+            "noise_seed": template.noise_seed,
+            "step": template.step,
+            "accept_saturation": template.accept_saturation,
+            "outputs": document(template.outputs),
+            "parameters": {p: template.settings[p].unit for p in self.variants.columns},
+            "variants": len(self.variants),
+        }
 
     def check(self) -> BuiltVariant:
         """Check everything before the run; return the first variant.

@@ -98,10 +98,14 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
     run = top.table("run")
     run.only(("block", "memory", "engine"))
     return Sweep(
-        template, variants, title=top.text("title"), where=where, engine=run.word("engine", "auto", among=ENGINES),
+        template,
+        variants,
+        title=top.text("title"),
+        where=where,
+        engine=run.word("engine", "auto", among=ENGINES),
         block=run.whole("block", 1, 2**16) if "block" in run.values else 0,
         memory=run.number("memory", "byte", MEMORY),
-    )  # fmt: skip
+    )
 
 
 def _template(top: FileTable, folder: Path) -> RunTemplate:
@@ -114,11 +118,17 @@ def _template(top: FileTable, folder: Path) -> RunTemplate:
     if not STEPS[0] <= step <= STEPS[1]:
         raise top.fail("step", top.values["step"], "must be 0.1 us to 1 ms")
     template = RunTemplate(
-        protocol=protocol, muscle=muscle, rig=rig, specimens={muscle: specimen(muscle)},
-        rigs={rig: dict(rig_of(rig).document)}, outputs=read_outputs(top), plumbing=top.text("plumbing"), step=step,
+        protocol=protocol,
+        muscle=muscle,
+        rig=rig,
+        specimens={muscle: specimen(muscle)},
+        rigs={rig: dict(rig_of(rig).document)},
+        outputs=read_outputs(top),
+        plumbing=top.text("plumbing"),
+        step=step,
         accept_saturation=accept,
         noise_seed=top.whole("noise_seed", 0, 2**32 - 1, 0),
-    )  # fmt: skip
+    )
     settings = top.table("set")
     for path in settings.values:
         if path in WORDS:
@@ -215,8 +225,10 @@ def _posterior(top: FileTable, known: Any, folder: Path) -> Variants | None:
 def _with_files(template: RunTemplate, variants: Variants, folder: Path, where: str) -> RunTemplate:
     """Add the files of every muscle and rig that a variant names, in their present state."""
     specimens, rigs = dict(template.specimens), dict(template.rigs)
-    for path, read in (("muscle", lambda n: specimens.setdefault(n, specimen(_found(n, folder)))),
-                       ("rig", lambda n: rigs.setdefault(n, dict(rig_of(_found(n, folder)).document)))):  # fmt: skip
+    for path, read in (
+        ("muscle", lambda n: specimens.setdefault(n, specimen(_found(n, folder)))),
+        ("rig", lambda n: rigs.setdefault(n, dict(rig_of(_found(n, folder)).document))),
+    ):
         for name in dict.fromkeys(variants.columns.get(path, ())):
             try:
                 read(str(name))

@@ -271,7 +271,7 @@ def _client(way: str, count: int) -> Iterator[Any]:
                 dashboard_address=None,
                 memory_limit=0,
                 env={"DASK_LOGGING__DISTRIBUTED": "critical"},
-            ) as cluster,  # fmt: skip
+            ) as cluster,
             distributed.Client(cluster) as client,
         ):
             yield client

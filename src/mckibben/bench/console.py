@@ -141,17 +141,21 @@ def _following(path: Path, *channels: str) -> Protocol:
             complaint = complaint or error
             continue
         table: dict[str, Any] = {
-            "kind": "table", "times": [f"{float(t) - float(times[0])!r} s" for t in times],
+            "kind": "table",
+            "times": [f"{float(t) - float(times[0])!r} s" for t in times],
             "values": [f"{float(v)!r} {unit}" for v in values],
-        }  # fmt: skip
+        }
         lasts = f"{float(times[-1]) - float(times[0])!r} s"
         first = {channel: {"to": table["values"][0], "in": "1 s"}, "record": False}
         return build_protocol(
             {
-                "schema": 1, "name": path.stem, "title": f"{channel.capitalize()} as in {path.name}",
+                "schema": 1,
+                "name": path.stem,
+                "title": f"{channel.capitalize()} as in {path.name}",
                 "steps": [first, {channel: table, "for": lasts}],
-            }, where=str(path),
-        )  # fmt: skip
+            },
+            where=str(path),
+        )
     assert complaint is not None
     raise complaint
 
@@ -269,9 +273,11 @@ class CommandInterpreter(abc.ABC):
         self.operated.set(**{name: _some(name, words)})
         manual = self.setup.manual
         rates = {
-            "pressure": (manual.pressure_rate, "Pa", "/s"), "span": (manual.speed, "m/s", ""),
-            "velocity": (manual.acceleration, "m/s^2", ""), "tension": (manual.tension_rate, "N", "/s"),
-        }  # fmt: skip
+            "pressure": (manual.pressure_rate, "Pa", "/s"),
+            "span": (manual.speed, "m/s", ""),
+            "velocity": (manual.acceleration, "m/s^2", ""),
+            "tension": (manual.tension_rate, "N", "/s"),
+        }
         rate, unit, per = rates[name]
         return f"{name} to {' '.join(words)}, at {with_unit(float(rate), unit, 3)}{per} at most"
 

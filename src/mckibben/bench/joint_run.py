@@ -57,9 +57,11 @@ class JointStand:
         load = self.machine.load.replace(start=jnp.asarray(angle, float))
         sensor = self.rig.sensors["pressure"]
         return RiggedJoint(
-            machine=self.machine.replace(load=load), sensors=dict.fromkeys(PRESSURES.values(), sensor),
-            encoder=self.encoder, valve_out=self.rig.valve_out,
-        )  # fmt: skip
+            machine=self.machine.replace(load=load),
+            sensors=dict.fromkeys(PRESSURES.values(), sensor),
+            encoder=self.encoder,
+            valve_out=self.rig.valve_out,
+        )
 
     def with_gains(self, **gains: float) -> JointStand:
         """Return a copy with other controller gains, by name."""
@@ -107,19 +109,29 @@ def joint_stand(
     bends = flexor_arm or MomentArm(coefficients=jnp.array([ARM]), span=SPAN)
     stretches = extensor_arm or bends.replace(coefficients=-bends.coefficients)
     machine = antagonist_pair(
-        flexor, flexor if extensor is None else extensor, supply=float(parts.supply_pressure), flexor_arm=bends,
-        extensor_arm=stretches, inertia=inertia, joint={"damping": 0.01, "signal": MOMENT, **(joint or {})},
-        environment=on.environment, valve=parts.valve, tube=parts.tube, port_volume=float(parts.port_volume),
+        flexor,
+        flexor if extensor is None else extensor,
+        supply=float(parts.supply_pressure),
+        flexor_arm=bends,
+        extensor_arm=stretches,
+        inertia=inertia,
+        joint={"damping": 0.01, "signal": MOMENT, **(joint or {})},
+        environment=on.environment,
+        valve=parts.valve,
+        tube=parts.tube,
+        port_volume=float(parts.port_volume),
         heat=parts.heat,
-    )  # fmt: skip
+    )
     lowest, highest = pressures
     top = min(float(on.valve_out.top), float(parts.supply_pressure))
     if not highest <= top:
         raise InputError("pressures", highest, f"allowed is at most {top:.6g} Pa, what the valves give", where=on.name)
     control = JointControl(
-        pair=pair_map(machine, lowest=lowest, highest=highest, angles=angles), motion=on.motion,
-        valve=on.pressure.replace(low=0.0, high=highest), **(gains or {}),
-    )  # fmt: skip
+        pair=pair_map(machine, lowest=lowest, highest=highest, angles=angles),
+        motion=on.motion,
+        valve=on.pressure.replace(low=0.0, high=highest),
+        **(gains or {}),
+    )
     return JointStand(on, layout, machine, dataclasses.replace(_counting(on), pulley_radius=AXIS), control)
 
 
@@ -268,12 +280,19 @@ def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accoun
     cites = [key for unit in plant.machine.units.values() for key in unit.law.cites]
     owners = {"machine": plant.machine, "control": stand.control}
     return {
-        "rig": rig.name, "plumbing": stand.layout, "parameters": resolved(owners), "inferred": list(rig.inferred),
+        "rig": rig.name,
+        "plumbing": stand.layout,
+        "parameters": resolved(owners),
+        "inferred": list(rig.inferred),
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
         "balance": {name: float(getattr(closed, name)) for name in CLOSED},
         "friction": {"work": closed.friction, "dissipated": closed.dissipated},
         "energy": document(plant.machine, [closed.energy_parts]),
         "timing": {"control_rate": timing.sample_rate, "latency": timing.latency},
-        "seed": seed, "result": "done", "message": "The run reached its end.", "versions": versions(),
-        "citations": list(dict.fromkeys(cites)), "created": created(),
-    }  # fmt: skip
+        "seed": seed,
+        "result": "done",
+        "message": "The run reached its end.",
+        "versions": versions(),
+        "citations": list(dict.fromkeys(cites)),
+        "created": created(),
+    }

@@ -39,10 +39,17 @@ class StepTable:
             case = {k: v if isinstance(v, str) else str(v) for k, v in step.case.items()}
             self.steps.append(
                 {
-                    "index": step.index, "path": step.path, "label": step.step.label, "case": case, "start": begins,
-                    "end": begins, "ended_by": "time", "recorded": step.record, "sentence": step.step.sentence(),
+                    "index": step.index,
+                    "path": step.path,
+                    "label": step.step.label,
+                    "case": case,
+                    "start": begins,
+                    "end": begins,
+                    "ended_by": "time",
+                    "recorded": step.record,
+                    "sentence": step.step.sentence(),
                 }
-            )  # fmt: skip
+            )
 
     def end(self, time: float, by: str = "until") -> None:
         """End the last step at a time [s]; if that is earlier than planned, `by` names the reason."""
@@ -60,18 +67,33 @@ def initial_metadata(bench: PreparedRun) -> dict[str, Any]:
     room = rig.environment
     said = " ".join([rig.source, protocol.source])
     return {
-        "title": protocol.title, "sentence": protocol.sentence(), "protocol": protocol.document(),
-        "digest": protocol.digest, "rig": rig.name, "rig_document": dict(rig.document), "plumbing": bench.layout,
-        "specimen": None if spec is None else spec.id, "rest_length": bench.plan.rest_length,
+        "title": protocol.title,
+        "sentence": protocol.sentence(),
+        "protocol": protocol.document(),
+        "digest": protocol.digest,
+        "rig": rig.name,
+        "rig_document": dict(rig.document),
+        "plumbing": bench.layout,
+        "specimen": None if spec is None else spec.id,
+        "rest_length": bench.plan.rest_length,
         "inferred": [*rig.inferred, *(spec.inferred() if spec else [])],
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
-        "converters": _ends(bench), **_calibrated(bench), "seed": bench.seed,
+        "converters": _ends(bench),
+        **_calibrated(bench),
+        "seed": bench.seed,
         "warnings": [*(f.sentence for f in bench.accepted), *bench.cautions],
-        "citations": list(dict.fromkeys(
-            [*bench.unit.law.cites, *(spec.sources if spec else ()), *(k for k in citations.known_keys() if k in said)]
-        )),
-        "versions": versions(), "created": created(),
-    }  # fmt: skip
+        "citations": list(
+            dict.fromkeys(
+                [
+                    *bench.unit.law.cites,
+                    *(spec.sources if spec else ()),
+                    *(k for k in citations.known_keys() if k in said),
+                ]
+            )
+        ),
+        "versions": versions(),
+        "created": created(),
+    }
 
 
 def run_metadata(
@@ -95,10 +117,12 @@ def run_metadata(
         "energy": document(machine, [a.energy_parts for a in closed]) if closed else {},
         "saturation": saturated(record, _true_ends(bench)),
         "timing": {
-            "sample_rate": bench.protocol.sample_rate, "control_rate": timing.sample_rate, "latency": timing.latency,
+            "sample_rate": bench.protocol.sample_rate,
+            "control_rate": timing.sample_rate,
+            "latency": timing.latency,
             "step": timing.period / inner,
         },
-    }  # fmt: skip
+    }
 
 
 def _ends(bench: PreparedRun) -> dict[str, dict[str, float]]:

@@ -124,8 +124,9 @@ class PreparedRun:
         old = () if used is None else used.expired(datetime.datetime.now(datetime.UTC))
         unknown = [
             f"the rig {self.rig.name} does not say what changes when somebody is asked to {ask}: simulated, nothing does"
-            for ask in dict.fromkeys(asked) if self.rig.operator_action(ask) is None
-        ]  # fmt: skip
+            for ask in dict.fromkeys(asked)
+            if self.rig.operator_action(ask) is None
+        ]
         return (*old, *unknown)
 
     def segments(self) -> Iterator[RunSegment]:
@@ -199,9 +200,19 @@ def prepare(
     findings += _not_built(on, unit, plan, layout) if not any(f.field == "sample_rate" for f in findings) else []
     spared = [f for f in findings if accept_saturation and f.field == "tension" and f.allowed.startswith(ON_THE_CELL)]
     return PreparedRun(
-        wanted, on, unit, plan, layout, spec, every, step, seed, tuple(faults),
-        tuple(f for f in findings if f not in spared), tuple(spared),
-    )  # fmt: skip
+        wanted,
+        on,
+        unit,
+        plan,
+        layout,
+        spec,
+        every,
+        step,
+        seed,
+        tuple(faults),
+        tuple(f for f in findings if f not in spared),
+        tuple(spared),
+    )
 
 
 def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float, **options: Any) -> PreparedRun:

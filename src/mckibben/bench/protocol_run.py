@@ -136,9 +136,14 @@ def loop_chunks(
     """Play a segment on a machine that the segment starts."""
     assert run.machine is not None
     loop = SampleLoop(
-        SampledMachine(hardware, run.timing.period), run.prepared.rig.converters(segment.start_span), software,
-        outputs=run.machine.signals(), longest=run.longest, stop=run.stop, tell=run.note_lateness,
-    )  # fmt: skip
+        SampledMachine(hardware, run.timing.period),
+        run.prepared.rig.converters(segment.start_span),
+        software,
+        outputs=run.machine.signals(),
+        longest=run.longest,
+        stop=run.stop,
+        tell=run.note_lateness,
+    )
     try:
         yield from played(loop)
     finally:
@@ -159,9 +164,13 @@ def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True
         own = SegmentMachine(prepared, number, segment, timing)
         machine, software = own.at_interface(), software_of(prepared, segment, timing)
         SampleLoop(
-            SampledMachine(SimulatedHardware(machine), timing.period), prepared.rig.converters(segment.start_span), software,
-            outputs=own.machine.signals(), longest=1, stop=lambda: False,
-        )  # fmt: skip
+            SampledMachine(SimulatedHardware(machine), timing.period),
+            prepared.rig.converters(segment.start_span),
+            software,
+            outputs=own.machine.signals(),
+            longest=1,
+            stop=lambda: False,
+        )
 
 
 class ProtocolRun:
@@ -187,10 +196,17 @@ class ProtocolRun:
     """
 
     def __init__(
-        self, prepared: PreparedRun, stage: Stage, *, progress: Progress | None = None, display: Display | None = None,
-        stop: Callable[[], bool] | None = None, ask: Callable[[str], None] | None = None, log: str | Path | None = None,
+        self,
+        prepared: PreparedRun,
+        stage: Stage,
+        *,
+        progress: Progress | None = None,
+        display: Display | None = None,
+        stop: Callable[[], bool] | None = None,
+        ask: Callable[[str], None] | None = None,
+        log: str | Path | None = None,
         begun: Callable[[ProtocolRun], None] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         check(list(prepared.findings))
         self.prepared, self.stage, self.progress, self.display, self.ask = prepared, stage, progress, display, ask
         self.stop = EmergencyStop() if stop is None else stop
@@ -239,7 +255,7 @@ class ProtocolRun:
         assert self.machine is not None
         meta = run_metadata(
             self.prepared, self.machine, self.timing, inner=self.finest, closed=self.accounts, record=record
-        )  # fmt: skip
+        )
         meta |= {"steps": self.steps, "events": self.events}
         encoder, hardware = self.prepared.rig.encoder, self.stage.hardware
         if encoder is not None:

@@ -124,15 +124,18 @@ class Rig:
         top = min(float(self.valve_out.top), float(plumbing.supply_pressure))
         still = motor is None
         return Limits(
-            pressure=(max(0.0, float(self.valve_out.low)), top), pressure_rate=self._pressure_rate(plumbing),
+            pressure=(max(0.0, float(self.valve_out.low)), top),
+            pressure_rate=self._pressure_rate(plumbing),
             burst_pressure=min(burst_pressure, float(self.interlocks.burst_pressure)),
             tension=float("inf") if cell is None else float(cell.high),
             motor_force=float("inf") if motor is None else float(motor.largest_force),
-            span=(self.shortest, self.longest), speed=0.0 if motor is None else float(motor.largest_speed),
+            span=(self.shortest, self.longest),
+            speed=0.0 if motor is None else float(motor.largest_speed),
             acceleration=float("inf") if still or motor is None else float(motor.largest_force / motor.mass),
             sample_rates=(float(self.computer.lowest_rate), float(self.computer.highest_rate)),
-            resolution=self.resolution(), has=self.parts(layout),
-        )  # fmt: skip
+            resolution=self.resolution(),
+            has=self.parts(layout),
+        )
 
     def resolution(self) -> dict[str, float]:
         """Return the smallest step of every measured channel [SI]."""
@@ -190,18 +193,23 @@ class Rig:
         """Return the scales of inputs and outputs; the encoder is zeroed at a span [m]."""
         corrections = {} if self.calibration is None else self.calibration.corrections
         return Converters(
-            analog={n: s.converter for n, s in self.sensors.items()}, encoder=self.encoder, valve=self.valve_out,
-            motor=self.motor_out, mounted=jnp.asarray(float(mounted)),
+            analog={n: s.converter for n, s in self.sensors.items()},
+            encoder=self.encoder,
+            valve=self.valve_out,
+            motor=self.motor_out,
+            mounted=jnp.asarray(float(mounted)),
             gain={n: jnp.asarray(c.gain) for n, c in corrections.items()},
             zero={n: jnp.asarray(c.zero) for n, c in corrections.items()},
-        )  # fmt: skip
+        )
 
     def plant(self, machine: Machine, layout: str, *, mounted: float) -> InstrumentedPlant:
         """Return the machine with its sensors and converters; the encoder is zeroed at a span [m]."""
         return InstrumentedPlant(
-            machine=machine, tested=self.plumbing[layout].tested, sensors=dict(self.sensors),
+            machine=machine,
+            tested=self.plumbing[layout].tested,
+            sensors=dict(self.sensors),
             converters=self.converters(mounted),
-        )  # fmt: skip
+        )
 
     def watch(self, layout: str, *, tension: bool = True) -> Interlocks:
         """Return the interlocks with the ranges of the sensors; without the tension if its saturation was accepted."""

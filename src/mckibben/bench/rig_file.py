@@ -118,7 +118,10 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
     if motor is not None and "motor" not in outputs.values:
         raise outputs.fail("motor", "missing", "a motor needs the converter that drives it")
     return Rig(
-        name=top.word("name"), title=top.word("title"), source=top.text("source"), note=top.text("note"),
+        name=top.word("name"),
+        title=top.word("title"),
+        source=top.text("source"),
+        note=top.text("note"),
         inferred=_words(top, "inferred"),
         computer=read_table(Computer, top.table("computer")),
         sensors={name: _sensor(sensors.table(name), SENSORS[name].unit) for name in sensors.values},
@@ -126,16 +129,21 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
         encoder=read_table(Encoder, top.table("encoder")) if "encoder" in document else None,
         valve_out=_channel_part(AnalogOut, outputs.table("valve"), "Pa"),
         motor_out=_channel_part(AnalogOut, outputs.table("motor"), "N") if motor is not None else None,
-        motor=motor, frame=read_table(Frame, frame, beside=("shortest", "longest")),
-        shortest=bounds[0], longest=bounds[1],
+        motor=motor,
+        frame=read_table(Frame, frame, beside=("shortest", "longest")),
+        shortest=bounds[0],
+        longest=bounds[1],
         plumbing={name: _plumbing(layouts.table(name), room) for name in layouts.values},
         motion=read_table(MotionEstimate, control.table("motion")),
         pressure=read_table(PressureControl, control.table("pressure")),
         position=read_table(PositionControl, control.table("position")),
         force=read_table(ForceControl, control.table("force")),
-        interlocks=_interlocks(top.table("interlocks"), bounds), environment=room,
-        hands=_hands(top, tuple(layouts.values)), document=document, where=where,
-    )  # fmt: skip
+        interlocks=_interlocks(top.table("interlocks"), bounds),
+        environment=room,
+        hands=_hands(top, tuple(layouts.values)),
+        document=document,
+        where=where,
+    )
 
 
 def _channel_part(kind: type[T], table: FileTable, unit: str, **parts: Any) -> T:

@@ -65,6 +65,12 @@ def run(
         prepared = prepare(protocol, muscle=muscle, rig=rig, **options)
     session = Session(prepared.rig, prepared.specimen or prepared.unit, hardware, unit=prepared.unit, by_hand=False)
     return session.run(
-        prepared, anew=True, clock=Clock() if real_time else None, progress=progress, display=display, stop=stop, ask=ask,
+        prepared,
+        anew=True,
+        clock=Clock() if real_time else None,
+        progress=progress,
+        display=display,
+        stop=stop,
+        ask=ask,
         log=log,
-    )  # fmt: skip
+    )

@@ -150,11 +150,20 @@ class SampleLoop:
     """
 
     def __init__(
-        self, machine: SampledMachine, converters: Converters, software: BenchSoftware, *, outputs: Iterable[str],
-        stop: Callable[[], bool], longest: int | None = None, setpoints: Setpoints | None = None, zero: int = 0,
-        tell: Callable[[Chunk], None] | None = None, begin: Callable[[], SampleLoop | None] | None = None,
+        self,
+        machine: SampledMachine,
+        converters: Converters,
+        software: BenchSoftware,
+        *,
+        outputs: Iterable[str],
+        stop: Callable[[], bool],
+        longest: int | None = None,
+        setpoints: Setpoints | None = None,
+        zero: int = 0,
+        tell: Callable[[Chunk], None] | None = None,
+        begin: Callable[[], SampleLoop | None] | None = None,
         ended: Callable[[SampleLoop], None] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         _fits(machine.hardware, converters, software)
         self.machine, self.hardware, self.period, self.longest = machine, machine.hardware, machine.period, longest
         self.stop, self.zero, self._tell, self._begin_with, self._ended = stop, zero, tell, begin, ended
@@ -351,10 +360,15 @@ class SampleLoop:
         place, (mode, value) = self.places[OWN], after.motor
         driven = float(after.state[after.places["driven"]])
         put = {
-            place.pressure: after.number("command.pressure"), place.velocity: 0.0, place.acceleration: 0.0,
-            place.mode: TENSION if mode == TENSION else BY_SPAN, place.span: driven, place.alone: 0.0, place.step: 0.0,
+            place.pressure: after.number("command.pressure"),
+            place.velocity: 0.0,
+            place.acceleration: 0.0,
+            place.mode: TENSION if mode == TENSION else BY_SPAN,
+            place.span: driven,
+            place.alone: 0.0,
+            place.step: 0.0,
             place.open: float(after.opened),
-        }  # fmt: skip
+        }
         if mode == TENSION:
             put[place.tension] = value
         for index, number in put.items():
@@ -395,9 +409,17 @@ def _begin(software: BenchSoftware, converters: Converters, inputs: tuple[str, .
 
 
 def _think(
-    software: BenchSoftware, converters: Converters, inputs: tuple[str, ...], names: tuple[str, ...],
-    shows: tuple[str, ...], period: float, state: Any, counts: Any, pressed: Any, *setpoints: Any,
-) -> tuple[Any, ...]:  # fmt: skip
+    software: BenchSoftware,
+    converters: Converters,
+    inputs: tuple[str, ...],
+    names: tuple[str, ...],
+    shows: tuple[str, ...],
+    period: float,
+    state: Any,
+    counts: Any,
+    pressed: Any,
+    *setpoints: Any,
+) -> tuple[Any, ...]:
     """The software's step: state, counts of the outputs, measured channels, held outputs, and what is shown."""
     measured, row = _measured(converters, inputs, counts), {name: setpoints[0][i] for i, name in enumerate(names)}
     state, commands, shown = software.step(state, measured, {"stop": pressed, **row}, period)

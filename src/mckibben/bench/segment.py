@@ -67,11 +67,15 @@ def software_of(bench: PreparedRun, part: RunSegment, timing: Timing) -> BenchSo
     begins = part.start_span if part.steps[0].mode == "span" else 0.0
     return BenchSoftware(
         sequencer=Sequencer.of(part.steps, rest_length=bench.plan.rest_length, period=timing.period),
-        motion=rig.motion, pressure=rig.pressure, position=rig.position, force=rig.force,
+        motion=rig.motion,
+        pressure=rig.pressure,
+        position=rig.position,
+        force=rig.force,
         interlocks=rig.watch(part.layout, tension=not bench.accepted),
-        start_pressure=jnp.asarray(part.start_pressure), start_motor=jnp.asarray(float(begins)),
+        start_pressure=jnp.asarray(part.start_pressure),
+        start_motor=jnp.asarray(float(begins)),
         has_motor=part.moves,
-    )  # fmt: skip
+    )
 
 
 class SegmentMachine:

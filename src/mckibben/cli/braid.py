@@ -37,9 +37,14 @@ def braid(
     writable("--out", out, ".toml")
     name = "braid" if out is None else re.sub(r"[^A-Za-z0-9._-]+", "-", out.stem).strip("-.") or "braid"
     spec = from_braid(
-        rest_length=length, diameter=diameter, braid_angle=angle, thread_diameter=thread, bladder_thickness=bladder,
-        shore=shore, name=name,
-    )  # fmt: skip
+        rest_length=length,
+        diameter=diameter,
+        braid_angle=angle,
+        thread_diameter=thread,
+        bladder_thickness=bladder,
+        shore=shore,
+        name=name,
+    )
     warnings = caution(slenderness_caution(spec))
     if out is not None:
         save_specimen(

@@ -121,9 +121,17 @@ def integrate(
         half = _run(system, state, memory, dict(signals), period, 2 * plan.split * inner, samples, stiff)[1]
         result, message = _compared(kept[2], half[2], h)
     run = Run(
-        time=period * np.arange(samples + 1), outputs=kept[2], state=carry[0], memory=carry[1], integrals=carry[2],
-        result=result, message=message, fastest=fastest, stiff=stiff, step=h,
-    )  # fmt: skip
+        time=period * np.arange(samples + 1),
+        outputs=kept[2],
+        state=carry[0],
+        memory=carry[1],
+        integrals=carry[2],
+        result=result,
+        message=message,
+        fastest=fastest,
+        stiff=stiff,
+        step=h,
+    )
     if raises and result is not Result.DONE:
         raise ConvergenceError(message)
     return run
@@ -151,9 +159,17 @@ def _run(
 
 
 def march(
-    system: System, state: Any, memory: Any, signals: Any, period: Any, inner: int, samples: int, stiff: bool,
-    *, integrals: bool = True,
-) -> tuple[Any, Any]:  # fmt: skip
+    system: System,
+    state: Any,
+    memory: Any,
+    signals: Any,
+    period: Any,
+    inner: int,
+    samples: int,
+    stiff: bool,
+    *,
+    integrals: bool = True,
+) -> tuple[Any, Any]:
     """The run itself, unchecked: a pure function, to be compiled, mapped and differentiated.
 
     Args:
@@ -190,9 +206,17 @@ def march(
 
 
 def compile_march(
-    system: Any, state: Any, memory: Any, signals: Mapping[str, Any], *, period: float, inner: int, stiff: bool = False,
-    outputs: Sequence[str] | None = None, engine: str = "auto",
-) -> EngineFunction | SideBySide:  # fmt: skip
+    system: Any,
+    state: Any,
+    memory: Any,
+    signals: Mapping[str, Any],
+    *,
+    period: float,
+    inner: int,
+    stiff: bool = False,
+    outputs: Sequence[str] | None = None,
+    engine: str = "auto",
+) -> EngineFunction | SideBySide:
     """The run of a system, called with (system, state, memory, signals); see `march`.
 
     A system that has many parts of one structure, see `System.parts`, is not compiled as one long step: its parts are the

@@ -107,9 +107,10 @@ def observe(plant: Plant, carry: Carry, row: Any, *, period: Any, latency: Any) 
     now = _inputs(plant, carry.history, latency, 1.0, period)
     finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((carry.state, carry.memory))]).all()
     look = Observation(
-        plant.outputs(carry.state, carry.memory, now), plant.max_rate_bound(carry.state, carry.memory, now),
+        plant.outputs(carry.state, carry.memory, now),
+        plant.max_rate_bound(carry.state, carry.memory, now),
         plant.admissible(carry.state) & finite,
-    )  # fmt: skip
+    )
     return plant.sense(carry.state, carry.memory, now, row), look
 
 

@@ -260,15 +260,19 @@ def _slopes(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Violation
     if change[0] > limits.pressure_rate * dt * SLACK:
         ends = f"{_bar(values[0])} to {_bar(values[1])}"
         yield Violation(
-            "pressure", f"a jump from {ends}", f"the valve follows {_rate(limits)}; begin at {_bar(values[0])}",
+            "pressure",
+            f"a jump from {ends}",
+            f"the valve follows {_rate(limits)}; begin at {_bar(values[0])}",
             f"the set-point jumps from {ends} where the waveform begins; the valve follows {_rate(limits)}",
-        )  # fmt: skip
+        )
     steepest = float(change[1:].max(initial=0.0)) / dt
     if steepest > limits.pressure_rate * SLACK:
         yield Violation(
-            "pressure", f"{_bar(steepest)}/s steep", f"the valve follows {_rate(limits)}",
+            "pressure",
+            f"{_bar(steepest)}/s steep",
+            f"the valve follows {_rate(limits)}",
             f"the set-point changes by {_bar(steepest)}/s; the valve follows {_rate(limits)}",
-        )  # fmt: skip
+        )
 
 
 def _jumps(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Violation]:
@@ -281,9 +285,11 @@ def _jumps(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Violation]
             need = float(f"{need:.3g}")
             ends = f"{_bar(values[i])} to {_bar(values[i + 1])}"
             yield Violation(
-                "pressure", f"a jump from {ends} for {time_words(lasts)}", f"the valve needs {time_words(need)}",
+                "pressure",
+                f"a jump from {ends} for {time_words(lasts)}",
+                f"the valve needs {time_words(need)}",
                 f"the set-point jumps from {ends} for {time_words(lasts)}; the valve needs {time_words(need)}",
-            )  # fmt: skip
+            )
             return
 
 

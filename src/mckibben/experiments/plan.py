@@ -140,9 +140,21 @@ class _State:
         self.pressure, self.motor, self.mode, self.span = pressure.after, motor.after, mode, after_span
         self.pulled = motor.after if mode == "tension" else None if after_span.known else pulled
         return PlannedStep(
-            index, path, case, step, start, count, mode, pressure.values, motor.values, before_p, before_m,
-            pressure.reach, span, pulled,
-        )  # fmt: skip
+            index,
+            path,
+            case,
+            step,
+            start,
+            count,
+            mode,
+            pressure.values,
+            motor.values,
+            before_p,
+            before_m,
+            pressure.reach,
+            span,
+            pulled,
+        )
 
     def _duration(self, step: ProtocolStep, mode: str, path: str) -> float:
         lines = [0.0]

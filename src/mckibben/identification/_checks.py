@@ -35,10 +35,11 @@ def require_influence(jacobian: np.ndarray, names: Sequence[str], *, what: str) 
     if dead:
         one = len(dead) == 1
         raise InputError(
-            "free", listed(dead),
+            "free",
+            listed(dead),
             f"the data of {what} do not depend on {'it' if one else 'them'}, so no fit can find "
             f"{'it: fix this parameter' if one else 'them: fix these parameters'}, or begin with other values",
-        )  # fmt: skip
+        )
 
 
 def require_progress(

@@ -159,9 +159,16 @@ class CircuitProblem:
         if scale > 1e8:
             raise ConvergenceError("The circuit cannot be run with the first guesses; give others.")
         solution = optimize.least_squares(
-            told, np.clip(self.start, low + 1e-9, high - 1e-9), jac=lambda x: self.jacobian(x) / scale,
-            bounds=(low, high), x_scale="jac", max_nfev=evaluations, xtol=1e-7, ftol=1e-9, gtol=1e-10,
-        )  # fmt: skip
+            told,
+            np.clip(self.start, low + 1e-9, high - 1e-9),
+            jac=lambda x: self.jacobian(x) / scale,
+            bounds=(low, high),
+            x_scale="jac",
+            max_nfev=evaluations,
+            xtol=1e-7,
+            ftol=1e-9,
+            gtol=1e-10,
+        )
         return solution
 
 
@@ -271,11 +278,16 @@ def fit_circuit(
         predicted[trial.name] = {c: np.asarray(outputs[c]) for c in trial.channels}
         errors += _errors(trial, predicted[trial.name], fitted=any(trial is t for t in trials))
     return CircuitFit(
-        parameters=estimates, paths=problem.paths, errors=tuple(errors), predicted=predicted,
-        correlation=known.correlation, converged=bool(solution.status > 0),
+        parameters=estimates,
+        paths=problem.paths,
+        errors=tuple(errors),
+        predicted=predicted,
+        correlation=known.correlation,
+        converged=bool(solution.status > 0),
         message=str(solution.message).replace("`", "").strip(" ."),
-        evaluations=int(solution.nfev), warnings=tuple(warnings),
-    )  # fmt: skip
+        evaluations=int(solution.nfev),
+        warnings=tuple(warnings),
+    )
 
 
 def _checked_run(trial: Trial, changes: Mapping[str, float], step: float) -> Run:

@@ -140,9 +140,17 @@ def fit_creep(
     amplitudes = tuple(steps * len(tau)) if law == "logarithmic" else tuple(steps)
     zero = ["no creep of this sign is in the data"] if not np.any(solution.x[1:] > 0.0) else []
     return CreepFit(
-        law, amplitudes, start, tau, float(pressure_slope), t, s, training, matrix @ solution.x + drift,
+        law,
+        amplitudes,
+        start,
+        tau,
+        float(pressure_slope),
+        t,
+        s,
+        training,
+        matrix @ solution.x + drift,
         (*spread.warnings, *zero),
-    )  # fmt: skip
+    )
 
 
 def creep_half(time: Any) -> np.ndarray:

@@ -155,9 +155,13 @@ def fit(
     title = f"{problem.points.name} by the law {law}"
     require_influence(solution.jacobian, problem.free, what=title)
     require_progress(
-        solution.start, solution.scaled, solution.jacobian, solution.tension - problem.points.tension, problem.bounds,
+        solution.start,
+        solution.scaled,
+        solution.jacobian,
+        solution.tension - problem.points.tension,
+        problem.bounds,
         what=title,
-    )  # fmt: skip
+    )
     taut = problem.points.taut
     error = (solution.tension - problem.points.tension)[taut]
     spread = uncertainty(solution.jacobian[taut], error, problem.free)

@@ -169,9 +169,16 @@ def fit_loop(
     def descend(x: np.ndarray) -> Any:
         start = np.clip(x, low + 1e-9, high - 1e-9)
         solution = optimize.least_squares(
-            misfit, start, jac=derivative, bounds=(low, high), x_scale="jac", max_nfev=150, ftol=1e-9, xtol=1e-9,
+            misfit,
+            start,
+            jac=derivative,
+            bounds=(low, high),
+            x_scale="jac",
+            max_nfev=150,
+            ftol=1e-9,
+            xtol=1e-9,
             gtol=1e-9,
-        )  # fmt: skip
+        )
         solution.start = start
         return solution
 
@@ -198,9 +205,17 @@ def fit_loop(
     curve = np.cumsum([estimates.pop(n).value for n in names if n.startswith("rise_")]) if law is None else np.zeros(0)
     lost = () if best.status > 0 else (f"did not converge: {best.message}",)
     return LoopFit(
-        model, law is not None, estimates, fixed, curve, record, training, predict(best.x), best.status > 0,
+        model,
+        law is not None,
+        estimates,
+        fixed,
+        curve,
+        record,
+        training,
+        predict(best.x),
+        best.status > 0,
         (*lost, *spread.warnings, *bound),
-    )  # fmt: skip
+    )
 
 
 def fit_loops(record: PathRecord, *, models: Iterable[str] = SMOOTH, **options: Any) -> list[LoopFit]:

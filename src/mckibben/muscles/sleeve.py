@@ -214,9 +214,13 @@ def from_braid(
         InputError: a dimension is out of its bounds, or bladder and threads fill the braid.
     """
     given = {
-        "rest_length": rest_length, "diameter": diameter, "braid_angle": braid_angle, "thread_diameter": thread_diameter,
-        "bladder_thickness": bladder_thickness, "shore": INFERRED["shore"].value if shore is None else _hardness(shore),
-    }  # fmt: skip
+        "rest_length": rest_length,
+        "diameter": diameter,
+        "braid_angle": braid_angle,
+        "thread_diameter": thread_diameter,
+        "bladder_thickness": bladder_thickness,
+        "shore": INFERRED["shore"].value if shore is None else _hardness(shore),
+    }
     at = {key: _number(key, value) for key, value in given.items()}
     bore = at["diameter"] - 4.0 * at["thread_diameter"] - 2.0 * at["bladder_thickness"]
     if bore < 0.05 * at["diameter"]:
@@ -342,7 +346,9 @@ def _properties(at: Mapping[str, float], upper: float, contracted: float, unknow
         "rest_angle": stated_number(at["braid_angle"], "rad", note=AS_READ),
         "thread_diameter": stated_number(at["thread_diameter"], "m", note=AS_READ),
         "bladder_thickness": stated_number(at["bladder_thickness"], "m", note=AS_READ),
-        "shore_hardness": stated_number(at["shore"], "1", source="inferred", note=hardness.note, interval=hardness.range)
+        "shore_hardness": stated_number(
+            at["shore"], "1", source="inferred", note=hardness.note, interval=hardness.range
+        )
         if unknown
         else stated_number(at["shore"], "1", note=AS_READ),
         "rest_inner_diameter": stated_number(
@@ -350,14 +356,20 @@ def _properties(at: Mapping[str, float], upper: float, contracted: float, unknow
         ),
         "wall_thickness": stated_number(wall, "m", note="bladder and two layers of threads"),
         "upper_length": stated_number(
-            upper, "m", source="chou1996", note=f"{share.note}; less for narrow braids",
+            upper,
+            "m",
+            source="chou1996",
+            note=f"{share.note}; less for narrow braids",
             interval=(at["rest_length"], longest),
         ),
         "diameter_shortened": stated_number(
-            contracted, "m", source="chou1996", note="inner, at 5 bar without load, of the braid's geometry",
+            contracted,
+            "m",
+            source="chou1996",
+            note="inner, at 5 bar without load, of the braid's geometry",
             interval=(0.9 * contracted, 1.1 * contracted),
         ),
-    }  # fmt: skip
+    }
 
 
 def _friction(largest: float, rest: float) -> dict[str, SpecimenNumber]:
@@ -403,9 +415,13 @@ def stated_number(
     if interval is not None:
         ends = _rounded(from_si(interval[0], unit, people)), _rounded(from_si(interval[1], unit, people))
     return SpecimenNumber(
-        value=_rounded(from_si(value, unit, people)), unit=people, source="" if source == "inferred" else source,
-        inferred=bool(source), note=note, range=ends,
-    )  # fmt: skip
+        value=_rounded(from_si(value, unit, people)),
+        unit=people,
+        source="" if source == "inferred" else source,
+        inferred=bool(source),
+        note=note,
+        range=ends,
+    )
 
 
 AS_READ = "as measured on the sleeve"

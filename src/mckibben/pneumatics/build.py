@@ -189,9 +189,11 @@ def _state_flow(spec: Specimen, given: dict[str, float], effective: bool, passag
         if any(has_size(given, f"{p}_") for p in passages):
             return
         raise InputError(
-            f"properties.{names[0]}", "missing", f"the file states no size; allowed in [valve] is one of {', '.join(SIZES)}",
+            f"properties.{names[0]}",
+            "missing",
+            f"the file states no size; allowed in [valve] is one of {', '.join(SIZES)}",
             where=spec.where or spec.id,
-        )  # fmt: skip
+        )
     given["flow_into_the_room"] = spec.property_si(name, "m^3/s")
 
 
@@ -281,9 +283,13 @@ def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElem
 
 
 def _one(
-    owner: Any, ways: tuple[SizeStatement, ...], given: Mapping[str, float], prefix: str, where: str | None,
+    owner: Any,
+    ways: tuple[SizeStatement, ...],
+    given: Mapping[str, float],
+    prefix: str,
+    where: str | None,
     parts: Any = None,
-) -> Any:  # fmt: skip
+) -> Any:
     """Build an object from its own fields, or from another set of keys; missing or conflicting keys raise an error."""
     fields = declared(owner)
     if owner is Orifice:

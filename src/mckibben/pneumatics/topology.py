@@ -44,7 +44,9 @@ def _closed(name: str, branch: Branch, nodes: Mapping[str, Reservoir | Chamber])
         raise InputError(f"{name}.command", "missing", "a signal must drive it", where="circuit")
     if branch.command == f"{name}.command" and branch.element.delay() is not None:
         raise InputError(
-            f"{name}.command", "the name of its signal",
-            "this name is kept for the signal as it is after the dead time; give the signal another one", where="circuit",
-        )  # fmt: skip
+            f"{name}.command",
+            "the name of its signal",
+            "this name is kept for the signal as it is after the dead time; give the signal another one",
+            where="circuit",
+        )
     return branch.ports

@@ -177,10 +177,12 @@ class Correction:
             return found
         lined = {"gain", "zero"} & set(found.terms)
         return Correction(
-            unit=self.unit, terms={**self.terms, **found.terms}, sensor=found.sensor or self.sensor,
+            unit=self.unit,
+            terms={**self.terms, **found.terms},
+            sensor=found.sensor or self.sensor,
             correlation=found.correlation if lined else self.correlation,
             linearity=found.linearity if "gain" in found.terms else self.linearity,
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

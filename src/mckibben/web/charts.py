@@ -110,10 +110,15 @@ class Chart:
             x, y = thinned(np.asarray(line.x, float), np.asarray(line.y, float))
             lines.append({**dataclasses.asdict(dataclasses.replace(line, x=[], y=[])), "x": _plain(x), "y": _plain(y)})
         return {
-            "name": self.name, "summary": self.summary, "x": dataclasses.asdict(self.x), "y": dataclasses.asdict(self.y),
-            "lines": lines, "marks": [dataclasses.asdict(m) for m in self.marks], "height": self.height,
+            "name": self.name,
+            "summary": self.summary,
+            "x": dataclasses.asdict(self.x),
+            "y": dataclasses.asdict(self.y),
+            "lines": lines,
+            "marks": [dataclasses.asdict(m) for m in self.marks],
+            "height": self.height,
             "dashes": LETTERS,
-        }  # fmt: skip
+        }
 
     def show(self) -> Element:
         """Add the chart to the page; replace it with `update`."""

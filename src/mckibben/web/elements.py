@@ -46,9 +46,14 @@ class Element:
     """
 
     def __init__(
-        self, tag: str, classes: str = "", *, words: object = None, markup: str | None = None,
+        self,
+        tag: str,
+        classes: str = "",
+        *,
+        words: object = None,
+        markup: str | None = None,
         document: PageDocument | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         parent = None if document is not None else place()
         self.document: PageDocument = document or parent.document  # type: ignore[union-attr]
         self.tag, self.parent, self.children = tag, parent, list[Element]()

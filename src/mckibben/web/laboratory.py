@@ -84,9 +84,13 @@ class Laboratory:
         self.machine = machine(self)
         self.control = Control(clock, self.machine.control_lost, self.machine.control_back)
         self._own: dict[str, Callable[..., Any]] = {
-            "emergency_stop": self._emergency_stop, "ask_control": self._ask, "give_control": self._give,
-            "keep_control": self._keep, "undo": self._undo, "toast": self._toast,
-        }  # fmt: skip
+            "emergency_stop": self._emergency_stop,
+            "ask_control": self._ask,
+            "give_control": self._give,
+            "keep_control": self._keep,
+            "undo": self._undo,
+            "toast": self._toast,
+        }
 
     def begin(self) -> None:
         """Prepare the machine."""
@@ -122,9 +126,12 @@ class Laboratory:
         """Status shown on every page: state, time, who is in control."""
         control = self.control
         return {
-            **self.machine.status(), "holder": control.holder, "present": control.present, "watching": control.watching,
+            **self.machine.status(),
+            "holder": control.holder,
+            "present": control.present,
+            "watching": control.watching,
             "wanted": control.wanted,
-        }  # fmt: skip
+        }
 
     def told(self) -> str:
         """Status as JSON, computed once for all pages that ask within `FRESH`."""
@@ -171,9 +178,10 @@ class Laboratory:
         """Delete a recording; it can be restored while its notice is shown."""
         word = self.recordings.delete(name)
         self.toasts.tell(
-            f"Deleted {Path(name).stem}.", undo=lambda: self.recordings.restore(word, name),
+            f"Deleted {Path(name).stem}.",
+            undo=lambda: self.recordings.restore(word, name),
             commit=lambda: self.recordings.forget(word),
-        )  # fmt: skip
+        )
         self.changed()
 
     def tick(self) -> None:

@@ -160,10 +160,13 @@ def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
 
     return [
-        Route("/", bench), WebSocketRoute("/live", live), Route("/emergency-stop", stop, methods=["POST"]),
+        Route("/", bench),
+        WebSocketRoute("/live", live),
+        Route("/emergency-stop", stop, methods=["POST"]),
         Route("/files/{name:path}", recording, methods=["GET"]),
-        Route("/favicon.ico", favicon), Mount(HOME, StaticFiles(directory=_static(""))),
-    ]  # fmt: skip
+        Route("/favicon.ico", favicon),
+        Mount(HOME, StaticFiles(directory=_static(""))),
+    ]
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -208,9 +211,14 @@ def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: 
     others = "" if is_loopback(host) else "Others reach this address: "
     tell(f"{others}{'w' if others else 'W'}hoever has the token in it is let in, and may operate the machine.")
     config = uvicorn.Config(
-        app, log_level="warning", access_log=False, ws_max_size=2**22, timeout_graceful_shutdown=2, lifespan="on",
+        app,
+        log_level="warning",
+        access_log=False,
+        ws_max_size=2**22,
+        timeout_graceful_shutdown=2,
+        lifespan="on",
         ws_per_message_deflate=False,
-    )  # fmt: skip
+    )
     server = uvicorn.Server(config)
     with tempfile.TemporaryDirectory(prefix="mckibben-") as folder:
         if show:

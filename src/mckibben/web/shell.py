@@ -66,7 +66,7 @@ def written(built: PageDocument) -> str:
 
 def document(
     page: Page, content: str, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = (), key: str = ""
-) -> str:  # fmt: skip
+) -> str:
     """The HTML of a page.
 
     Args:

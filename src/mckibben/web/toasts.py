@@ -46,9 +46,12 @@ class Toasts:
         self.version = 0
 
     def tell(
-        self, text: str, undo: Callable[[], Any] | None = None, commit: Callable[[], Any] | None = None,
+        self,
+        text: str,
+        undo: Callable[[], Any] | None = None,
+        commit: Callable[[], Any] | None = None,
         lasts: float = LASTS,
-    ) -> int:  # fmt: skip
+    ) -> int:
         """Add a notice; return its number."""
         with self._lock:
             self._count += 1
@@ -112,8 +115,11 @@ class Toasts:
         with self._lock:
             return [
                 {
-                    "number": t.number, "text": t.text, "undo": t.undo is not None, "waits": t.since is None,
+                    "number": t.number,
+                    "text": t.text,
+                    "undo": t.undo is not None,
+                    "waits": t.since is None,
                     "left": max(0.0, t.left - (0.0 if t.since is None else now - t.since)),
                 }
                 for t in self._kept.values()
-            ]  # fmt: skip
+            ]

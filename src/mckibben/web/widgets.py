@@ -82,9 +82,14 @@ def panel(title: str = "", sub: str = "", step: int = 0) -> Iterator[Element]:
 
 
 def button(
-    words: str, click: Callable[..., object] | None = None, *, primary: bool = False, small: bool = False,
-    quiet: bool = False, key: str = "",
-) -> Element:  # fmt: skip
+    words: str,
+    click: Callable[..., object] | None = None,
+    *,
+    primary: bool = False,
+    small: bool = False,
+    quiet: bool = False,
+    key: str = "",
+) -> Element:
     """Build a button; its label is a verb."""
     kinds = [k for k, on in (("pri", primary), ("s", small), ("q", quiet)) if on]
     markup = html.escape(words) + (f" <kbd>{html.escape(key)}</kbd>" if key else "")

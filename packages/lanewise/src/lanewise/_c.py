@@ -183,9 +183,15 @@ def dotted_path(name: str) -> str:
 
 
 def to_c(
-    program: Program, name: str, *, mode: str = "default", real: str = "float64", arguments: Sequence[str] | None = None,
-    results: Sequence[str] | None = None, values: Mapping[str, Sequence[ArrayLike]] | None = None,
-) -> dict[str, str]:  # fmt: skip
+    program: Program,
+    name: str,
+    *,
+    mode: str = "default",
+    real: str = "float64",
+    arguments: Sequence[str] | None = None,
+    results: Sequence[str] | None = None,
+    values: Mapping[str, Sequence[ArrayLike]] | None = None,
+) -> dict[str, str]:
     """The two files of a program in C99.
 
     Args:
@@ -220,7 +226,7 @@ class _FunctionText:
 
     def __init__(
         self, program: Program, graph: Graph, plan: Schedule, groups: list[Group], *, name: str, real: Real
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.name, self.real, self.groups = name, real, groups
         self.bases: dict[Buffer, str] = {}
         inputs = [b for b in graph.buffers if b.role == "argument"]
@@ -299,9 +305,14 @@ def _about(f: _FunctionText, member: Member) -> str:
 def _source(f: _FunctionText, about: str, values: Mapping[str, Sequence[ArrayLike]]) -> str:
     real = f.real
     form = {
-        "p": f.name, "P": f.name.upper(), "t": real.type, "s": real.suffix, "m": real.macro,
-        "i": "int32_t" if real.suffix else "int64_t", "end": c_literal(2.0**63, real),
-    }  # fmt: skip
+        "p": f.name,
+        "P": f.name.upper(),
+        "t": real.type,
+        "s": real.suffix,
+        "m": real.macro,
+        "i": "int32_t" if real.suffix else "int64_t",
+        "end": c_literal(2.0**63, real),
+    }
     lines = [f"/* {about}. */", f'#include "{f.name}.h"', "", "#include <float.h>", "#include <math.h>", ""]
     lines += ["#if defined(__clang__)", "#pragma STDC FP_CONTRACT OFF", "#endif", ""]
     for name in sorted(f.body.helpers):

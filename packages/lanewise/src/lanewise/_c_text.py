@@ -225,9 +225,7 @@ class Statements:
         prefix: prefix of the names of helper functions.
     """
 
-    def __init__(
-        self, graph: Graph, plan: Schedule, bases: Mapping[Buffer, str], *, real: Real, prefix: str
-    ) -> None:  # fmt: skip
+    def __init__(self, graph: Graph, plan: Schedule, bases: Mapping[Buffer, str], *, real: Real, prefix: str) -> None:
         self.graph, self.plan, self.bases, self.real = graph, plan, bases, real
         self.prefix = prefix
         self.lines: list[str] = []

@@ -109,8 +109,10 @@ class Derivatives:
         known, batch = len(self.program.arguments), _batch(arrays, depth)
         own = _batch(arrays[:known], depth)
         if _is_one(own):  # one run: its directions are the lanes
-            return [x.squeeze(depth) for x in self._jvp_of_lanes(arrays, [np.expand_dims(x, depth) for x in arrays[known:]],
-                                                           batch, places)]  # fmt: skip
+            return [
+                x.squeeze(depth)
+                for x in self._jvp_of_lanes(arrays, [np.expand_dims(x, depth) for x in arrays[known:]], batch, places)
+            ]
         fixed = [k for k in range(depth) if own[k] == 1]
         sizes = [batch[k] for k in fixed]
         many, lanes = math.prod(sizes), tuple(n for k, n in enumerate(own) if k not in fixed)
@@ -141,10 +143,13 @@ class Derivatives:
             results = iter(
                 _call_program(program, primals, batch, self.options, [x for x in leaves if x.kind is not None], begin)
             )
-            parts.append([
-                np.zeros((*batch, *leaf.shape)) if leaf.kind is None else next(results)
-                for leaf, own in zip(leaves, self.program.results, strict=True) if own.kind == "real"
-            ])  # fmt: skip
+            parts.append(
+                [
+                    np.zeros((*batch, *leaf.shape)) if leaf.kind is None else next(results)
+                    for leaf, own in zip(leaves, self.program.results, strict=True)
+                    if own.kind == "real"
+                ]
+            )
         return [np.take(np.concatenate(p, depth), range(many), depth) for p in zip(*parts, strict=True)]
 
     def vjp(self, arrays: Sequence[np.ndarray], depth: int, places: tuple[int, ...]) -> list[np.ndarray]:

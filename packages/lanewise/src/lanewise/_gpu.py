@@ -223,9 +223,15 @@ class GpuKernel(Kernel):
     """
 
     def __init__(
-        self, device: _gpu_driver.Device, text: str, slots: Sequence[Slot], places: MemoryLayout, scratch: int, real: Any,
+        self,
+        device: _gpu_driver.Device,
+        text: str,
+        slots: Sequence[Slot],
+        places: MemoryLayout,
+        scratch: int,
+        real: Any,
         most: int | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.device, self.slots, self.places, self.scratch = device, list(slots), places, scratch
         self.real, self.most, self.seconds = np.dtype(real), most, 0.0
         _gpu_driver.use_device(device)
@@ -304,9 +310,14 @@ class GpuProgram(Program):
     most: int | None = None
 
     def kernel(
-        self, differs: frozenset[int] = frozenset(), *, lanes: bool = False, mode: str = "default", real: str = "float64",
+        self,
+        differs: frozenset[int] = frozenset(),
+        *,
+        lanes: bool = False,
+        mode: str = "default",
+        real: str = "float64",
         width: int | None = None,
-    ) -> Kernel:  # fmt: skip
+    ) -> Kernel:
         """See `Program.kernel`; the width is always 1."""
         if not lanes:
             return super().kernel(differs, lanes=False, mode=mode, real=real, width=width)

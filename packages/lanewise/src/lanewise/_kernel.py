@@ -270,9 +270,13 @@ class BoundKernel:
     """
 
     def __init__(
-        self, kernel: Kernel, arguments: Sequence[np.ndarray], results: Sequence[np.ndarray | None], lanes: int | None,
+        self,
+        kernel: Kernel,
+        arguments: Sequence[np.ndarray],
+        results: Sequence[np.ndarray | None],
+        lanes: int | None,
         threads: int | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.kernel, self._stride = kernel, 1 if lanes is None else lanes
         self._arrays: list[np.ndarray] = []
         for slot in kernel.slots:

@@ -113,9 +113,15 @@ class Body(Memory):
 
 
 def emit(
-    graph: Graph, plan: Schedule, divergence: Divergence, *, width: int, real: str = "double", features: str = "",
+    graph: Graph,
+    plan: Schedule,
+    divergence: Divergence,
+    *,
+    width: int,
+    real: str = "double",
+    features: str = "",
     estimates: bool = False,
-) -> tuple[str, Layout]:  # fmt: skip
+) -> tuple[str, Layout]:
     """The text of a kernel, and what its caller brings; estimates are for mode ``fast``, see `_llvm_text`."""
     body = Body(graph, plan, divergence, width=width, real=real, estimates=estimates)
     head: list[str] = []
@@ -125,14 +131,24 @@ def emit(
     text = [
         *body.globals,
         f"define void @kernel(ptr noalias %pointers, i64 %stride, i64 %first, i64 %last) {features}{{",
-        "entry:", "  %never = icmp slt i64 %stride, 0", *once, "  br label %block", "block:",
+        "entry:",
+        "  %never = icmp slt i64 %stride, 0",
+        *once,
+        "  br label %block",
+        "block:",
         f"  %number = phi i64 [ %first, %{entry} ], [ %more, %{body.label} ]",
         f"  %lane = mul i64 %number, {width}",
-        *_lanes(body), *body.lines,
-        "  %more = add i64 %number, 1", "  %again = icmp slt i64 %more, %last",
-        "  br i1 %again, label %block, label %out", "out:", "  ret void", "}", *sorted(body.declared),
+        *_lanes(body),
+        *body.lines,
+        "  %more = add i64 %number, 1",
+        "  %again = icmp slt i64 %more, %last",
+        "  br i1 %again, label %block, label %out",
+        "out:",
+        "  ret void",
+        "}",
+        *sorted(body.declared),
         '!0 = !{!"branch_weights", i32 1, i32 100000}',
-    ]  # fmt: skip
+    ]
     return "\n".join(text) + "\n", Layout(body.external, body.scratch, width)
 
 

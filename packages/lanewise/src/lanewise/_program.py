@@ -83,8 +83,10 @@ def deserialise(data: bytes, where: str) -> tuple[Graph, dict[str, Any]]:
     if schema != SCHEMA:
         raise ArgumentError("schema", f"the schema must be {SCHEMA} for this release, got {schema!r}", source=where)
     try:
-        more = {part: [[str(n), k if k is None else _one_of(KINDS, k), _wholes(s)] for n, k, s in content[part]]
-                for part in ("arguments", "results")}  # fmt: skip
+        more = {
+            part: [[str(n), k if k is None else _one_of(KINDS, k), _wholes(s)] for n, k, s in content[part]]
+            for part in ("arguments", "results")
+        }
         return _Reader(content).graph(), {**more, "title": str(content["title"])}
     except (KeyError, IndexError, ValueError, TypeError, AttributeError):
         raise ArgumentError(
@@ -130,12 +132,17 @@ def _buffer(b: Buffer) -> list[Any]:
 
 def _loop(x: Loop) -> dict[str, Any]:
     return {
-        "depth": x.depth, "trips": x.trips if isinstance(x.trips, int) else None,
+        "depth": x.depth,
+        "trips": x.trips if isinstance(x.trips, int) else None,
         "count": x.trips.serial if isinstance(x.trips, Node) else None,
-        "index": x.index.serial, "inits": [n.serial for n in x.inits],
-        "phis": [n.serial for n in x.phis], "nexts": [n.serial for n in x.nexts], "after": [n.serial for n in x.after],
-        "stores": [_store(s) for s in x.stores], "pinned": None if x.pinned is None else x.pinned.serial,
-    }  # fmt: skip
+        "index": x.index.serial,
+        "inits": [n.serial for n in x.inits],
+        "phis": [n.serial for n in x.phis],
+        "nexts": [n.serial for n in x.nexts],
+        "after": [n.serial for n in x.after],
+        "stores": [_store(s) for s in x.stores],
+        "pinned": None if x.pinned is None else x.pinned.serial,
+    }
 
 
 def _store(s: Store) -> list[Any]:
@@ -316,9 +323,14 @@ class Program:
         return graph, make_schedule(graph)
 
     def kernel(
-        self, differs: frozenset[int] = frozenset(), *, lanes: bool = False, mode: str = "default", real: str = "float64",
+        self,
+        differs: frozenset[int] = frozenset(),
+        *,
+        lanes: bool = False,
+        mode: str = "default",
+        real: str = "float64",
         width: int | None = None,
-    ) -> Kernel:  # fmt: skip
+    ) -> Kernel:
         """Machine code for one way of calling, from memory, from disk, or compiled.
 
         Args:
@@ -348,9 +360,14 @@ class Program:
 
     @gc_paused()
     def assembly(
-        self, differs: frozenset[int] = frozenset(), *, lanes: bool = False, mode: str = "default", real: str = "float64",
+        self,
+        differs: frozenset[int] = frozenset(),
+        *,
+        lanes: bool = False,
+        mode: str = "default",
+        real: str = "float64",
         width: int | None = None,
-    ) -> tuple[str, dict[str, Any]]:  # fmt: skip
+    ) -> tuple[str, dict[str, Any]]:
         """LLVM assembly, and what a caller of the kernel must know."""
         at = host()
         if mode == "fast" and lanes and at.divides:
@@ -381,9 +398,15 @@ class Program:
         return text, {"slots": slots, "width": width, "scratch": layout.scratch}
 
     def run(
-        self, arguments: Mapping[str, ArrayLike] | Sequence[ArrayLike], *, lanes: int | None = None, mode: str = "default",
-        real: str = "float64", threads: int | None = None, width: int | None = None,
-    ) -> dict[str, np.ndarray]:  # fmt: skip
+        self,
+        arguments: Mapping[str, ArrayLike] | Sequence[ArrayLike],
+        *,
+        lanes: int | None = None,
+        mode: str = "default",
+        real: str = "float64",
+        threads: int | None = None,
+        width: int | None = None,
+    ) -> dict[str, np.ndarray]:
         """Run it on arrays.
 
         Args:
@@ -441,9 +464,15 @@ class Program:
         return kernel(arrays, len(self.results), lanes, threads)
 
     def bind(
-        self, arguments: Sequence[np.ndarray], results: Sequence[np.ndarray | None], *, lanes: int | None = None,
-        mode: str = "default", real: str = "float64", threads: int | None = None,
-    ) -> BoundKernel:  # fmt: skip
+        self,
+        arguments: Sequence[np.ndarray],
+        results: Sequence[np.ndarray | None],
+        *,
+        lanes: int | None = None,
+        mode: str = "default",
+        real: str = "float64",
+        threads: int | None = None,
+    ) -> BoundKernel:
         """The program on arrays whose places are fixed: a call of it reads and writes them, and makes nothing.
 
         Args:

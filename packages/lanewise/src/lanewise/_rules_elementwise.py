@@ -37,8 +37,28 @@ def _plain(op: str) -> Any:
     return lambda t, eqn, *values: elementwise(t.graph, lambda *n: t.graph.make(op, n), *values)
 
 
-for _name in ("sub", "mul", "max", "min", "neg", "abs", "sqrt", "floor", "ceil", "exp", "expm1", "log", "log1p", "pow",
-              "sin", "cos", "eq", "ne", "lt", "le"):  # fmt: skip
+for _name in (
+    "sub",
+    "mul",
+    "max",
+    "min",
+    "neg",
+    "abs",
+    "sqrt",
+    "floor",
+    "ceil",
+    "exp",
+    "expm1",
+    "log",
+    "log1p",
+    "pow",
+    "sin",
+    "cos",
+    "eq",
+    "ne",
+    "lt",
+    "le",
+):
     RULES[_name] = _plain(_name)
 RULES["lt_to"], RULES["le_to"] = RULES["lt"], RULES["le"]
 

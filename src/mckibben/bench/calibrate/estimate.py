@@ -155,9 +155,13 @@ def zero(nothing: ReferenceReading, *, resolution: float, uncertainty: float = 0
 
 
 def dead_weights(
-    masses: Sequence[tuple[float, ReferenceReading]], *, resolution: float, uncertainty: float = 0.0,
-    gravity: float = GRAVITY, gravity_uncertainty: float = 0.0,
-) -> CalibrationLine:  # fmt: skip
+    masses: Sequence[tuple[float, ReferenceReading]],
+    *,
+    resolution: float,
+    uncertainty: float = 0.0,
+    gravity: float = GRAVITY,
+    gravity_uncertainty: float = 0.0,
+) -> CalibrationLine:
     """A load cell from masses.
 
     Args:
@@ -234,10 +238,13 @@ def line(points: Sequence[Point], *, resolution: float, reference: Reference, wh
     residuals = (y - z) / slope - x
     together = math.sqrt(total[0] * total[1])
     return CalibrationLine(
-        CorrectionTerm(gain, gain**2 * math.sqrt(total[1]), degrees[1]), CorrectionTerm(z, math.sqrt(total[0]), degrees[0]),
+        CorrectionTerm(gain, gain**2 * math.sqrt(total[1]), degrees[1]),
+        CorrectionTerm(z, math.sqrt(total[0]), degrees[0]),
         float(-covariance[0, 1] / together) if together > 0.0 else 0.0,
-        residuals, max(float(np.ptp(residuals[settings == setting])) for setting in each), misfit,
-    )  # fmt: skip
+        residuals,
+        max(float(np.ptp(residuals[settings == setting])) for setting in each),
+        misfit,
+    )
 
 
 def _variances(
@@ -249,9 +256,10 @@ def _variances(
     again = int((times - 1).sum())
     beyond = max(float(apart @ apart) / again - read, 0.0) if again else 0.0
     return [
-        (read / times, sum(p.reading.degrees for p in points)), (beyond / times, again),
+        (read / times, sum(p.reading.degrees for p in points)),
+        (beyond / times, again),
         (of_counts(scatter, resolution) ** 2 + by_reference**2, math.inf),
-    ]  # fmt: skip
+    ]
 
 
 def _degrees(*parts: tuple[float, float], total: float) -> float:

@@ -26,9 +26,13 @@ class HardwareReadings:
     """
 
     def __init__(
-        self, hardware: Hardware, converters: Converters, *,
-        period: float = PERIOD, scales: Mapping[str, ChannelScale] | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        hardware: Hardware,
+        converters: Converters,
+        *,
+        period: float = PERIOD,
+        scales: Mapping[str, ChannelScale] | None = None,
+    ) -> None:
         """A machine that is not started yet, and what its counts stand for.
 
         Args:

@@ -84,9 +84,15 @@ class CalibrationSession:
         return CalibrationOutcome(corrections, points=points)
 
     def weights(
-        self, masses: Sequence[float], *, uncertainty: float = 0.0, gravity: float = GRAVITY,
-        gravity_uncertainty: float = 0.0, name: str = "", channel: str = "tension",
-    ) -> CalibrationOutcome:  # fmt: skip
+        self,
+        masses: Sequence[float],
+        *,
+        uncertainty: float = 0.0,
+        gravity: float = GRAVITY,
+        gravity_uncertainty: float = 0.0,
+        name: str = "",
+        channel: str = "tension",
+    ) -> CalibrationOutcome:
         """A load cell: masses [kg], hung up and down again; uncertainties standard, of each mass [kg] and of gravity."""
         _different("masses", masses, "kg", least=0.0)
         asked = [
@@ -96,9 +102,12 @@ class CalibrationSession:
         points = self._points(dict(zip(masses, asked, strict=True)), [channel])[channel]
         grid = self._grid(channel)
         line = estimate.dead_weights(
-            [(p.setting, p.reading) for p in points], resolution=grid.resolution, uncertainty=uncertainty,
-            gravity=gravity, gravity_uncertainty=gravity_uncertainty,
-        )  # fmt: skip
+            [(p.setting, p.reading) for p in points],
+            resolution=grid.resolution,
+            uncertainty=uncertainty,
+            gravity=gravity,
+            gravity_uncertainty=gravity_uncertainty,
+        )
         reference = Reference(name, uncertainty * gravity, gravity_uncertainty / gravity)
         return self._outcome("weights", reference, {channel: line}, {channel: points})
 
@@ -207,18 +216,27 @@ class CalibrationSession:
 
     def _origin(self, method: str, reference: Reference, points: int) -> Origin:
         return Origin(
-            method=method, date=self.date, reference=reference.name, reference_uncertainty=reference.uncertainty,
-            scale_uncertainty=reference.scale, valid_for=self.valid_for, points=points,
-        )  # fmt: skip
+            method=method,
+            date=self.date,
+            reference=reference.name,
+            reference_uncertainty=reference.uncertainty,
+            scale_uncertainty=reference.scale,
+            valid_for=self.valid_for,
+            points=points,
+        )
 
     def _correction(self, unit: str, terms: Mapping[str, tuple[CorrectionTerm, Origin]], **more: Any) -> Correction:
         made = {n: CorrectionTerm(t.value, t.uncertainty, t.degrees, origin) for n, (t, origin) in terms.items()}
         return Correction(unit=unit, terms=made, sensor=self.sensor, **more)
 
     def _outcome(
-        self, method: str, reference: Reference, lines: Mapping[str, CalibrationLine], points: Mapping[str, Sequence[Point]],
+        self,
+        method: str,
+        reference: Reference,
+        lines: Mapping[str, CalibrationLine],
+        points: Mapping[str, Sequence[Point]],
         wanted: Sequence[str] = ("gain", "zero"),
-    ) -> CalibrationOutcome:  # fmt: skip
+    ) -> CalibrationOutcome:
         corrections = {}
         for name, line in lines.items():
             origin = self._origin(method, reference, len(points[name]))

@@ -61,9 +61,13 @@ class SkewModel(NamedTuple):
 
 
 def skew(
-    time: np.ndarray, signals: Mapping[str, np.ndarray], *, frequency: float, to: float | None = None,
+    time: np.ndarray,
+    signals: Mapping[str, np.ndarray],
+    *,
+    frequency: float,
+    to: float | None = None,
     resolution: Mapping[str, float] | None = None,
-) -> dict[str, CorrectionTerm]:  # fmt: skip
+) -> dict[str, CorrectionTerm]:
     """Compute the delay of each channel behind the first one [s].
 
     Args:

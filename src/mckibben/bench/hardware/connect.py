@@ -117,10 +117,14 @@ def _open_serial(request: HardwareRequest) -> Hardware:
 
     converters = request.rig.converters(0.0)
     return SerialHardware(
-        request.place, converters.names, bits={n: c.bits for n, c in converters.analog.items()},
-        encoder=converters.encoder is not None, motor=converters.motor is not None, lock_step=request.lock_step,
+        request.place,
+        converters.names,
+        bits={n: c.bits for n, c in converters.analog.items()},
+        encoder=converters.encoder is not None,
+        motor=converters.motor is not None,
+        lock_step=request.lock_step,
         watchdog=max(3, math.ceil(request.silence / request.period)),
-    )  # fmt: skip
+    )
 
 
 def _open_daq(request: HardwareRequest) -> Hardware:

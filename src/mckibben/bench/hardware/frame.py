@@ -126,6 +126,8 @@ class TestStand(Load):
         if self.motor is None:
             return {"deflection": state.deflection}
         return {
-            "position": state.position, "velocity": state.velocity, "current": state.current,
+            "position": state.position,
+            "velocity": state.velocity,
+            "current": state.current,
             "deflection": state.deflection,
-        }  # fmt: skip
+        }

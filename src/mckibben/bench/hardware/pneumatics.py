@@ -69,9 +69,12 @@ class Plumbing(Module):
         }
         if self.has_muscle:
             nodes[tested] = MovingVolume(
-                of=units[MUSCLE].law.braid_volume, ambient=room.pressure_abs, dead=self.muscle_accumulator,
-                heat=self.heat, signal=f"{MUSCLE}.length",
-            )  # fmt: skip
+                of=units[MUSCLE].law.braid_volume,
+                ambient=room.pressure_abs,
+                dead=self.muscle_accumulator,
+                heat=self.heat,
+                signal=f"{MUSCLE}.length",
+            )
         else:
             nodes[tested] = FixedVolume(size=self.muscle_accumulator, heat=self.heat)
         branches = {"valve": Branch(self.valve, ("supply", PORT, "room"), "valve")}

@@ -43,9 +43,16 @@ class SimulatedMachine:
     """
 
     def __init__(
-        self, plant: InstrumentedPlant, carry: sampled.Carry, rows: SampleRows, *,
-        period: float, inner: int, latency: float, ahead: float = 0.0,
-    ) -> None:  # fmt: skip
+        self,
+        plant: InstrumentedPlant,
+        carry: sampled.Carry,
+        rows: SampleRows,
+        *,
+        period: float,
+        inner: int,
+        latency: float,
+        ahead: float = 0.0,
+    ) -> None:
         self.names = plant.converters.names
         self.bits = tuple(plant.converters.analog[n].bits for n in self.names)
         self._period = period

@@ -85,9 +85,14 @@ class Interlocks(Module):
         return InterlockState(jnp.zeros((), jnp.int32), zero, zero, zero, zero, jnp.asarray(jnp.inf))
 
     def step(
-        self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], velocity: Any, dt: Any,
+        self,
+        state: InterlockState,
+        measured: Mapping[str, Any],
+        asked: Mapping[str, Any],
+        velocity: Any,
+        dt: Any,
         pressed: Any = 0.0,
-    ) -> tuple[InterlockState, Any]:  # fmt: skip
+    ) -> tuple[InterlockState, Any]:
         """One sample: the new state and the code of `Trip` that stays, int32.
 
         Args:

@@ -74,9 +74,16 @@ class JointControl(Module):
         return JointControlState(at, stiff, self.motion.initial(angle), first_trim(), pressure, pressure)
 
     def step(
-        self, state: JointControlState, set_angle: Any, set_stiffness: Any, angle: Any, flexor: Any, extensor: Any, dt: Any,
+        self,
+        state: JointControlState,
+        set_angle: Any,
+        set_stiffness: Any,
+        angle: Any,
+        flexor: Any,
+        extensor: Any,
+        dt: Any,
         active: Any = 1.0,
-    ) -> tuple[JointControlState, JointCommands]:  # fmt: skip
+    ) -> tuple[JointControlState, JointCommands]:
         """One sample: the new state and what is asked of the valves.
 
         Args:
@@ -103,8 +110,15 @@ class JointControl(Module):
         above, below = self.valve.high - point.common, point.common - self.valve.low
         most = point.moment_per_difference * jnp.where(above > below, above, below)
         trim = next_trim(
-            state.trim, self.ki * dt * error, active, wanted=wanted, low=-most, high=most, limit=self.trim_limit, rest=-back
-        )  # fmt: skip
+            state.trim,
+            self.ki * dt * error,
+            active,
+            wanted=wanted,
+            low=-most,
+            high=most,
+            limit=self.trim_limit,
+            rest=-back,
+        )
         apart = bounded(wanted, -most, most) / point.moment_per_difference
         flexor_set = bounded(point.common + apart, self.valve.low, self.valve.high)
         extensor_set = bounded(point.common - apart, self.valve.low, self.valve.high)
@@ -142,9 +156,15 @@ class JointSoftware(Software):
     ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
         """One sample: commands ``flexor`` and ``extensor`` [Pa] and the row's ``moment``; shown are all set-points."""
         after, asked = self.control.step(
-            state, row["angle"], row["stiffness"], measured["angle"], measured["flexor_pressure"],
-            measured["extensor_pressure"], dt, row["active"],
-        )  # fmt: skip
+            state,
+            row["angle"],
+            row["stiffness"],
+            measured["angle"],
+            measured["flexor_pressure"],
+            measured["extensor_pressure"],
+            dt,
+            row["active"],
+        )
         shown = {
             "command.angle": row["angle"],
             "command.stiffness": row["stiffness"],

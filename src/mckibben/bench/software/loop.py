@@ -76,9 +76,16 @@ class BenchSoftware(Software):
         driven = jnp.where(asked.mode == TENSION, span, driven)
         driven = jnp.where(asked.mode == VELOCITY, driven + asked.motor * dt, driven)
         position, holding = self.position.step(
-            state["position"], driven, jnp.where(asked.mode == VELOCITY, asked.motor, asked.velocity),
-            asked.acceleration, span, velocity, tension, dt, jnp.where(going & (asked.mode != TENSION), 1.0, 0.0),
-        )  # fmt: skip
+            state["position"],
+            driven,
+            jnp.where(asked.mode == VELOCITY, asked.motor, asked.velocity),
+            asked.acceleration,
+            span,
+            velocity,
+            tension,
+            dt,
+            jnp.where(going & (asked.mode != TENSION), 1.0, 0.0),
+        )
         force, pulling = self.force.step(
             state["force"], asked.motor, tension, velocity, dt, jnp.where(going & (asked.mode == TENSION), 1.0, 0.0)
         )
@@ -97,9 +104,15 @@ class BenchSoftware(Software):
             "open": jnp.where(stopped, 1.0, asked.open),
         }
         new = {
-            "place": place, "motion": motion, "pressure": pressure, "position": position, "force": force,
-            "interlocks": watching, "driven": driven, "stopped": stopped,
-        }  # fmt: skip
+            "place": place,
+            "motion": motion,
+            "pressure": pressure,
+            "position": position,
+            "force": force,
+            "interlocks": watching,
+            "driven": driven,
+            "stopped": stopped,
+        }
         return new, commands, self._shown(asked, velocity, code, at.missed, stopped)
 
     def _shown(self, asked: SampleSetpoints, velocity: Any, code: Any, missed: Any, stopped: Any) -> dict[str, Scalar]:

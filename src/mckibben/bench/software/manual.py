@@ -94,11 +94,14 @@ class Manual(Module):
         """
         speed = SLOW * limits.speed if limits.speed > 0.0 else 1e-6
         return cls(
-            pressure_rate=min(limits.pressure[1] / FILL, SHARE * limits.pressure_rate), speed=speed,
+            pressure_rate=min(limits.pressure[1] / FILL, SHARE * limits.pressure_rate),
+            speed=speed,
             acceleration=min(speed / START, limits.acceleration, 1e4),
             tension_rate=min(limits.tension, limits.motor_force, 1e6 * FILL) / FILL,
-            shortest=limits.span[0], longest=limits.span[1], hold=hold,
-        )  # fmt: skip
+            shortest=limits.span[0],
+            longest=limits.span[1],
+            hold=hold,
+        )
 
     def initial(self, pressure: Any, motor: Any) -> ManualPlace:
         """Set-points at a pressure [Pa] and a span [m], at rest, and nothing asked but to stay."""
@@ -118,11 +121,17 @@ class Manual(Module):
         values = jnp.stack([place.span, place.velocity, place.tension])
         always = jnp.asarray(True)
         return SampleSetpoints(
-            pressure=place.pressure, open=place.open, mode=place.mode, motor=values[place.mode],
+            pressure=place.pressure,
+            open=place.open,
+            mode=place.mode,
+            motor=values[place.mode],
             velocity=jnp.where(by_span, place.velocity, 0.0),
-            acceleration=jnp.where(place.mode == TENSION, 0.0, place.acceleration), step=place.step, record=always,
-            running=always, fresh=~always,
-        )  # fmt: skip
+            acceleration=jnp.where(place.mode == TENSION, 0.0, place.acceleration),
+            step=place.step,
+            record=always,
+            running=always,
+            fresh=~always,
+        )
 
     def advance(
         self, place: ManualPlace, _: SampleSetpoints, measured: Mapping[str, Any], motor_at: Sequence[Any], dt: Any
@@ -149,12 +158,18 @@ class Manual(Module):
         aim = jnp.where(jnp.isfinite(to), to, tension)
         pulling = mode == TENSION
         return ManualPlace(
-            step=jnp.where(left, ABANDONED, MANUAL), missed=place.missed, pressure=pressure,
-            open=jnp.where(left, 1.0, asked.open), mode=mode, span=jnp.where(pulling, motor_at[SPAN], span),
-            velocity=jnp.where(pulling, 0.0, velocity), acceleration=jnp.where(pulling, 0.0, acceleration),
-            tension=jnp.where(pulling, tension + _within(aim - tension, self.tension_rate * dt), tension), alone=alone,
+            step=jnp.where(left, ABANDONED, MANUAL),
+            missed=place.missed,
+            pressure=pressure,
+            open=jnp.where(left, 1.0, asked.open),
+            mode=mode,
+            span=jnp.where(pulling, motor_at[SPAN], span),
+            velocity=jnp.where(pulling, 0.0, velocity),
+            acceleration=jnp.where(pulling, 0.0, acceleration),
+            tension=jnp.where(pulling, tension + _within(aim - tension, self.tension_rate * dt), tension),
+            alone=alone,
             asked=asked,
-        )  # fmt: skip
+        )
 
     def _span(self, place: ManualPlace, mode: Any, to: Any, motor_at: Sequence[Any], dt: Any) -> tuple[Any, Any, Any]:
         """Set-point of the span at the next sample, its velocity and acceleration."""

@@ -21,7 +21,7 @@ from .shapes import (
     Staircase,
     Sum,
     Triangle,
-)  # fmt: skip
+)
 from .waveform import KINDS, Waveform, read_waveform, time_words
 
 __all__ = [

@@ -28,7 +28,7 @@ from .waveform import (
     register,
     time_words,
     words,
-)  # fmt: skip
+)
 
 # Knots of the noise per cycle of its cut-off: a cubic B-spline passes sinc(f/knots)^4, half the power at 0.22751.
 KNOTS = 1.0 / 0.22751

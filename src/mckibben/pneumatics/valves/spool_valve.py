@@ -38,9 +38,13 @@ class SpoolValve(FlowElement):
         "1/s", (0.1, 1e5), "stroke from mid to end per time", symbol="v", typical=(50.0, 1e3), default=1e5
     )
     overlap: Scalar = quantity(
-        "1", (-0.9, 0.9), "share of the stroke before an edge opens, negative: open in mid position", symbol="o",
-        typical=(-0.1, 0.1), default=0.0,
-    )  # fmt: skip
+        "1",
+        (-0.9, 0.9),
+        "share of the stroke before an edge opens, negative: open in mid position",
+        symbol="o",
+        typical=(-0.1, 0.1),
+        default=0.0,
+    )
     leakage: Scalar = quantity(
         "1", (0.0, 0.5), "leakage in mid position over full conductance", symbol="l", typical=(0.0, 0.02), default=0.0
     )

@@ -214,15 +214,23 @@ class BenchSelection:
         limits = self._limits()
         rest = drawing.rest_length(self.spec)
         return {
-            "muscles": [drawing.plain(s) for s in self.muscles.values()], "muscle": self.spec.id, "rest_length": rest,
-            "rigs": [{"name": n, "title": t} for n, t in self._rigs().items()], "rig": self.rig.name,
-            "rig_title": self.rig.title, "machine": self.machine, "plumbing": list(self.rig.plumbing), "units": factors(),
+            "muscles": [drawing.plain(s) for s in self.muscles.values()],
+            "muscle": self.spec.id,
+            "rest_length": rest,
+            "rigs": [{"name": n, "title": t} for n, t in self._rigs().items()],
+            "rig": self.rig.name,
+            "rig_title": self.rig.title,
+            "machine": self.machine,
+            "plumbing": list(self.rig.plumbing),
+            "units": factors(),
             "limits": {
-                "pressure": [limits.pressure[0], limits.pressure[1]], "tension": [0.0, limits.tension],
+                "pressure": [limits.pressure[0], limits.pressure[1]],
+                "tension": [0.0, limits.tension],
                 "length": [limits.span[0], limits.span[1]],
             },
-            "inferred": self.spec.inferred(), "has_motor": self.rig.motor is not None,
-        }  # fmt: skip
+            "inferred": self.spec.inferred(),
+            "has_motor": self.rig.motor is not None,
+        }
 
     def _laws(self, unit: Any) -> dict[str, Any]:
         import numpy as np
@@ -233,8 +241,13 @@ class BenchSelection:
         low, high = free - MARGIN * rest, longest + MARGIN * rest
         lines = laws(unit, low, longest, limits.pressure[1])
         return {
-            "title": type(unit.law).title, "low": low, "high": high, "free": free, "longest": longest, "lines": lines,
-        }  # fmt: skip
+            "title": type(unit.law).title,
+            "low": low,
+            "high": high,
+            "free": free,
+            "longest": longest,
+            "lines": lines,
+        }
 
     def words(self) -> str:
         """Describe muscle and rig for a message."""

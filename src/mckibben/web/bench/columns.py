@@ -32,9 +32,12 @@ class Columns:
     def of(self, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Return columns (n,) by the names of `stream.CHANNELS` [SI]; the flow is that of the room's air [m^3/s]."""
         names = {
-            "pressure": "pressure", "tension": "tension", "length": "span", "set_pressure": "command.pressure",
+            "pressure": "pressure",
+            "tension": "tension",
+            "length": "span",
+            "set_pressure": "command.pressure",
             "set_length": "command.span",
-        }  # fmt: skip
+        }
         columns = {shown: np.asarray(arrays[name], float) for shown, name in names.items() if name in arrays}
         if "valve.command" in arrays:
             columns["valve"] = np.asarray(arrays["valve.command"], float) / self.top

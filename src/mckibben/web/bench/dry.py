@@ -86,9 +86,14 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig, *, o
         return DryRun.refused(str(error), error.field)
     findings = [{"sentence": f.sentence, "path": f.path, "field": f.field} for f in bench.findings]
     plain: dict[str, Any] = {
-        "passed": not findings, "findings": findings, "cautions": list(bench.cautions), "duration": bench.plan.duration,
-        "plumbing": bench.layout, "rest_length": bench.plan.rest_length, "lane": lane(bench),
-    }  # fmt: skip
+        "passed": not findings,
+        "findings": findings,
+        "cautions": list(bench.cautions),
+        "duration": bench.plan.duration,
+        "plumbing": bench.layout,
+        "rest_length": bench.plan.rest_length,
+        "lane": lane(bench),
+    }
     curves = _curves(bench)
     plain["limits"] = _limits(bench, curves)
     plain["curves"] = {n: _plain(v) for n, v in _drawable(bench, curves).items()}
@@ -103,10 +108,13 @@ def lane(bench: PreparedRun) -> list[dict[str, Any]]:
         frequency = step.step.frequency()
         steps.append(
             {
-                "path": step.path, "label": step.step.label or "step", "start": step.start / rate,
-                "end": (step.start + step.count) / rate, "period": 1.0 / frequency if frequency else 0.0,
+                "path": step.path,
+                "label": step.step.label or "step",
+                "start": step.start / rate,
+                "end": (step.start + step.count) / rate,
+                "period": 1.0 / frequency if frequency else 0.0,
             }
-        )  # fmt: skip
+        )
     return steps
 
 
@@ -139,10 +147,13 @@ def _curves(bench: PreparedRun) -> dict[str, np.ndarray]:
         tension[known] = expected(bench.unit)(values["span"][known], values["pressure"][known])
     tension = np.where(np.isfinite(values["pull"]), values["pull"], tension)
     return {
-        "time": at / rate, "pressure": values["pressure"], "length": values["span"], "tension": tension,
+        "time": at / rate,
+        "pressure": values["pressure"],
+        "length": values["span"],
+        "tension": tension,
         "valve": values["pressure"] / float(bench.rig.valve_out.high),
         "flow": _flow(bench, at / rate, values["span"], values["pressure"]),
-    }  # fmt: skip
+    }
 
 
 def _drawable(bench: PreparedRun, curves: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -176,8 +187,10 @@ def _limits(bench: PreparedRun, curves: dict[str, np.ndarray]) -> list[dict[str,
     limits = bench.rig.limits(bench.layout)
     rows = []
     for name, limit in (
-        ("pressure", limits.pressure[1]), ("tension", min(limits.tension, limits.motor_force)), ("length", limits.span[1])
-    ):  # fmt: skip
+        ("pressure", limits.pressure[1]),
+        ("tension", min(limits.tension, limits.motor_force)),
+        ("length", limits.span[1]),
+    ):
         values = curves[name][np.isfinite(curves[name])]
         if values.size and math.isfinite(limit):
             peak = float(values.max())

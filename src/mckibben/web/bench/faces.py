@@ -21,9 +21,14 @@ FACTORS = (1.01, 0.99, 1.5)
 def faces(protocol: Protocol) -> dict[str, Any]:
     """Return all three views."""
     return {
-        "name": protocol.name, "title": protocol.title, "source": protocol.source, "sentence": sentence(protocol),
-        "full": protocol.sentence(), "form": form(protocol), "text": protocol.toml(),
-    }  # fmt: skip
+        "name": protocol.name,
+        "title": protocol.title,
+        "source": protocol.source,
+        "sentence": sentence(protocol),
+        "full": protocol.sentence(),
+        "form": form(protocol),
+        "text": protocol.toml(),
+    }
 
 
 def sentence(protocol: Protocol) -> list[dict[str, Any]]:
@@ -80,11 +85,17 @@ def form(protocol: Protocol) -> list[dict[str, Any]]:
         value = ", ".join(c.values)
         fields.append(
             {
-                "name": c.name, "label": _label(c.name), "value": value, "unit": "", "about": c.about, "options": options,
-                "allowed": f"one or more of {', '.join(options)}", "colour": "",
+                "name": c.name,
+                "label": _label(c.name),
+                "value": value,
+                "unit": "",
+                "about": c.about,
+                "options": options,
+                "allowed": f"one or more of {', '.join(options)}",
+                "colour": "",
                 "inferred": set(c.values) <= set(c.inferred),
             }
-        )  # fmt: skip
+        )
     set_by = {k for c in protocol.choices for _, sets in c.options for k, _ in sets}
     for p in protocol.parameters:
         if not p.values and p.name in set_by:
@@ -93,11 +104,17 @@ def form(protocol: Protocol) -> list[dict[str, Any]]:
         allowed = f"{p.bounds[0]} to {p.bounds[1]}" if p.bounds else ""
         fields.append(
             {
-                "name": p.name, "label": _label(p.name), "value": value, "unit": unit, "about": p.about, "options": None,
-                "allowed": allowed, "colour": COLOURS.get(p.unit, ""),
+                "name": p.name,
+                "label": _label(p.name),
+                "value": value,
+                "unit": unit,
+                "about": p.about,
+                "options": None,
+                "allowed": allowed,
+                "colour": COLOURS.get(p.unit, ""),
                 "inferred": any(is_inferred(p, v) for v in p.values),
             }
-        )  # fmt: skip
+        )
     return fields
 
 

@@ -36,12 +36,14 @@ def of_cycle(columns: dict[str, np.ndarray], period: float, frequency: float) ->
     try:
         record = Recording(
             period * np.arange(len(length)),
-            {"length": Channel(length, "m", "measured"), "tension": Channel(tension, "N", "measured")}, {},
-        )  # fmt: skip
+            {"length": Channel(length, "m", "measured"), "tension": Channel(tension, "N", "measured")},
+            {},
+        )
         power = shortening_power(record, length="length", tension="tension", frequency=frequency)
         rows += [
-            _row("Mean power while shortening", power.mean_power, "W", 2), _row("Peak power", power.largest_power, "W", 2),
-        ]  # fmt: skip
+            _row("Mean power while shortening", power.mean_power, "W", 2),
+            _row("Peak power", power.largest_power, "W", 2),
+        ]
     except MckibbenError:
         pass  # not yet two turns of a kind
     flow = columns["flow"][-n:].astype(float)

@@ -19,11 +19,22 @@ def status_of(bench: Bench) -> dict[str, Any]:
     """Return state, reason and times."""
     run, manual = bench.running, bench.manual
     status: dict[str, Any] = {
-        "shape": "idle", "name": "Idle", "small": "", "pace": bench.pace, "vented": bench.vented, "why": bench.why,
-        "trip": bench.when, "moving": False, "paused": False, "time": bench.ended.get("time", 0.0), "ended": bench.ended,
+        "shape": "idle",
+        "name": "Idle",
+        "small": "",
+        "pace": bench.pace,
+        "vented": bench.vented,
+        "why": bench.why,
+        "trip": bench.when,
+        "moving": False,
+        "paused": False,
+        "time": bench.ended.get("time", 0.0),
+        "ended": bench.ended,
         "asked": "",
-        "by_hand": "ready" if manual is not None and manual.ready else (manual.failed if manual else "") or "getting ready",
-    }  # fmt: skip
+        "by_hand": "ready"
+        if manual is not None and manual.ready
+        else (manual.failed if manual else "") or "getting ready",
+    }
     if run is not None:
         return status | _running(bench, run)
     if bench.why:
@@ -45,12 +56,25 @@ def _running(bench: Bench, run: RunController) -> dict[str, Any]:
         shape, name = "paused", "Paused"
         small = run.asked or f"at {run.time:.3f} s, simulated time stands still"
     return {
-        "shape": shape, "name": name, "small": small, "moving": True, "paused": paused, "time": run.time,
-        "asked": run.asked, "why": bench.why or tripped, "duration": run.prepared.plan.duration, "words": run.words,
-        "trip": bench.when if bench.why else run.when if tripped else None, "cycle": run.cycle,
-        "title": run.prepared.protocol.title, "steps": steps_of(run), "running": True, "measured": run.measured,
-        "path": "" if step is None else step["path"], "file": run.file,
-    }  # fmt: skip
+        "shape": shape,
+        "name": name,
+        "small": small,
+        "moving": True,
+        "paused": paused,
+        "time": run.time,
+        "asked": run.asked,
+        "why": bench.why or tripped,
+        "duration": run.prepared.plan.duration,
+        "words": run.words,
+        "trip": bench.when if bench.why else run.when if tripped else None,
+        "cycle": run.cycle,
+        "title": run.prepared.protocol.title,
+        "steps": steps_of(run),
+        "running": True,
+        "measured": run.measured,
+        "path": "" if step is None else step["path"],
+        "file": run.file,
+    }
 
 
 def _manual(manual: ManualControl) -> dict[str, Any]:
@@ -58,9 +82,13 @@ def _manual(manual: ManualControl) -> dict[str, Any]:
     asked = {} if session is None else session.status().set_points
     words = ", ".join(with_unit(v, UNITS[n]) for n, v in asked.items() if n in UNITS)
     return {
-        "shape": "running", "name": "By hand", "small": f"holding {words}" if words else "vented", "moving": True,
-        "time": manual.time, "set_points": dict(asked),
-    }  # fmt: skip
+        "shape": "running",
+        "name": "By hand",
+        "small": f"holding {words}" if words else "vented",
+        "moving": True,
+        "time": manual.time,
+        "set_points": dict(asked),
+    }
 
 
 def short(why: str) -> str:
@@ -72,10 +100,17 @@ def short(why: str) -> str:
 def ended(run: RunController, said: dict[str, Any], why: str) -> dict[str, Any]:
     """Summarise the last run until the next one begins."""
     return {
-        **said, "time": run.time, "title": run.prepared.protocol.title, "stopped": bool(why), "why": why, "by": run.cause,
-        "trip": run.when if why else None, "steps": steps_of(run), "duration": run.prepared.plan.duration,
+        **said,
+        "time": run.time,
+        "title": run.prepared.protocol.title,
+        "stopped": bool(why),
+        "why": why,
+        "by": run.cause,
+        "trip": run.when if why else None,
+        "steps": steps_of(run),
+        "duration": run.prepared.plan.duration,
         "measured": run.measured,
-    }  # fmt: skip
+    }
 
 
 def steps_of(run: RunController) -> list[dict[str, Any]]:
@@ -86,8 +121,11 @@ def steps_of(run: RunController) -> list[dict[str, Any]]:
         end = one["end"] if one["end"] > one["start"] else None
         steps.append(
             {
-                "path": one["path"], "label": one["label"] or "step", "start": one["start"], "end": end,
+                "path": one["path"],
+                "label": one["label"] or "step",
+                "start": one["start"],
+                "end": end,
                 "period": 1.0 / frequency if frequency else 0.0,
             }
-        )  # fmt: skip
+        )
     return steps

@@ -153,10 +153,12 @@ class Tasks:
     def _create(self) -> None:
         wiring, ni = self.wiring, self._constants
         kinds = {
-            "default": ni.TerminalConfiguration.DEFAULT, "rse": ni.TerminalConfiguration.RSE,
-            "nrse": ni.TerminalConfiguration.NRSE, "differential": ni.TerminalConfiguration.DIFF,
+            "default": ni.TerminalConfiguration.DEFAULT,
+            "rse": ni.TerminalConfiguration.RSE,
+            "nrse": ni.TerminalConfiguration.NRSE,
+            "differential": ni.TerminalConfiguration.DIFF,
             "pseudodifferential": ni.TerminalConfiguration.PSEUDO_DIFF,
-        }  # fmt: skip
+        }
         self._inputs = self._task()
         for name, entry in wiring.inputs.items():
             with self._complaints.told(f"inputs.{name}.channel", entry.channel):
@@ -238,9 +240,11 @@ class Tasks:
         self._deadline[0] = 2.0 * self._wait
         size = max(math.ceil(buffer / period), 2 * block)
         self._read = np.zeros((len(self.wiring.inputs), block)), np.zeros(block)
-        clocked = [(self._inputs, "")] if self._counter is None else [
-            (self._counter, self.wiring.sample_clock), (self._inputs, "")
-        ]  # fmt: skip
+        clocked = (
+            [(self._inputs, "")]
+            if self._counter is None
+            else [(self._counter, self.wiring.sample_clock), (self._inputs, "")]
+        )
         with self._complaints.told("clock", self.wiring.sample_clock):
             for task, source in clocked:
                 task.timing.cfg_samp_clk_timing(

@@ -284,9 +284,15 @@ class CompiledDevice:
         about, names = board.about, [name.encode() for name in board.welcome.names]
         count = len(names)
         self._about = _About(
-            about.firmware.encode(), about.shortest, about.motor_rest, about.encoder, about.motor, count,
-            (ctypes.c_uint8 * count)(*board.welcome.bits), (ctypes.c_char_p * count)(*names),
-        )  # fmt: skip
+            about.firmware.encode(),
+            about.shortest,
+            about.motor_rest,
+            about.encoder,
+            about.motor,
+            count,
+            (ctypes.c_uint8 * count)(*board.welcome.bits),
+            (ctypes.c_char_p * count)(*names),
+        )
         self._calls = _Calls(
             _START(lambda period, clocked: board.start(period, bool(clocked))),
             _STOP(board.stop),

@@ -78,10 +78,20 @@ class SerialHardware(Hardware):
     """
 
     def __init__(
-        self, port: str | Any, channels: Sequence[str] | None = None, *, bits: Mapping[str, int] | None = None,
-        encoder: bool = False, motor: bool = False, lock_step: bool = False, watchdog: int = 3, patience: int = 2,
-        timeout: float = 1.0, greeting: float = 5.0, baud: int = BITS_PER_SECOND,
-    ) -> None:  # fmt: skip
+        self,
+        port: str | Any,
+        channels: Sequence[str] | None = None,
+        *,
+        bits: Mapping[str, int] | None = None,
+        encoder: bool = False,
+        motor: bool = False,
+        lock_step: bool = False,
+        watchdog: int = 3,
+        patience: int = 2,
+        timeout: float = 1.0,
+        greeting: float = 5.0,
+        baud: int = BITS_PER_SECOND,
+    ) -> None:
         if not 2 <= watchdog < 2**16:
             raise InputError("watchdog", watchdog, "allowed is a number of samples from 2 to 65535")
         self.lock_step, self.watchdog, self.patience, self.timeout = lock_step, watchdog, patience, timeout
@@ -108,9 +118,15 @@ class SerialHardware(Hardware):
         """Statistics of the latest run."""
         line, of, (bad, other) = self._line, self._arrivals, self._before
         return SerialStatistics(
-            self._taken, of.lost, of.repeated, of.late, line.frames.bad_checksum - bad,
-            line.undecodable - other + self._strange, of.answers_late, of.answers_damaged,
-        )  # fmt: skip
+            self._taken,
+            of.lost,
+            of.repeated,
+            of.late,
+            line.frames.bad_checksum - bad,
+            line.undecodable - other + self._strange,
+            of.answers_late,
+            of.answers_damaged,
+        )
 
     def start(self, period: float) -> None:
         """Zero the encoder and begin to sample with a period [s]; sample 0 is the next one.

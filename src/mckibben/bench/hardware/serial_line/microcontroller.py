@@ -72,9 +72,15 @@ class Microcontroller:
     """
 
     def __init__(
-        self, machine: DeviceMachine, line: int, *, about: About | None = None, library: Path | str | None = None,
-        faults: Faults | None = None, spin: float = 0.0,
-    ) -> None:  # fmt: skip
+        self,
+        machine: DeviceMachine,
+        line: int,
+        *,
+        about: About | None = None,
+        library: Path | str | None = None,
+        faults: Faults | None = None,
+        spin: float = 0.0,
+    ) -> None:
         self.board = Board(machine, about or About(), time.perf_counter_ns)
         self.device: Device | CompiledDevice = (
             Device(self.board, self._send) if library is None else CompiledDevice(self.board, self._send, library)

@@ -69,9 +69,12 @@ def rig_text(plan: CircuitPlan, name: str) -> str:
     base = dict(rig("paper").document)
     kept = [p for p in base["inferred"] if not p.startswith(f"plumbing.{LAYOUT}.")]
     new = {
-        **base, "name": name, "title": f"Paper's machine with the circuit {name}", "inferred": kept,
+        **base,
+        "name": name,
+        "title": f"Paper's machine with the circuit {name}",
+        "inferred": kept,
         "plumbing": {**base["plumbing"], LAYOUT: plumbing},
-    }  # fmt: skip
+    }
     read_rig(new, where=f"{name}.toml")
     return text_of(new)
 

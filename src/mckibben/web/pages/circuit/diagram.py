@@ -145,10 +145,15 @@ def _part(name: str, box: Box, plan: CircuitPlan, chosen: str) -> str:
     """Draw the selectable rectangle around a symbol."""
     x, y, w, h = box.x0 - 5.0, -box.y1 - 3.5, box.x1 - box.x0 + 10.0, box.y1 - box.y0 + 7.0
     on = name == chosen
-    corners = "".join(
-        f'<rect x="{a - 2.6:.1f}" y="{b - 2.6:.1f}" width="5.2" height="5.2" fill="var(--panel)" stroke="var(--ink)"/>'
-        for a in (x, x + w) for b in (y, y + h)
-    ) if on else ""  # fmt: skip
+    corners = (
+        "".join(
+            f'<rect x="{a - 2.6:.1f}" y="{b - 2.6:.1f}" width="5.2" height="5.2" fill="var(--panel)" stroke="var(--ink)"/>'
+            for a in (x, x + w)
+            for b in (y, y + h)
+        )
+        if on
+        else ""
+    )
     kind = plan.nodes[name].kind if name in plan.nodes else str(plan.document["elements"][name]["kind"])
     return (
         f'<g class="part{" on" if on else ""}" data-part="{name}" tabindex="0" role="button" '

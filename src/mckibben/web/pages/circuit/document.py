@@ -36,31 +36,43 @@ def starts() -> dict[str, Document]:
     """The circuits that a page can begin with, by title."""
     port = {"kind": "junction", "volume": "2 cm^3"}
     muscle = {
-        "schema": 1, "title": "Valve, tube, volume and muscle",
+        "schema": 1,
+        "title": "Valve, tube, volume and muscle",
         "nodes": {
-            "supply": _SUPPLY, "room": _ROOM, "port": port, "volume": {"kind": "volume", "volume": "49.161 cm^3"},
+            "supply": _SUPPLY,
+            "room": _ROOM,
+            "port": port,
+            "volume": {"kind": "volume", "volume": "49.161 cm^3"},
             "muscle": _MUSCLE,
         },
         "elements": {
-            "valve": _VALVE, "tube": _tube("volume", "100 cm"),
+            "valve": _VALVE,
+            "tube": _tube("volume", "100 cm"),
             "fitting": {"kind": "orifice", "from": "volume", "to": "muscle", "hole_diameter": "3.175 mm"},
         },
-        "signals": {"pressure": _STEP}, "run": {"duration": "300 ms"},
-    }  # fmt: skip
+        "signals": {"pressure": _STEP},
+        "run": {"duration": "300 ms"},
+    }
     direct = {
-        "schema": 1, "title": "Valve, tube and muscle",
+        "schema": 1,
+        "title": "Valve, tube and muscle",
         "nodes": {"supply": _SUPPLY, "room": _ROOM, "port": port, "muscle": _MUSCLE},
         "elements": {"valve": _VALVE, "tube": _tube("muscle", "50 cm")},
-        "signals": {"pressure": _STEP}, "run": {"duration": "300 ms"},
-    }  # fmt: skip
+        "signals": {"pressure": _STEP},
+        "run": {"duration": "300 ms"},
+    }
     tank = {
-        "schema": 1, "title": "Filling a tank through a tube",
-        "nodes": {"source": {"kind": "reservoir", "pressure": "5 bar"}, "tank": {"kind": "volume", "volume": "120 cm^3"}},
+        "schema": 1,
+        "title": "Filling a tank through a tube",
+        "nodes": {
+            "source": {"kind": "reservoir", "pressure": "5 bar"},
+            "tank": {"kind": "volume", "volume": "120 cm^3"},
+        },
         "elements": {
             "tube": {"kind": "lumped_tube", "from": "source", "to": "tank", "length": "60 cm", "diameter": "2 mm"}
         },
         "run": {"duration": "1 s"},
-    }  # fmt: skip
+    }
     return {str(d["title"]): d for d in (muscle, direct, tank)}
 
 

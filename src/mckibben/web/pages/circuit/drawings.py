@@ -118,9 +118,13 @@ def sweep_chart(found: response.ValueSweep) -> None:
             present = [from_si(found.now, found.unit, unit)]
             lines.append(ChartLine(present, [from_si(now, "s", "ms")], points=True, line=False))
         Chart(
-            f"Rise over {word}", f"Time to 90 % for {len(x)} values of {word}", Axis(word.capitalize(), unit, low=0.0),
-            Axis("Time to 90 %", "ms", low=0.0), lines, height=130,
-        ).show()  # fmt: skip
+            f"Rise over {word}",
+            f"Time to 90 % for {len(x)} values of {word}",
+            Axis(word.capitalize(), unit, low=0.0),
+            Axis("Time to 90 %", "ms", low=0.0),
+            lines,
+            height=130,
+        ).show()
 
 
 def palette() -> None:

@@ -132,8 +132,11 @@ def _hang(new: Document, name: str, words: Document, node: str) -> None:
     new["nodes"][name] = words
     ends = (name, node) if words["kind"] in GIVEN else (node, name)
     new["elements"][_free(new, "fitting")] = {
-        "kind": "orifice", "from": ends[0], "to": ends[1], "hole_diameter": "3.175 mm",
-    }  # fmt: skip
+        "kind": "orifice",
+        "from": ends[0],
+        "to": ends[1],
+        "hole_diameter": "3.175 mm",
+    }
 
 
 def _in_place(document: Document, node: str, words: Document) -> Document:
@@ -247,8 +250,11 @@ def stepped(document: Document, plan: CircuitPlan, rising: bool) -> Document:
         low: Any = "0 bar"
         high: Any = full
         if signal.unit == "1":
-            spools = [isinstance(plan.circuit.elements[p.split(".")[1]], SpoolValve) for p in signal.drives if
-                      p.startswith("elements.")]  # fmt: skip
+            spools = [
+                isinstance(plan.circuit.elements[p.split(".")[1]], SpoolValve)
+                for p in signal.drives
+                if p.startswith("elements.")
+            ]
             low, high = (-1.0 if any(spools) else 0.0), 1.0
         new["signals"][name] = _steps(low, high) if rising else _steps(high, low)
     for name, planned_node in plan.nodes.items():

@@ -61,9 +61,12 @@ def _fields(
     with box("div", "form"):
         for key, (quantity, value) in shown.items():
             forms.field(
-                key, quantity, value, lambda v, k=key, q=quantity: put(k, worded(v, q)),  # type: ignore[misc]
+                key,
+                quantity,
+                value,
+                lambda v, k=key, q=quantity: put(k, worded(v, q)),  # type: ignore[misc]
                 label=(labels or {}).get(key, key.replace("_", " ").capitalize()),
-            )  # fmt: skip
+            )
 
 
 def _choice(words: str, options: Mapping[str, str], chosen: str, change: Callable[[str], None]) -> None:
@@ -166,8 +169,10 @@ def _node(document: Document, plan: CircuitPlan, name: str, put: Put) -> None:
     if isinstance(heat, Mapping) and "conductance" in heat:
         known = declared(WallHeat)["conductance"]
         value = _si(heat["conductance"], known.unit, "conductance")
-        _fields({"conductance": (known, value)},
-                lambda k, v: put(lambda d: _changed(d, "nodes", name, "heat", {**heat, k: v})))  # fmt: skip
+        _fields(
+            {"conductance": (known, value)},
+            lambda k, v: put(lambda d: _changed(d, "nodes", name, "heat", {**heat, k: v})),
+        )
 
 
 def _other_muscle(document: Document, name: str, specimen: str) -> Document:

@@ -44,9 +44,11 @@ class CircuitPage:
     def build(self, said: str) -> None:
         """Build the page."""
         with page_frame(
-            "circuit", sub="Valve to muscle; every change shows in the step response at once", sheets=("circuit.css",),
+            "circuit",
+            sub="Valve to muscle; every change shows in the step response at once",
+            sheets=("circuit.css",),
             scripts=("js/circuit.js",),
-        ) as bar:  # fmt: skip
+        ) as bar:
             with bar:
                 self.undo_button = button("Undo", self.undo, key="Ctrl Z").set(id="circuit-undo")
                 button("Load", lambda: dialogs.load(self))
@@ -194,9 +196,12 @@ class CircuitPage:
             with box("div", "bd fields"):
                 tube = desk.chosen
                 inspector.show(
-                    desk.document, desk.plan, desk.chosen, self.change,
+                    desk.document,
+                    desk.plan,
+                    desk.chosen,
+                    self.change,
                     lambda kind: self.change_whole(lambda d: response.with_model(d, desk.plan, tube, kind)),
-                )  # fmt: skip
+                )
             with box("div", "hd line"), box("h2"):
                 text("span", "What it does here")
             self.numbers = box("div", "bd")

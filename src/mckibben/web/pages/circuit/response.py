@@ -146,9 +146,12 @@ def _kernel(plan: CircuitPlan, given: Any, method: IntegrationMethod) -> EngineF
     with lock:
         if key not in _kept:
             function = functools.partial(
-                _outputs, period=plan.period, inner=max(1, round(plan.period / plan.inner_step)) * method.split,
-                samples=plan.samples, stiff=method.stiff,
-            )  # fmt: skip
+                _outputs,
+                period=plan.period,
+                inner=max(1, round(plan.period / plan.inner_step)) * method.split,
+                samples=plan.samples,
+                stiff=method.stiff,
+            )
             made = compile_function(function, *given, title="circuit")
             made(*given)  # machine code is made at the first call
             with _guard:
@@ -160,8 +163,17 @@ def _kernel(plan: CircuitPlan, given: Any, method: IntegrationMethod) -> EngineF
             return _kept[key]
 
 
-def _outputs(circuit: Any, signals: Any, pressures: Any, temperature: Any, *, period: float, inner: int, samples: int,
-             stiff: bool) -> Any:  # fmt: skip
+def _outputs(
+    circuit: Any,
+    signals: Any,
+    pressures: Any,
+    temperature: Any,
+    *,
+    period: float,
+    inner: int,
+    samples: int,
+    stiff: bool,
+) -> Any:
     first = {n: s.at(0, 0.0, period) for n, s in signals.items()}
     state = circuit.at_rest(pressures, first, temperature)
     memory = circuit.initial_memory(state, first)
@@ -262,9 +274,20 @@ def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> R
             channel, None, None, True, 0.0, before, after, largest, element, drift, settled, False, duration
         )
     return ResponseNumbers(
-        channel, one.delay, one.transition, one.rising, one.command_time, one.before, one.after, largest, element,
-        one.drift, one.settled, one.until < duration, duration,
-    )  # fmt: skip
+        channel,
+        one.delay,
+        one.transition,
+        one.rising,
+        one.command_time,
+        one.before,
+        one.after,
+        largest,
+        element,
+        one.drift,
+        one.settled,
+        one.until < duration,
+        duration,
+    )
 
 
 def settled(
@@ -339,8 +362,11 @@ def with_model(document: Document, plan: CircuitPlan, name: str, kind: str) -> D
 def _resistance(plan: CircuitPlan, name: str) -> float:
     room = float(plan.environment.pressure_abs)
     warm = float(plan.environment.temperature)
-    full = room + max([abs(p) for p in plan.starts.values()] + [float(np.abs(v).max()) for n, v in plan.values().items()
-                      if plan.signals[n].unit == "Pa"] + [1e5])  # fmt: skip
+    full = room + max(
+        [abs(p) for p in plan.starts.values()]
+        + [float(np.abs(v).max()) for n, v in plan.values().items() if plan.signals[n].unit == "Pa"]
+        + [1e5]
+    )
     element: Any = plan.circuit.elements[name]
     low, high = GasState(room, warm), GasState(full, warm)
     if isinstance(element.initial(), tuple):

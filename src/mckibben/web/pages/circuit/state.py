@@ -117,9 +117,12 @@ class CircuitState:
     def link(self) -> dict[str, Any]:
         """Parameters of the page's address."""
         return {
-            "c": packed(self.document), "part": self.chosen, "sensors": ",".join(self.sensors),
-            "flows": ",".join(self.flows), "models": ",".join(self.models) or "none",
-        }  # fmt: skip
+            "c": packed(self.document),
+            "part": self.chosen,
+            "sensors": ",".join(self.sensors),
+            "flows": ",".join(self.flows),
+            "models": ",".join(self.models) or "none",
+        }
 
     def leave(self) -> None:
         """Nobody looks any more: what is still computed is thrown away."""
@@ -186,8 +189,13 @@ def _shape(plan: CircuitPlan) -> Any:
     return kinds, plan.circuit.ends, plan.samples
 
 
-async def follow(desk: CircuitState, show: Callable[[CircuitAnswer], None], after: Callable[[CircuitAnswer], None],
-                 check: Callable[[Any, Any], None], failed: Callable[[str], None]) -> None:  # fmt: skip
+async def follow(
+    desk: CircuitState,
+    show: Callable[[CircuitAnswer], None],
+    after: Callable[[CircuitAnswer], None],
+    check: Callable[[Any, Any], None],
+    failed: Callable[[str], None],
+) -> None:
     """Answer a change at once, then, once the page is quiet, balance its accounts and vary the selected part."""
     number = desk.number
     try:

@@ -114,7 +114,7 @@ def surface_markup(one: ComparedMuscle, letter: str, found: jobs.Surface | None,
             "unit": unit,
             "scale": scale,
             "of": "activation" if one.fibre is not None else "pressure",
-        }  # fmt: skip
+        }
     )
     most = float(np.max(spec["tension"]))
     label = f"{letter}, {one.spec.title}: tension per section over length and {spec['of']}, up to {most:.3g} N/cm^2"
@@ -145,9 +145,13 @@ def velocity_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart:
         ", and as circles or triangles where the machine ran"
     )
     return Chart(
-        "by the laws", summary, Axis("Shortening", "L\u2080/s", low=0.0, high=jobs.FASTEST),
-        Axis("Tension over its largest", "", "tension", low=0.0, high=1.1), lines, height=240,
-    )  # fmt: skip
+        "by the laws",
+        summary,
+        Axis("Shortening", "L\u2080/s", low=0.0, high=jobs.FASTEST),
+        Axis("Tension over its largest", "", "tension", low=0.0, high=1.1),
+        lines,
+        height=240,
+    )
 
 
 def step_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart | None:
@@ -159,17 +163,29 @@ def step_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart | None:
             continue
         braided = one.fibre is None
         time, pull = _joined(ran.curves["rise"], ran.curves["fall"])
-        lines.append(ChartLine(time, pull, f"{letter} {one.id}", "tension" if braided else "", dash=DASHES.get(letter, ""),
-                          width=2.25 if braided else 1.5))  # fmt: skip
+        lines.append(
+            ChartLine(
+                time,
+                pull,
+                f"{letter} {one.id}",
+                "tension" if braided else "",
+                dash=DASHES.get(letter, ""),
+                width=2.25 if braided else 1.5,
+            )
+        )
     if not lines:
         return None
     summary = (
         "Tension of muscles between fixed ends after full drive is switched on, and off after 0.15 s in the drawing"
     )
     return Chart(
-        "Isometric step", summary, Axis("Time", "ms", low=0.0, high=300.0),
-        Axis("Tension over its largest", "", "tension", low=0.0), lines, height=200,
-    )  # fmt: skip
+        "Isometric step",
+        summary,
+        Axis("Time", "ms", low=0.0, high=300.0),
+        Axis("Tension over its largest", "", "tension", low=0.0),
+        lines,
+        height=200,
+    )
 
 
 SWITCH = 0.15  # after the command at which the drawing goes on with the fall [s]
@@ -190,9 +206,13 @@ def loops_chart(loops: Sequence[tuple[str, tuple[np.ndarray, np.ndarray]]]) -> C
         for name, (x, y) in loops
     ]
     return Chart(
-        "Recordings", "Tension over length as recorded", Axis("Length", "cm", "length"),
-        Axis("Tension", "N", "tension"), lines, height=260,
-    )  # fmt: skip
+        "Recordings",
+        "Tension over length as recorded",
+        Axis("Length", "cm", "length"),
+        Axis("Tension", "N", "tension"),
+        lines,
+        height=260,
+    )
 
 
 def efficiencies(found: MuscleTable, letters: Sequence[str], ours: bool) -> str:
@@ -220,8 +240,9 @@ def efficiencies(found: MuscleTable, letters: Sequence[str], ours: bool) -> str:
     marked = next((k for k, r in enumerate(rows) if r[0] == f"{nylon} accumulator"), 0)
     out = [
         f'<path d="M{at(x):.1f} 4V{h * len(rows) + 6:.0f}" stroke="var(--grid)"/><text class="tick" x="{at(x):.1f}" '
-        f'y="{h * len(rows) + 20:.0f}" text-anchor="middle">{x:g}</text>' for x in (0.0, 0.2, 0.4, 0.6)
-    ]  # fmt: skip
+        f'y="{h * len(rows) + 20:.0f}" text-anchor="middle">{x:g}</text>'
+        for x in (0.0, 0.2, 0.4, 0.6)
+    ]
     for i, (name, low, high) in enumerate(rows):
         y = h * i + 17.0
         words = number(high) if low == 0.0 else f"{number(low)}{DASH}{number(high)}"

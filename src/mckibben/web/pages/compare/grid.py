@@ -94,8 +94,9 @@ class ComparisonGrid:
             '<b class="F">Tension</b> per section, N/cm\u00b2, over <b class="L">length</b> and '
             '<b class="P">pressure</b> or <b>activation</b><br><span class="faint">the same axes in all; point at one, or '
             "use the arrows</span>",
-            "div", "k tall",
-        )  # fmt: skip
+            "div",
+            "k tall",
+        )
         for i, (name, _, one, _) in enumerate(columns):
             with box("div", "cell"):
                 if one is not None:

@@ -170,10 +170,11 @@ class ComparePage:
         self.number += 1
         number = self.number
         link(
-            muscles=",".join(self.muscles) or "none", values=None if self.values == "laws" else self.values,
+            muscles=",".join(self.muscles) or "none",
+            values=None if self.values == "laws" else self.values,
             recordings=",".join(self.recordings) if self.values == "recordings" else None,
             pressure=None if self.pressure == FULL_PRESSURE else with_unit(self.pressure, "Pa", 12),
-        )  # fmt: skip
+        )
         if self.table is None:
             self._wait("", 0)
         self.document.spawn(self._follow(number))

@@ -19,9 +19,11 @@ def build(lab: Laboratory, request: Any) -> None:
     """Build the page; slow parts follow when it is displayed."""
     words = asked(request, *LINKED)
     with page_frame(
-        "energy", sub="What goes in as compressed air, what comes out as work", sheets=("energy.css",),
+        "energy",
+        sub="What goes in as compressed air, what comes out as work",
+        sheets=("energy.css",),
         scripts=("js/energy.js",),
-    ) as bar:  # fmt: skip
+    ) as bar:
         place = box("div", "energy")
 
         async def begin() -> None:

@@ -59,24 +59,37 @@ def cycle_document(choice: EnergyChoice) -> dict[str, Any]:
     smooth = cycle_loops(muscle, choice.cycle, between._replace(friction=0.0), points=POINTS)
     overstretched = bool(muscle.law.overstretched(between.stretched_length))
     return {
-        "title": spec.title, "law": law, "volume": volume, "cycle": choice.cycle, "pressure": choice.pressure * BAR,
+        "title": spec.title,
+        "law": law,
+        "volume": volume,
+        "cycle": choice.cycle,
+        "pressure": choice.pressure * BAR,
         "piston": {
-            **_path(main.piston, ML, BAR), "corners": _corners(main.piston, ML, BAR), "w12": _joules(main, "delivery"),
-            "w01": _joules(main, "compression"), "throttled": _joules(main, "throttling"), "input": main.cycle.input,
-            "rest": main.cycle.stretched_volume * ML, "at": _corner_x(main) * ML,
+            **_path(main.piston, ML, BAR),
+            "corners": _corners(main.piston, ML, BAR),
+            "w12": _joules(main, "delivery"),
+            "w01": _joules(main, "compression"),
+            "throttled": _joules(main, "throttling"),
+            "input": main.cycle.input,
+            "rest": main.cycle.stretched_volume * ML,
+            "at": _corner_x(main) * ML,
             "other": None if other is None else _path(other.piston, ML, BAR),
         },
         "tendon": {
-            **_path(main.tendon, CM, 1.0), "corners": _corners(main.tendon, CM, 1.0), "output": main.cycle.output,
+            **_path(main.tendon, CM, 1.0),
+            "corners": _corners(main.tendon, CM, 1.0),
+            "output": main.cycle.output,
             "other": None if not between.friction else _path(smooth.tendon, CM, 1.0),
         },
-        "exchange": choice.exchange, "friction": between.friction,
+        "exchange": choice.exchange,
+        "friction": between.friction,
         "rows": _rows(choice, main.cycle, None if other is None else other.cycle, between, volume),
-        "say": _say(choice, main, other, between), "more": _more(choice, main, between, overstretched),
+        "say": _say(choice, main, other, between),
+        "more": _more(choice, main, between, overstretched),
         "efficiency": _plain(main.cycle.efficiency),
         "other_efficiency": None if other is None else _plain(other.cycle.efficiency),
         "volumes": _volumes(all_, choice.cycle, between),
-    }  # fmt: skip
+    }
 
 
 def _other(choice: EnergyChoice, muscle: CycleMuscle) -> CycleLoops | None:
@@ -230,10 +243,12 @@ def curves(choice: EnergyChoice) -> dict[str, Any]:
             keep = np.isfinite(share) & (share >= 0.0)
             lines.append(
                 {
-                    "words": exchange, "friction": rubs, "x": [float(f"{v:.6g}") for v in at[keep] * BAR],
+                    "words": exchange,
+                    "friction": rubs,
+                    "x": [float(f"{v:.6g}") for v in at[keep] * BAR],
                     "y": [float(f"{v:.6g}") for v in share[keep]],
                 }
-            )  # fmt: skip
+            )
     return {"lines": lines, "highest": highest * BAR, "threshold": float(muscle.threshold()) * BAR}
 
 

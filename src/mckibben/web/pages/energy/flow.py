@@ -94,18 +94,29 @@ def flow_document(found: EnergyAccount, part: str, accumulator: float | None) ->
     air = found.air if cycle is None else cycle.air
     work = one.value("shaft_work")
     return {
-        "supply": supply if known else None, "efficiency": work / supply if supply > 0.0 else None, "least": LEAST,
-        "air": 1e3 * air, "gas": _plain(gas), "muscle": _plain(muscle), "hub": IN_MUSCLE, "way": WAY, "say": said,
+        "supply": supply if known else None,
+        "efficiency": work / supply if supply > 0.0 else None,
+        "least": LEAST,
+        "air": 1e3 * air,
+        "gas": _plain(gas),
+        "muscle": _plain(muscle),
+        "hub": IN_MUSCLE,
+        "way": WAY,
+        "say": said,
         "parts": [_row(p, supply) for p in one.parts if p.value or p.name in ("supply", "shaft_work", "remainder")],
-    }  # fmt: skip
+    }
 
 
 def _row(part: EnergyPart, supply: float) -> dict[str, Any]:
     known = math.isfinite(part.value)
     return {
-        "side": SIDES[part.side], "name": part.name.replace("_", " "), "value": part.value if known else None,
-        "share": part.value / supply if known and supply > 0.0 else None, "origin": part.origin, "meaning": part.meaning,
-    }  # fmt: skip
+        "side": SIDES[part.side],
+        "name": part.name.replace("_", " "),
+        "value": part.value if known else None,
+        "share": part.value / supply if known and supply > 0.0 else None,
+        "origin": part.origin,
+        "meaning": part.meaning,
+    }
 
 
 def cycle_names(found: EnergyAccount) -> dict[str, str]:

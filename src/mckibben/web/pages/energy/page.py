@@ -49,9 +49,15 @@ class EnergyPage:
     """
 
     def __init__(
-        self, lab: Laboratory, words: dict[str, str], bar: Element, place: Element, choice: EnergyChoice, said: list[str],
+        self,
+        lab: Laboratory,
+        words: dict[str, str],
+        bar: Element,
+        place: Element,
+        choice: EnergyChoice,
+        said: list[str],
         muscles: dict[str, str],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.lab, self.words, self.bar, self.place, self.muscles = lab, words, bar, place, muscles
         self.choice, self.good, self.said = choice, choice, said
         self.wish, self.busy = 0, False
@@ -116,9 +122,12 @@ class EnergyPage:
             return
         self.good, muscle = choice, choice.muscle != self.good.muscle or choice.law != self.good.law
         for place, part in (
-            (self.piston, document), (self.tendon, document), (self.numbers, document), (self.losses, document),
+            (self.piston, document),
+            (self.tendon, document),
+            (self.numbers, document),
+            (self.losses, document),
             (self.curve, lines | {k: document[k] for k in ("pressure", "exchange", "efficiency", "other_efficiency")}),
-        ):  # fmt: skip
+        ):
             place.data("spec", part)
         self.controls.agree(rebuilt=muscle)
         link(**to_link(choice))

@@ -103,10 +103,13 @@ class FitJob:
 
         spec = state.specimen_of(asked)
         return Study(
-            title=spec.title if spec else points.name, specimen=spec, points=points,
-            fits=rank(self.fits[law] for law in laws if law in self.fits), published=published_of(spec, points),
+            title=spec.title if spec else points.name,
+            specimen=spec,
+            points=points,
+            fits=rank(self.fits[law] for law in laws if law in self.fits),
+            published=published_of(spec, points),
             skipped={law: self.skipped[law] for law in laws if law in self.skipped},
-        )  # fmt: skip
+        )
 
     def _take(self, law: str, found: Any) -> None:
         if isinstance(found, str):

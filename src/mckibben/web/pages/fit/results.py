@@ -61,18 +61,38 @@ def _rows(study: Study) -> list[dict[str, Any]]:
     lowest = min((f.aicc for f in study.fits if f.converged), default=math.nan)
     rows = []
     for place, f in enumerate(study.fits, 1):
-        rows.append({
-            "law": f.law, "title": law_title(f), "place": str(place) if f.converged else "\u2013",
-            "free": str(len(f.parameters)),
-            "rmse": f.rmse, "most": f.max_error, "left": f.cv_rmse, "held": f.holdout.max_error if f.holdout else None,
-            "aicc": f.aicc, "beyond": f.aicc - lowest, "converged": f.converged,
-            "degenerate": "; ".join(degenerate_words(f)),
-        })  # fmt: skip
+        rows.append(
+            {
+                "law": f.law,
+                "title": law_title(f),
+                "place": str(place) if f.converged else "\u2013",
+                "free": str(len(f.parameters)),
+                "rmse": f.rmse,
+                "most": f.max_error,
+                "left": f.cv_rmse,
+                "held": f.holdout.max_error if f.holdout else None,
+                "aicc": f.aicc,
+                "beyond": f.aicc - lowest,
+                "converged": f.converged,
+                "degenerate": "; ".join(degenerate_words(f)),
+            }
+        )
     for title, error in study.published:
         rmse, most = float((error**2).mean() ** 0.5), float(abs(error).max())
         more = dict.fromkeys(("left", "held", "aicc", "beyond"))
-        rows.append({"law": "", "title": title, "place": "", "free": "published", "rmse": rmse, "most": most, **more,
-                     "converged": True, "degenerate": ""})  # fmt: skip
+        rows.append(
+            {
+                "law": "",
+                "title": title,
+                "place": "",
+                "free": "published",
+                "rmse": rmse,
+                "most": most,
+                **more,
+                "converged": True,
+                "degenerate": "",
+            }
+        )
     return rows
 
 
@@ -156,10 +176,11 @@ def _whisker(value: float, half: float) -> str:
     share = half / abs(value)
     reach = 56.0 * min(share, HALF) / HALF
     ends = "".join(
-        f'<path d="M{60 + s * reach:.1f} 2v8" stroke="var(--ink)" stroke-width="1.5"/>' if share <= HALF
+        f'<path d="M{60 + s * reach:.1f} 2v8" stroke="var(--ink)" stroke-width="1.5"/>'
+        if share <= HALF
         else f'<path d="M{60 + s * 52} 2l{s * 6} 4l{-s * 6} 4" fill="none" stroke="var(--ink)" stroke-width="1.5"/>'
         for s in (-1, 1)
-    )  # fmt: skip
+    )
     return (
         f'<svg height="12" viewBox="0 0 120 12" role="img" aria-label="plus minus {100.0 * share:.3g} percent of the value">'
         f'<path d="M60 0v12" stroke="var(--edge)"/><path d="M{60 - reach:.1f} 6H{60 + reach:.1f}" stroke="var(--ink)" '
@@ -235,18 +256,22 @@ def drawn(fit: Fit, study: Study, rest: float | None) -> dict[str, Any]:
             f"Data: {ATTRIBUTIONS[k]}" for k in (study.specimen.sources if study.specimen else ()) if k in ATTRIBUTIONS
         ),
         "surface": {
-            "lengths": _rounded(surface[0] * cm), "pressures": _rounded(surface[1] * bar),
+            "lengths": _rounded(surface[0] * cm),
+            "pressures": _rounded(surface[1] * bar),
             "tension": [_rounded(row) for row in heights],
         },
-    }  # fmt: skip
+    }
 
 
 def figure(kind: str, data: dict[str, Any], name: str, height: int) -> str:
     """The element that the browser draws into."""
     needed = {
-        "tension": "points slack curves labelled x top rest source", "errors": "points x percent",
-        "bubbles": "points x highest", "left": "left highest percent", "surface": "points surface top highest",
-    }[kind]  # fmt: skip
+        "tension": "points slack curves labelled x top rest source",
+        "errors": "points x percent",
+        "bubbles": "points x highest",
+        "left": "left highest percent",
+        "surface": "points surface top highest",
+    }[kind]
     spec = html.escape(json.dumps({k: data[k] for k in needed.split()}, separators=(",", ":")))
     return (
         f'<figure class="fitplot" tabindex="0" role="img" aria-label="{html.escape(name)}" data-kind="{kind}" '

@@ -132,9 +132,13 @@ def read(path: Path, asked: FitRequest) -> ForceMap:
     zero = parse(asked.zero, "Pa", field="pressure zero") if asked.zero else 0.0
     try:
         return read_force_map(
-            path, rest_length=rest, columns=dict(asked.columns), units=dict(asked.units), branch=asked.branch or None,
+            path,
+            rest_length=rest,
+            columns=dict(asked.columns),
+            units=dict(asked.units),
+            branch=asked.branch or None,
             pressure_zero=zero,
-        )  # fmt: skip
+        )
     except InputError as error:  # the file by its name, not by its path on the server
         raise error.changed(where=path.name) from None
 

@@ -16,9 +16,11 @@ def build(lab: Laboratory, request: Any) -> None:
     """Fill it; what is heavy comes once the page stands."""
     words = asked(request, *LINKED)
     with page_frame(
-        "paper", sub="C.-P. Chou, B. Hannaford: every printed number, table and figure, theirs and ours",
-        sheets=("paper.css",), scripts=("js/paper.js",),
-    ) as bar:  # fmt: skip
+        "paper",
+        sub="C.-P. Chou, B. Hannaford: every printed number, table and figure, theirs and ours",
+        sheets=("paper.css",),
+        scripts=("js/paper.js",),
+    ) as bar:
         place = box("div", "paper")
 
         async def begin() -> None:

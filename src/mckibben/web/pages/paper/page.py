@@ -39,7 +39,7 @@ class PaperPage:
 
     def __init__(
         self, lab: Laboratory, words: dict[str, str], bar: Element, place: Element, all_: Reproduction
-    ) -> None:  # fmt: skip
+    ) -> None:
         from ....report.paper_figures import FIGURES
 
         self.lab, self.bar, self.place, self.all, self.figures = lab, bar, place, all_, FIGURES
@@ -207,9 +207,17 @@ class PaperPage:
         all_, name = self.all, self.figure
         outcome = all_.outcomes.get(self.row)
         key = (
-            name, self.row, self.form, name in all_.pictures, all_.asked.get(name), all_.refused.get(name), outcome,
-            all_.failed.get(self.row), all_.running, len(all_.outcomes) if self.form == "numbers" else 0,
-        )  # fmt: skip
+            name,
+            self.row,
+            self.form,
+            name in all_.pictures,
+            all_.asked.get(name),
+            all_.refused.get(name),
+            outcome,
+            all_.failed.get(self.row),
+            all_.running,
+            len(all_.outcomes) if self.form == "numbers" else 0,
+        )
         if key == self.shown:
             return
         self.shown = key

@@ -35,10 +35,16 @@ def _row(row: PrintedRow) -> dict[str, Any]:
     description = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
     figures = [f.id for f in FIGURES.values() if row.id in f.rows]
     return {
-        "id": row.id, "part": row.part, "what": minus(description), "paper": printed(row.paper), "unit": unit_text(row.unit),
-        "kind": EXPECTED.get(row.expect, ""), "recordings": needs_recording(row), "figures": figures,
+        "id": row.id,
+        "part": row.part,
+        "what": minus(description),
+        "paper": printed(row.paper),
+        "unit": unit_text(row.unit),
+        "kind": EXPECTED.get(row.expect, ""),
+        "recordings": needs_recording(row),
+        "figures": figures,
         "note": said(said_of(row)),
-    }  # fmt: skip
+    }
 
 
 def outcome_document(outcome: RowOutcome) -> dict[str, Any]:
@@ -63,10 +69,14 @@ def state_document(all_: Reproduction) -> dict[str, Any]:
     left = all_.left()
     return {
         "outcomes": {k: outcome_document(v) for k, v in list(all_.outcomes.items())},
-        "failed": dict(all_.failed), "wanted": list(all_.wanted), "now": all_.now, "words": all_.words,
+        "failed": dict(all_.failed),
+        "wanted": list(all_.wanted),
+        "now": all_.now,
+        "words": all_.words,
         "headline": headline(list(all_.outcomes.values())) if all_.outcomes else "",
-        "left": None if left is None else round(left), "asked": dict(all_.asked),
-    }  # fmt: skip
+        "left": None if left is None else round(left),
+        "asked": dict(all_.asked),
+    }
 
 
 def named(figure: PaperFigure) -> str:

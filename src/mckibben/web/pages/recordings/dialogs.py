@@ -25,9 +25,10 @@ class ImportDialog:
     """
 
     def __init__(
-        self, take: Callable[[IncomingFile, Element, Mapping[str, str], Mapping[str, str], str], Any],
+        self,
+        take: Callable[[IncomingFile, Element, Mapping[str, str], Mapping[str, str], str], Any],
         done: Callable[[str, list[str]], Any],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._take, self._done = take, done
         self._file: IncomingFile | None = None
         self.dialog = Dialog("Import a file")

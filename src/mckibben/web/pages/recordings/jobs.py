@@ -34,8 +34,9 @@ class ImportedFile(NamedTuple):
     remarks: list[str]
 
 
-def imported(path: Path, name: str, target: Path, columns: Mapping[str, str], units: Mapping[str, str],
-             period: str) -> ImportedFile:  # fmt: skip
+def imported(
+    path: Path, name: str, target: Path, columns: Mapping[str, str], units: Mapping[str, str], period: str
+) -> ImportedFile:
     """Make a recording of a file, in a process of its own where the file is large.
 
     Args:

@@ -246,14 +246,17 @@ def measures(parts: Sequence[OverlaidPart]) -> list[Measure]:
     rows = [
         Measure(name, unit, digits, [scale * getattr(s, key) if s is not None else math.nan for s in shapes])
         for name, unit, digits, key, scale in (
-            ("Loop width at mid-range", "cm", 3, "width", 1e2), ("Loop height at mid-range", "N", 2, "height", 1.0),
-            ("Work per cycle", "J", 3, "work", 1.0), ("Stiffness", "N/cm", 2, "stiffness", 1e-2),
+            ("Loop width at mid-range", "cm", 3, "width", 1e2),
+            ("Loop height at mid-range", "N", 2, "height", 1.0),
+            ("Work per cycle", "J", 3, "work", 1.0),
+            ("Stiffness", "N/cm", 2, "stiffness", 1e-2),
         )
-    ]  # fmt: skip
+    ]
     for name, unit, digits, quantity, best in (
-        ("Largest tension", "N", 1, "tension", np.nanmax), ("Largest pressure", "bar", 2, "pressure", np.nanmax),
+        ("Largest tension", "N", 1, "tension", np.nanmax),
+        ("Largest pressure", "bar", 2, "pressure", np.nanmax),
         ("Shortest length", "cm", 2, "length", np.nanmin),
-    ):  # fmt: skip
+    ):
         values = [part.values(quantity) for part in parts]
         rows.append(Measure(name, unit, digits, [math.nan if v is None else float(best(v)) for v in values]))
     rows.append(Measure("Duration", "s", 2, [part.record.duration for part in parts]))

@@ -154,12 +154,19 @@ def _described(path: Path, record: Recording) -> RecordingEntry:
     sign, words = _sign(meta)
     notes = record.notes
     return RecordingEntry(
-        name=path.name, about=f"{title}. {sentence}"[:300] if sentence else title, muscle=named,
+        name=path.name,
+        about=f"{title}. {sentence}"[:300] if sentence else title,
+        muscle=named,
         origin="simulated" if simulated else "file" if meta.get("source") else "measured",
         protocol=str(document.get("name") or (meta.get("protocol") if isinstance(meta.get("protocol"), str) else "")),
-        created=_when(meta.get("created"), path), duration=record.duration, size=path.stat().st_size, sign=sign,
-        said=words, notes=tuple(n.text for n in notes), thumb=thumbnail(record),
-    )  # fmt: skip
+        created=_when(meta.get("created"), path),
+        duration=record.duration,
+        size=path.stat().st_size,
+        sign=sign,
+        said=words,
+        notes=tuple(n.text for n in notes),
+        thumb=thumbnail(record),
+    )
 
 
 def _when(words: Any, path: Path) -> float:
