@@ -14,6 +14,7 @@ import numpy as np
 from ..documents import parse_json, read_text
 from ..errors import InputError
 from ..identification.fit import Fit
+from ..muscles.laws import law_type
 from ..quantities import declared
 from .settings import Setting
 from .variants import Variants
@@ -57,8 +58,6 @@ def of_fit(fit: Fit, count: int, *, seed: int = 0, prefix: str = "muscle.law.") 
     Raises:
         InputError: if the data do not fix a parameter.
     """
-    from ..muscles.laws import law_type
-
     names = list(fit.parameters)
     deviation = np.array([_deviation(n, e._asdict(), len(fit.points), len(names)) for n, e in fit.parameters.items()])
     alike = np.eye(len(names)) if fit.correlation is None else np.asarray(fit.correlation)

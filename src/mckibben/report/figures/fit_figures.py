@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...components import jit_arrays
 from ...identification import Fit
 from ...muscles.law import TensionLaw
 from ...muscles.laws import law_type
@@ -80,8 +81,6 @@ def _muscles(fit: Fit, points: ForceMap) -> list[tuple[float | None, TensionLaw,
 
 @functools.cache
 def _tension_function() -> Callable[[TensionLaw, Any, Any], Any]:
-    from ...components import jit_arrays
-
     def force(law: TensionLaw, length: Any, pressure: Any) -> Any:
         return law.braid_tension(length, pressure)
 

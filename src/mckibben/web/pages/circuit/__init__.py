@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from ....errors import InputError
 from ...laboratory import Laboratory
+from ...shelf import Shelf
 from ...shell import asked
 
 
 def build(lab: Laboratory, request: Any) -> None:
     """The page."""
-    from ....errors import InputError
-    from ...shelf import Shelf
     from .document import read_text, starts, unpacked
     from .page import CircuitPage
 

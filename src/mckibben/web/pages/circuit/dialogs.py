@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ....documents import write_text
+from ....documents import parse_toml, write_text
 from ....errors import InputError
 from ...elements import call_script
 from ...shelf import Shelf
@@ -126,8 +126,6 @@ def waveform(face: CircuitPage) -> None:
         said = box("div", "err-place")
 
     def came(typed: str) -> None:
-        from ....documents import parse_toml
-
         said.clear()
         try:
             if len(typed) > LARGEST:

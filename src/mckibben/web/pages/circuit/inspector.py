@@ -10,6 +10,7 @@ import numpy as np
 from ....assembly.circuit_file import TIME, CircuitPlan
 from ....assembly.circuit_parts import HEATS
 from ....components import paths
+from ....muscles.build import rest_length_of
 from ....pneumatics.build import known_keys, passages_of, with_usual_unit
 from ....pneumatics.heat import WallHeat
 from ....pneumatics.orifice import Orifice
@@ -17,6 +18,7 @@ from ....pneumatics.sizes import BARE_UNITS, PASSAGE_WAYS, SIZES, TITLES, canoni
 from ....pneumatics.valves import PressureRegulator
 from ....pneumatics.volume import FixedVolume, MovingVolume
 from ....quantities import Quantity, declared, from_si, parse
+from ....specimens import specimen as found
 from ....specimens import specimens
 from ... import forms
 from ...widgets import box, select, text
@@ -177,9 +179,6 @@ def _node(document: Document, plan: CircuitPlan, name: str, put: Put) -> None:
 
 def _other_muscle(document: Document, name: str, specimen: str) -> Document:
     """Replace the muscle, held at its own rest length."""
-    from ....muscles.build import rest_length_of
-    from ....specimens import specimen as found
-
     rest = rest_length_of(found(specimen))
     words = {k: v for k, v in document["nodes"][name].items() if k not in ("law", "parameters")}
     quantity = Quantity("m", (1e-3, 100.0), "rest length", "L0", (0.05, 1.0))

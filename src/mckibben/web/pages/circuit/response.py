@@ -26,13 +26,17 @@ from ....engine.rates import RK4_LIMIT
 from ....errors import ConvergenceError, InputError, MckibbenError
 from ....pneumatics import AIR
 from ....pneumatics.balance import RunBalance, balance
+from ....pneumatics.build import known_keys, with_usual_unit
 from ....pneumatics.circuit import Circuit
+from ....pneumatics.exergy import path_name
 from ....pneumatics.gas import REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ....pneumatics.tubes import LinearTube
-from ....quantities import declared, from_si, with_unit
+from ....pneumatics.tubes.inertial import inertance
+from ....quantities import declared, from_si, parse, with_unit
 from ....recordings import Channel, Recording
 from .document import Document, planned, worded
 from .edit import AIR as OUTSIDE
+from .edit import top
 
 MOST = 24  # kernels that are kept
 _kept: OrderedDict[Any, EngineFunction] = OrderedDict()
@@ -239,8 +243,6 @@ def recording(plan: CircuitPlan, outputs: dict[str, np.ndarray]) -> Recording:
 
 def flow_channel(plan: CircuitPlan, element: str) -> str:
     """The channel of an element's first path."""
-    from ....pneumatics.exergy import path_name
-
     one = plan.circuit.elements[element]
     return f"{path_name(one, element, one.paths[0])}.mass_flow"
 
@@ -341,8 +343,6 @@ def with_model(document: Document, plan: CircuitPlan, name: str, kind: str) -> D
     Raises:
         InputError: the tube states no size that the other model could be made of.
     """
-    from ....pneumatics.build import known_keys
-
     words = document["elements"][name]
     if words["kind"] == kind:
         return document
@@ -403,8 +403,6 @@ def sweep(
     key = grows(plan, name)
     if not key:
         return None
-    from ....pneumatics.build import with_usual_unit
-    from ....quantities import parse
 
     section = "nodes" if name in plan.nodes else "elements"
     unit = GROWS[key]
@@ -437,7 +435,6 @@ def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:
             speed = float(AIR.sound_speed(float(plan.environment.temperature)))
             rows.append(("Sound passes in", f"{from_si(float(element.length) / speed, 's', 'ms'):.3g} ms"))
             area = float(element.area)
-            from ....pneumatics.tubes.inertial import inertance
 
             rows.append(
                 (
@@ -449,8 +446,6 @@ def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:
         law: Any = plan.nodes[name].law
         length = plan.nodes[name].length
         if length is not None:
-            from .edit import top
-
             full = _pressure(top(plan.document, plan))
             rows.append(
                 (f"Static tension at {with_unit(full, 'Pa')}", with_unit(float(law.tension(length, full)), "N"))
@@ -460,8 +455,6 @@ def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:
 
 
 def _pressure(words: str) -> float:
-    from ....quantities import parse
-
     return parse(words, "Pa", field="pressure")
 
 

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....assembly.circuit_file import CircuitPlan
-from ....errors import MckibbenError
+from ....errors import InputError, MckibbenError
+from ....experiments.waveforms import time_words
 from ....recordings import Recording
 from . import response
 from .document import Document, packed, planned
@@ -174,9 +175,6 @@ class CircuitState:
 
 def check_size(plan: CircuitPlan) -> None:
     """Refuse a run that a page could not draw at once."""
-    from ....errors import InputError
-    from ....experiments.waveforms import time_words
-
     if plan.samples > SAMPLES or plan.duration / plan.inner_step > 4e6:
         allowed = (
             f"this page draws up to {SAMPLES} samples and 4000000 steps; run longer ones with mckibben circuit run"

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....errors import InputError
+from ....recordings import read_recording
+from ....specimens.published import published_ranges
 from ....studies.comparison import PROPERTIES, ComparedMuscle, MuscleColumn, MuscleTable, subject
 from ....studies.comparison.protocols import Trials, trials
 from ....studies.comparison.table import LENGTHS, TENSIONS, PropertyRow, column_of, law_column
@@ -75,8 +77,6 @@ def run_known(one: ComparedMuscle, name: str) -> Trials | None:
 
 def table(columns: Sequence[MuscleColumn]) -> MuscleTable:
     """Table of columns with the published values of biological muscle."""
-    from ....specimens.published import published_ranges
-
     return MuscleTable(tuple(columns), published_ranges())
 
 
@@ -150,7 +150,6 @@ def misprint() -> Any:
 
 def loop_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Length [m] and tension [N] of a recording, from the channels that its column is read from."""
-    from ....recordings import read_recording
 
     def read() -> tuple[np.ndarray, np.ndarray]:
         record = read_outside(read_recording, path)

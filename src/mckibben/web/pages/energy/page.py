@@ -11,7 +11,7 @@ from typing import Any
 from ....analysis.energy import READINGS
 from ....analysis.energy.cycles import SETTINGS, coulomb_friction, stretched_length
 from ....errors import InputError, MckibbenError
-from ....quantities import from_si
+from ....quantities import from_si, with_unit
 from ...elements import Element, page_document
 from ...forms import accept, field
 from ...laboratory import Laboratory
@@ -307,8 +307,6 @@ class CycleControls:
         self.view.changed(**{name: value})
 
     def _say_conditions(self) -> None:
-        from ....quantities import with_unit
-
         try:
             c = conditions(self.view.choice)
         except MckibbenError:

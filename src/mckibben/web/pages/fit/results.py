@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....quantities import from_si
-from ...widgets import box, note, raw, text
+from ....quantities import declared, from_si, shown_unit
+from ...widgets import box, note, raw, table, text
 
 if TYPE_CHECKING:
     from ....identification import Fit
@@ -138,7 +138,6 @@ def formula(law: str) -> str:
 def parameters(fit: Fit) -> None:
     """Each parameter with its half-width and unit, and a whisker over a scale of half its value to either side."""
     from ....muscles.laws import law_type
-    from ....quantities import declared, from_si, shown_unit
     from ....report.figures.style import symbol_text
     from ....report.fit_report import value_and_half
     from ....report.words import unit_text
@@ -330,8 +329,6 @@ def _rounded(values: np.ndarray) -> list[float]:
 
 def values(data: dict[str, Any]) -> None:
     """The points as a table, for who cannot see them."""
-    from ...widgets import box, table, text
-
     rows = [[number(p["L"], 2), number(p["P"], 3), number(p["F"], 1), number(p["e"], 2)] for p in data["points"][:400]]
     with box("details", "values"):
         text("summary", "Table of values")

@@ -21,8 +21,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ....errors import MckibbenError
 from ....recordings import Recording, read_recording
-from ....reproduction.recorded import PAUSE, Folder
+from ....reproduction.recorded import PAUSE, Folder, kept_in, told
+from ....reproduction.rows import all_rows, reproduce_row
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -44,8 +46,6 @@ def work(line: Connection, place: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
     with contextlib.suppress(OSError, AttributeError):
         os.nice(LATER)
-    from ....errors import MckibbenError
-    from ....reproduction.recorded import kept_in, told
 
     said = _Teller(line)
     with told(said), kept_in(RecordingCache(Path(place), said)), contextlib.suppress(EOFError, BrokenPipeError):
@@ -75,9 +75,6 @@ class _Teller:
 
 def _rows(line: Connection, said: _Teller, names: Sequence[str]) -> None:
     """Compute rows; one that cannot be computed does not keep the others from it."""
-    from ....errors import MckibbenError
-    from ....reproduction.rows import all_rows, reproduce_row
-
     known = {row.id: row for row in all_rows()}
     for name in names:
         line.send(("row", name))

@@ -8,7 +8,7 @@ from ....report.paper_figures import CONFERENCE, FIGURES, PaperFigure
 from ....report.reproduction_report import PARTS, difference, printed
 from ....report.words import minus, significant, unit_text
 from ....reproduction import PrintedRow, RowOutcome
-from ....reproduction.rows import KINDS, accepted_band, headline, kind_of, needs_recording, said_of
+from ....reproduction.rows import KINDS, accepted_band, all_rows, headline, kind_of, needs_recording, said_of
 from .state import Reproduction
 
 # What a row is by its print alone shows before it is computed.
@@ -17,8 +17,6 @@ EXPECTED = {"erratum": "misprint", "open": "open", "synthetic": "synthetic"}
 
 def fixed_document() -> dict[str, Any]:
     """Constant part of the document: parts, their rows, and figures."""
-    from ....reproduction.rows import all_rows
-
     return {
         "kinds": [{"key": k.key, "one": k.verdict, "many": k.counted[1], "meaning": k.meaning} for k in KINDS.values()],
         "parts": [{"id": k, "title": v} for k, v in PARTS.items()],

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError, MckibbenError
+from ....quantities import parse
 from ...charts import Chart
 from ...elements import page_document
 from ...widgets import Dialog, TypedField, box, button, empty, link, loading, panel, segments, select, text
@@ -200,8 +201,6 @@ class OverlayPane:
         self._noting = letter
 
     async def _add(self) -> None:
-        from ....quantities import parse
-
         part = next((p for p in self._parts if p.letter == self._noting), None)
         if part is None:
             return
