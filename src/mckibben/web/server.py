@@ -22,6 +22,7 @@ from .elements import Documents
 from .guard import Guard, is_loopback
 from .laboratory import Laboratory
 from .live import Lines
+from .pages import bench as bench_page
 from .reader import return_large_blocks
 from .shell import HOME, PAGES, written
 from .transfers import IncomingFile
@@ -131,8 +132,6 @@ def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
     from starlette.routing import Mount, Route, WebSocketRoute
     from starlette.staticfiles import StaticFiles
     from starlette.websockets import WebSocket
-
-    from .pages import bench as bench_page
 
     lines = Lines(lab, {"address": f"{host}:{port}", "version": __version__})
 

@@ -15,6 +15,7 @@ from ....errors import InputError
 from ....recordings import read_recording
 from ....specimens.published import published_ranges
 from ....studies.comparison import PROPERTIES, ComparedMuscle, MuscleColumn, MuscleTable, subject
+from ....studies.comparison.assisted import steady
 from ....studies.comparison.protocols import Trials, trials
 from ....studies.comparison.table import LENGTHS, TENSIONS, PropertyRow, column_of, law_column
 from ...reader import read_outside
@@ -119,7 +120,6 @@ def over_velocity(one: ComparedMuscle) -> tuple[np.ndarray, np.ndarray]:
     if one.fibre is not None:
         tension = np.asarray(one.fibre.tension(one.rest_length, 1.0, -speeds * one.rest_length))
         return speeds, tension / one.full_tension
-    from ....studies.comparison.assisted import steady
 
     assert one.unit is not None
     way = np.where(speeds > 0.0, -1.0, 0.0)

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError
+from ....quantities import declared, parse, shown_unit, with_unit
+from ....specimens import specimen_ids, specimens
 from ...widgets import box, button, check, raw, refused, select, text
 from .state import FitRequest, dimensions, specimen_of
 
@@ -154,8 +156,6 @@ def words_field(
         about: explanation.
         mark: class of the label.
     """
-    from ....quantities import shown_unit
-
     shown = shown_unit(unit)
     text("label", label, mark).set(for_=f"c-{name}")
     with box("div", "field s") as edge:
@@ -193,7 +193,6 @@ def words_field(
 def given(asked: Callable[[], FitRequest], change: Change, branches: list[str]) -> None:
     """Build the fields for values that are not in a column; `asked` returns the present request."""
     from ....muscles.laws import law_type
-    from ....quantities import declared, parse, with_unit
 
     def si(field: str, unit: str, key: str) -> Callable[[str], None]:
         def take(words: str) -> None:
@@ -248,8 +247,6 @@ def _more(asked: Callable[[], FitRequest], change: Change, branches: list[str], 
 
 def maps(take: Change) -> None:
     """Tables that are there already: those of specimens that ship with one."""
-    from ....specimens import specimens
-
     text("p", "Or take a map that was measured by others:", "small dim")
     with box("div", "row wrap"):
         for spec in specimens():
@@ -261,7 +258,6 @@ def _like(asked: Callable[[], FitRequest], change: Change) -> None:
     """Whose dimensions are known."""
     if asked().kind == "map":
         return
-    from ....specimens import specimen_ids
 
     text("span", "Dimensions of")
     names = {"": "nobody", **{name: name for name in specimen_ids("mckibben")}}

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....quantities import declared, from_si, shown_unit
+from ....report.figures.style import symbol_text
+from ....report.words import unit_text
 from ...widgets import box, note, raw, table, text
 
 if TYPE_CHECKING:
@@ -138,9 +140,7 @@ def formula(law: str) -> str:
 def parameters(fit: Fit) -> None:
     """Each parameter with its half-width and unit, and a whisker over a scale of half its value to either side."""
     from ....muscles.laws import law_type
-    from ....report.figures.style import symbol_text
     from ....report.fit_report import value_and_half
-    from ....report.words import unit_text
 
     fields, equations = declared(law_type(fit.law)), formula(fit.law)
     if equations:

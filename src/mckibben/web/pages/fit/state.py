@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from ....documents import parse_json
 from ....errors import InputError
+from ....quantities import declared, parse
+from ....specimens import map_file, specimen
 from ...laboratory import Laboratory
 from ...reader import check_rows
 
@@ -101,16 +103,12 @@ def stored(lab: Laboratory, name: str, data: Path) -> Path:
 
 def specimen_of(asked: FitRequest) -> Specimen | None:
     """The specimen whose map it is, or whose dimensions are known."""
-    from ....specimens import specimen
-
     name = asked.name if asked.kind == "map" else asked.like
     return specimen(name) if name else None
 
 
 def file_of(lab: Laboratory, asked: FitRequest) -> Path:
     """Path of the table."""
-    from ....specimens import map_file, specimen
-
     if asked.kind == "map":
         return map_file(specimen(asked.name))
     return (lab.uploads if asked.kind == "table" else lab.recordings).found(asked.name)
@@ -122,7 +120,6 @@ def read(path: Path, asked: FitRequest) -> ForceMap:
     Raises:
         InputError: names file, column, value and what is allowed.
     """
-    from ....quantities import parse
     from ....recordings import read_force_map
 
     rest = parse(asked.rest, "m", field="rest length") if asked.rest else None
@@ -145,7 +142,6 @@ def read(path: Path, asked: FitRequest) -> ForceMap:
 
 def known(asked: FitRequest) -> dict[str, float]:
     """Parameters that are not fitted [SI]: of the specimen, then those that were said."""
-    from ....quantities import parse
     from ....report.fit_study import known_of
 
     dimensions_known, fields = known_of(specimen_of(asked)), dimensions()
@@ -160,7 +156,6 @@ def known(asked: FitRequest) -> dict[str, float]:
 def dimensions() -> dict[str, Any]:
     """Dimensions of a muscle that a fit may be told: declared by laws, and stated by specimens."""
     from ....muscles.laws import LAWS, law_type
-    from ....quantities import declared
 
     names = ("rest_diameter", "wall_thickness")
     every = {k: q for law in LAWS for k, q in declared(law_type(law)).items()}
@@ -169,6 +164,4 @@ def dimensions() -> dict[str, Any]:
 
 def below(asked: FitRequest) -> float | None:
     """Gauge pressure up to which a separate fit is trained [Pa]."""
-    from ....quantities import parse
-
     return parse(asked.below, "Pa", field="train below") if asked.below else None

@@ -23,6 +23,10 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
 from ....recordings import Recording, read_recording
+from ....report.document_pdf import compiler
+from ....report.figures import style
+from ....report.paper_figures import figure
+from ....report.reproduction_report import draw, reproduction_report
 from ....reproduction.recorded import PAUSE, Folder, kept_in, told
 from ....reproduction.rows import all_rows, reproduce_row
 
@@ -86,9 +90,6 @@ def _rows(line: Connection, said: _Teller, names: Sequence[str]) -> None:
 
 def _figure(line: Connection, said: _Teller, name: str) -> None:
     """Draw one figure in the paper's form."""
-    from ....report.figures import style
-    from ....report.paper_figures import figure
-
     of = figure(name)
     said(f"drawing {of.title}")
     picture = of.draw()
@@ -103,10 +104,6 @@ def _report(
     line: Connection, said: _Teller, ending: str, outcomes: list[RowOutcome], figures: list[str], left_out: str
 ) -> None:
     """Write the report of the command line."""
-    from ....report.document_pdf import compiler
-    from ....report.paper_figures import figure
-    from ....report.reproduction_report import draw, reproduction_report
-
     if ending == ".pdf":
         compiler()  # refuses before minutes of work are done
     drawn = draw([figure(f) for f in figures], lambda f: said(f"figure {f.id}: {f.title}"))

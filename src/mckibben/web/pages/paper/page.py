@@ -6,6 +6,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError, MckibbenError
+from ....report.paper_figures import FIGURES
 from ...elements import Element, Timer, page_document
 from ...transfers import download, run_in_thread
 from ...widgets import box, button, link, loading, note, raw, refused, segments, tell, text
@@ -40,8 +41,6 @@ class PaperPage:
     def __init__(
         self, lab: Laboratory, words: dict[str, str], bar: Element, place: Element, all_: Reproduction
     ) -> None:
-        from ....report.paper_figures import FIGURES
-
         self.lab, self.bar, self.place, self.all, self.figures = lab, bar, place, all_, FIGURES
         self.said: list[str] = []
         self.writing: list[tuple[Any, list[str]]] = []  # reports that are written: a line, and how far

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ....errors import InputError, MckibbenError
+from ....quantities import parse
 from ...laboratory import RECORDINGS, Laboratory
 from ...reader import check_rows
 
@@ -50,7 +51,6 @@ def imported(
     Raises:
         InputError: names column, value and what is allowed.
     """
-    from ....quantities import parse
     from ....recordings import read_any
 
     check_kind(name)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ....analysis.cycles import find_cycles
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si
 from ...charts import Axis, Chart, ChartLine, Mark
@@ -79,15 +80,12 @@ def begins(record: Recording) -> float:
     cycle = last_cycle(record)
     if name is None or cycle is None:
         return float(record.time[0])
-    from ....analysis.cycles import find_cycles
 
     return float(record.time[find_cycles(record[name])[0].start])
 
 
 def last_cycle(record: Recording) -> slice | None:
     """The samples of the last full cycle of the length; nothing if it has none."""
-    from ....analysis.cycles import find_cycles
-
     name = places(record).get("length")
     if name is None:
         return None

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ....analysis.cycles import find_cycles
 from ....errors import MckibbenError
+from ....report.words import is_number, mapping, significant
 from ...reader import read_outside
 
 if TYPE_CHECKING:
@@ -142,7 +144,6 @@ def entry(path: Path) -> RecordingEntry:
 
 def _described(path: Path, record: Recording) -> RecordingEntry:
     from ....report.origins import known_specimen
-    from ....report.words import mapping
 
     meta = record.meta
     spec, document = known_specimen(meta), mapping(meta.get("protocol"))
@@ -180,7 +181,6 @@ def _when(words: Any, path: Path) -> float:
 def _sign(meta: Mapping[str, Any]) -> tuple[str, str]:
     """The most important remark: why the run ended, which limit was reached, or whether the energy closes."""
     from ....report.recording_report import saturation
-    from ....report.words import is_number, mapping, significant
 
     if str(meta.get("result", "done")) != "done":
         events = meta.get("events")
@@ -244,8 +244,6 @@ def thumbnail(record: Recording) -> str:
 
 
 def _last_cycle(record: Recording, name: str) -> slice:
-    from ....analysis.cycles import find_cycles
-
     try:
         last = find_cycles(record[name])[-1]
         return slice(last.start, last.end + 1)
