@@ -167,7 +167,7 @@ class Operated(Interface):
     """What the commands of manual operation act on: a session, or the bench of a page."""
 
     def set(self, **wanted: float | str) -> str | None:
-        """Ask for set-points, in words or SI."""
+        """Ask for set-points, as text or SI."""
 
     def vent(self) -> str | None:
         """Vent at the manual rate."""

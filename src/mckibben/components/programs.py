@@ -260,7 +260,7 @@ def lower_or_load(function: Callable[..., Any], *examples: Any, title: str = "")
 
 
 def load_program(key: str) -> tuple[Program, Any] | None:
-    """The program of a key and a tree like its results, without JAX; None where none is kept."""
+    """The program of a key and a tree like its results, without JAX; None if none is kept."""
     found = cache.load(f"{key}.program")
     if found is None:
         return None

@@ -27,9 +27,9 @@ class SensorKind:
         quantity: kind of value, which decides its colour: ``pressure``, ``tension``, ``length`` or ``valve``.
         label: in figures and in the web interface, such as ``pressure, muscle``.
         symbol: as the field writes it.
-        meaning: of its channel in a recording.
+        meaning: meaning of its channel in a recording.
         true_value: what it is put to; straight-line, for it is compiled with the machine.
-        set_point: name of the set-point that stands beside it; empty where there is none.
+        set_point: name of the set-point that stands beside it; empty if there is none.
     """
 
     unit: str

@@ -34,7 +34,7 @@ class DeviceContext:
         name: put before every key, where there is more than one machine.
 
     Attributes:
-        names: of the channels.
+        names: names of the channels.
         moves: what ends the present move of the ``pressure`` and of the ``motor``.
     """
 

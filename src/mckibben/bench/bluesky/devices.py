@@ -36,7 +36,7 @@ class ChannelDevice(StandardReadable, Triggerable, Subscribable):
         context: whose.
         channel: its name in recordings.
         over: time over which a reading is the mean, after the trigger [s]; 0: the newest sample.
-        settings: what does not change during a plan, with its unit; how it is read where left out.
+        settings: what does not change during a plan, with its unit; how it is read by default.
         more: what else describes its values.
 
     Attributes:
@@ -115,7 +115,7 @@ class SetPoint(ChannelDevice, Locatable[float], Checkable[float | str], Stoppabl
         self.context.session.setup.amount(self.axis, value)
 
     def set(self, value: float | str) -> AsyncStatus[None]:
-        """Go to a set-point, in SI or in words; done when it and what is measured are there, and the settling time over.
+        """Go to a set-point, in SI or as text; done when it and what is measured are there, and the settling time over.
 
         Raises:
             InputError: if the rig does not allow it, or the machine is not in manual mode; then nothing moves.

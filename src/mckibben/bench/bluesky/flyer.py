@@ -54,8 +54,8 @@ class ProtocolFlyer(
         InputError: what cannot be read, or the first finding of the dry run.
 
     Attributes:
-        recording: of the last run, once it is over.
-        log_file: of the last run.
+        recording: recording of the last run, once it is over.
+        log_file: log file of the last run.
     """
 
     def __init__(

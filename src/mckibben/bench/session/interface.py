@@ -28,7 +28,7 @@ class MachineSession(abc.ABC):
     Attributes:
         rig: whose machine it is.
         button: the emergency stop; another one after every reset.
-        period: of the samples [s].
+        period: period of the samples [s].
     """
 
     rig: Rig
@@ -90,7 +90,7 @@ class MachineSession(abc.ABC):
 
     @abc.abstractmethod
     def set(self, **wanted: float | str) -> None:
-        """Ask for a ``pressure``, and for one of ``span``, ``velocity`` and ``tension``, in words or SI.
+        """Ask for a ``pressure``, and for one of ``span``, ``velocity`` and ``tension``, as text or SI.
 
         The set-points go there no faster than `ManualSetup.manual` allows.
 

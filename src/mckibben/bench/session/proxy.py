@@ -95,7 +95,7 @@ class SessionProxy(MachineSession):
         rig: a rig, its name or file.
         muscle: a specimen, its id or file.
         lock_step: a simulated device waits for every command.
-        messages: where the session's messages are added; its own ones where left out.
+        messages: where the session's messages are added; its own ones by default.
         **options: of `Session`: span, plumbing, rate, speed, seed, step, keep, hold.
 
     Raises:

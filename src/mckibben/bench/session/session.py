@@ -74,7 +74,7 @@ class Session(MachineSession):
         rests: a simulated machine stands still while nothing is asked of it.
         by_hand: make the machine ready to be operated by hand; else it is there for runs `anew` only, and whatever needs
             a machine that is sampled is refused, until `make_ready`.
-        messages: where the session adds its messages; its own ones where left out.
+        messages: where the session adds its messages; its own ones by default.
 
     Raises:
         InputError: names what is unknown, what the rig does not allow, or that the machine does not fit the rig.

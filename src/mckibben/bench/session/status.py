@@ -26,7 +26,7 @@ class Message(NamedTuple):
 
     Attributes:
         number: counted from 1.
-        time: of the session or of a run [s]; None where it has none.
+        time: time of the session or of a run [s]; None if it has none.
         kind: ``note``, ``done``, ``caution`` or ``stop``.
         text: a sentence.
     """
