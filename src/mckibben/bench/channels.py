@@ -41,10 +41,10 @@ def described(name: str) -> tuple[str, str]:
 
 def kinds(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
     """Return unit, kind and meaning of the channels of a test machine, by name."""
-    found, sensed = {}, measured()
+    channel_kinds, sensed = {}, measured()
     for name in names:
         if name in sensed:
-            found[name] = (sensed[name][0], "measured", sensed[name][1])
+            channel_kinds[name] = (sensed[name][0], "measured", sensed[name][1])
         elif name in COMMANDS:
             channel_kinds[name] = (*COMMANDS[name][:1], "command", COMMANDS[name][1])
         else:

@@ -141,21 +141,17 @@ def _following(path: Path, *channels: str) -> Protocol:
             complaint = complaint or error
             continue
         table: dict[str, Any] = {
-            "kind": "table",
-            "times": [f"{float(t) - float(times[0])!r} s" for t in times],
+            "kind": "table", "times": [f"{float(t) - float(times[0])!r} s" for t in times],
             "values": [f"{float(v)!r} {unit}" for v in values],
-        }
+        }  # fmt: skip
         lasts = f"{float(times[-1]) - float(times[0])!r} s"
         first = {channel: {"to": table["values"][0], "in": "1 s"}, "record": False}
         return build_protocol(
             {
-                "schema": 1,
-                "name": path.stem,
-                "title": f"{channel.capitalize()} as in {path.name}",
+                "schema": 1, "name": path.stem, "title": f"{channel.capitalize()} as in {path.name}",
                 "steps": [first, {channel: table, "for": lasts}],
-            },
-            where=str(path),
-        )
+            }, where=str(path),
+        )  # fmt: skip
     assert complaint is not None
     raise complaint
 
@@ -273,11 +269,9 @@ class CommandInterpreter(abc.ABC):
         self.operated.set(**{name: _some(name, words)})
         manual = self.setup.manual
         rates = {
-            "pressure": (manual.pressure_rate, "Pa", "/s"),
-            "span": (manual.speed, "m/s", ""),
-            "velocity": (manual.acceleration, "m/s^2", ""),
-            "tension": (manual.tension_rate, "N", "/s"),
-        }
+            "pressure": (manual.pressure_rate, "Pa", "/s"), "span": (manual.speed, "m/s", ""),
+            "velocity": (manual.acceleration, "m/s^2", ""), "tension": (manual.tension_rate, "N", "/s"),
+        }  # fmt: skip
         rate, unit, per = rates[name]
         return f"{name} to {' '.join(words)}, at {with_unit(float(rate), unit, 3)}{per} at most"
 
@@ -310,13 +304,13 @@ class CommandInterpreter(abc.ABC):
         for word in words:
             name, equals, value = word.partition("=")
             if equals:
-                values[name] = value
-            elif values:  # what belongs to the value before, such as a unit
-                last = next(reversed(values))
-                values[last] = f"{values[last]} {word}".strip()
+                given[name] = value
+            elif given:  # what belongs to the value before, such as a unit
+                last = next(reversed(given))
+                given[last] = f"{given[last]} {word}".strip()
             else:
                 raise usage("set", words)
-        if not values or not all(v.strip() for v in values.values()):
+        if not given or not all(v.strip() for v in given.values()):
             raise usage("set", words)
         changed = with_values(protocol, {name: values_of(name, v, field=name) for name, v in given.items()})
         self.use_protocol(changed)
@@ -417,9 +411,9 @@ class Console(CommandInterpreter):
 
     def news(self) -> list[str]:
         """Return the messages of the machine since the last call."""
-        found = self.session.messages(self._heard)
-        self._heard = found[-1].number if found else self._heard
-        return [m.text if m.time is None else f"[{m.time:9.3f} s] {m.text}" for m in found]
+        messages = self.session.messages(self._heard)
+        self._heard = messages[-1].number if messages else self._heard
+        return [m.text if m.time is None else f"[{m.time:9.3f} s] {m.text}" for m in messages]
 
     def status(self) -> Status:
         """Return the status of the machine."""

@@ -85,14 +85,9 @@ class Interlocks(Module):
         return InterlockState(jnp.zeros((), jnp.int32), zero, zero, zero, zero, jnp.asarray(jnp.inf))
 
     def step(
-        self,
-        state: InterlockState,
-        measured: Mapping[str, Any],
-        asked: Mapping[str, Any],
-        velocity: Any,
-        dt: Any,
+        self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], velocity: Any, dt: Any,
         pressed: Any = 0.0,
-    ) -> tuple[InterlockState, Any]:
+    ) -> tuple[InterlockState, Any]:  # fmt: skip
         """One sample: the new state and the code of `Trip` that stays, int32.
 
         Args:
@@ -108,7 +103,7 @@ class Interlocks(Module):
         span_state, span_found = self._span(state, measured, asked, velocity, dt)
         tripped = pressure_found | tension_found | span_found | self._sensors(measured)
         tripped[Trip.EMERGENCY_STOP] = jnp.asarray(pressed) > 0.5
-        found: Any = jnp.zeros((), jnp.int32)
+        first_trip: Any = jnp.zeros((), jnp.int32)
         for trip in sorted(tripped, reverse=True):
             first_trip = jnp.where(tripped[trip], jnp.int32(trip), first_trip)
         code = jnp.where(state.code != Trip.NOTHING, state.code, first_trip)

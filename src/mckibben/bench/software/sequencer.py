@@ -139,11 +139,9 @@ class Sequencer(Module):
             return jnp.asarray(np.array([*map(of, steps), *[pad] * (size - len(steps))]), kind)
 
         return cls(
-            count=each(lambda s: s.count, int, 1),
-            total=jnp.asarray(len(steps)),
+            count=each(lambda s: s.count, int, 1), total=jnp.asarray(len(steps)),
             offset=jnp.asarray(np.pad(offset[:-1], (0, size - len(steps)))),
-            mode=each(lambda s: MODES.index(s.mode), int),
-            shut=each(lambda s: s.pressure is None, bool),
+            mode=each(lambda s: MODES.index(s.mode), int), shut=each(lambda s: s.pressure is None, bool),
             record=each(lambda s: s.record, bool),
             tests=Tests(
                 each(lambda s: -1 if s.until is None else names.index(s.until.channel), int, -1),
@@ -160,13 +158,9 @@ class Sequencer(Module):
         """Before the first sample, where the set-points are [Pa; unit of the first step's mode]."""
         zero = jnp.zeros((), int)
         return SequencePlace(
-            zero,
-            zero,
-            _fresh(),
-            jnp.asarray(pressure, float),
-            jnp.asarray(motor, float),
+            zero, zero, _fresh(), jnp.asarray(pressure, float), jnp.asarray(motor, float),
             jnp.asarray(False),
-        )
+        )  # fmt: skip
 
     def set_points(self, place: SequencePlace, period: Any) -> SampleSetpoints:
         """Set-points of a sample; after the end those of the last step."""
@@ -183,17 +177,11 @@ class Sequencer(Module):
         going = ~line.tabled[j] & (seconds < line.seconds[j]) & jnp.isfinite(line.seconds[j])
         rate = jnp.where(going, (line.to[j] - place.motor) / line.seconds[j], self.table["velocity"][at])
         return SampleSetpoints(
-            pressure=pressure,
-            open=jnp.where(self.shut[j], 0.0, 1.0),
-            mode=self.mode[j],
-            motor=motor,
-            velocity=jnp.where(self.mode[j] == SPAN, rate, 0.0),
-            acceleration=self.table["acceleration"][at],
-            step=j,
-            record=jnp.logical_and(self.record[j], running),
-            running=running,
+            pressure=pressure, open=jnp.where(self.shut[j], 0.0, 1.0), mode=self.mode[j], motor=motor,
+            velocity=jnp.where(self.mode[j] == SPAN, rate, 0.0), acceleration=self.table["acceleration"][at],
+            step=j, record=jnp.logical_and(self.record[j], running), running=running,
             fresh=jnp.logical_and(place.sample == 0, running),
-        )
+        )  # fmt: skip
 
     def _value(self, line: StepLines, name: str, j: Any, at: Any, start: Any, seconds: Any) -> Any:
         share = jnp.clip(seconds / line.seconds[j], 0.0, 1.0)
@@ -232,13 +220,9 @@ class Sequencer(Module):
         motor = jnp.where(over, jnp.where(same, asked.motor, where), place.motor)
         kept = tuple(jnp.where(over, first, now) for first, now in zip(_fresh(), state, strict=True))
         return SequencePlace(
-            after,
-            jnp.where(over, 0, place.sample + jnp.where(asked.running, 1, 0)),
-            kept,
-            jnp.where(over, asked.pressure, place.pressure),
-            motor,
-            jnp.logical_or(place.missed, missed),
-        )
+            after, jnp.where(over, 0, place.sample + jnp.where(asked.running, 1, 0)), kept,
+            jnp.where(over, asked.pressure, place.pressure), motor, jnp.logical_or(place.missed, missed),
+        )  # fmt: skip
 
 
 def _fresh() -> tuple[Any, Any]:
