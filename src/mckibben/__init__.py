@@ -30,6 +30,14 @@ if TYPE_CHECKING:
     from .recordings import read_force_map as read_force_map
     from .recordings import read_recording as read_recording
     from .reproduction import reproduce as reproduce
+    from .simulation import Air as Air
+    from .simulation import Chain as Chain
+    from .simulation import Joint as Joint
+    from .simulation import Link as Link
+    from .simulation import Plate as Plate
+    from .simulation import Simulation as Simulation
+    from .simulation import Spring as Spring
+    from .simulation import Weight as Weight
     from .specimens import Specimen as Specimen
     from .specimens import specimen as specimen
 
@@ -50,6 +58,16 @@ PUBLIC: dict[str, dict[str, str]] = {
         "Fit": "identification",
         "fit": "identification",
         "fit_all": "identification",
+    },
+    "Systems that one steps": {
+        "Simulation": "simulation",
+        "Joint": "simulation",
+        "Chain": "simulation",
+        "Link": "simulation",
+        "Weight": "simulation",
+        "Spring": "simulation",
+        "Plate": "simulation",
+        "Air": "simulation",
     },
     "Experiments": {
         "prepare": "bench.run",

@@ -225,7 +225,7 @@ def advance(
         steps = shorter
 
 
-def inputs_of(plant: Plant, carry: Carry, latency: float, period: float) -> dict[str, Value]:
+def inputs_of(plant: Plant, carry: Carry, latency: Any, period: Any) -> dict[str, Value]:
     """The inputs in force at the end of the sample before."""
     return _inputs(plant, carry.history, latency, 1.0, period)
 

@@ -1,0 +1,210 @@
+"""The air of a simulation: a supply, and for each muscle a valve and a tube; or a circuit from a file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..assembly.build import INFERRED, PORTED, AirLine, circuit_for
+from ..assembly.circuit_file import CircuitPlan, read_circuit
+from ..assembly.muscle_unit import MuscleUnit
+from ..components import Environment
+from ..components.flow import FlowElement
+from ..errors import InputError, suggest
+from ..pneumatics.build import build_element, valve_from_specimen
+from ..pneumatics.circuit import Circuit
+from ..pneumatics.heat import HeatModel, WallHeat
+from ..pneumatics.orifice import Orifice
+from ..pneumatics.tubes import LumpedTube
+from ..pneumatics.valves import PressureRegulator
+from ..pneumatics.volume import MovingVolume
+from ..quantities import with_unit
+from ..specimens import specimen, specimen_ids
+from .mechanisms import Amount, in_si
+from .stepping import Drive
+
+REGULATOR = "regulator"  # a valve that is none of a catalogue: a fast proportional regulator of usual size
+REGULATOR_BAND = 0.2e5  # error at which it is fully open [Pa]
+REGULATOR_LAG = 2e-3  # [s]
+
+
+class AirCircuit(NamedTuple):
+    """A circuit that supplies the muscles of a mechanism.
+
+    Attributes:
+        circuit: with a node of each muscle's name.
+        drives: the commands of its valves and sources.
+        starts: gauge pressures of the chambers that no muscle decides [Pa].
+        feeding: for each other chamber the muscle whose pressure it has at the start.
+        settles: commands that begin at the gauge pressure of a muscle, by the muscle's name.
+        environment: the surroundings.
+        document: what a recording says of it.
+    """
+
+    circuit: Circuit
+    drives: tuple[Drive, ...]
+    starts: dict[str, float]
+    feeding: dict[str, str]
+    settles: dict[str, str]
+    environment: Environment
+    document: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Air:
+    """A supply, and for each muscle a valve and a tube of its own.
+
+        mk.Air(supply="6 bar", valve="mpye-5-1/8", tube=("1 m", "4 mm"))
+
+    The name of a muscle commands its valve: ``sim.step(flexor=0.3)``. A spool valve fills from 0 to 1 and vents from 0 to
+    -1, a 3/2 valve fills at 1, a regulator takes the gauge pressure [Pa]. Parts left out have usual, inferred sizes.
+
+    Args:
+        supply: gauge pressure [Pa].
+        valve: id of a published valve, such as ``"MPYE-5-1/8-LF"`` (without LF or HF, the one of low flow); ``"regulator"``
+            for a fast proportional regulator of usual size; or an element with the ports supply, work and exhaust.
+        tube: length and bore [m] of the tube from each valve to its muscle, or an element with two ports.
+        port_volume: between valve and tube [m^3].
+        heat: how the gas in ports and muscles exchanges heat: a conductance of the wall [W/K], or a model of heat.
+        environment: the room.
+    """
+
+    supply: Amount = 6e5
+    valve: str | FlowElement = "MPYE-5-1/8-LF"
+    tube: tuple[Amount, Amount] | FlowElement | None = None
+    port_volume: Amount | None = None
+    heat: Amount | HeatModel | None = None
+    environment: Environment | None = None
+
+    def build(self, units: Mapping[str, MuscleUnit]) -> AirCircuit:
+        """The circuit of some muscles.
+
+        Raises:
+            InputError: names what does not fit.
+        """
+        room = self.environment or Environment()
+        valve = self._valve()
+        supply = in_si(self.supply, "Pa", "supply")
+        line = AirLine(
+            valve=valve, tube=self._tube(room), heat=self._heat(room),
+            port_volume=None if self.port_volume is None else in_si(self.port_volume, "m^3", "port_volume"),
+        )  # fmt: skip
+        circuit = circuit_for(units, supply=supply, line=line, environment=room)
+        unit = valve.command_unit
+        meaning = "gauge pressure asked of the valve of" if unit == "Pa" else "command of the valve of"
+        return AirCircuit(
+            circuit=circuit,
+            drives=tuple(Drive(name, f"{name}.valve", unit=unit, meaning=f"{meaning} {name}") for name in units),
+            starts={},
+            feeding={f"{name}.port": name for name in units},
+            settles={name: name for name in units} if isinstance(valve, PressureRegulator) else {},
+            environment=room,
+            document=self._document(supply),
+        )
+
+    def _valve(self) -> FlowElement:
+        if not isinstance(self.valve, str):
+            if not isinstance(self.valve, PORTED):
+                kinds = ", ".join(kind.__name__ for kind in PORTED)
+                raise InputError("valve", type(self.valve).__name__, f"must be the id of a valve, or one of {kinds}")
+            return self.valve
+        if self.valve == REGULATOR:
+            flow = Orifice.from_flow(INFERRED["valve_flow"].value, pressure=INFERRED["valve_flow_pressure"].value)
+            return PressureRegulator(fill=flow, relief=flow, band=REGULATOR_BAND, lag=REGULATOR_LAG)
+        built = valve_from_specimen(specimen(published_valve(self.valve)))
+        if not isinstance(built, PORTED):
+            raise InputError("valve", self.valve, "must be a valve with the ports supply, work and exhaust")
+        return built
+
+    def _tube(self, room: Environment) -> FlowElement | None:
+        if self.tube is None or isinstance(self.tube, FlowElement):
+            return self.tube
+        if isinstance(self.tube, str) or len(tuple(self.tube)) != 2:
+            raise InputError("tube", str(self.tube), "must be a length and a bore, such as ('1 m', '4 mm')")
+        length, diameter = (
+            in_si(v, "m", f"{n} of the tube") for v, n in zip(self.tube, ("length", "bore"), strict=True)
+        )
+        sizes = {"length": f"{length!r} m", "diameter": f"{diameter!r} m"}
+        tube = build_element("lumped_tube", sizes, where="tube")
+        assert isinstance(tube, LumpedTube)
+        return tube.replace(wall_temperature=room.temperature)
+
+    def _heat(self, room: Environment) -> HeatModel | None:
+        if self.heat is None or isinstance(self.heat, HeatModel):
+            return self.heat
+        return WallHeat(conductance=in_si(self.heat, "W/K", "heat"), wall_temperature=room.temperature)
+
+    def _document(self, supply: float) -> dict[str, Any]:
+        valve = published_valve(self.valve) if isinstance(self.valve, str) else type(self.valve).__name__
+        return {"supply": with_unit(supply, "Pa"), "valve": valve}
+
+
+def published_valve(name: str) -> str:
+    """The id of a published valve from the name that its maker prints; a size without its flow means the low one.
+
+    Raises:
+        InputError: there is none; names the nearest.
+    """
+    if name == REGULATOR or name.endswith(".toml"):
+        return name
+    known = {one.lower(): one for one in specimen_ids("valve")}
+    wanted = name.strip().lower().replace("/", "-")
+    choices = [wanted, f"{wanted}-lf"]
+    found = next((known[one] for one in choices if one in known), None)
+    if found is None:
+        raise InputError(
+            "valve", name, f"{suggest(wanted, known)}known are {', '.join(known.values())}, and {REGULATOR}"
+        )
+    return found
+
+
+def air_circuit(air: Any, units: Mapping[str, MuscleUnit]) -> AirCircuit:
+    """The circuit of some muscles from an `Air`, a plan, or the path of a circuit file; None stands for the usual air.
+
+    Raises:
+        InputError: the file is no circuit, or lacks a muscle.
+    """
+    if air is None or isinstance(air, Air):
+        return (air or Air()).build(units)
+    if isinstance(air, str | os.PathLike):
+        air = read_circuit(Path(air))
+    if not isinstance(air, CircuitPlan):
+        raise InputError("air", type(air).__name__, "must be an Air, or the path of a circuit file")
+    return _planned(air, units)
+
+
+def _planned(plan: CircuitPlan, units: Mapping[str, MuscleUnit]) -> AirCircuit:
+    """A circuit file whose nodes of the kind muscle are the muscles; its signals become commands, by their names."""
+    nodes = {name for name, node in plan.circuit.nodes.items() if isinstance(node, MovingVolume)}
+    if nodes != set(units):
+        has = ", ".join(sorted(nodes)) or "no muscle"
+        raise InputError("nodes", has, f"must have a muscle node for each of {', '.join(units)}", where=plan.where)
+    drives = []
+    for name, signal in plan.signals.items():
+        for target in plan.inputs_of(name):
+            owner, _, end = target.rpartition(".")
+            if owner in units and end == "length":
+                continue  # the mechanism decides how long a muscle is
+            drives.append(
+                Drive(
+                    name,
+                    target,
+                    gauge=end == "pressure" and owner in plan.nodes,
+                    straight=end == "stroke",
+                    unit=signal.unit,
+                    meaning=f"command of {', '.join(signal.drives)}",
+                )  # fmt: skip
+            )
+    starts = {name: start for name, start in plan.starts.items() if name not in units}
+    return AirCircuit(
+        plan.circuit,
+        tuple(drives),
+        starts,
+        {},
+        {},
+        plan.environment,
+        {"circuit": plan.title, "file": Path(plan.where).name},
+    )

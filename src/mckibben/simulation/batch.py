@@ -1,0 +1,204 @@
+"""Many simulations of one structure side by side: the verbs of `Simulation`, with arrays of one number per lane."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..components import paths
+from ..errors import InputError, suggest
+from ..recordings.recording import Recording
+from .kernel import SampleKernel
+from .simulation import SimulationState
+
+if TYPE_CHECKING:
+    from .simulation import Simulation
+
+
+@dataclass(frozen=True)
+class BatchState:
+    """A batch at a moment, for `SimulationBatch.load_state`; it can be pickled.
+
+    Attributes:
+        sample: number of samples since the reset.
+        carry: state, memory and past commands, (numbers, lanes).
+        observed: the true observations with their rate bounds, (fields + 2, lanes).
+        shown: the observations as they were returned, with noise, (fields, lanes).
+        commands: in force, (commands, lanes).
+        noise: state of the generator of the noise.
+        structure: fingerprint of the simulation that made it.
+    """
+
+    sample: int
+    carry: np.ndarray
+    observed: np.ndarray
+    shown: np.ndarray
+    commands: np.ndarray
+    noise: Mapping[str, Any]
+    structure: str
+
+
+class SimulationBatch:
+    """Lanes of a simulation, each with its own state, commands and, where they differ, parameters.
+
+    A lane does what its simulation does alone, bit for bit, where no lane needs shorter steps.
+
+    Args:
+        simulation: of which these are lanes.
+        lanes: how many.
+        changes: parameters that differ, by dotted path, each (lanes,) [SI].
+
+    Raises:
+        InputError: names what does not fit.
+    """
+
+    def __init__(self, simulation: Simulation, lanes: int, changes: Mapping[str, Any]) -> None:
+        if not (isinstance(lanes, int) and lanes >= 1):
+            raise InputError("lanes", lanes, "must be 1 or more")
+        self.simulation, self.lanes, self.period = simulation, lanes, simulation.period
+        self.commands, self.Observation = simulation.commands, simulation.Observation
+        self._changes = {path: self._checked(path, values) for path, values in changes.items()}
+        self._parameters = simulation.parameters
+        if self._changes:
+            self._parameters = np.stack([self._lane(k).parameters for k in range(lanes)], axis=1)
+        self._kernel = SampleKernel(simulation.programs, self._parameters, simulation.period, simulation.inner, lanes)
+        self._places = {name: i for i, name in enumerate(self.commands)}
+        self._random = np.random.default_rng(0)
+        self._sample = 0
+        self._begin: BatchState | None = None
+        self._log: list[np.ndarray] = []
+        self._sensed: list[np.ndarray] = []
+        self._last = np.zeros((0, lanes))
+
+    def __repr__(self) -> str:
+        return f"SimulationBatch({self.lanes} lanes of {self.simulation!r})"
+
+    def __len__(self) -> int:
+        return self.lanes
+
+    @property
+    def time(self) -> float:
+        """Since the reset [s]."""
+        return self._sample * self.period
+
+    def _checked(self, path: str, values: Any) -> np.ndarray:
+        stated = paths.declaration(self.simulation.machine, path)
+        array = np.asarray(values, float)
+        if array.shape[-1:] != (self.lanes,):
+            raise InputError(path, f"of shape {array.shape}", f"must have a value for each of {self.lanes} lanes")
+        stated.check(path, array)
+        return array
+
+    def _lane(self, lane: int) -> Simulation:
+        """The simulation of one lane alone."""
+        if not self._changes:
+            return self.simulation
+        return self.simulation.with_arrays({path: values[..., lane] for path, values in self._changes.items()})
+
+    def reset(self, seed: int = 0, *, pressure: Any = None) -> Any:
+        """Begin at rest in all lanes; see `Simulation.reset`.
+
+        Args:
+            seed: of the noise, which differs from lane to lane.
+            pressure: gauge pressure at the start [Pa], of all muscles or by muscle.
+
+        Returns:
+            The observation: a named tuple of arrays (lanes,), and the time.
+        """
+        commands = self.simulation.start_commands(pressure)
+        number = self.lanes if self._changes else 1
+        starts = [self._lane(k).rest_state(pressure) for k in range(number)]
+        each = self.lanes // number
+        carry, observed = (np.repeat(np.stack([s[i] for s in starts], axis=1), each, axis=1) for i in range(2))
+        self._random = np.random.default_rng(seed)
+        held = np.repeat(np.array([[commands[name]] for name in self.commands]), self.lanes, axis=1)
+        shown = self._with_noise(observed[:-2])
+        noise = self._random.bit_generator.state
+        return self._go_on_from(BatchState(0, carry, observed, shown, held, noise, self.simulation.fingerprint))
+
+    def step(self, **commands: Any) -> Any:
+        """Hold commands for one period in all lanes; a command that is left out stays as it was.
+
+        Args:
+            **commands: by name, a number for all lanes or an array (lanes,) [SI].
+
+        Raises:
+            InputError: names an unknown command, or an array of another shape.
+            ConvergenceError: the state of a lane is not finite or not possible, or no step is short enough.
+        """
+        if self._begin is None:
+            self.reset()
+        for name, value in commands.items():
+            if name not in self._places:
+                raise InputError("command", name, f"{suggest(name, self.commands)}known are {', '.join(self.commands)}")
+            array = np.asarray(value, float)
+            if array.shape not in ((), (self.lanes,)):
+                raise InputError(name, f"of shape {array.shape}", f"must be a number or {self.lanes} values")
+            self._kernel.set_command(self._places[name], array)
+        self._log.append(self._kernel.commands.copy())
+        self._kernel.step()
+        self._sample += 1
+        return self._observation()
+
+    def _observation(self) -> Any:
+        rows = self._with_noise(self._kernel.observation[:-2])
+        self._last = rows
+        if self.simulation.noise is not None:
+            self._sensed.append(rows)
+        return self.Observation(self.time, *rows)
+
+    def _with_noise(self, rows: np.ndarray) -> np.ndarray:
+        noise = self.simulation.noise
+        return rows.copy() if noise is None else rows + noise[:, None] * self._random.standard_normal(rows.shape)
+
+    def save_state(self) -> BatchState:
+        """The present moment of all lanes, from which `load_state` goes on bit for bit."""
+        if self._begin is None:
+            self.reset()
+        kernel, many = self._kernel, slice(self.lanes)
+        return BatchState(
+            self._sample, kernel.carry[:, many].copy(), np.array(kernel.observation), self._last,
+            np.array(kernel.commands), self._random.bit_generator.state, self.simulation.fingerprint,
+        )  # fmt: skip
+
+    def load_state(self, state: BatchState) -> Any:
+        """Go on from a saved moment; a recording begins anew there.
+
+        Raises:
+            InputError: it was saved by a batch of another kind or size.
+        """
+        fits = isinstance(state, BatchState) and state.structure == self.simulation.fingerprint
+        if not fits or state.carry.shape[1] != self.lanes:
+            raise InputError(
+                "state", type(state).__name__, f"must be one that such a batch of {self.lanes} lanes saved"
+            )
+        return self._go_on_from(state)
+
+    def _go_on_from(self, state: BatchState) -> Any:
+        self._begin, self._sample = state, state.sample
+        self._kernel.set_carry(state.carry, state.observed)
+        for k, row in enumerate(state.commands):
+            self._kernel.set_command(k, row)
+        self._random.bit_generator.state = dict(state.noise)
+        self._last = state.shown
+        self._log, self._sensed = [], [] if self.simulation.noise is None else [state.shown]
+        return self.Observation(self.time, *state.shown)
+
+    def recording(self, lane: int = 0) -> Recording:
+        """All samples of a lane since the last reset or loaded state; see `Simulation.recording`."""
+        if not 0 <= lane < self.lanes:
+            raise InputError("lane", lane, f"must be 0 to {self.lanes - 1}")
+        if self._begin is None:
+            self.reset()
+        begin = self._begin
+        assert begin is not None
+        own = self._lane(lane)
+        start = SimulationState(
+            begin.sample, begin.carry[:, lane], begin.observed[:, lane], tuple(begin.shown[:, lane]),
+            begin.commands[:, lane], begin.noise, begin.structure,
+        )  # fmt: skip
+        rows = np.array([values[:, lane] for values in self._log]).reshape(-1, len(self.commands))
+        return own.recording_of(start, rows, [values[:, lane].tolist() for values in self._sensed])

@@ -1,0 +1,240 @@
+"""Compiled samples of a simulation: native kernels on fixed places in memory, found on disk where they were compiled before.
+
+A `SampleKernel` steps one machine or many lanes. It has two vectors for what goes from sample to sample and goes to and fro
+between them: a step that turns out too coarse is done again from the same state.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..engine.native import EngineFunction, compile_function
+from ..engine.rates import RK4_LIMIT
+from ..engine.sampled import Steps
+from ..errors import ConvergenceError
+from .stepping import CommandedMachine, Layout, Layouts, observe_vectors, outputs_at, recorded_vectors, step_vectors
+
+MODE = "default"  # of the compiler: the same bits alone and in every lane of a batch
+BLOCK = 64  # lanes of a batch are padded to a multiple of this, and of the kernel's own blocks
+
+
+class Programs:
+    """The functions of one structure of machines, each compiled when it is first asked for.
+
+    Args:
+        plant: an example of the machine.
+        carry: an example of what goes from sample to sample.
+        commands: names of the commands.
+    """
+
+    def __init__(self, plant: CommandedMachine, carry: Any, commands: Sequence[str]) -> None:
+        self.layouts = Layouts(Layout.of(plant), Layout.of(carry), tuple(commands))
+        self.fields = [name for name, _ in plant.shown]
+        self.examples = (
+            np.zeros(self.layouts.plant.size), np.zeros(self.layouts.carry.size), np.zeros(len(commands)),
+        )  # fmt: skip
+        self._compiled: dict[Any, EngineFunction] = {}
+
+    def step(self, stiff: bool) -> EngineFunction:
+        """`step_vectors` of this structure."""
+        bound = functools.partial(step_vectors, self.layouts, stiff)
+        return self._function(("step", stiff), bound, *self.examples, np.float64(1e-3), np.int64(1))
+
+    def recorded(self, stiff: bool) -> EngineFunction:
+        """`recorded_vectors` of this structure."""
+        bound = functools.partial(recorded_vectors, self.layouts, stiff)
+        return self._function(("recorded", stiff), bound, *self.examples, np.float64(1e-3), np.int64(1))
+
+    def observe(self, plant: np.ndarray, carry: np.ndarray) -> np.ndarray:
+        """The observation in a carry, with its rate bound and soundness."""
+        run = self._function("observe", functools.partial(observe_vectors, self.layouts), *self.examples[:2])
+        return np.asarray(run(plant, carry, mode=MODE))
+
+    def outputs(self, plant: np.ndarray, carry: np.ndarray) -> dict[str, np.ndarray]:
+        """All outputs in a carry."""
+        run = self._function("outputs", functools.partial(outputs_at, self.layouts), *self.examples[:2])
+        return dict(run(plant, carry, mode=MODE))
+
+    def _function(self, key: Any, function: Callable[..., Any], *examples: Any) -> EngineFunction:
+        if key not in self._compiled:
+            self._compiled[key] = compile_function(function, *examples, title="a simulation")
+        return self._compiled[key]
+
+
+class SampleKernel:
+    """A machine, or lanes of machines, that goes on sample by sample.
+
+    Args:
+        programs: of its structure.
+        plant: its parameters as a vector; (numbers, lanes) where they differ from lane to lane.
+        period: of the samples [s].
+        inner: steps of the physics per sample, where its modes allow them.
+        lanes: how many; None for a single machine.
+
+    Attributes:
+        commands: vector to be set before a step; (commands, lanes) for lanes.
+        observation: vector of the last sample, with the rate bound and the soundness at its end.
+        rate_bound: of the fastest mode at the present state [1/s].
+        steps_taken: steps of the physics in the last sample.
+        stiff: whether they were of the Rosenbrock method.
+    """
+
+    def __init__(
+        self, programs: Programs, plant: np.ndarray, period: float, inner: int, lanes: int | None = None
+    ) -> None:
+        self.programs, self.plant, self.period, self.inner, self.lanes = programs, plant, period, inner, lanes
+        self._padded = lanes if lanes is None else -(-lanes // BLOCK) * BLOCK
+        many = () if self._padded is None else (self._padded,)
+        _, carry, commands = programs.examples
+        self._carries = [np.zeros((*carry.shape, *many)) for _ in range(2)]
+        self._now = 0  # which of the two is the present one
+        self._commands = np.zeros((*commands.shape, *many))
+        self._observed = np.zeros((len(programs.fields) + 2, *many))
+        self._inner = np.zeros((), np.int64)
+        self._calls: dict[bool, list[Callable[[], None]]] = {}
+        self.rate_bound, self.steps_taken, self.stiff = 0.0, inner, False
+        own = slice(None) if lanes is None else slice(lanes)
+        self.commands = self._commands if lanes is None else self._commands[:, own]
+        self.observation = self._observed if lanes is None else self._observed[:, own]
+        if lanes is not None and self._padded is not None and plant.ndim == 2:
+            self.plant = np.ascontiguousarray(
+                np.concatenate([plant, np.repeat(plant[:, -1:], self._padded - lanes, 1)], 1)
+            )
+        self._usual = period / inner
+
+    @property
+    def carry(self) -> np.ndarray:
+        """What goes into the next sample; not to be changed."""
+        return self._carries[self._now]
+
+    def set_carry(self, carry: np.ndarray, observed: np.ndarray) -> None:
+        """Go on from a carry, a single one or one per lane, with the observation that belongs to it."""
+        for target, source in ((self._carries[self._now], carry), (self._observed, observed)):
+            if target.ndim == 1:
+                target[:] = source
+            elif source.ndim == 1:
+                target[:] = source[:, None]
+            else:
+                count = source.shape[1]
+                target[:, :count] = source
+                target[:, count:] = source[:, -1:]
+        self.rate_bound = float(np.max(self._observed[-2]))
+
+    def set_command(self, place: int, value: Any) -> None:
+        """Set a command in all lanes, also those that only fill the last block."""
+        if self.lanes is None or np.ndim(value) == 0:
+            self._commands[place] = value
+            return
+        self._commands[place, : self.lanes] = value
+        self._commands[place, self.lanes :] = value[-1]
+
+    def step(self) -> None:
+        """Go on by one sample, in steps as short as the machine's own rates ask for.
+
+        Raises:
+            ConvergenceError: a state is not finite or not possible, or no step is short enough.
+        """
+        if self.rate_bound * self._usual <= RK4_LIMIT:  # nearly always
+            self._run(self.inner, False)
+            if self.lanes is None:
+                bound, sound = self._observed[-2], self._observed[-1] == 1.0
+            else:
+                bound, sound = self._observed[-2].max(), self._observed[-1].all()
+            if bound * self._usual <= RK4_LIMIT and sound:
+                self.rate_bound = bound
+                self._now ^= 1
+                return
+        self._careful_step()
+
+    def _careful_step(self) -> None:
+        steps: Steps | None = Steps()
+        while steps is not None and not steps.short(self.rate_bound, self._usual):
+            steps = steps.shorter(self.rate_bound, self._usual)
+        while steps is not None:
+            self._run(self.inner * steps.split, steps.stiff)
+            bound, sound = float(np.max(self._observed[-2])), bool(np.all(self._observed[-1] == 1.0))
+            if steps.short(bound, self._usual):
+                if not sound:
+                    h = self._usual / steps.split
+                    raise ConvergenceError(f"A state is not finite, or not possible, with steps of {h:.3g} s.")
+                self.rate_bound = bound
+                self._now ^= 1
+                return
+            steps = steps.shorter(bound, self._usual)
+        raise ConvergenceError(f"A mode of the system is too fast ({self.rate_bound:.3g} 1/s) for any step.")
+
+    def _run(self, inner: int, stiff: bool) -> None:
+        calls = self._calls.get(stiff)
+        if calls is None:
+            calls = self._calls[stiff] = [self._bound(stiff, k) for k in range(2)]
+        self._inner[()] = inner
+        self.steps_taken, self.stiff = inner, stiff
+        calls[self._now]()
+
+    def _bound(self, stiff: bool, source: int) -> Callable[[], None]:
+        """A call that goes from one of the carries to the other."""
+        function = self.programs.step(stiff)
+        given = [self.plant, self._carries[source], self._commands, np.float64(self.period), self._inner]
+        wanted = [self._carries[1 - source], self._observed]
+        if function.engine != "native":
+            return functools.partial(_by_xla, function, given, wanted, self._padded)
+        arrays = [np.asarray(a) for a in given]
+        return function.program.bind(arrays, wanted, lanes=self._padded, mode=MODE)
+
+
+def _by_xla(function: EngineFunction, given: Sequence[Any], wanted: Sequence[np.ndarray], lanes: int | None) -> None:
+    """The same call where there is no kernel."""
+    for target, value in zip(wanted, function(*given, lanes=lanes), strict=True):
+        target[...] = value
+
+
+class RecordingKernel:
+    """The same samples once more, with all outputs and the integrals of the balances.
+
+    Args:
+        programs: of the machine's structure.
+        plant: its parameters as a vector.
+        period: of the samples [s].
+        inner: steps of the physics per sample, where the modes allow them.
+    """
+
+    def __init__(self, programs: Programs, plant: np.ndarray, period: float, inner: int) -> None:
+        self.programs, self.plant, self.period, self.inner = programs, plant, period, inner
+
+    def replay(
+        self, carry: np.ndarray, commands: np.ndarray, bound: float
+    ) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+        """Go through samples again.
+
+        Args:
+            carry: at the start.
+            commands: of the samples, (samples, commands).
+            bound: of the fastest mode at the start [1/s].
+
+        Returns:
+            The carry at the end, the integrals over all samples, and the outputs (samples + 1,).
+        """
+        # the carries come from the kernel that stepped, so that its choice of steps is made again as it was
+        pilot = SampleKernel(self.programs, self.plant, self.period, self.inner)
+        pilot.set_carry(carry, np.zeros(len(self.programs.fields) + 2))
+        pilot.rate_bound = bound
+        rows = [self.programs.outputs(self.plant, carry)]
+        sums: dict[str, float] = {}
+        for row in commands:
+            before = pilot.carry.copy()
+            pilot.commands[:] = row
+            pilot.step()
+            run = self.programs.recorded(pilot.stiff)
+            _, integrals, outputs = run(
+                self.plant, before, row, np.float64(self.period), np.int64(pilot.steps_taken), mode=MODE
+            )
+            for name, value in integrals.items():
+                sums[name] = sums.get(name, 0.0) + float(value)
+            rows.append(outputs)
+        outputs = jax.tree.map(lambda *values: np.array(values, float), *rows)
+        return pilot.carry, sums, outputs

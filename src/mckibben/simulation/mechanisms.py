@@ -1,0 +1,442 @@
+"""What the muscles of a simulation move: a weight, a spring, a plate, a joint with two muscles, a chain of joints.
+
+Lengths, masses and the like are numbers in SI units, or words such as ``"2 cm"``. A muscle is the id of a specimen, the path
+of its file, or a muscle of `assembly`. A mechanism is a value: it holds what it is made of, and `load` builds what moves.
+"""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..assembly.build import INFERRED, unit_from_specimen
+from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, MomentArm, PlateLoad
+from ..assembly.muscle_unit import MuscleUnit
+from ..errors import InputError
+from ..muscles.elements import Tendon
+from ..quantities import declared, parse
+from ..specimens import Specimen, specimen
+from .stepping import Drive
+
+Amount = float | str
+"""A number in the SI unit, or words with a unit."""
+
+AnyMuscle = Any
+"""Id or file of a specimen, a `Specimen`, a muscle with its law and friction, or a `MuscleUnit`."""
+
+GRAVITY = 9.80665  # [m/s^2]
+WORKING_SHARE = 0.9  # of its rest length: where a muscle stands at angle zero unless stated otherwise
+
+
+def in_si(value: Amount, unit: str, field: str) -> float:
+    """A number in an SI unit, from words or from itself.
+
+    Raises:
+        InputError: it is no finite number, or has another unit; names the field.
+    """
+    if isinstance(value, str):
+        return parse(value, unit, field=field)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(field, repr(value), f"must be a number [{unit}] or words with a unit") from None
+    if not np.isfinite(number):
+        raise InputError(field, number, "must be a finite number")
+    return number
+
+
+def muscle_unit(muscle: AnyMuscle, field: str = "muscle") -> MuscleUnit:
+    """A muscle with its tendon and end mass, from whatever names it.
+
+    Raises:
+        InputError: it is no muscle; names the field.
+    """
+    if isinstance(muscle, MuscleUnit):
+        return muscle
+    if isinstance(muscle, str | Specimen):
+        return unit_from_specimen(muscle)
+    if hasattr(muscle, "law") and hasattr(muscle, "friction"):
+        usual: dict[str, Any] = {name: INFERRED[name].value for name in ("end_mass", "viscosity", "stop_damping")}
+        cord = Tendon(
+            stiffness=INFERRED["tendon_stiffness"].value, toe_length=INFERRED["tendon_toe"].value,
+            loss=INFERRED["tendon_loss"].value,
+        )  # fmt: skip
+        creep = getattr(muscle, "creep", None)
+        return MuscleUnit(law=muscle.law, tendon=cord, friction=muscle.friction, creep=creep, **usual)
+    raise InputError(field, type(muscle).__name__, "must be the id of a specimen, its file, or a muscle")
+
+
+def rest_length(muscle: AnyMuscle, unit: MuscleUnit) -> float:
+    """Length of a muscle at rest [m]: what its specimen or its law states, else the longest length of the law."""
+    if isinstance(muscle, str):
+        muscle = specimen(muscle)
+    if isinstance(muscle, Specimen) and "rest_length" in muscle.properties:
+        return float(muscle.property_si("rest_length", "m"))
+    stated = getattr(unit.law, "rest_length", None)
+    return float(unit.law.length_range()[1] if stated is None else stated)
+
+
+@dataclass(frozen=True)
+class Mechanism(abc.ABC):
+    """What muscles move. Subclasses say which muscles, and build the load of `assembly` that holds them."""
+
+    @property
+    @abc.abstractmethod
+    def muscles(self) -> dict[str, AnyMuscle]:
+        """The muscles by name, as they were given."""
+
+    @abc.abstractmethod
+    def load(self, units: Mapping[str, MuscleUnit]) -> Load:
+        """The load that holds the muscles.
+
+        Raises:
+            InputError: names what does not fit.
+        """
+
+    @abc.abstractmethod
+    def drives(self) -> tuple[Drive, ...]:
+        """The commands that act on the mechanism itself, such as a force from outside."""
+
+    def start_commands(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """Commands of the mechanism at the start [SI]; zero where it says nothing."""
+        return {}
+
+    def start_pressures(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """Gauge pressures at the start [Pa]; zero where it says nothing."""
+        return {}
+
+    def fields(self) -> dict[str, str]:
+        """Fields of an observation beside those of the muscles, with the outputs that they show."""
+        return {}
+
+
+@dataclass(frozen=True)
+class Weight(Mechanism):
+    """A mass that hangs from a muscle.
+
+        mk.Weight("nylon", mass="5 kg")
+
+    The command ``force`` [N] pulls it down further. At the start it hangs at rest, by the pressure that carries it there.
+
+    Args:
+        muscle: that carries it.
+        mass: [kg].
+        start: span of the muscle at the start [m]; nine tenths of its rest length where left out.
+        damping: viscous loss [N s/m].
+        gravity: [m/s^2].
+    """
+
+    muscle: AnyMuscle = "nylon"
+    mass: Amount = 5.0
+    start: Amount | None = None
+    damping: Amount = 0.0
+    gravity: Amount = GRAVITY
+
+    @property
+    def muscles(self) -> dict[str, AnyMuscle]:
+        """One, called ``muscle``."""
+        return {"muscle": self.muscle}
+
+    def _start(self, units: Mapping[str, MuscleUnit]) -> float:
+        return _span(self.start, "start", self.muscle, units["muscle"])
+
+    def load(self, units: Mapping[str, MuscleUnit]) -> Load:
+        """A body in line with the muscle."""
+        mass = in_si(self.mass, "kg", "mass")
+        return Body(
+            held=("muscle",), start=self._start(units), mass=mass, weight=mass * in_si(self.gravity, "m/s^2", "gravity"),
+            damping=in_si(self.damping, "N*s/m", "damping"), signal="force",
+        )  # fmt: skip
+
+    def drives(self) -> tuple[Drive, ...]:
+        """A force from outside."""
+        return (Drive("force", "force", unit="N", meaning="force from outside, positive lengthening"),)
+
+    def start_pressures(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """The pressure that carries the weight."""
+        weight = in_si(self.mass, "kg", "mass") * in_si(self.gravity, "m/s^2", "gravity")
+        return {"muscle": units["muscle"].law.pressure_for(weight, self._start(units))}
+
+    def fields(self) -> dict[str, str]:
+        """Position, which is the span [m], and velocity [m/s]."""
+        return {"position": "load.position", "velocity": "load.velocity"}
+
+
+@dataclass(frozen=True)
+class Spring(Mechanism):
+    """A spring that a muscle pulls, with a mass between the two.
+
+        mk.Spring("nylon", stiffness="2 N/mm")
+
+    The command ``force`` [N] acts on the mass, positive away from the muscle. The spring is relaxed at the start.
+
+    Args:
+        muscle: that pulls.
+        stiffness: of the spring [N/m].
+        mass: between muscle and spring [kg].
+        start: span of the muscle at the start [m]; its rest length where left out.
+        damping: viscous loss [N s/m].
+    """
+
+    muscle: AnyMuscle = "nylon"
+    stiffness: Amount = 2000.0
+    mass: Amount = 0.1
+    start: Amount | None = None
+    damping: Amount = 1.0
+
+    @property
+    def muscles(self) -> dict[str, AnyMuscle]:
+        """One, called ``muscle``."""
+        return {"muscle": self.muscle}
+
+    def load(self, units: Mapping[str, MuscleUnit]) -> Load:
+        """A body on a spring in line with the muscle."""
+        start = _span(self.start, "start", self.muscle, units["muscle"], share=1.0)
+        return Body(
+            held=("muscle",), start=start, mass=in_si(self.mass, "kg", "mass"), spring_rest=start,
+            stiffness=in_si(self.stiffness, "N/m", "stiffness"), damping=in_si(self.damping, "N*s/m", "damping"),
+            signal="force",
+        )  # fmt: skip
+
+    def drives(self) -> tuple[Drive, ...]:
+        """A force from outside."""
+        return (Drive("force", "force", unit="N", meaning="force from outside, positive lengthening"),)
+
+    def fields(self) -> dict[str, str]:
+        """Position, which is the span [m], and velocity [m/s]."""
+        return {"position": "load.position", "velocity": "load.velocity"}
+
+
+@dataclass(frozen=True)
+class Plate(Mechanism):
+    """A plate that holds a muscle at a span, which the command ``span`` [m] moves.
+
+        mk.Plate("nylon", span="13 cm")
+
+    The plate goes straight to a commanded span, and is there at the end of the step.
+
+    Args:
+        muscle: between its anchor and the plate.
+        span: at the start [m]; nine tenths of the rest length where left out.
+    """
+
+    muscle: AnyMuscle = "nylon"
+    span: Amount | None = None
+
+    @property
+    def muscles(self) -> dict[str, AnyMuscle]:
+        """One, called ``muscle``."""
+        return {"muscle": self.muscle}
+
+    def load(self, units: Mapping[str, MuscleUnit]) -> Load:
+        """A plate whose position is a signal."""
+        return PlateLoad(held=("muscle",), signal="span")
+
+    def drives(self) -> tuple[Drive, ...]:
+        """The span."""
+        return (Drive("span", "span", straight=True, unit="m", meaning="span at which the plate holds the muscle"),)
+
+    def start_commands(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """The span at the start [m]."""
+        return {"span": _span(self.span, "span", self.muscle, units["muscle"])}
+
+    def fields(self) -> dict[str, str]:
+        """The span [m]."""
+        return {"span": "muscle.span"}
+
+
+@dataclass(frozen=True)
+class Joint(Mechanism):
+    """A hinge with two muscles: ``flexor`` turns it to positive angles, ``extensor`` back.
+
+        mk.Joint(flexor="nylon", extensor="nylon", arm="2 cm", inertia=2e-3)
+
+    The command ``moment`` [N m] acts from outside.
+
+    Args:
+        flexor: muscle with a positive moment arm.
+        extensor: its antagonist; the same kind as the flexor where left out.
+        arm: moment arm of both at angle zero [m], or one for each as a pair; a `MomentArm` of `assembly` for a curve.
+        inertia: about the axis [kg m^2].
+        damping: viscous loss [N m s].
+        stiffness: spring about the axis [N m/rad].
+        gravity_moment: of a limb that hangs down at angle zero [N m].
+        span: of both muscles at angle zero [m]; nine tenths of the rest length of each where left out.
+        start: angle at the start [rad].
+        stops: smallest and largest angle [rad].
+    """
+
+    flexor: AnyMuscle = "nylon"
+    extensor: AnyMuscle = None
+    arm: Any = 0.02
+    inertia: Amount = 2e-3
+    damping: Amount = 0.01
+    stiffness: Amount = 0.0
+    gravity_moment: Amount = 0.0
+    span: Amount | None = None
+    start: Amount = 0.0
+    stops: tuple[Amount, Amount] = (-2.0, 2.0)
+
+    @property
+    def muscles(self) -> dict[str, AnyMuscle]:
+        """Flexor and extensor."""
+        return {"flexor": self.flexor, "extensor": self.flexor if self.extensor is None else self.extensor}
+
+    def load(self, units: Mapping[str, MuscleUnit]) -> Load:
+        """A hinge with two moment arms."""
+        arms = _pair_of_arms(self.arm, self.span, self.muscles, units)
+        low, high = self.stops
+        return JointLoad(
+            arms=arms, inertia=in_si(self.inertia, "kg*m^2", "inertia"), damping=in_si(self.damping, "N*m*s", "damping"),
+            stiffness=in_si(self.stiffness, "N*m", "stiffness"), start=in_si(self.start, "rad", "start"),
+            gravity_moment=in_si(self.gravity_moment, "N*m", "gravity_moment"), lower_stop=in_si(low, "rad", "stops"),
+            upper_stop=in_si(high, "rad", "stops"), signal="moment",
+        )  # fmt: skip
+
+    def drives(self) -> tuple[Drive, ...]:
+        """A moment from outside."""
+        return (Drive("moment", "moment", unit="N*m", meaning="moment from outside, positive towards positive angles"),)
+
+    def fields(self) -> dict[str, str]:
+        """Angle [rad] and angular velocity [rad/s]."""
+        return {"angle": "load.angle", "velocity": "load.angular_velocity"}
+
+
+@dataclass(frozen=True)
+class Link:
+    """A link of a `Chain`, and the joint at its near end with its two muscles; either muscle may be left out as None.
+
+    Args:
+        length: to the next joint [m].
+        mass: [kg].
+        flexor: muscle that turns the joint to positive angles.
+        extensor: its antagonist.
+        arm: moment arm of both [m], or one for each as a pair; a `MomentArm` of `assembly` for a curve.
+        centre: distance of the centre of mass from the joint [m]; half the length where left out.
+        inertia: about the centre of mass [kg m^2]; that of a thin rod where left out.
+        damping: viscous loss of the joint [N m s].
+        stiffness: spring of the joint [N m/rad].
+        span: of both muscles at angle zero [m]; nine tenths of the rest length of each where left out.
+        start: angle of the joint at the start [rad].
+        stops: smallest and largest angle of the joint [rad].
+    """
+
+    length: Amount
+    mass: Amount
+    flexor: AnyMuscle = "nylon"
+    extensor: AnyMuscle = "nylon"
+    arm: Any = 0.02
+    centre: Amount | None = None
+    inertia: Amount | None = None
+    damping: Amount = 0.01
+    stiffness: Amount = 0.0
+    span: Amount | None = None
+    start: Amount = 0.0
+    stops: tuple[Amount, Amount] = (-2.0, 2.0)
+
+    def chain_link(self, number: int) -> ChainLink:
+        """The link as a part of the load; its outside moment is the signal ``moment_<number>``."""
+        length, mass = (
+            in_si(self.length, "m", f"length of link {number}"),
+            in_si(self.mass, "kg", f"mass of link {number}"),
+        )
+        low, high = self.stops
+        return ChainLink(
+            length=length, mass=mass,
+            centre=0.5 * length if self.centre is None else in_si(self.centre, "m", f"centre of link {number}"),
+            inertia=mass * length**2 / 12.0 if self.inertia is None else in_si(self.inertia, "kg*m^2", "inertia"),
+            damping=in_si(self.damping, "N*m*s", "damping"), stiffness=in_si(self.stiffness, "N*m", "stiffness"),
+            start=in_si(self.start, "rad", "start"), lower_stop=in_si(low, "rad", "stops"),
+            upper_stop=in_si(high, "rad", "stops"), signal=f"moment_{number}",
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, init=False)
+class Chain(Mechanism):
+    """Links one after the other in a plane, the first joint on the ground, each joint with its two muscles.
+
+        mk.Chain(mk.Link("30 cm", "0.6 kg", arm="2 cm"), mk.Link("25 cm", "0.4 kg", arm="1.5 cm"))
+
+    The muscles are ``flexor_1``, ``extensor_1``, ``flexor_2`` and so on, and the outside moments ``moment_1``, ``moment_2``.
+    The first link hangs straight down at angle zero, and every other one goes on in line with the one before it.
+
+    Args:
+        *links: from the ground outwards.
+        gravity: [m/s^2], down at angle zero; zero for a chain in a horizontal plane.
+    """
+
+    links: tuple[Link, ...]
+    gravity: Amount = GRAVITY
+
+    def __init__(self, *links: Link, gravity: Amount = GRAVITY) -> None:
+        if not links or not all(isinstance(link, Link) for link in links):
+            raise InputError("links", f"{len(links)} links", "must be one Link or more")
+        object.__setattr__(self, "links", links)
+        object.__setattr__(self, "gravity", gravity)
+
+    @property
+    def muscles(self) -> dict[str, AnyMuscle]:
+        """Those of all joints."""
+        sides = ("flexor", "extensor")
+        every = {f"{side}_{k}": getattr(link, side) for k, link in enumerate(self.links, 1) for side in sides}
+        return {name: muscle for name, muscle in every.items() if muscle is not None}
+
+    def load(self, units: Mapping[str, MuscleUnit]) -> Load:
+        """Coupled links with the moment arms of their muscles."""
+        links: dict[str, ChainLink] = {}
+        arms: dict[str, dict[str, MomentArm]] = {}
+        for k, link in enumerate(self.links, 1):
+            links[str(k)] = link.chain_link(k)
+            pair = {side: f"{side}_{k}" for side in ("flexor", "extensor") if f"{side}_{k}" in units}
+            own = {side: units[name] for side, name in pair.items()}
+            made = _pair_of_arms(link.arm, link.span, {side: getattr(link, side) for side in pair}, own)
+            arms |= {pair[side]: {str(k): arm} for side, arm in made.items()}
+        return LinkChain(links, arms, order=tuple(links), gravity=in_si(self.gravity, "m/s^2", "gravity"))
+
+    def drives(self) -> tuple[Drive, ...]:
+        """A moment from outside about each joint."""
+        return tuple(
+            Drive(f"moment_{k}", f"moment_{k}", unit="N*m", meaning=f"moment from outside about joint {k}")
+            for k in range(1, len(self.links) + 1)
+        )
+
+    def fields(self) -> dict[str, str]:
+        """Angle [rad] and angular velocity [rad/s] of each joint."""
+        numbers = range(1, len(self.links) + 1)
+        angles = {f"angle_{k}": f"load.angle_{k}" for k in numbers}
+        return angles | {f"velocity_{k}": f"load.angular_velocity_{k}" for k in numbers}
+
+
+def _span(
+    stated: Amount | None, field: str, muscle: AnyMuscle, unit: MuscleUnit, share: float = WORKING_SHARE
+) -> float:
+    return share * rest_length(muscle, unit) if stated is None else in_si(stated, "m", field)
+
+
+def _pair_of_arms(
+    arm: Any, span: Amount | None, muscles: Mapping[str, AnyMuscle], units: Mapping[str, MuscleUnit]
+) -> dict[str, MomentArm]:
+    """Moment arms of a flexor and an extensor, which has the opposite sign."""
+    pair = arm if isinstance(arm, tuple | list) else (arm, arm)
+    if len(pair) != 2:
+        raise InputError("arm", str(arm), "must be one moment arm, or a pair of flexor and extensor")
+    made = {}
+    for side, one, sign in (("flexor", pair[0], 1.0), ("extensor", pair[1], -1.0)):
+        if side not in units:
+            continue
+        if isinstance(one, MomentArm):
+            mirrored = one if sign > 0.0 or float(one.arm(0.0)) < 0.0 else one.replace(coefficients=-one.coefficients)
+            made[side] = mirrored
+            continue
+        size = in_si(one, "m", "arm")
+        limits = declared(MomentArm)["coefficients"]
+        if not 0.0 < size <= limits.bounds[1]:
+            raise InputError("arm", f"{size:g} m", "must be a moment arm above 0 m and up to 1 m")
+        made[side] = MomentArm(
+            coefficients=np.array([sign * size]), span=_span(span, "span", muscles[side], units[side])
+        )
+    return made

@@ -1,0 +1,130 @@
+"""A recording of a simulation: its samples once more, with all outputs, the balances, and where the numbers come from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..assembly.accounts import CLOSED, Accounts, accounts
+from ..assembly.exergy_balance import document
+from ..assembly.output_names import CONSTANT, output_meaning
+from ..components.paths import resolved
+from ..engine import sampled
+from ..engine.native import call_compiled
+from ..recordings.provenance import created, versions
+from ..recordings.recording import Channel, Recording
+from ..specimens import Specimen, specimen
+from .kernel import RecordingKernel
+
+if TYPE_CHECKING:
+    from .simulation import Simulation, SimulationState
+
+RENAMED = {
+    "load.angle": "joint.angle", "load.angular_velocity": "joint.velocity", "load.moment": "joint.moment",
+    "load.position": "load.position", "load.velocity": "load.velocity",
+}  # fmt: skip
+MEANINGS = {
+    "joint.angle": ("rad", "angle of the joint"),
+    "joint.velocity": ("rad/s", "angular velocity of the joint"),
+    "joint.moment": ("N*m", "moment of the muscles about the joint"),
+    "load.position": ("m", "position of the load, the span of its muscle"),
+    "load.velocity": ("m/s", "velocity of the load, positive lengthening"),
+}
+NUMBERED = ("angle_", "angular_velocity_", "moment_")  # outputs of a chain's joints
+
+
+class _Ended(NamedTuple):
+    """The end of a run, as `accounts` takes it."""
+
+    state: Any
+    memory: Any
+    integrals: dict[str, float]
+
+
+def record(
+    simulation: Simulation, start: SimulationState, commands: np.ndarray, sensed: list[list[float]]
+) -> Recording:
+    """The recording of samples from a start.
+
+    Args:
+        simulation: that took them.
+        start: from which it did.
+        commands: held in each of them, (samples, commands).
+        sensed: observations with their noise, one more than samples; empty where there is no noise.
+    """
+    period, layouts = simulation.period, simulation.programs.layouts
+    kernel = RecordingKernel(simulation.programs, simulation.parameters, period, simulation.inner)
+    last, sums, outputs = kernel.replay(start.carry, commands, float(start.observed[-2]))
+    time = period * np.arange(start.sample, start.sample + len(commands) + 1)
+    closed = (
+        _accounts(simulation, layouts.carry.unpack(start.carry), layouts.carry.unpack(last), sums) if sums else None
+    )
+    # a command holds from its sample on; the last one goes on
+    held = np.concatenate([commands, commands[-1:]]) if len(commands) else start.commands[None]
+    channels = _channels(simulation, outputs, held)
+    for k, (name, output) in enumerate(simulation.plant.shown if sensed else ()):
+        unit, _, meaning = _described(output)
+        column = np.array([row[k] for row in sensed])
+        channels[f"measured.{name}"] = Channel(column, unit, "measured", f"{meaning}, measured")
+    return Recording(time, channels, _meta(simulation, closed, start))
+
+
+def _accounts(simulation: Simulation, begin: Any, end: Any, sums: dict[str, float]) -> Accounts:
+    """The accounts of mass and energy over all samples."""
+    plant = simulation.plant
+    first, last = (
+        call_compiled(_inputs, plant, history, np.float64(simulation.period)) for _, _, history in (begin, end)
+    )
+    ended: Any = _Ended(end[0], end[1], sums)
+    return accounts(simulation.machine, begin[:2], ended, first, last)
+
+
+def _inputs(plant: Any, history: Any, period: Any) -> dict[str, Any]:
+    return sampled.inputs_of(plant, sampled.Carry((), (), (), (), history), None, period)
+
+
+def _channels(simulation: Simulation, outputs: dict[str, np.ndarray], held: np.ndarray) -> dict[str, Channel]:
+    channels: dict[str, Channel] = {}
+    for k, name in enumerate(simulation.commands):
+        drive = next(d for d in simulation.drives if d.command == name)
+        channels[f"{name}.command"] = Channel(held[:, k], drive.unit, "command", drive.meaning)
+    for output, values in outputs.items():
+        if output.startswith(CONSTANT):
+            continue
+        unit, name, meaning = _described(output)
+        channels[name] = Channel(np.broadcast_to(values, len(held)), unit, "true", meaning)
+    return channels
+
+
+def _described(output: str) -> tuple[str, str, str]:
+    """Unit, name in a recording, and meaning of an output."""
+    owner, _, last = output.rpartition(".")
+    if owner == "load" and last.startswith(NUMBERED):
+        kind, _, number = last.rpartition("_")
+        unit, meaning = output_meaning(f"joint {number}.{kind}")
+        return unit, f"joint_{number}.{'velocity' if kind == 'angular_velocity' else kind}", meaning
+    name = RENAMED.get(output, output)
+    unit, meaning = MEANINGS.get(name) or output_meaning(output)
+    return unit, name, meaning
+
+
+def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationState) -> dict[str, Any]:
+    machine, room = simulation.machine, simulation.machine.environment
+    stated = [specimen(m) if isinstance(m, str) else m for m in simulation.system.muscles.values()]
+    published = [s for s in stated if isinstance(s, Specimen)]
+    cites = [key for unit in machine.units.values() for key in unit.law.cites]
+    cites += [key for spec in published for key in spec.sources]
+    return {
+        "title": simulation.title, "system": repr(simulation.system), "air": simulation.air.document,
+        "specimen": ", ".join(dict.fromkeys(s.id for s in published)) or None,
+        "parameters": resolved(machine),
+        "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
+        "balance": {name: float(getattr(closed, name)) for name in CLOSED} if closed else {},
+        "friction": {"work": closed.friction, "dissipated": closed.dissipated} if closed else {},
+        "energy": document(machine, [closed.energy_parts]) if closed else {},
+        "timing": {"control_rate": 1.0 / simulation.period, "step": simulation.period / simulation.inner},
+        "first_sample": start.sample, "result": "done", "message": "The run reached its end.",
+        "inferred": sorted({key for s in published for key in s.inferred()}),
+        "versions": versions(), "citations": list(dict.fromkeys(cites)), "created": created(),
+    }  # fmt: skip

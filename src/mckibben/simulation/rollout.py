@@ -1,0 +1,149 @@
+"""A run under a policy as a function of the policy's parameters, with its gradient.
+
+The physics of a sample is a native kernel, and so are its derivatives; policy and cost are JAX functions of the user. The
+samples are a `jax.lax.scan`: XLA compiles nothing of the physics, and a changed policy compiles in a moment.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..engine.native import differentiable
+from ..engine.rates import RK4_LIMIT
+from ..errors import ConvergenceError, InputError, suggest
+from .kernel import MODE
+from .stepping import step_vectors
+
+if TYPE_CHECKING:
+    from .simulation import Simulation
+
+
+class Rollout:
+    """A run of some samples from the present moment of a simulation, commanded by a policy.
+
+        def policy(parameters, seen):                       # JAX
+            return {"flexor": parameters["gain"] * (0.3 - seen.angle), "extensor": -0.1}
+
+        def cost(seen, commands):
+            return (seen.angle - 0.3) ** 2
+
+        rollout = sim.rollout(policy, steps=500, cost=cost)
+        value, slope = rollout.value_and_grad({"gain": 1.0})
+
+    The value is the mean of the cost over the samples [unit of the cost]. The derivatives are those of the steps that were
+    taken, friction and flow that chokes included; where a command is clipped, its derivative is zero. There is no noise.
+
+    Args:
+        simulation: from whose present moment each run begins.
+        policy: of (parameters, observation), returns the commands by name; what it leaves out stays as it is.
+        steps: samples.
+        cost: of (observation, commands) at the end of a sample; None where the policy returns (commands, cost).
+
+    Raises:
+        InputError: the number of steps is none.
+    """
+
+    def __init__(
+        self, simulation: Simulation, policy: Callable[..., Any], steps: int, cost: Callable[..., Any] | None
+    ) -> None:
+        if not (isinstance(steps, int) and steps >= 1):
+            raise InputError("steps", steps, "must be a whole number of 1 or more")
+        self.simulation, self.policy, self.steps, self.cost = simulation, policy, steps, cost
+        programs = simulation.programs
+        self._fields = len(programs.fields)
+        step = functools.partial(
+            step_vectors, programs.layouts, False, period=simulation.period, inner=simulation.inner
+        )
+        self._step = differentiable(step, *programs.examples, mode=MODE, threads=1, title="a simulation")
+        self._run = jax.jit(self._trajectory)
+        self._slope = jax.jit(jax.value_and_grad(self._mean_cost, has_aux=True))
+
+    def __repr__(self) -> str:
+        return f"Rollout({self.steps} steps of {self.simulation!r})"
+
+    def __call__(self, parameters: Any) -> float:
+        """The mean cost of a run.
+
+        Raises:
+            ConvergenceError: a mode is too fast for the step of the simulation, or a state is not possible.
+        """
+        _, _, costs, bounds = self._run(parameters, *self._start())
+        self._check(bounds)
+        return float(jnp.mean(costs))
+
+    def value_and_grad(self, parameters: Any) -> tuple[float, Any]:
+        """The mean cost of a run, and its derivative by each of the parameters, a tree like them.
+
+        Raises:
+            ConvergenceError: a mode is too fast for the step of the simulation, or a state is not possible.
+        """
+        (value, bounds), slopes = self._slope(parameters, *self._start())
+        self._check(bounds)
+        return float(value), jax.tree.map(np.asarray, slopes)
+
+    def trajectory(self, parameters: Any) -> tuple[Any, dict[str, np.ndarray]]:
+        """The observations (steps + 1,), a named tuple of arrays, and the commands by name (steps,)."""
+        seen, commands, _, bounds = self._run(parameters, *self._start())
+        self._check(bounds)
+        carry, observed, _, sample = self._start()
+        names = self.simulation.programs.fields
+        first = [float(observed[k]) for k in range(len(names))]
+        time = self.simulation.period * (int(sample) + np.arange(self.steps + 1))
+        columns = [np.concatenate([[a], np.asarray(b)]) for a, b in zip(first, seen, strict=True)]
+        held = {name: np.asarray(commands)[:, k] for k, name in enumerate(self.simulation.commands)}
+        return self.simulation.Observation(time, *columns), held
+
+    def _start(self) -> tuple[Any, Any, Any, Any]:
+        state = self.simulation.save_state()
+        return state.carry, state.observed, state.commands, np.float64(state.sample)
+
+    def _trajectory(self, parameters: Any, carry: Any, observed: Any, held: Any, sample: Any) -> Any:
+        simulation, plant = self.simulation, jnp.asarray(self.simulation.parameters)
+
+        def one(now: Any, index: Any) -> tuple[Any, Any]:
+            carry, observed, held = now
+            seen = self._observation(observed, (sample + index) * simulation.period)
+            decided = self.policy(parameters, seen)
+            commands, price = decided if self.cost is None else (decided, None)
+            held = self._held(held, commands)
+            carry, observed = self._step(plant, carry, held)
+            if self.cost is not None:
+                named = {name: held[k] for k, name in enumerate(simulation.commands)}
+                price = self.cost(self._observation(observed, (sample + index + 1.0) * simulation.period), named)
+            bound = jnp.where(observed[-1] == 1.0, observed[-2], jnp.nan)
+            numbers = [observed[k] for k in range(self._fields)]
+            return (carry, observed, held), (numbers, held, jnp.asarray(price, float), bound)
+
+        begin = (jnp.asarray(carry), jnp.asarray(observed), jnp.asarray(held))
+        _, kept = jax.lax.scan(one, begin, jnp.arange(float(self.steps)))
+        return kept
+
+    def _mean_cost(self, parameters: Any, *start: Any) -> tuple[Any, Any]:
+        _, _, costs, bounds = self._trajectory(parameters, *start)
+        return jnp.mean(costs), bounds
+
+    def _observation(self, observed: Any, time: Any) -> Any:
+        return self.simulation.Observation(time, *(observed[k] for k in range(self._fields)))
+
+    def _held(self, held: Any, commands: Mapping[str, Any]) -> Any:
+        known = self.simulation.commands
+        for name in commands:
+            if name not in known:
+                raise InputError("command", name, f"{suggest(name, known)}known are {', '.join(known)}")
+        return jnp.stack([jnp.asarray(commands.get(name, held[k]), float) for k, name in enumerate(known)])
+
+    def _check(self, bounds: Any) -> None:
+        fastest, usual = float(np.max(bounds)), self.simulation.period / self.simulation.inner
+        if not fastest * usual <= RK4_LIMIT:
+            need = (
+                f" It needs {RK4_LIMIT / fastest:.2g} s or less" if np.isfinite(fastest) else " A state is not possible"
+            )
+            raise ConvergenceError(
+                f"The step of {usual:.3g} s is too long for this run.{need}: give the simulation another step."
+            )

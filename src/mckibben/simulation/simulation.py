@@ -1,0 +1,403 @@
+"""A system that one steps: mechanism, muscles and air behind one's own controller.
+
+    sim = mk.Simulation(mk.Joint("nylon", arm="2 cm"), mk.Air(supply="6 bar"), period=2e-3)
+    seen = sim.reset(seed=0)
+    for _ in range(500):
+        seen = sim.step(flexor=0.5 * (0.3 - seen.angle), extensor=-0.1)
+    recording = sim.recording()
+
+The physics is the state equation of `assembly`, integrated by the steps of `engine`. One step is one call of a native
+kernel, which is compiled when a structure is first stepped, and found on disk from then on.
+"""
+
+from __future__ import annotations
+
+import keyword
+import math
+from collections import namedtuple
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..assembly.machine import Machine
+from ..components import paths
+from ..errors import InputError, suggest
+from ..recordings.recording import Recording
+from .air import AirCircuit, air_circuit
+from .kernel import Programs, SampleKernel
+from .mechanisms import Amount, Mechanism, in_si, muscle_unit
+from .stepping import CommandedMachine, Drive, rest_carry
+
+if TYPE_CHECKING:
+    from .batch import SimulationBatch
+    from .rollout import Rollout
+
+STEP = 2e-4  # largest step of the physics unless stated otherwise [s]
+OF_MUSCLES = ("pressure", "tension", "length")  # outputs of a muscle that an observation shows
+
+
+@dataclass(frozen=True)
+class SimulationState:
+    """A simulation at a moment, for `Simulation.load_state`; it can be pickled, and the simulation goes on bit for bit.
+
+    Attributes:
+        sample: number of samples since the reset.
+        carry: state, memory and past commands, as a vector.
+        observed: the true observation with its rate bound.
+        shown: the observation as it was returned, with noise; empty where there is none.
+        commands: in force.
+        noise: state of the generator of the noise.
+        structure: fingerprint of the simulation that made it.
+    """
+
+    sample: int
+    carry: np.ndarray
+    observed: np.ndarray
+    shown: tuple[float, ...]
+    commands: np.ndarray
+    noise: Mapping[str, Any]
+    structure: str
+
+
+class Simulation:
+    """Mechanism, muscles and air, advanced one sample at a time by commands.
+
+    Args:
+        system: what moves: a `Joint`, `Chain`, `Weight`, `Spring` or `Plate`.
+        air: an `Air`, or the path of a circuit file with the mechanism's muscles by name; `Air()` by default.
+        period: period of the samples, during which commands hold [s].
+        step: largest step of the physics [s]; shortened so that a whole number fits a period, and where a mode asks for it.
+        noise: standard deviation of the noise on fields of the observation, by field [SI]; none where left out.
+        title: title of recordings; names the mechanism and its muscles by default.
+
+    Attributes:
+        commands: names of the commands of `step`.
+        machine: the state equation, of `assembly`.
+        period: period of the samples [s].
+
+    Raises:
+        InputError: names what does not fit.
+    """
+
+    def __init__(
+        self, system: Mechanism, air: Any = None, *, period: Amount = 2e-3, step: Amount = STEP,
+        noise: Mapping[str, float] | None = None, title: str = "",
+    ) -> None:  # fmt: skip
+        if not isinstance(system, Mechanism):
+            raise InputError("system", type(system).__name__, "must be a Joint, Chain, Weight, Spring or Plate")
+        self.system, self.period = system, in_si(period, "s", "period")
+        self.inner = _whole_steps(self.period, in_si(step, "s", "step"))
+        units = {name: muscle_unit(muscle, name) for name, muscle in system.muscles.items()}
+        self.units = units
+        self.air: AirCircuit = air_circuit(air, units)
+        self.machine = Machine.of(self.air.circuit, units, system.load(units), self.air.environment)
+        self.title = title or f"{type(system).__name__} of {' and '.join(units)}"
+        self.drives: tuple[Drive, ...] = (*self.air.drives, *system.drives())
+        self.commands = tuple(dict.fromkeys(d.command for d in self.drives))
+        self._start_commands = {name: 0.0 for name in self.commands} | system.start_commands(units)
+        self._start_pressures = {name: 0.0 for name in units} | system.start_pressures(units)
+        self.plant = CommandedMachine(self.machine, drives=self.drives, shown=_shown(system, units))
+        self.Observation: Any = _observation_type([name for name, _ in self.plant.shown])
+        self.noise = self._checked_noise(noise or {})
+        self.depth = self._depth()
+        example = self._carry(self._start_pressures, self.start_commands())
+        self.programs = Programs(self.plant, example, self.commands)
+        self.parameters = self.programs.layouts.plant.pack(self.plant)
+        self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
+        self._places = {name: i for i, name in enumerate(self.commands)}
+        self._buffer: Any = memoryview(self._kernel.commands)
+        self._seen: Any = memoryview(self._kernel.observation)
+        self._make = self.Observation._make
+        self._rests: dict[Any, tuple[np.ndarray, np.ndarray]] = {}
+        self._random = np.random.default_rng(0)
+        self._fields = len(self.plant.shown)
+        self._sample = self._first = 0
+        self._begin: SimulationState | None = None
+        self._log: list[float] = []
+        self._sensed: list[list[float]] = []
+
+    def __repr__(self) -> str:
+        commands = ", ".join(self.commands)
+        return f"Simulation({type(self.system).__name__} with {', '.join(self.units)}, period={self.period:g} s: {commands})"
+
+    # ---- one sample after the other
+
+    @property
+    def time(self) -> float:
+        """Since the reset [s]."""
+        return self._sample * self.period
+
+    def reset(self, seed: int = 0, *, pressure: Any = None, **commands: float) -> Any:
+        """Begin at rest: friction relaxed, every braid in balance with its tendon, commands as they lasted before.
+
+        Args:
+            seed: of the noise.
+            pressure: gauge pressure at the start [Pa] of all muscles, or by muscle; that which the mechanism says where left
+                out, else none.
+            **commands: at the start; zero where left out, and for a regulator the pressure of its muscle.
+
+        Returns:
+            The observation at the start.
+
+        Raises:
+            InputError: names an unknown muscle or command, or a pressure that is none.
+        """
+        starts = self._pressures(pressure)
+        first = self.start_commands(starts)
+        for name, value in commands.items():
+            self._place(name)
+            first[name] = in_si(value, self._unit(name), name)
+        carry, observed = self._rest(starts, first)
+        self._random = np.random.default_rng(seed)
+        vector = np.array([first[name] for name in self.commands])
+        shown = self._with_noise(observed[:-2].tolist()) if self.noise is not None else []
+        noise = self._random.bit_generator.state
+        return self._go_on_from(SimulationState(0, carry, observed, tuple(shown), vector, noise, self.fingerprint))
+
+    def step(self, **commands: float) -> Any:
+        """Hold commands for one period and go on to its end; a command that is left out stays as it was.
+
+        Args:
+            **commands: by name, plain numbers [SI]; `commands` lists the names.
+
+        Returns:
+            The observation at the end: a named tuple of floats, ``time`` [s] first.
+
+        Raises:
+            InputError: names an unknown command.
+            ConvergenceError: the state is not finite or not possible, or no step is short enough.
+        """
+        if self._begin is None:
+            self.reset()
+        buffer = self._buffer
+        try:
+            for name, value in commands.items():
+                buffer[self._places[name]] = value
+        except (KeyError, TypeError, ValueError):
+            self._set_checked(commands)
+        self._log += buffer.tolist()
+        self._kernel.step()
+        self._sample += 1
+        return self._observation()
+
+    def _observation(self) -> Any:
+        numbers: list[float] = self._seen.tolist()[: self._fields]
+        if self.noise is not None:
+            numbers = self._with_noise(numbers)
+            self._sensed.append(numbers)
+        return self._make((self._sample * self.period, *numbers))
+
+    def _with_noise(self, numbers: list[float]) -> list[float]:
+        draws = self._random.standard_normal(self._fields)
+        sensed: list[float] = (np.asarray(numbers) + np.asarray(self.noise) * draws).tolist()
+        return sensed
+
+    def save_state(self) -> SimulationState:
+        """The present moment, from which `load_state` goes on bit for bit."""
+        if self._begin is None:
+            self.reset()
+        kernel = self._kernel
+        return SimulationState(
+            self._sample, kernel.carry.copy(), np.array(kernel.observation), tuple(self._sensed[-1] if self._sensed else ()),
+            np.array(kernel.commands), self._random.bit_generator.state, self.fingerprint,
+        )  # fmt: skip
+
+    def load_state(self, state: SimulationState) -> Any:
+        """Go on from a saved moment; a recording begins anew there.
+
+        Returns:
+            The observation at that moment.
+
+        Raises:
+            InputError: it was saved by a simulation of another kind.
+        """
+        if not isinstance(state, SimulationState) or state.structure != self.fingerprint:
+            raise InputError("state", type(state).__name__, "must be one that this kind of simulation saved")
+        return self._go_on_from(state)
+
+    def _go_on_from(self, state: SimulationState) -> Any:
+        self._begin, self._sample = state, state.sample
+        self._kernel.set_carry(state.carry, state.observed)
+        self._kernel.commands[:] = state.commands
+        self._random.bit_generator.state = dict(state.noise)
+        self._log, self._sensed = [], [list(state.shown)] if state.shown else []
+        return self._make((self._sample * self.period, *(state.shown or state.observed[:-2].tolist())))
+
+    # ---- what was, and more of the same
+
+    def recording(self) -> Recording:
+        """All samples since the last reset or loaded state, as a run on the bench gives them.
+
+        The samples are computed once more with all outputs and balances; no step costs more for that. Channels: the true
+        outputs of joint, muscles and air, the commands, and what an observation showed with its noise as measured.
+        """
+        if self._begin is None:
+            self.reset()
+        assert self._begin is not None
+        return self.recording_of(self._begin, np.array(self._log).reshape(-1, len(self.commands)), self._sensed)
+
+    def recording_of(self, start: SimulationState, commands: np.ndarray, sensed: list[list[float]]) -> Recording:
+        """The recording of other samples of this simulation.
+
+        Args:
+            start: from which they went on.
+            commands: held in each sample, (samples, commands).
+            sensed: observations with their noise, one more than samples; empty without noise.
+        """
+        from .recorded import record
+
+        return record(self, start, commands, sensed)
+
+    def batch(self, lanes: int, changes: Mapping[str, Any] | None = None) -> SimulationBatch:
+        """Many such simulations side by side, each with its own state and commands.
+
+        Args:
+            lanes: how many.
+            changes: parameters that differ, by dotted path in `machine` (`mckibben.components.paths`), each (lanes,) [SI].
+        """
+        from .batch import SimulationBatch
+
+        return SimulationBatch(self, lanes, changes or {})
+
+    def rollout(self, policy: Callable[..., Any], *, steps: int, cost: Callable[..., Any] | None = None) -> Rollout:
+        """A run under a policy as a JAX function of the policy's parameters, with its gradient; see `Rollout`.
+
+        Args:
+            policy: of (parameters, observation), returns the commands by name.
+            steps: samples.
+            cost: of (observation, commands) at the end of a sample, whose mean the rollout is; where left out, the policy
+                returns (commands, cost).
+        """
+        from .rollout import Rollout
+
+        return Rollout(self, policy, steps, cost)
+
+    # ---- details
+
+    def start_commands(self, pressure: Any = None) -> dict[str, float]:
+        """Commands at the start [SI]; see `reset`."""
+        starts = self._pressures(pressure)
+        return self._start_commands | {c: starts[muscle] for c, muscle in self.air.settles.items()}
+
+    def rest_state(self, pressure: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """What goes into the first sample, and the observation there, as vectors; see `reset`."""
+        return self._rest(self._pressures(pressure), self.start_commands(pressure))
+
+    def _rest(self, starts: Mapping[str, float], commands: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        key = tuple(starts.values()), tuple(commands[name] for name in self.commands)
+        if key not in self._rests:
+            if len(self._rests) > 64:
+                self._rests.clear()
+            carry = self.programs.layouts.carry.pack(self._carry(starts, commands))
+            self._rests[key] = carry, self.programs.observe(self.parameters, carry)
+        return self._rests[key]
+
+    def _start_of(self, node: str, starts: Mapping[str, float]) -> float:
+        """Absolute pressure of a chamber at the start [Pa]."""
+        ambient = float(self.machine.environment.pressure_abs)
+        return ambient + starts.get(self.air.feeding.get(node, node), self.air.starts.get(node, 0.0))
+
+    def _pressures(self, pressure: Any) -> dict[str, float]:
+        starts = dict(self._start_pressures)
+        if pressure is None:
+            return starts
+        stated = pressure if isinstance(pressure, Mapping) else dict.fromkeys(starts, pressure)
+        ambient = float(self.machine.environment.pressure_abs)
+        for name, value in stated.items():
+            if name not in starts:
+                raise InputError("pressure", name, f"{suggest(name, starts)}known are {', '.join(starts)}")
+            starts[name] = in_si(value, "Pa", f"pressure of {name}")
+            if not starts[name] > -ambient:
+                raise InputError(f"pressure of {name}", f"{starts[name]:g} Pa", "must be a gauge pressure above vacuum")
+        return starts
+
+    def _carry(self, starts: Mapping[str, float], commands: Mapping[str, float]) -> Any:
+        """State, memory and past commands at rest."""
+        pressures = {node: self._start_of(node, starts) for node in self.machine.circuit.chambers}
+        return rest_carry(self.plant, pressures, commands, self.depth)
+
+    def _depth(self) -> int:
+        """Samples of past commands that the longest dead time needs."""
+        delays = [e.delay() for e in self.machine.circuit.elements.values()]
+        longest = max((float(np.max(d)) for d in delays if d is not None), default=0.0)
+        return math.floor(longest / self.period + 1e-9) + 2
+
+    def _checked_noise(self, noise: Mapping[str, float]) -> np.ndarray | None:
+        names = [name for name, _ in self.plant.shown]
+        for name, value in noise.items():
+            if name not in names:
+                raise InputError("noise", name, f"{suggest(name, names)}known are {', '.join(names)}")
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"noise of {name}", value, "must be a standard deviation of 0 or more")
+        return np.array([float(noise.get(name, 0.0)) for name in names]) if noise else None
+
+    @property
+    def fingerprint(self) -> str:
+        """Says which saved states fit."""
+        return f"{self.plant.shown} {self.commands} {self.programs.layouts.carry.shapes}"
+
+    def _unit(self, command: str) -> str:
+        return next(d.unit for d in self.drives if d.command == command)
+
+    def _place(self, name: str) -> int:
+        if name not in self._places:
+            raise InputError("command", name, f"{suggest(name, self.commands)}known are {', '.join(self.commands)}")
+        return self._places[name]
+
+    def _set_checked(self, commands: Mapping[str, Any]) -> None:
+        for name, value in commands.items():
+            place = self._place(name)
+            self._buffer[place] = in_si(value, self._unit(name), name)
+
+    def with_parameters(self, changes: Mapping[str, Amount]) -> Simulation:
+        """The same simulation with other parameters of its machine, by dotted path [SI, or words with a unit].
+
+        Nothing is compiled anew.
+
+        Raises:
+            InputError: names an unknown path, or a value out of bounds.
+        """
+        numbers = {}
+        for path, value in changes.items():
+            stated = paths.declaration(self.machine, path)
+            numbers[path] = np.asarray(in_si(value, stated.unit, path))
+            stated.check(path, numbers[path])
+        return self.with_arrays(numbers)
+
+    def with_arrays(self, changes: Mapping[str, np.ndarray]) -> Simulation:
+        """The same with parameters that have the type and shape of those that they replace [SI]."""
+        other = object.__new__(Simulation)
+        other.__dict__.update(self.__dict__)
+        other._use(paths.put(self.machine, changes))
+        return other
+
+    def _use(self, machine: Machine) -> None:
+        self.machine = machine
+        self.plant = self.plant.replace(machine=machine)
+        self.parameters = self.programs.layouts.plant.pack(self.plant)
+        self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
+        self._buffer, self._seen = memoryview(self._kernel.commands), memoryview(self._kernel.observation)
+        self._rests, self._begin, self._log, self._sensed = {}, None, [], []
+
+
+def _whole_steps(period: float, step: float) -> int:
+    for name, value in (("period", period), ("step", step)):
+        if not value > 0.0:
+            raise InputError(name, f"{value:g} s", "must be a time above 0 s")
+    return max(1, math.ceil(period / step - 1e-9))
+
+
+def _shown(system: Mechanism, units: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    """Fields of an observation, and the outputs that they show; a single muscle needs no name."""
+    fields = dict(system.fields())
+    for name in units:
+        for output in OF_MUSCLES:
+            fields[output if len(units) == 1 else f"{name}_{output}"] = f"{name}.{output}"
+    return tuple(fields.items())
+
+
+def _observation_type(fields: list[str]) -> Any:
+    assert not any(keyword.iskeyword(name) for name in fields)
+    return namedtuple("Observation", ["time", *fields])  # noqa: PYI024 - its fields are those of the mechanism

@@ -1,0 +1,255 @@
+"""One sample of a simulation as pure functions: a machine that a user's controller commands, step by step.
+
+`step_vectors` is what `Simulation.step` calls as a native kernel: trees are packed in vectors, so that a call takes five
+arrays and leaves two. `recorded_vectors` is the same sample with all outputs and the integrals of the balances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..assembly.machine import Machine
+from ..components import Scalar, field
+from ..components.sampled import Plant
+from ..components.system import Moment
+from ..engine import sampled
+from ..engine.signals import Signal, Value
+from ..engine.step import zero_integrals
+
+
+class Drive(NamedTuple):
+    """What a command drives: a signal of the machine, and what it means.
+
+    Attributes:
+        command: name by which the user commands it.
+        signal: of the machine.
+        gauge: whether the command is a gauge pressure and the signal an absolute one.
+        straight: whether the signal goes straight to the command within the sample, as a span does.
+        unit: SI unit.
+        meaning: one phrase.
+    """
+
+    command: str
+    signal: str
+    gauge: bool = False
+    straight: bool = False
+    unit: str = "1"
+    meaning: str = ""
+
+
+class CommandedMachine(Plant):
+    """A machine whose signals are set once per sample by commands, and of which an observation shows some outputs."""
+
+    machine: Machine
+    drives: tuple[Drive, ...] = field(static=True, kw_only=True)
+    # Fields of the observation, each with the output of the machine that it shows.
+    shown: tuple[tuple[str, str], ...] = field(static=True, kw_only=True)
+
+    def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+        """The fields of the observation."""
+        outputs = self.machine.outputs(state, memory, inputs)
+        return {name: outputs[output] for name, output in self.shown}
+
+    def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+        """The signals that the commands set."""
+        ambient = self.machine.environment.pressure_abs
+        return {d.signal: commands[d.command] + (ambient if d.gauge else 0.0) for d in self.drives}
+
+    def straight(self) -> tuple[str, ...]:
+        """The signals of spans."""
+        return tuple(d.signal for d in self.drives if d.straight)
+
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+        """As the machine has it."""
+        return self.machine.commands(signals)
+
+    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """Of the machine."""
+        return self.machine.rate(state, memory, inputs)
+
+    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+        """Of the machine."""
+        return self.machine.integrands(state, memory, inputs)
+
+    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+        """Of the machine."""
+        return self.machine.advance_memory(memory, start, end, duration)
+
+    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+        """Of the machine."""
+        return self.machine.outputs(state, memory, inputs)
+
+    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+        """Of the machine [1/s]."""
+        return self.machine.max_rate_bound(state, memory, inputs)
+
+    def admissible(self, state: Any) -> Scalar:
+        """Whether every volume holds gas above vacuum."""
+        return self.machine.admissible(state)
+
+
+class Layout(NamedTuple):
+    """How a tree lies in a vector of floats: its structure, and shape and type of each leaf. Hashable."""
+
+    structure: Any
+    shapes: tuple[tuple[int, ...], ...]
+    kinds: tuple[str, ...]
+
+    @classmethod
+    def of(cls, tree: Any) -> Layout:
+        """The layout of trees like this one."""
+        leaves, structure = jax.tree.flatten(tree)
+        kinds = tuple(np.dtype(getattr(leaf, "dtype", type(leaf))).str for leaf in leaves)
+        return cls(structure, tuple(np.shape(leaf) for leaf in leaves), kinds)
+
+    @property
+    def size(self) -> int:
+        """Numbers in the vector."""
+        return sum(int(np.prod(shape)) for shape in self.shapes)
+
+    def pack(self, tree: Any) -> np.ndarray:
+        """The vector of a tree of concrete arrays; whole numbers and truth values become floats, exactly."""
+        parts = [np.asarray(leaf, float).reshape(-1) for leaf in jax.tree.leaves(tree)]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def packed(self, tree: Any) -> Any:
+        """The same of a tree that may be traced."""
+        parts = [jnp.reshape(jnp.asarray(leaf, float), (-1,)) for leaf in jax.tree.leaves(tree)]
+        return jnp.concatenate(parts) if parts else jnp.zeros(0)
+
+    def unpack(self, vector: Any) -> Any:
+        """The tree of a vector, which may be traced."""
+        leaves, at = [], 0
+        make: Any = np if isinstance(vector, np.ndarray) else jnp
+        for shape, kind in zip(self.shapes, self.kinds, strict=True):
+            count = int(np.prod(shape))
+            leaves.append(make.reshape(vector[at : at + count], shape).astype(kind))
+            at += count
+        return jax.tree.unflatten(self.structure, leaves)
+
+
+class Layouts(NamedTuple):
+    """Layouts of a commanded machine and of what goes from sample to sample, and the names of the commands."""
+
+    plant: Layout
+    carry: Layout
+    commands: tuple[str, ...]
+
+
+def rest_carry(
+    plant: CommandedMachine, pressures: Mapping[str, float], commands: Mapping[str, float], depth: int
+) -> tuple[Any, Any, dict[str, np.ndarray]]:
+    """State, memory and past commands of a machine at rest.
+
+    Args:
+        plant: the machine.
+        pressures: absolute pressure of every chamber [Pa].
+        commands: as they have lasted [SI].
+        depth: samples of them that are remembered.
+    """
+    lasting = {name: np.full((depth,), float(value)) for name, value in plant.convert(commands).items()}
+    late = plant.commands({name: Signal(values) for name, values in lasting.items()})
+    inputs = {name: Value(np.asarray(signal.values[-1]), np.zeros(())) for name, signal in late.items()}
+    state, memory = plant.machine.initial(pressures, inputs)
+    return state, memory, lasting
+
+
+class Sample(NamedTuple):
+    """The end of a sample.
+
+    Attributes:
+        carry: state, memory and past commands.
+        observation: by field.
+        rate_bound: bound of the fastest mode [1/s].
+        sound: whether the state is finite and possible (bool).
+        integrals: of the balances over the sample; empty where they are not wanted.
+        inputs: in force at the end.
+    """
+
+    carry: Any
+    observation: dict[str, Scalar]
+    rate_bound: Scalar
+    sound: Any
+    integrals: Any
+    inputs: dict[str, Any]
+
+
+def advance_sample(
+    plant: CommandedMachine, carry: Any, commands: Mapping[str, Any], period: Any, inner: Any, *, stiff: bool,
+    integrals: bool = False,
+) -> Sample:  # fmt: skip
+    """Hold new commands for one sample and integrate the physics to its end.
+
+    Args:
+        plant: the machine.
+        carry: state, memory and past commands from the sample before.
+        commands: by name [SI].
+        period: of the sample [s].
+        inner: whole steps of the physics.
+        stiff: use the Rosenbrock method.
+        integrals: whether the integrals of the balances are wanted.
+    """
+    state, memory, history = carry
+    before = sampled.Carry(state, memory, (), (), history)
+    if integrals:
+        now = sampled.inputs_of(plant, before, None, period)
+        before = before._replace(integrals=zero_integrals(plant, state, memory, now))
+    after, _ = sampled.act(plant, before, commands, period=period, inner=inner, latency=None, stiff=stiff)
+    inputs = sampled.inputs_of(plant, after, None, period)
+    return Sample(
+        (after.state, after.memory, after.history),
+        *_seen(plant, after.state, after.memory, inputs),
+        after.integrals,
+        inputs,
+    )
+
+
+def _seen(plant: CommandedMachine, state: Any, memory: Any, inputs: Any) -> tuple[dict[str, Scalar], Scalar, Any]:
+    finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((state, memory))]).all()
+    bound = plant.max_rate_bound(state, memory, inputs)
+    return plant.sense(state, memory, inputs, {}), bound, plant.admissible(state) & finite
+
+
+def step_vectors(
+    layouts: Layouts, stiff: bool, plant: Any, carry: Any, commands: Any, period: Any, inner: Any
+) -> tuple[Any, Any]:
+    """One sample of vectors: (parameters, carry, commands) to (carry, observation with rate bound and soundness)."""
+    machine = layouts.plant.unpack(plant)
+    named = {name: commands[i] for i, name in enumerate(layouts.commands)}
+    end = advance_sample(machine, layouts.carry.unpack(carry), named, period, inner, stiff=stiff)
+    return layouts.carry.packed(end.carry), _observed(machine, end.observation, end.rate_bound, end.sound)
+
+
+def _observed(plant: CommandedMachine, observation: Mapping[str, Any], bound: Any, sound: Any) -> Any:
+    numbers = [observation[name] for name, _ in plant.shown]
+    return jnp.stack([jnp.asarray(x, float) for x in (*numbers, bound, sound)])
+
+
+def observe_vectors(layouts: Layouts, plant: Any, carry: Any) -> Any:
+    """The observation in a carry, with its rate bound and soundness."""
+    machine, (state, memory, history) = layouts.plant.unpack(plant), layouts.carry.unpack(carry)
+    inputs = sampled.inputs_of(machine, sampled.Carry(state, memory, (), (), history), None, 1.0)
+    return _observed(machine, *_seen(machine, state, memory, inputs))
+
+
+def recorded_vectors(
+    layouts: Layouts, stiff: bool, plant: Any, carry: Any, commands: Any, period: Any, inner: Any
+) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    """One sample for a recording: the carry, the integrals of the balances, and all outputs at its end."""
+    machine = layouts.plant.unpack(plant)
+    named = {name: commands[i] for i, name in enumerate(layouts.commands)}
+    end = advance_sample(machine, layouts.carry.unpack(carry), named, period, inner, stiff=stiff, integrals=True)
+    state, memory, _ = end.carry
+    return layouts.carry.packed(end.carry), end.integrals, machine.outputs(state, memory, end.inputs)
+
+
+def outputs_at(layouts: Layouts, plant: Any, carry: Any) -> dict[str, Any]:
+    """All outputs in a carry."""
+    machine, (state, memory, history) = layouts.plant.unpack(plant), layouts.carry.unpack(carry)
+    inputs = sampled.inputs_of(machine, sampled.Carry(state, memory, (), (), history), None, 1.0)
+    return machine.outputs(state, memory, inputs)
