@@ -31,6 +31,7 @@ CONTENTS = {
     "batch": "sweeps of many variants",
     "bench": "rigs, sessions, runs",
     "identification": "fits, intervals, validation",
+    "simulation": "stepped systems, batches, rollouts",
     "analysis": "loops, cycles, energy, timing",
     "assembly": "muscle + circuit + load = machine",
     "engine": "time integration",

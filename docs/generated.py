@@ -403,6 +403,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
         ["muscles.biological.*"],
     ),
     "identification": ("identification", "Parameters from measured data.", ["identification.**"]),
+    "simulation": ("simulation", "Systems that are stepped by a user's own controller.", ["simulation.**"]),
     "recordings": ("recordings", "Recordings and measured tables, and their file formats.", ["recordings.**"]),
     "analysis": ("analysis", "Quantities computed from laws and recordings.", ["analysis.*"]),
     "energy": (

@@ -108,6 +108,9 @@ CALLS: dict[str, list[Call]] = {
         Call(("--muscle", MUSCLE), piped="quit\n"),
         needs("serial", "--muscle", MUSCLE, "--on", "serial:/dev/ttyACM0"),
     ],
+    "joint": [
+        Call(("nylon", "--command", "flexor=0, 0.3 @ 50 ms", "--duration", "0.2 s", "--out", "joint.nc"), ["joint.nc"])
+    ],
     "device": [Call((*BENCH, "--for", "1"))],
     "energy": [Call((MUSCLE, "--pressure", "5 bar", "--figure", "energy.svg"), ["energy.svg"])],
     "compare": [Call((MUSCLE,)), needs("report", MUSCLE, "--report", "compare.pdf")],

@@ -41,6 +41,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "fit": ("fit:fit", "Fit tension laws to a measured table of length, pressure and tension, and rank them."),
     "protocols": ("catalogue:protocols", "List the protocols, or describe one of them with all its numbers."),
     "run": ("run:run_protocol", "Run a protocol on a test machine; nothing moves until the dry run passes."),
+    "joint": (
+        "joint:run_joint",
+        "Run two muscles on a joint, by valve commands or by set-points of angle and stiffness.",
+    ),
     "console": ("console:console", "Operate a test machine, simulated or real, at a prompt, by a script or a pipe."),
     "device": ("device:device", "Serve a simulated test machine on a virtual serial port."),
     "energy": ("energy:energy", "Compute input, output and efficiency of a muscle's working cycles."),

@@ -64,7 +64,7 @@ class Air:
 
     Args:
         supply: gauge pressure [Pa].
-        valve: id of a published valve, such as ``"MPYE-5-1/8-LF"`` (without LF or HF, the one of low flow); ``"regulator"``
+        valve: id of a published valve, such as ``"MPYE-5-1-8-LF"`` (without LF or HF, the one of low flow); ``"regulator"``
             for a fast proportional regulator of usual size; or an element with the ports supply, work and exhaust.
         tube: length and bore [m] of the tube from each valve to its muscle, or an element with two ports.
         port_volume: between valve and tube [m^3].
@@ -73,7 +73,7 @@ class Air:
     """
 
     supply: Amount = 6e5
-    valve: str | FlowElement = "MPYE-5-1/8-LF"
+    valve: str | FlowElement = "MPYE-5-1-8-LF"
     tube: tuple[Amount, Amount] | FlowElement | None = None
     port_volume: Amount | None = None
     heat: Amount | HeatModel | None = None
