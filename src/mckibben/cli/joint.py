@@ -96,13 +96,11 @@ def _held(
     seed: int,
 ) -> Recording:
     """Run the controller of a rig on set-points."""
-    import jax.numpy as jnp
-
     from ..assembly.loads import MomentArm
     from ..bench.joint_run import SPAN, joint_stand
     from ..bench.joint_run import run_joint as run
 
-    bends = MomentArm(coefficients=jnp.array([parse(arm, "m", field="--arm")]), span=SPAN)
+    bends = MomentArm(coefficients=np.array([parse(arm, "m", field="--arm")]), span=SPAN)
     stand = joint_stand(flexor, extensor, flexor_arm=bends, inertia=parse(inertia, "kg*m^2", field="--inertia"))
     seconds = 1.0 if duration is None else parse(duration, "s", field="--duration")
     angles, stiffnesses = _course(angle, "rad", "--angle"), _course(stiffness, "N*m/rad", "--stiffness")

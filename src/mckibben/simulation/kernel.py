@@ -10,9 +10,9 @@ import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import jax
 import numpy as np
 
+from .._jax import jax
 from ..engine.native import EngineFunction, compile_function
 from ..engine.rates import RK4_LIMIT
 from ..engine.sampled import Steps

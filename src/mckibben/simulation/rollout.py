@@ -10,10 +10,9 @@ import functools
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._jax import jax, jnp
 from ..engine.native import differentiable
 from ..engine.rates import RK4_LIMIT
 from ..errors import ConvergenceError, InputError, suggest
