@@ -11,6 +11,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from ._lazy import lazy_submodules
+
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
@@ -100,3 +102,6 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     """The public names, for completion."""
     return sorted(__all__)
+
+
+lazy_submodules(__name__)

@@ -13,12 +13,21 @@ class LazyModule(types.ModuleType):
     """A module by its full name, imported at the first look-up of one of its attributes."""
 
     def __getattr__(self, name: str) -> Any:
-        module = self.__dict__.get("_module")
+        if name in ("__path__", "__file__", "__wrapped__"):  # as `inspect` and `doctest` ask of whatever they meet
+            raise AttributeError(name)
+        return getattr(self._loaded(), name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        setattr(self._loaded(), name, value)
+
+    def __delattr__(self, name: str) -> None:
+        delattr(self._loaded(), name)
+
+    def _loaded(self) -> types.ModuleType:
+        module: types.ModuleType | None = self.__dict__.get("_module")
         if module is None:
-            if name in ("__path__", "__file__", "__wrapped__"):  # as `inspect` and `doctest` ask of whatever they meet
-                raise AttributeError(name)
             module = self.__dict__["_module"] = importlib.import_module(self.__name__)
-        return getattr(module, name)
+        return module
 
 
 def lazy_submodules(package: str) -> None:

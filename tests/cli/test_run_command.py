@@ -159,7 +159,7 @@ def test_what_passes_the_dry_run_can_be_run(run, tmp_path):
 
 
 def test_a_figure_that_cannot_be_drawn_hides_nothing(run, tmp_path, monkeypatch):
-    from mckibben.cli import run as run_command
+    from mckibben.bench import run as protocol_run
     from mckibben.errors import InputError
     from mckibben.recordings.recording import Channel, Recording
     from mckibben.report.figures import recording_figures
@@ -173,7 +173,7 @@ def test_a_figure_that_cannot_be_drawn_hides_nothing(run, tmp_path, monkeypatch)
     def refuse(*_, **__):
         raise InputError("figure", "one", "it cannot be drawn")
 
-    monkeypatch.setattr(run_command, "run", lambda *_, **__: one)
+    monkeypatch.setattr(protocol_run, "run", lambda *_, **__: one)
     monkeypatch.setattr(recording_figures, "time_figure", refuse)
     words = ["isometric-step", "--muscle", "nylon", "--figure", str(tmp_path / "one.svg")]
     code, out, err = run(*words)

@@ -232,7 +232,7 @@ def test_a_wide_tolerance_is_shown_with_its_reason(run):
 
 def test_without_typst_out_is_refused_before_any_work_and_html_alone_is_offered(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "typst", None)
-    monkeypatch.setattr("mckibben.cli.reproduce.reproduce", lambda *args, **options: pytest.fail("it computed first"))
+    monkeypatch.setattr("mckibben.reproduction.reproduce", lambda *args, **options: pytest.fail("it computed first"))
     folder = tmp_path / "new"
     code, out, err = run("--out", str(folder))
     assert (code, out, err.count("\n")) == (2, "", 1)

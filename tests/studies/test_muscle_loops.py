@@ -196,7 +196,7 @@ def _run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str
 @pytest.fixture
 def known(study: LoopStudy, monkeypatch: pytest.MonkeyPatch) -> LoopStudy:
     """The command with the study of this module, which takes seconds once."""
-    monkeypatch.setattr("mckibben.cli.study.loop_study", lambda *_, **__: study)
+    monkeypatch.setattr("mckibben.studies.muscle_loops.loop_study", lambda *_, **__: study)
     return study
 
 
@@ -224,7 +224,7 @@ def test_json_holds_every_width_and_the_exit_code_follows_the_verdict(
     swapped = (known.widths[0]._replace(predicted=-1e-6), *known.widths[1:])
     for widths, field in ((wide, "width_holds"), (swapped, "order_holds")):
         wrong = dataclasses.replace(known, widths=widths)
-        monkeypatch.setattr("mckibben.cli.study.loop_study", lambda *_, wrong=wrong, **__: wrong)
+        monkeypatch.setattr("mckibben.studies.muscle_loops.loop_study", lambda *_, wrong=wrong, **__: wrong)
         code, out, _ = _run(capsys, str(folder), "--json")
         assert (code, json.loads(out)[field]) == (1, False)
         code, out, _ = _run(capsys, str(folder))

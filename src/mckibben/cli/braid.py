@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .. import __version__
-from ..muscles.sleeve import ERRORS, TRUST, from_braid, slenderness_caution
+from .. import __version__, muscles
 from ..specimens import SpecimenNumber, save_specimen
 from ._terminal import Json, caution, print_json, table, writable
 
@@ -36,7 +35,7 @@ def braid(
     """Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known."""
     writable("--out", out, ".toml")
     name = "braid" if out is None else re.sub(r"[^A-Za-z0-9._-]+", "-", out.stem).strip("-.") or "braid"
-    spec = from_braid(
+    spec = muscles.sleeve.from_braid(
         rest_length=length,
         diameter=diameter,
         braid_angle=angle,
@@ -45,13 +44,13 @@ def braid(
         shore=shore,
         name=name,
     )
-    warnings = caution(slenderness_caution(spec))
+    warnings = caution(muscles.sleeve.slenderness_caution(spec))
     if out is not None:
         save_specimen(
             spec, out, heading=f"computed by mckibben {__version__} of the dimensions of a braid; not measured"
         )
     if as_json:
-        errors = {law: [error._asdict() for error in known] for law, known in ERRORS.items()}
+        errors = {law: [error._asdict() for error in known] for law, known in muscles.sleeve.ERRORS.items()}
         print_json({"specimen": spec.stated(), "errors": errors, "warnings": warnings})
         return
     groups = {f"laws.{spec.law}": spec.laws[spec.law], **{f"friction.{k}": g for k, g in spec.friction.items()}}
@@ -61,13 +60,14 @@ def braid(
         for key, number in group.items()
     ]
     table(spec.title, ["parameter", "value", "range", "from"], rows, right=[1])
-    makes = [error.make for error in next(iter(ERRORS.values()))]
+    makes = [error.make for error in next(iter(muscles.sleeve.ERRORS.values()))]
     shares = [
-        [law, *(f"{100 * e.rms:.0f} % rms, {100 * e.largest:.0f} %" for e in known)] for law, known in ERRORS.items()
+        [law, *(f"{100 * e.rms:.0f} % rms, {100 * e.largest:.0f} %" for e in known)]
+        for law, known in muscles.sleeve.ERRORS.items()
     ]
     typer.echo("")
     table("Errors on published muscles, of the largest tension: rms, largest", ["law", *makes], shares)
-    typer.echo(f"\n{TRUST}.")
+    typer.echo(f"\n{muscles.sleeve.TRUST}.")
     if out is not None:
         typer.echo(f"Written: {out}")
 

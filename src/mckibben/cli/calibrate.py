@@ -11,22 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from ..bench import calibrate as calibrating
+from ..bench import hardware as hardware_package
 from ..bench import rig_file
-from ..bench.calibrate.estimate import GRAVITY, GRAVITY_UNCERTAINTY, Reference
-from ..bench.calibrate.file import merged, write_calibration
-from ..bench.calibrate.machine import HardwareReadings
-from ..bench.calibrate.session import CalibrationOutcome, CalibrationSession
-from ..bench.calibrate.sources import PERIOD, Ask, OperatorTask, SimulatedPerson, SimulatedSensors, Source, grids
-from ..bench.hardware.connect import check_connection, connected
 from ..errors import InputError
 from ..quantities import parse, split_values, with_unit
-from ..recordings.calibration import LONGEST, Calibration
-from ..recordings.provenance import created
+from ..recordings import calibration, provenance
 from ._terminal import Json, pairs, print_json, writable
 from .calibration import print_outcome, say_outcome
 from .run import On, RigName
 
 if TYPE_CHECKING:
+    from ..bench.calibrate.session import CalibrationOutcome
+    from ..bench.calibrate.sources import Ask, OperatorTask, Source
     from ..bench.rig import Rig
 
 
@@ -115,10 +112,16 @@ def weights(
     standard_uncertainty = _value("--uncertainty", uncertainty, "kg")
     if gravity is None and gravity_uncertainty is not None:
         raise InputError("--gravity-uncertainty", gravity_uncertainty, "allowed beside --gravity")
-    g = GRAVITY if gravity is None else _value("--gravity", gravity, "m/s^2", 9.7, 9.9)
-    of_g = GRAVITY_UNCERTAINTY if gravity is None else _value("--gravity-uncertainty", gravity_uncertainty, "m/s^2")
+    g = calibrating.estimate.GRAVITY if gravity is None else _value("--gravity", gravity, "m/s^2", 9.7, 9.9)
+    of_g = (
+        calibrating.estimate.GRAVITY_UNCERTAINTY
+        if gravity is None
+        else _value("--gravity-uncertainty", gravity_uncertainty, "m/s^2")
+    )
     # what is simulated hangs at standard gravity, unless it is said how far that is known
-    simulated = Reference(reference, standard_uncertainty * g, 0.0 if gravity is None else of_g / g, exact_nothing=True)
+    simulated = calibrating.estimate.Reference(
+        reference, standard_uncertainty * g, 0.0 if gravity is None else of_g / g, exact_nothing=True
+    )
     with _session(wanted, simulated) as session:
         outcome = session.weights(
             _values("--masses", masses, "kg"),
@@ -153,7 +156,7 @@ def pressure(
     """Calibrate pressure sensors with a reference gauge."""
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     share = _value("--scale-uncertainty", scale_uncertainty, "1", 0.0, 1.0)
-    gauge = Reference(reference, _value("--uncertainty", uncertainty, "Pa"), share)
+    gauge = calibrating.estimate.Reference(reference, _value("--uncertainty", uncertainty, "Pa"), share)
     with _session(wanted, gauge) as session:
         _done(wanted, session, session.pressure(_values("--pressures", pressures, "Pa"), gauge, _names(channel)))
 
@@ -180,7 +183,7 @@ def encoder(
     """
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     share = _value("--scale-uncertainty", scale_uncertainty, "1", 0.0, 1.0)
-    blocks = Reference(reference, _value("--uncertainty", uncertainty, "m"), share)
+    blocks = calibrating.estimate.Reference(reference, _value("--uncertainty", uncertainty, "m"), share)
     with _session(wanted, blocks) as session:
         _done(wanted, session, session.encoder(_values("--travels", travels, "m"), blocks))
 
@@ -227,20 +230,24 @@ class _Wanted(NamedTuple):
 
 
 @contextmanager
-def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[CalibrationSession]:
+def _session(
+    wanted: _Wanted, reference: calibrating.estimate.Reference | None
+) -> Iterator[calibrating.session.CalibrationSession]:
     """Open a session with its source of readings; errors of the file are reported before an operator is asked."""
     writable("--out", wanted.out, ".toml")
     changes = pairs(wanted.change, "--set", _FAULT)
     for path, value in changes.items():
         if not path.startswith("rig."):
             raise InputError(f"--set {path}", value, f"allowed is a value of the rig, such as {_FAULT}")
-    valid = math.inf if wanted.valid_for is None else _value("--valid-for", wanted.valid_for, "s", 1.0, LONGEST)
+    valid = (
+        math.inf if wanted.valid_for is None else _value("--valid-for", wanted.valid_for, "s", 1.0, calibration.LONGEST)
+    )
     rig = rig_file.rig(wanted.rig, {path.removeprefix("rig."): value for path, value in changes.items()})
-    date = created()
+    date = provenance.created()
     if wanted.out is not None:
-        merged(wanted.out, rig.name, {}, date)
+        calibrating.file.merged(wanted.out, rig.name, {}, date)
     with _source(wanted, rig, reference) as (source, ask, again):
-        yield CalibrationSession(
+        yield calibrating.session.CalibrationSession(
             source=source,
             ask=ask,
             date=date,
@@ -252,23 +259,27 @@ def _session(wanted: _Wanted, reference: Reference | None) -> Iterator[Calibrati
 
 
 @contextmanager
-def _source(wanted: _Wanted, rig: Rig, reference: Reference | None) -> Iterator[tuple[Source, Ask, Any]]:
+def _source(
+    wanted: _Wanted, rig: Rig, reference: calibrating.estimate.Reference | None
+) -> Iterator[tuple[Source, Ask, Any]]:
     """Open the source of readings, the operator who sets the points, and a function that reports refused points."""
     if wanted.simulate:
         if wanted.machine is not None:
             raise InputError("--on", wanted.machine, "allowed without --simulate")
-        sensors = SimulatedSensors(rig, wanted.seed)
-        yield sensors, SimulatedPerson(sensors, reference, wanted.seed), None
+        sensors = calibrating.sources.SimulatedSensors(rig, wanted.seed)
+        yield sensors, calibrating.sources.SimulatedPerson(sensors, reference, wanted.seed), None
         return
     if wanted.machine is None:
         raise InputError("--on", "missing", "no machine is connected; allowed is --on MACHINE, or --simulate")
     if not sys.stdin.isatty():
         raise InputError("terminal", "none", "nobody can be asked for the points; allowed is a terminal, or --simulate")
 
-    check_connection(wanted.machine)
-    with connected(wanted.machine, rig, PERIOD) as hardware:
+    hardware_package.connect.check_connection(wanted.machine)
+    with hardware_package.connect.connected(wanted.machine, rig, calibrating.sources.PERIOD) as hardware:
         assert hardware is not None
-        with HardwareReadings(hardware, rig.converters(0.0), scales=grids(rig)) as readings:
+        with calibrating.machine.HardwareReadings(
+            hardware, rig.converters(0.0), scales=calibrating.sources.grids(rig)
+        ) as readings:
             yield readings, ask_person, tell_person
 
 
@@ -293,20 +304,20 @@ def tell_person(error: InputError) -> None:
     typer.echo(f"mckibben: {error}; once more", err=True)
 
 
-def _done(wanted: _Wanted, session: CalibrationSession, found: CalibrationOutcome) -> None:
+def _done(wanted: _Wanted, session: calibrating.session.CalibrationSession, found: CalibrationOutcome) -> None:
     """Keep and show what was found."""
     name = rig_file.rig(wanted.rig).name
     notes = []
     if wanted.out is None:
-        whole = Calibration(rig=name, created=session.date, corrections=found.corrections)
+        whole = calibration.Calibration(rig=name, created=session.date, corrections=found.corrections)
     else:
-        before = merged(wanted.out, name, {}, session.date).corrections
-        whole = merged(wanted.out, name, found.corrections, session.date)
+        before = calibrating.file.merged(wanted.out, name, {}, session.date).corrections
+        whole = calibrating.file.merged(wanted.out, name, found.corrections, session.date)
         for channel, one in found.corrections.items():
             other = before[channel].sensor if channel in before else one.sensor
             if other and one.sensor and other != one.sensor:
                 notes.append(f"{channel} was of the sensor {other}: what was known of it is dropped")
-        write_calibration(whole, wanted.out)
+        calibrating.file.write_calibration(whole, wanted.out)
     if wanted.as_json:
         print_json(say_outcome(whole, found, wanted.out, notes))
     else:

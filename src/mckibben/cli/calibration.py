@@ -7,17 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..bench.calibrate.file import read_calibration
-from ..bench.calibrate.session import CalibrationOutcome
+from .. import recordings
+from ..bench import calibrate
 from ..errors import InputError
 from ..quantities import with_unit
-from ..recordings import read_recording
-from ..recordings.calibration import Calibration, Correction, moment
-from ..recordings.recalibration import carried, recalibrate
+from ..recordings import calibration as calibration_module
+from ..recordings import recalibration
 from ._terminal import Json, print_json, table, writable
 
 if TYPE_CHECKING:
     import datetime
+
+    from ..bench.calibrate.session import CalibrationOutcome
+    from ..recordings.calibration import Calibration, Correction
 
 
 POINTS = 40  # rows of points that a person is shown
@@ -55,7 +57,7 @@ def show(
             origin = term.origin
             age, until, by = "", "", ""
             if origin is not None:
-                age = f"{(now - moment(origin.date)).total_seconds() / 86400.0:.0f} days"
+                age = f"{(now - calibration_module.moment(origin.date)).total_seconds() / 86400.0:.0f} days"
                 until = "for ever" if origin.expires is None else f"{origin.expires:%Y-%m-%d}"
                 by = f"{origin.method}, {origin.reference}" if origin.reference else origin.method
             rows.append([name, key, *_shown(one, key), by, one.sensor, age, until, "EXPIRED" if key in over else ""])
@@ -82,10 +84,10 @@ def apply(
         raise InputError("--calibration", str(calibration or "missing"), "allowed is a file, or --off")
     if off and skew:
         raise InputError("--skew", "beside --off", "allowed beside --calibration")
-    new = None if calibration is None else read_calibration(calibration)
-    known = read_recording(recording)
+    new = None if calibration is None else calibrate.file.read_calibration(calibration)
+    known = recordings.read_recording(recording)
     try:
-        done = recalibrate(known, new, skew=skew)
+        done = recalibration.recalibrate(known, new, skew=skew)
     except InputError as error:
         raise error.at(str(recording)) from None
     done.save(out)
@@ -160,9 +162,9 @@ def print_outcome(whole: Calibration, found: CalibrationOutcome, out: Path | Non
 def _known(file: Path) -> Calibration:
 
     if file.suffix.lower() == ".toml":
-        return read_calibration(file)
+        return calibrate.file.read_calibration(file)
     try:
-        calibration = carried(read_recording(file))
+        calibration = recalibration.carried(recordings.read_recording(file))
     except InputError as error:
         raise error if error.where == str(file) else error.at(str(file)) from None
     if calibration is None:

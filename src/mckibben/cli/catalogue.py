@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..bench.software.waveform_import import read_protocol
+from ..bench import software
 from ..citations import known_keys, reference
 from ..errors import InputError
-from ..experiments.amounts import read_amount
-from ..experiments.read import protocol_names, shipped, values_of, with_values
-from ..experiments.sentence import is_inferred
+from ..experiments import amounts, sentence
+from ..experiments import read as reading
 from ..specimens import specimens
 from ._terminal import Json, pairs, print_json, table
 
@@ -79,14 +78,15 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.
     """
-    protocol = read_protocol(name) if name.endswith(".toml") else shipped(name)
+    protocol = software.waveform_import.read_protocol(name) if name.endswith(".toml") else reading.shipped(name)
     values = {
-        key: values_of(key, words, field=f"--set {key}") for key, words in pairs(change, "--set", _EXAMPLE).items()
+        key: reading.values_of(key, words, field=f"--set {key}")
+        for key, words in pairs(change, "--set", _EXAMPLE).items()
     }
     if not values:
         return protocol
     try:
-        return with_values(protocol, values)
+        return reading.with_values(protocol, values)
     except InputError as error:
         # a parameter is called as it was typed; the path of a step that it spoils is not
         field = f"--set {error.field}" if error.field in values else error.field
@@ -95,7 +95,7 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
 
 def _list(as_json: bool) -> None:
 
-    known = [shipped(name) for name in protocol_names()]
+    known = [reading.shipped(name) for name in reading.protocol_names()]
     if as_json:
         print_json({"protocols": [{"name": p.name, "title": p.title, "source": p.source} for p in known]})
         return
@@ -152,10 +152,10 @@ def _parameter(protocol: Protocol, p: ProtocolParameter) -> dict[str, Any]:
 
     def entry(value: Any) -> dict[str, Any]:
         if p.unit == "word":
-            return {"value": value, "unit": "word", "words": value, "inferred": is_inferred(p, value)}
-        amount = read_amount(value, p.unit, field=p.name)
+            return {"value": value, "unit": "word", "words": value, "inferred": sentence.is_inferred(p, value)}
+        amount = amounts.read_amount(value, p.unit, field=p.name)
         words = {"value": amount.value, "unit": amount.unit, "words": str(value)}
-        return words | {"inferred": is_inferred(p, value) or _by_inferred(protocol, p, value)}
+        return words | {"inferred": sentence.is_inferred(p, value) or _by_inferred(protocol, p, value)}
 
     return {
         "unit": p.unit,

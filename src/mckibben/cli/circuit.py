@@ -8,27 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from ..analysis.frequency import linear_response
-from ..assembly.circuit_file import read_circuit
-from ..assembly.linearise import linearise, settle
-from ..assembly.sentence import run_sentence, sentence
-from ..bench.circuit_run import chunks, run_circuit
-from ..components import paths
-from ..components.paths import get, parameters
+from .. import components, identification, muscles, recordings
+from ..analysis import frequency as response_module
+from ..assembly import circuit_file
+from ..assembly import linearise as linearisation
+from ..assembly import sentence as sentences_module
+from ..bench import circuit_run
 from ..errors import InputError
-from ..identification import CircuitFit, Trial, fit_circuit
-from ..identification.circuit_fit import DELAY
-from ..identification.trial import matching, trial_from_record
-from ..muscles.plausible import pressure_caution
-from ..pneumatics.volume import Reservoir
+from ..pneumatics import volume
 from ..quantities import from_si, parse, shown_unit, with_unit
-from ..recordings import read_record, read_recording
-from ..report.figures import circuit_diagram, circuit_figures, style
-from ..report.figures.frequency_figures import BodeTitles, bode_figure
+from ..report.figures import circuit_diagram, circuit_figures, frequency_figures, style
 from ._terminal import Json, caution, options_named, pairs, print_json, progress, table, told, writable
 
 if TYPE_CHECKING:
     from ..assembly.circuit_file import CircuitPlan
+    from ..identification import CircuitFit, Trial
     from ..recordings.recording import Recording
 
 
@@ -69,8 +63,8 @@ def show(
                     }
                     for name, s in plan.signals.items()
                 },
-                "sentence": sentence(plan),
-                "run": run_sentence(plan),
+                "sentence": sentences_module.sentence(plan),
+                "run": sentences_module.run_sentence(plan),
                 "rates": {"fastest": rate, "method": method, "step": plan.inner_step},
             }
         )
@@ -82,7 +76,7 @@ def show(
     if plan.signals:
         rows = [[n, s.waveform.sentence(s.unit), ", ".join(s.drives)] for n, s in plan.signals.items()]
         table("", ["signal", "", "drives"], rows)
-    typer.echo(f"\n{sentence(plan)}\n{run_sentence(plan)}")
+    typer.echo(f"\n{sentences_module.sentence(plan)}\n{sentences_module.run_sentence(plan)}")
     typer.echo(f"Fastest mode at the start {rate:.3g} 1/s: a run begins with {method}.")
     if svg is not None:
         typer.echo(f"Written: {svg}")
@@ -99,8 +93,8 @@ def run(
     writable("--out", out, ".nc", ".csv")
     writable("--figure", figure, ".svg", ".png")
     plan = planned(file, change)
-    with progress("running", chunks(plan)) as advance:
-        recording = run_circuit(plan, progress=advance)
+    with progress("running", circuit_run.chunks(plan)) as advance:
+        recording = circuit_run.run_circuit(plan, progress=advance)
     cautions = caution(*_cautions(plan, recording))
     if out is not None:
         recording.save(out)
@@ -124,14 +118,14 @@ def _cautions(plan: CircuitPlan, recording: Recording) -> list[str | None]:
     for name, node in plan.nodes.items():
         if node.law is not None:
             highest = float(recording[f"{name}.pressure_abs"].max()) - float(plan.environment.pressure_abs)
-            said = pressure_caution(highest)
+            said = muscles.plausible.pressure_caution(highest)
             sentences.append(None if said is None else f"{name}: {said}")
     return sentences
 
 
 def planned(file: Path, change: list[str] | None) -> CircuitPlan:
     """A circuit's file, with what ``--set`` replaces."""
-    plan = read_circuit(file)
+    plan = circuit_file.read_circuit(file)
     return plan.change(pairs(change, "--set", "elements.tube.length='2 m'")) if change else plan
 
 
@@ -140,7 +134,7 @@ def _nodes(plan: CircuitPlan) -> dict[str, Any]:
     nodes = {}
     for name, n in plan.nodes.items():
         entry: dict[str, Any] = {"kind": n.kind, "words": n.words, "signal": n.signal}
-        if isinstance(n.node, Reservoir):
+        if isinstance(n.node, volume.Reservoir):
             if n.signal is None:
                 node: Any = plan.circuit.nodes[name]
                 entry["pressure"] = float(node.pressure_abs) - float(plan.environment.pressure_abs)
@@ -160,8 +154,8 @@ def _elements(plan: CircuitPlan) -> dict[str, Any]:
             "ports": dict(zip(element.ports, ends, strict=True)),
             "command": command,
             "parameters": {
-                path: {"value": get(element, path), "unit": q.unit}
-                for path, q in parameters(element)
+                path: {"value": components.paths.get(element, path), "unit": q.unit}
+                for path, q in components.paths.parameters(element)
                 if "gas." not in path
             },
         }
@@ -271,7 +265,7 @@ def fit(
     trials = [_trial(plan, path, reading) for path in records]
     others = [_trial(plan, path, reading) for path in predict or []]
     with told("fitting") as tell:
-        result = fit_circuit(
+        result = identification.fit_circuit(
             trials, wanted, predict=others, start=_starts(plan, wanted, start), step=plan.step, progress=tell
         )
     if figure is not None:
@@ -295,12 +289,12 @@ def _reading(plan: CircuitPlan, column: list[str] | None, unit: list[str] | None
 def _trial(plan: CircuitPlan, path: Path, reading: dict[str, Any]) -> Trial:
 
     if _is_own(path):
-        record = read_recording(path)
+        record = recordings.read_recording(path)
     else:
         with options_named():
-            record = read_record(path, ambient=float(plan.environment.pressure_abs), **reading)
+            record = recordings.read_record(path, ambient=float(plan.environment.pressure_abs), **reading)
         caution(*(f"{path}: {said}" for said in record.meta["source"].get("left_out", [])))
-    return trial_from_record(plan, record, name=str(path))
+    return identification.trial.trial_from_record(plan, record, name=str(path))
 
 
 def _is_own(path: Path) -> bool:
@@ -325,8 +319,12 @@ def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> di
             if name in plan.fit.start and not pairs(start, "--start", "").get(name):
                 continue  # the file's guess for a parameter that is not asked for this time
             raise InputError("--start", name, f"it is not free; free are {', '.join(wanted)}")
-        path = matching(name, plan.circuit, tuple(plan.signals))[0]
-        unit = DELAY.unit if path.startswith("signals.") else paths.declaration(plan.circuit, path).unit
+        path = identification.trial.matching(name, plan.circuit, tuple(plan.signals))[0]
+        unit = (
+            identification.circuit_fit.DELAY.unit
+            if path.startswith("signals.")
+            else components.paths.declaration(plan.circuit, path).unit
+        )
         starts[name] = parse(str(words), unit, field=f"start of {name}", bare=True)
     return starts
 
@@ -405,14 +403,16 @@ def frequency(
     (source,) = driven
     state, memory = plan.initial()
     with told("settling"):
-        rest = settle(plan.circuit, state, memory, inputs).state
-    model = linearise(plan.circuit, rest, memory, inputs, inputs_by_name=(source,), outputs=(target,))
-    response = linear_response(model, source, target, np.geomspace(low, high, FREQUENCIES))
+        rest = linearisation.settle(plan.circuit, state, memory, inputs).state
+    model = linearisation.linearise(plan.circuit, rest, memory, inputs, inputs_by_name=(source,), outputs=(target,))
+    response = response_module.linear_response(model, source, target, np.geomspace(low, high, FREQUENCIES))
     unit = _unit_of(plan, target, source)
     cutoff = response.cutoff()
     if figure is not None:
         note = f"about rest at {at}" if inputs else ""
-        drawn = bode_figure(response, BodeTitles(f"{plan.title}: {target} over {source}", note, unit), cutoff=cutoff)
+        drawn = frequency_figures.bode_figure(
+            response, frequency_figures.BodeTitles(f"{plan.title}: {target} over {source}", note, unit), cutoff=cutoff
+        )
         style.save(drawn, figure)
     level = float(plan.circuit.outputs(rest, memory, inputs)[target])
     modes = [m._asdict() | {"eigenvalue": [m.eigenvalue.real, m.eigenvalue.imag]} for m in model.modes()]

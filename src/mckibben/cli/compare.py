@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .. import muscles as muscle_models
 from ..citations import reference
 from ..errors import InputError
-from ..muscles.plausible import pressure_caution
 from ..quantities import parse, with_unit
-from ..report.comparison_report import muscle_comparison
-from ..report.document import checked_place
-from ..report.figures import style
-from ..report.figures.comparison_figures import comparison_figure
-from ..studies.comparison import ComparedMuscle, MuscleTable, compare, subject
-from ..studies.comparison.match import TWITCH, Match, Tuned, match
-from ..studies.comparison.protocols import Trials, rig_for, trials
+from ..report import comparison_report, document
+from ..report.figures import comparison_figures, style
+from ..studies import comparison
 from ._terminal import Json, caution, print_json, table, told, writable
+
+if TYPE_CHECKING:
+    from ..studies.comparison import ComparedMuscle
+    from ..studies.comparison.match import Match, Tuned
+    from ..studies.comparison.protocols import Trials
 
 
 def compare_muscles(
@@ -59,30 +60,34 @@ def compare_muscles(
     """Compare muscles with each other, and with published biological muscle."""
     writable("--figure", figure, ".svg", ".png")
     if report is not None:
-        checked_place(report, field="--report")
+        document.checked_place(report, field="--report")
     if rig is not None and not protocols and match is None:
         raise InputError("--rig", rig, "allowed with --protocols or --match, which run on it")
     full = parse(pressure, "Pa", field="--pressure")
-    chosen = [subject(name, pressure=full) for name in muscles or []]
+    chosen = [comparison.subject(name, pressure=full) for name in muscles or []]
     braided = [s.spec for s in chosen if s.unit is not None]
-    warnings = caution(*dict.fromkeys(pressure_caution(full, spec, text=pressure) for spec in braided))
+    warnings = caution(
+        *dict.fromkeys(muscle_models.plausible.pressure_caution(full, spec, text=pressure) for spec in braided)
+    )
     target = None if match is None else _target(match)
     if match is not None and not any(s.unit is not None for s in chosen):
         raise InputError("--match", match, "needed is a McKibben muscle among those compared")
-    compared = compare(chosen, recording or [])
+    compared = comparison.compare(chosen, recording or [])
     done: list[Trials] = []
     matches: list[Match] = []
     with told("comparing") as tell:
         if protocols:
             done = _done(chosen, rig, tell)
-            compared = MuscleTable((*(t.column() for t in done), *compared.columns[len(done) :]), compared.published)
+            compared = comparison.MuscleTable(
+                (*(t.column() for t in done), *compared.columns[len(done) :]), compared.published
+            )
         if target is not None:
             matches = _matches(chosen, target, rig, done, tell)
     drawn: Any = _drawn(chosen, done, matches) if figure is not None or (report is not None and chosen) else None
     if figure is not None:
         style.save(drawn, figure, dpi=130.0)
     if report is not None:
-        muscle_comparison(compared, drawn, matches).write(report)
+        comparison_report.muscle_comparison(compared, drawn, matches).write(report)
     if as_json:
         print_json(_as_json(compared, matches) | {"warnings": warnings})
     else:
@@ -94,7 +99,7 @@ def compare_muscles(
 
 def _target(name: str) -> ComparedMuscle:
 
-    target = subject(name)
+    target = comparison.subject(name)
     if target.fibre is None:
         raise InputError("--match", name, "it is a McKibben muscle; allowed is a biological one")
     return target
@@ -102,27 +107,29 @@ def _target(name: str) -> ComparedMuscle:
 
 def _done(chosen: list[ComparedMuscle], rig: str | None, tell: Any) -> list[Trials]:
 
-    on = rig or rig_for(chosen)
-    return [trials(s, rig=on, progress=tell) for s in chosen]
+    on = rig or comparison.protocols.rig_for(chosen)
+    return [comparison.protocols.trials(s, rig=on, progress=tell) for s in chosen]
 
 
 def _matches(
     chosen: list[ComparedMuscle], target: ComparedMuscle, rig: str | None, done: list[Trials], tell: Any
 ) -> list[Match]:
 
-    records = {t.muscle.id: t.records[TWITCH] for t in done if TWITCH in t.records}
+    records = {t.muscle.id: t.records[comparison.match.TWITCH] for t in done if comparison.match.TWITCH in t.records}
     braided = [s for s in chosen if s.unit is not None]
-    return [match(s, target, records=records, rig=rig, progress=tell) for s in braided]
+    return [comparison.match.match(s, target, records=records, rig=rig, progress=tell) for s in braided]
 
 
 def _drawn(chosen: list[ComparedMuscle], done: list[Trials], matches: list[Match]) -> Any:
 
     if not chosen:
         raise InputError("--figure", "asked for", "needed is a specimen: a recording alone has no law to draw")
-    return comparison_figure(done or [trials(s, names=()) for s in chosen], matches)
+    return comparison_figures.comparison_figure(
+        done or [comparison.protocols.trials(s, names=()) for s in chosen], matches
+    )
 
 
-def _as_json(found: MuscleTable, matches: list[Match]) -> dict[str, Any]:
+def _as_json(found: comparison.MuscleTable, matches: list[Match]) -> dict[str, Any]:
     rows = []
     for row in found.rows():
         one: dict[str, Any] = {"property": row.property.name, "unit": row.property.unit, "values": row.shown()}
@@ -158,7 +165,7 @@ def _match_json(found: Match) -> dict[str, Any]:
     }
 
 
-def _print(found: MuscleTable, matches: list[Match]) -> None:
+def _print(found: comparison.MuscleTable, matches: list[Match]) -> None:
 
     lines, keys = [], {"chou1996": None}
     for row in found.rows():

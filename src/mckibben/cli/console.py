@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..bench.console import Console
-from ..bench.hardware.connect import check_connection, connected
-from ..bench.session import Session
-from ..bench.session.setup import RATE
+from ..bench import console as prompt_module
+from ..bench import hardware as hardware_package
+from ..bench import session as session_package
 from ..errors import ConvergenceError, InputError, MckibbenError
 from ..quantities import parse
 from ._terminal import progress
@@ -58,7 +57,7 @@ def console(
     seed: Annotated[int, typer.Option(min=0, help="Random seed for sensor noise.")] = 0,
 ) -> None:
     """Operate a test machine, simulated or real, at a prompt, by a script or a pipe."""
-    check_connection(machine)
+    hardware_package.connect.check_connection(machine)
     lines = None if script is None else _lines(script)
     if machine is not None and as_fast_as_it_goes:
         raise InputError("--as-fast-as-it-goes", f"with --on {machine}", "a real machine has its own time")
@@ -67,7 +66,7 @@ def console(
     if by_hand:
         typer.echo("Getting the machine ready ..", err=True)
     with _ending(), _machine(machine, on, wanted) as hardware:
-        session = Session(
+        session = session_package.Session(
             on,
             muscle,
             hardware,
@@ -78,7 +77,7 @@ def console(
             seed=seed,
         )
         with session:
-            spoken = Console(session, ask=ask_person)
+            spoken = prompt_module.Console(session, ask=ask_person)
             if by_hand:
                 _at_a_prompt(spoken)
                 code = 0
@@ -92,7 +91,7 @@ def console(
 
 def _machine(words: str | None, rig: Rig, rate: float | None) -> AbstractContextManager[Hardware | None]:
     """The machine that is meant, open for as long as this lasts; None for a simulated one."""
-    return connected(words, rig, rig.computer.period(rate or RATE))
+    return hardware_package.connect.connected(words, rig, rig.computer.period(rate or session_package.setup.RATE))
 
 
 def _lines(script: Path) -> list[str]:
@@ -122,7 +121,7 @@ def _ending() -> Iterator[None]:
             signal.signal(getattr(signal, name), handler)
 
 
-def _by_script(console: Console, lines: Iterable[str], where: str) -> int:
+def _by_script(console: prompt_module.Console, lines: Iterable[str], where: str) -> int:
     """Command after command, echoed; the exit code, 2 after the first that is wrong, 1 if the machine stopped by itself."""
     for number, line in enumerate(lines, 1):
         text = line.strip()
@@ -146,7 +145,7 @@ def _by_script(console: Console, lines: Iterable[str], where: str) -> int:
     return 0
 
 
-def _ended(console: Console, sentence: str, code: int) -> int:
+def _ended(console: prompt_module.Console, sentence: str, code: int) -> int:
     _tell(console, "")
     typer.echo(f"mckibben: {sentence}", err=True)
     return code
@@ -157,13 +156,13 @@ def _said(error: Exception) -> str:
     return f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
 
 
-def _tell(console: Console, answer: str) -> None:
+def _tell(console: prompt_module.Console, answer: str) -> None:
     """Print the messages of the machine, then the answer."""
     for line in [*console.news(), *([answer] if answer else [])]:
         typer.echo(line)
 
 
-def _at_a_prompt(console: Console) -> None:
+def _at_a_prompt(console: prompt_module.Console) -> None:
     """Run the prompt until the user leaves. Ctrl-C stops the running command, or else clears the line; Ctrl-D leaves."""
     from prompt_toolkit import PromptSession
     from prompt_toolkit.completion import Completer, Completion
@@ -199,12 +198,12 @@ def _at_a_prompt(console: Console) -> None:
         _do(console, line)
 
 
-def _mounted(console: Console) -> str:
+def _mounted(console: prompt_module.Console) -> str:
     bench = console.session.setup.prepared
     return "a muscle" if bench.specimen is None else bench.specimen.id
 
 
-def _do(console: Console, line: str) -> None:
+def _do(console: prompt_module.Console, line: str) -> None:
     """Execute one command; an error is printed and the prompt returns."""
     try:
         with console.session.button.on_signals(), _bar(console, line):
@@ -216,7 +215,7 @@ def _do(console: Console, line: str) -> None:
 
 
 @contextmanager
-def _bar(console: Console, line: str) -> Iterator[None]:
+def _bar(console: prompt_module.Console, line: str) -> Iterator[None]:
     """Show a progress bar during a run."""
     if not line.split() or line.split()[0].lower() != "run":
         yield
@@ -236,7 +235,7 @@ def _bar(console: Console, line: str) -> Iterator[None]:
 
 
 @contextmanager
-def _echoed(console: Console) -> Iterator[None]:
+def _echoed(console: prompt_module.Console) -> Iterator[None]:
     """Show the machine's messages above the prompt while it waits for input."""
     done = threading.Event()
 

@@ -9,9 +9,7 @@ from typing import Annotated
 
 import typer
 
-from ..bench.hardware.serial_line.device import About
-from ..bench.hardware.serial_line.microcontroller import in_thread
-from ..bench.segment import SegmentMachine, timing_of
+from ..bench import hardware, segment
 from ..documents import write_text
 from ..errors import InputError
 from .run import Change, Muscle, Protocol, RigName, prepared
@@ -47,15 +45,15 @@ def device(
         raise InputError("--port", str(port), "allowed is a file in a folder that is there")
     bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)
     part = next(bench.segments())
-    machine = SegmentMachine(bench, 0, part, timing_of(bench)).at_interface()
+    machine = segment.SegmentMachine(bench, 0, part, segment.timing_of(bench)).at_interface()
     out, converters = bench.rig.motor_out, bench.rig.converters(part.start_span)
-    about = About(
+    about = hardware.serial_line.device.About(
         encoder=converters.encoder is not None,
         motor=out is not None,
         motor_rest=0 if out is None else int(out.count(0.0)),
     )
     end = None if seconds is None else time.monotonic() + seconds
-    with in_thread(machine, about=about) as attached:
+    with hardware.serial_line.microcontroller.in_thread(machine, about=about) as attached:
         typer.echo(f"serial:{attached.port}")
         if port is not None:
             write_text(port, attached.port, field="--port")

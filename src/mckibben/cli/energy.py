@@ -3,38 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from ..analysis.energy import (
-    CYCLES,
-    READINGS,
-    Conditions,
-    CycleMuscle,
-    EnergyCurve,
-    EnergyCycle,
-    cycle_loops,
-    energy_curve,
-    energy_cycle,
-)
-from ..analysis.energy.cycles import (
-    at_threshold,
-    check_threads,
-    coulomb_friction,
-    cycle_muscles,
-    pressures,
-    stretched_length,
-    surroundings,
-)
-from ..components import Environment
+from .. import components
+from .. import muscles as muscle_models
+from ..analysis import energy as cycle_energy
 from ..errors import InputError
-from ..muscles.plausible import length_caution, pressure_caution
 from ..quantities import from_si, parse, with_unit
 from ..report.figures import energy_figures, style
 from ..specimens import Specimen, specimen
 from ._terminal import Json, Set, caution, chosen_law, print_json, table, writable
 from .muscles import parameters
+
+if TYPE_CHECKING:
+    from ..analysis.energy import CycleMuscle, EnergyCurve, EnergyCycle
+
 
 LOSSES = ("friction", "throttling", "exhaust", "emptying", "slackening", "unaccounted")
 CURVE_POINTS = 91
@@ -47,7 +32,7 @@ class CycleRequest(NamedTuple):
     law: str
     muscles: dict[str, CycleMuscle]
     volume: str
-    conditions: Conditions
+    conditions: cycle_energy.Conditions
     names: list[str]
 
 
@@ -106,7 +91,7 @@ def energy(
         reading=reading,
     )
     asked = CycleRequest(spec, chosen, muscles, which, between, _names(cycle))
-    cycles = {n: {v: energy_cycle(m, n, between) for v, m in muscles.items()} for n in asked.names}
+    cycles = {n: {v: cycle_energy.energy_cycle(m, n, between) for v, m in muscles.items()} for n in asked.names}
     warnings = _cautions(spec, muscles[which], between, pressure, stretched)
     curves = {n: _curve(asked, n) for n in asked.names} if curve else {}
     if figure is not None:
@@ -118,24 +103,26 @@ def energy(
 
 
 def _cautions(
-    spec: Specimen, muscle: CycleMuscle, between: Conditions, pressure: str, stretched: str | None
+    spec: Specimen, muscle: CycleMuscle, between: cycle_energy.Conditions, pressure: str, stretched: str | None
 ) -> list[str]:
 
     longest = float(muscle.length_range()[1])
     return caution(
-        pressure_caution(between.pressure, spec, text=pressure),
+        muscle_models.plausible.pressure_caution(between.pressure, spec, text=pressure),
         None
         if stretched is None
-        else length_caution(between.stretched_length, longest, text=stretched, name="stretched length"),
+        else muscle_models.plausible.length_caution(
+            between.stretched_length, longest, text=stretched, name="stretched length"
+        ),
     )
 
 
 def _names(cycle: list[str] | None) -> list[str]:
 
     for name in cycle or []:
-        if name not in CYCLES:
-            raise InputError("--cycle", name, f"known are {', '.join(CYCLES)}")
-    return list(dict.fromkeys(cycle or CYCLES))
+        if name not in cycle_energy.CYCLES:
+            raise InputError("--cycle", name, f"known are {', '.join(cycle_energy.CYCLES)}")
+    return list(dict.fromkeys(cycle or cycle_energy.CYCLES))
 
 
 def _muscles(
@@ -146,18 +133,20 @@ def _muscles(
     chosen = chosen_law(law, spec)
     if volume == "":
         raise InputError("--volume", volume, "allowed is the name of a volume")
-    chosen, muscles = cycle_muscles(spec, chosen, volume or "", parameters(change, chosen) if change else None)
+    chosen, muscles = cycle_energy.cycles.cycle_muscles(
+        spec, chosen, volume or "", parameters(change, chosen) if change else None
+    )
     return spec, chosen, muscles, next(iter(muscles))
 
 
 def _conditions(
     spec: Specimen, muscle: CycleMuscle, pressure: str, stretched: str | None, ambient: str | None, **more: Any
-) -> Conditions:
+) -> cycle_energy.Conditions:
 
-    around = surroundings(spec)
+    around = cycle_energy.cycles.surroundings(spec)
     if ambient is not None:
-        around = Environment(pressure_abs=parse(ambient, "Pa", field="--ambient"))
-    between = Conditions(
+        around = components.Environment(pressure_abs=parse(ambient, "Pa", field="--ambient"))
+    between = cycle_energy.Conditions(
         pressure=parse(pressure, "Pa", field="--pressure"),
         stretched_length=_stretched(spec, muscle, stretched),
         ambient=around,
@@ -172,9 +161,9 @@ def _conditions(
 def _stretched(spec: Specimen, muscle: CycleMuscle, text: str | None) -> float:
     """Length at the start of cycles [m], below that of the threads if the specimen states it."""
     if text is None:
-        return stretched_length(spec, muscle)
+        return cycle_energy.cycles.stretched_length(spec, muscle)
     length = parse(text, "m", field="--stretched")
-    check_threads(spec, length, field="--stretched", shown=text)
+    cycle_energy.cycles.check_threads(spec, length, field="--stretched", shown=text)
     return length
 
 
@@ -185,7 +174,7 @@ def _exchange(wanted: bool, text: str | None, muscle: CycleMuscle, law: str) -> 
     if text is not None:
         return parse(text, "Pa", field="--accumulator-pressure")
     cure = "--accumulator-pressure with one, such as '0.9 bar'"
-    return at_threshold(muscle, law, field="--accumulator", cure=cure) if wanted else 0.0
+    return cycle_energy.cycles.at_threshold(muscle, law, field="--accumulator", cure=cure) if wanted else 0.0
 
 
 def _friction(spec: Specimen, text: str | None, *, none: bool) -> float:
@@ -196,14 +185,14 @@ def _friction(spec: Specimen, text: str | None, *, none: bool) -> float:
         return 0.0
     if text is not None:
         return parse(text, "N", field="--friction")
-    return coulomb_friction(spec)
+    return cycle_energy.cycles.coulomb_friction(spec)
 
 
 def _curve(asked: CycleRequest, name: str) -> EnergyCurve:
 
     muscle, between = asked.muscles[asked.volume], asked.conditions
-    at = pressures(muscle, between, 2.0 * between.pressure, CURVE_POINTS - 1)
-    return energy_curve(muscle, name, at, between)
+    at = cycle_energy.cycles.pressures(muscle, between, 2.0 * between.pressure, CURVE_POINTS - 1)
+    return cycle_energy.energy_curve(muscle, name, at, between)
 
 
 def _draw(asked: CycleRequest, curves: dict[str, EnergyCurve], path: Path) -> None:
@@ -213,7 +202,7 @@ def _draw(asked: CycleRequest, curves: dict[str, EnergyCurve], path: Path) -> No
         fig = energy_figures.efficiency_figure(drawn, title=asked.spec.title)
     else:
         muscle = asked.muscles[asked.volume]
-        loops = [cycle_loops(muscle, n, asked.conditions) for n in asked.names]
+        loops = [cycle_energy.cycle_loops(muscle, n, asked.conditions) for n in asked.names]
         fig = energy_figures.loops_figure(loops, title=asked.spec.title)
     style.save(fig, path)
 
@@ -229,7 +218,7 @@ def _json(
         cycles.append(
             {
                 "name": name,
-                "title": CYCLES[name],
+                "title": cycle_energy.CYCLES[name],
                 **by[asked.volume]._asdict(),
                 "volume": asked.volume,
                 "beside": beside,
@@ -269,7 +258,7 @@ def _print(asked: CycleRequest, found: dict[str, dict[str, EnergyCycle]], curves
     rows = [
         [
             name,
-            CYCLES[name],
+            cycle_energy.CYCLES[name],
             volume,
             f"{e.input:.3f}",
             f"{e.output:.3f}",
@@ -294,7 +283,7 @@ def _print(asked: CycleRequest, found: dict[str, dict[str, EnergyCycle]], curves
         _print_curves(curves)
     said = f"\nBegins at {with_unit(c.stretched_length, 'm')}, surroundings {around}, friction {with_unit(c.friction, 'N')}."
     isotonic = any(name != "maximal" for name in found) and c.friction
-    typer.echo(said + (f" Reading '{c.reading}': {READINGS[c.reading]}." if isotonic else ""))
+    typer.echo(said + (f" Reading '{c.reading}': {cycle_energy.READINGS[c.reading]}." if isotonic else ""))
     if "paper" in asked.muscles and abs(next(iter(found.values()))["paper"].unaccounted) > 5e-4:
         typer.echo("Unaccounted: eq. 38b moves with the length below the threshold too, where the gas does not pull.")
     if _overstretched(asked):

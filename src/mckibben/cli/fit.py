@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .. import identification, muscles, recordings
 from ..documents import read_toml
 from ..errors import InputError
-from ..identification import Fit, fit_all
-from ..identification.constraints import KINDS, Constraint, fit_constraints
-from ..identification.fit import SCHEMES, bound_of, degenerate_words
-from ..muscles.laws import LAWS, law_type
-from ..muscles.plausible import pressure_caution
 from ..quantities import declared, parse, with_unit
-from ..recordings import ForceMap, read_force_map
-from ..report.document import checked_place
+from ..report import document, fit_report, fit_study
 from ..report.figures import fit_figures, style
-from ..report.fit_report import write_fit_report
-from ..report.fit_study import Study, known_of, published_of, write_specimen
 from ..specimens import Specimen, map_file, specimen, specimen_ids
 from ._terminal import Json, Set, assignments, caution, options_named, pairs, print_json, progress, table, writable
+
+if TYPE_CHECKING:
+    from ..identification import Fit
+    from ..recordings import ForceMap
 
 
 def fit(
@@ -69,7 +66,7 @@ def fit(
         _constraints(files, as_json)
         return
     if report is not None:
-        checked_place(report, field="--report")
+        document.checked_place(report, field="--report")
     writable("--save", save, ".toml")
     writable("--figure", figure, ".svg", ".png")
     rest = None if rest_length is None else parse(rest_length, "m", field="--rest-length")
@@ -87,11 +84,11 @@ def fit(
         warnings = [_cautions(points, spec) for points, spec in loaded]
         studies = [_study(points, spec, law, change, below, slack) for points, spec in loaded]
     if report is not None:
-        write_fit_report(studies, report)
+        fit_report.write_fit_report(studies, report)
     if figure is not None:
         style.save(fit_figures.overview(studies), figure)
     if save is not None:
-        write_specimen(studies[0].fits, studies[0].specimen, save)
+        fit_study.write_specimen(studies[0].fits, studies[0].specimen, save)
     if as_json:
         results = [ranking_json(s) | {"warnings": w} for s, w in zip(studies, warnings, strict=True)]
         print_json(results[0] if len(results) == 1 else {"maps": results})
@@ -105,7 +102,7 @@ def fit(
 
 def _cautions(points: ForceMap, spec: Specimen | None) -> list[str]:
     """Cautions about a table: pressures above those of muscles, and rows that were left out."""
-    said = pressure_caution(float(points.pressure.max()), spec)
+    said = muscles.plausible.pressure_caution(float(points.pressure.max()), spec)
     return caution(*(None if s is None else f"{points.name}: {s}" for s in (*points.remarks, said)))
 
 
@@ -124,7 +121,7 @@ def _load(file: str, rest: float | None, like: str | None, reading: dict[str, An
         spec = specimen(file)
         path = map_file(spec)
         rest = rest or spec.property_si("rest_length", "m")
-    points = read_force_map(path, rest_length=rest, **reading)
+    points = recordings.read_force_map(path, rest_length=rest, **reading)
     return points, spec
 
 
@@ -138,28 +135,33 @@ def _study(
 ) -> Any:
 
     for name in laws or []:
-        law_type(name)
+        muscles.laws.law_type(name)
     chosen = None if laws is None or "all" in laws else laws
     known = _known(spec, change, laws)
     skipped: dict[str, str] = {}
-    with progress("fitting", len(chosen or LAWS) * (1 + len(SCHEMES))) as advance:
-        fits = fit_all(
+    with progress("fitting", len(chosen or muscles.laws.LAWS) * (1 + len(identification.SCHEMES))) as advance:
+        fits = identification.fit_all(
             points, laws=chosen, known=known, skipped=skipped, train_below=below, slack=slack, progress=advance
         )
-    return Study(
+    return fit_study.Study(
         title=spec.title if spec else points.name,
         specimen=spec,
         points=points,
         fits=fits,
-        published=published_of(spec, points),
+        published=fit_study.published_of(spec, points),
         skipped=skipped,
     )
 
 
 def _known(spec: Specimen | None, change: list[str] | None, laws: list[str] | None) -> dict[str, Any]:
     """Dimensions that are not fitted: from the specimen, then from ``--set``."""
-    dimensions: dict[str, Any] = {**known_of(spec)}
-    fields = {k: q for name in (laws or LAWS) if name in LAWS for k, q in declared(law_type(name)).items()}
+    dimensions: dict[str, Any] = {**fit_study.known_of(spec)}
+    fields = {
+        k: q
+        for name in (laws or muscles.laws.LAWS)
+        if name in muscles.laws.LAWS
+        for k, q in declared(muscles.laws.law_type(name)).items()
+    }
     for name, text in assignments(change).items():
         if name not in fields:
             raise InputError(f"--set {name}", text, f"known are {', '.join(sorted(fields))}")
@@ -239,7 +241,7 @@ def show_ranking(study: Any) -> None:
                 *(share(f.cross[s].max_error if s in f.cross else None) for s in ("length", "block", "rest_length")),
                 share(held),
                 f"{f.aicc:.1f}",
-                "; ".join([*([] if f.converged else ["did not converge"]), *degenerate_words(f)]),
+                "; ".join([*([] if f.converged else ["did not converge"]), *identification.degenerate_words(f)]),
             ]
         )
     for title, error in study.published:
@@ -283,7 +285,7 @@ def show_ranking(study: Any) -> None:
     typer.echo(f"\n{best.law}:")
     for name, e in best.parameters.items():
         if name in best.at_bound:
-            typer.echo(f"  {name} = {with_unit(bound_of(best, name), e.unit)}  (at its bound)")
+            typer.echo(f"  {name} = {with_unit(identification.bound_of(best, name), e.unit)}  (at its bound)")
             continue
         typer.echo(
             f"  {name} = {with_unit(e.value, e.unit)}  (95 %: {with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)})"
@@ -305,25 +307,29 @@ def fit_constraints_file(path: Path, *, as_json: bool) -> None:
     where = str(path)
     data = _read(path, where)
     law = _word(data, "law", where)
-    fields = declared(law_type(law))
+    fields = declared(muscles.laws.law_type(law))
     known = {k: _value(v, f"known.{k}", _unit(fields, k, where), where) for k, v in data.get("known", {}).items()}
     constraints = []
     for i, entry in enumerate(data.get("constraint", []), 1):
         place = f"constraint {i}"
         _only(entry, {"what", "value", "pressure", "length"}, place, where)
         quantity = _word(entry, "what", where, place)
-        if quantity not in KINDS:
-            raise InputError(f"{place}.what", quantity, f"known are {', '.join(KINDS)}", where=where)
+        if quantity not in identification.constraints.KINDS:
+            raise InputError(
+                f"{place}.what", quantity, f"known are {', '.join(identification.constraints.KINDS)}", where=where
+            )
         length = entry.get("length")
         constraints.append(
-            Constraint(
+            identification.constraints.Constraint(
                 what=quantity,
-                value=_value(entry.get("value", ""), f"{place}.value", KINDS[quantity], where),
+                value=_value(
+                    entry.get("value", ""), f"{place}.value", identification.constraints.KINDS[quantity], where
+                ),
                 pressure=_value(entry.get("pressure", ""), f"{place}.pressure", "Pa", where),
                 length=None if length is None else _value(length, f"{place}.length", "m", where),
             )
         )
-    result = fit_constraints(law, constraints, known=known)
+    result = identification.constraints.fit_constraints(law, constraints, known=known)
     if as_json:
         parameters = {k: e._asdict() for k, e in result.parameters.items()}
         entry = {

@@ -8,11 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
+from .. import muscles
 from ..citations import reference
 from ..errors import InputError
-from ..muscles.build import build_law, from_specimen, missing_parameters, needed_words
-from ..muscles.laws import LAWS, law_type
-from ..muscles.plausible import length_caution, pressure_caution
 from ..quantities import declared, parse, shown_unit, values, with_unit
 from ..report.figures import muscle_figures, style
 from ..specimens import Specimen, SpecimenNumber, specimen, specimens
@@ -83,7 +81,7 @@ def tension(
     biological = spec is not None and spec.kind == "biological"
     at = parse(length, "m", field="--length")
     _positive(at, "--length", length)
-    cautions = [] if biological else [length_caution(at, float(built.length_range()[1]), text=length)]
+    cautions = [] if biological else [muscles.plausible.length_caution(at, float(built.length_range()[1]), text=length)]
     if spec is not None and biological:
         drive = _activation(activation, pressure, spec)
     elif activation is not None:
@@ -100,7 +98,7 @@ def tension(
         drive = parse(pressure, "Pa", field="--pressure")
         if drive < -1.1e5 or drive > 1e8:
             raise InputError("--pressure", pressure, "allowed is -1.1 bar (vacuum) to 1000 bar gauge")
-        cautions.append(pressure_caution(drive, spec, text=pressure))
+        cautions.append(muscles.plausible.pressure_caution(drive, spec, text=pressure))
     state, free = built.state(at, drive), built.free_length(drive)
     warnings = caution(*cautions)
     answer: dict[str, Any] = {
@@ -142,7 +140,7 @@ def tension(
 
 def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Specimen | None, str, Any]:
     """The specimen, None if a law is named; the name of the law, and the muscle."""
-    if name in LAWS:
+    if name in muscles.laws.LAWS:
         if law is not None:
             raise InputError("--law", law, f"allowed with a specimen; {name} is a law itself")
         return None, name, _named_law(name, parameters(change, name))
@@ -157,20 +155,20 @@ def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Spec
 
 def _named_law(name: str, given: dict[str, float]) -> Any:
     """A law by its name, with the parameters that were given; nothing is taken from any muscle."""
-    missing = missing_parameters(name, given)
+    missing = muscles.build.missing_parameters(name, given)
     if missing:
         words = " ".join(f"--set {key}={placeholder(q.unit)}" for key, q in missing)
         stated = [s.id for s in specimens() if name in s.laws]
         others = f" or name a specimen that states this law with --law {name}: {', '.join(stated)}" if stated else ""
-        needs = needed_words(missing)
+        needs = muscles.build.needed_words(missing)
         sentence = f"The law {name} needs {needs}. Give {'it' if len(missing) == 1 else 'them'} with {words},{others}"
         raise InputError(f"{name}.{missing[0][0]}", "not given", f"give {words}", sentence=sentence.rstrip(","))
-    return build_law(name, given)
+    return muscles.build.build_law(name, given)
 
 
 def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
     """Parse ``--set`` arguments to parameters of a law [SI]; a bare number is taken as SI."""
-    known = declared(law_type(law))
+    known = declared(muscles.laws.law_type(law))
     values = {}
     for name, text in assignments(words).items():
         if name not in known:
@@ -192,7 +190,7 @@ def _defaults(built: Any, change: list[str] | None, law: str) -> list[str]:
 
 def _law(spec: Specimen, law: str, changes: dict[str, float]) -> Any:
 
-    built = from_specimen(spec, law, changes=changes)
+    built = muscles.build.from_specimen(spec, law, changes=changes)
     return getattr(built, "law", built)
 
 

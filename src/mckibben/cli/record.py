@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..analysis.segments import segments, steps_of, varied
+from .. import recordings
+from ..analysis import segments as cuts
 from ..citations import known_keys, reference
 from ..errors import InputError
-from ..experiments.waveforms import time_words
+from ..experiments import waveforms
 from ..quantities import from_si, parse, shown_unit
-from ..recordings import Recording, convert, read_recording
-from ..recordings.mcap import read_log
+from ..recordings import mcap
 from ..report.figures import recording_figures
 from ._terminal import Json, options_named, pairs, print_json, table, writable
+
+if TYPE_CHECKING:
+    from ..recordings import Recording
+
 
 SENTENCE = 280  # characters of a protocol's sentence that a person is shown
 STEPS = 40  # rows of steps that a person is shown
@@ -26,7 +30,7 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help="Recording of mckibbe
 
 def show(file: File, as_json: Json = False) -> None:
     """Describe a recording: protocol, muscle, rig, steps, channels, balances, events."""
-    description = _described(file, read_recording(file))
+    description = _described(file, recordings.read_recording(file))
     if as_json:
         print_json(description)
     else:
@@ -54,7 +58,7 @@ def plot(
 ) -> None:
     """Draw a recording over time, or one channel over another."""
     writable("--out", out, ".svg", ".png", ".pdf")
-    known = read_recording(file)
+    known = recordings.read_recording(file)
     parts = _parts(between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
     names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
     if names == []:
@@ -95,7 +99,7 @@ def _parts(known: Recording, label: str | None, case: Mapping[str, str], apart: 
     """Requested steps; by default all of them if they shall be distinguished, else the whole recording."""
     if label is not None or case or (apart and known.meta.get("steps")):
         try:
-            return segments(known, label, **case)
+            return cuts.segments(known, label, **case)
         except InputError as error:
             options = {"label": "--label", "case": "--case"} | {name: f"--case {name}" for name in case}
             raise InputError(options.get(error.field, error.field), error.value, error.allowed) from None
@@ -138,12 +142,12 @@ def _described(file: Path, known: Recording) -> dict[str, Any]:
 
 def _steps(known: Recording) -> list[dict[str, Any]]:
 
-    return steps_of(known) if known.meta.get("steps") else []
+    return cuts.steps_of(known) if known.meta.get("steps") else []
 
 
 def _varied(known: Recording) -> dict[str, list[str]]:
 
-    return varied(known) if known.meta.get("steps") else {}
+    return cuts.varied(known) if known.meta.get("steps") else {}
 
 
 def _channels(known: Recording) -> dict[str, dict[str, Any]]:
@@ -239,7 +243,7 @@ def _is_number(value: Any) -> bool:
 
 def _time(seconds: float) -> str:
 
-    return time_words(seconds)
+    return waveforms.time_words(seconds)
 
 
 def _named(value: Any) -> str:
@@ -288,7 +292,7 @@ def convert_file(
         "period": None if period is None else parse(period, "s", field="--period", bare=True),
     }
     with options_named():
-        read = convert(source, target, **asked)
+        read = recordings.convert(source, target, **asked)
     if as_json:
         print_json({**_written(source, target, read.recording), "warnings": read.remarks})
         return
@@ -316,7 +320,7 @@ def repair(
         raise InputError("--out", str(target), "allowed is a name that ends in .nc or .csv")
     if out is None and target.exists():
         raise InputError("file", str(target), "it is there already; say another name, or this one, with --out")
-    recording = read_log(log)
+    recording = mcap.read_log(log)
     recording.recording.save(target)
     if as_json:
         print_json({**_written(log, target, recording.recording), "whole": recording.whole, "lost": recording.remarks})

@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from ..analysis.energy_accounts import energy_account
-from ..analysis.frequency import frequency_response, sine_response
-from ..analysis.repeatability import between_cycles, between_runs, spread, trend
+from .. import recordings
+from ..analysis import energy_accounts
+from ..analysis import frequency as response_module
+from ..analysis import repeatability as repeating
 from ..errors import InputError
 from ..quantities import from_si, parse, shown_unit, split_values, with_unit
-from ..recordings import read_recording
-from ..report.document import checked_place
-from ..report.figures.energy_figures import energy_flow_figure
-from ..report.figures.frequency_figures import BodeTitles, bode_figure, repeatability_figure
-from ..report.figures.recording_figures import write
-from ..report.recording_report import write_recording_report
+from ..report import document
+from ..report import recording_report as reports
+from ..report.figures import energy_figures, frequency_figures, recording_figures
 from ._terminal import Json, print_json, table, writable
 from .record import File, between
 
@@ -54,15 +52,17 @@ def energy(
         None if t is None else parse(t, "s", field=name, bare=True) for t, name in ((start, "--from"), (end, "--to"))
     )
     at = None if accumulator is None else parse(accumulator, "Pa", field="--accumulator", bare=True)
-    record = read_recording(file)
+    record = recordings.read_recording(file)
     options: dict[str, Any] = {} if muscle is None else {"muscle": muscle}
     if muscle is not None and not measured and record.meta.get("energy"):
         raise InputError("--muscle", muscle, "allowed with --measured, for the recording carries its own law")
-    account = energy_account(record, start=first, end=last, measured=measured, **options)
+    account = energy_accounts.energy_account(record, start=first, end=last, measured=measured, **options)
     saving = None if at is None else account.saved_by_accumulator(at)
     if figure is not None:
         title = record.meta.get("title")
-        write(energy_flow_figure(account, **({"title": str(title)} if title else {})), figure)
+        recording_figures.write(
+            energy_figures.energy_flow_figure(account, **({"title": str(title)} if title else {})), figure
+        )
     if as_json:
         content = account.document() | {"file": str(file), "figure": None if figure is None else str(figure)}
         print_json(content | {"saving": None if saving is None else saving._asdict()})
@@ -129,8 +129,8 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write a report of a recording: figures, balances, parameters, references."""
-    checked_place(out, field="--out")
-    write_recording_report(file, out)
+    document.checked_place(out, field="--out")
+    reports.write_recording_report(file, out)
     if as_json:
         print_json({"file": str(out)})
     else:
@@ -166,19 +166,21 @@ def frequency(
     writable("--figure", figure, ".svg", ".png", ".pdf")
     if sines is not None and resolution is not None:
         raise InputError("--resolution", resolution, "allowed without --sines, which states the frequencies")
-    recording = between(read_recording(file), start, end)
+    recording = between(recordings.read_recording(file), start, end)
     if sines is None:
         distance = None if resolution is None else parse(resolution, "1/s", field="--resolution")
-        response = frequency_response(recording, source=source, response=target, resolution=distance)
+        response = response_module.frequency_response(recording, source=source, response=target, resolution=distance)
     else:
         at = [parse(word, "1/s", field="--sines") for word in split_values(sines, field="--sines")]
-        response = sine_response(recording, sorted(at), source=source, response=target)
+        response = response_module.sine_response(recording, sorted(at), source=source, response=target)
     above, below = (recording.channels[name].unit for name in (target, source))
     unit = "" if above == below else above if below == "1" else f"{above} per {below}"
     cutoff = response.cutoff()
     if figure is not None:
-        title = BodeTitles(f"{target} over {source}", str(recording.meta.get("title") or file.name), unit)
-        write(bode_figure(response, title, cutoff=cutoff), figure)
+        title = frequency_figures.BodeTitles(
+            f"{target} over {source}", str(recording.meta.get("title") or file.name), unit
+        )
+        recording_figures.write(frequency_figures.bode_figure(response, title, cutoff=cutoff), figure)
     if as_json:
         values = {
             name: getattr(response, name) for name in ("frequency", "magnitude", "phase", "coherence", "segments")
@@ -226,11 +228,11 @@ def repeatability(
     Cycles are compared at equal phase, runs at equal time. The drift is the slope of a straight line through the peaks.
     """
     writable("--figure", figure, ".svg", ".png", ".pdf")
-    records = [between(read_recording(file), start, end) for file in files]
+    records = [between(recordings.read_recording(file), start, end) for file in files]
     if len(records) == 1:
-        result, each = between_cycles(records[0], channel=channel, drive=drive, skip=skip), "cycle"
+        result, each = repeating.between_cycles(records[0], channel=channel, drive=drive, skip=skip), "cycle"
     else:
-        result, each = between_runs(records, channel=channel), "run"
+        result, each = repeating.between_runs(records, channel=channel), "run"
     unit = records[0].channels[channel].unit
     shown_as = shown_unit(unit)
     if figure is not None:
@@ -239,10 +241,10 @@ def repeatability(
         title = str(records[0].meta.get("title") or files[0].name)
         over = "Phase of the cycle" if each == "cycle" else "Time, s"
         name = channel.replace(".", " ").replace("_", " ").capitalize()
-        drawn = repeatability_figure(scaled, title=title, channel=f"{name}, {shown_as}", over=over)
-        write(drawn, figure)
-    peaks = spread(result.peaks)
-    drift = trend(range(result.repetitions), result.peaks.tolist()).slope if result.repetitions > 2 else None
+        drawn = frequency_figures.repeatability_figure(scaled, title=title, channel=f"{name}, {shown_as}", over=over)
+        recording_figures.write(drawn, figure)
+    peaks = repeating.spread(result.peaks)
+    drift = repeating.trend(range(result.repetitions), result.peaks.tolist()).slope if result.repetitions > 2 else None
     if as_json:
         print_json(
             {

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .. import reproduction
 from ..errors import InputError
-from ..report.document import checked_place
-from ..report.document_pdf import compiler
+from ..report import document as document_module
+from ..report import document_pdf
+from ..report import reproduction_report as papers
+from ..report import words as words_module
 from ..report.figures import style
-from ..report.reproduction_report import PARTS, Drawn, chosen_figures, difference, draw, printed, reproduction_report
-from ..report.words import significant
-from ..reproduction import RowOutcome, helped, reproduce
-from ..reproduction.recorded import told
-from ..reproduction.rows import headline, kind_of, relative_difference, relative_tolerance, select, tallies
 from ._terminal import Json, print_json, progress
 
 if TYPE_CHECKING:
     from ..report.paper_figures import PaperFigure
+    from ..report.reproduction_report import Drawn
+    from ..reproduction import RowOutcome
 
 REPORTS = ("reproduction.html", "reproduction.pdf")  # what --out writes
 WIDTH = 120  # of the table, if the terminal states no other
@@ -63,7 +63,7 @@ def reproduce_papers(
     The exit code is 1 when a value is not reproduced. Rows of loops, friction, steps and power come from recordings of
     the simulated machine, which take minutes; --no-recordings leaves them out.
     """
-    select(part, row)  # refuses a wrong word before anything is loaded
+    reproduction.rows.select(part, row)  # refuses a wrong word before anything is loaded
     places = _places(report, out, pdf=pdf, figures_only=bool(figure))
     pictures = _pictures(figure, part, row, recordings) if figure or places else []
     rows = _rows(row, pictures) if figure else row
@@ -84,22 +84,22 @@ def reproduce_papers(
 
 def _places(report: list[Path] | None, out: Path | None, *, pdf: bool, figures_only: bool) -> list[Path]:
     """Paths of the reports; checked before minutes of computation, and before a folder is made."""
-    named = [checked_place(path, field="--report") for path in report or []]
+    named = [document_module.checked_place(path, field="--report") for path in report or []]
     names = [] if out is None or figures_only else [name for name in REPORTS if pdf or not name.endswith(".pdf")]
     if any(name.endswith(".pdf") for name in names):
-        compiler("--no-pdf writes the HTML report alone")
+        document_pdf.compiler("--no-pdf writes the HTML report alone")
     if out is not None:
         if out.exists() and not out.is_dir():
             raise InputError("--out", str(out), "it is a file; allowed is a folder")
         if not out.absolute().parent.is_dir():
             raise InputError("folder", str(out.absolute().parent), "no such folder")
         out.mkdir(exist_ok=True)
-    return named + [checked_place(out / name, field="--out") for name in names if out is not None]
+    return named + [document_module.checked_place(out / name, field="--out") for name in names if out is not None]
 
 
 def _pictures(figure: list[str] | None, part: str | None, row: list[str] | None, recordings: bool) -> list[PaperFigure]:
 
-    return chosen_figures(figure, part=part, rows=row, recordings=recordings)
+    return papers.chosen_figures(figure, part=part, rows=row, recordings=recordings)
 
 
 def _rows(row: list[str] | None, pictures: list[PaperFigure]) -> list[str] | None:
@@ -111,11 +111,11 @@ def _done(
     part: str | None, rows: list[str] | None, pictures: list[PaperFigure], recordings: bool
 ) -> tuple[list[RowOutcome], list[Drawn]]:
 
-    asked = [] if rows == [] else select(part, rows)
+    asked = [] if rows == [] else reproduction.rows.select(part, rows)
     recorded = [r.id for r in asked] if recordings else []
-    with helped(recorded), progress("reproducing", len(asked) + len(pictures)) as advance:
+    with reproduction.helped(recorded), progress("reproducing", len(asked) + len(pictures)) as advance:
         outcomes = (
-            reproduce(
+            reproduction.reproduce(
                 part,
                 rows,
                 progress=lambda r: advance(r.id),
@@ -128,8 +128,8 @@ def _done(
         if not pictures:
             return outcomes, []
 
-        with told(lambda words: advance(words, 0)):
-            return outcomes, draw(pictures, lambda f: advance(f"figure {f.id}: {f.title}"))
+        with reproduction.recorded.told(lambda words: advance(words, 0)):
+            return outcomes, papers.draw(pictures, lambda f: advance(f"figure {f.id}: {f.title}"))
 
 
 def _write(places: list[Path], outcomes: list[RowOutcome], drawn: list[Drawn], recordings: bool) -> list[Path]:
@@ -137,7 +137,7 @@ def _write(places: list[Path], outcomes: list[RowOutcome], drawn: list[Drawn], r
         return []
 
     left = "" if recordings else "What is computed of recordings of the simulated test machine was left out."
-    document = reproduction_report(outcomes, drawn, left_out=left)
+    document = papers.reproduction_report(outcomes, drawn, left_out=left)
     return [document.write(place) for place in places]
 
 
@@ -151,9 +151,12 @@ def _save(drawn: list[Drawn], folder: Path) -> list[str]:
 
 def _document(outcomes: list[RowOutcome], failed: int) -> dict[str, Any]:
 
-    kinds = {t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest} for t in tallies(outcomes)}
+    kinds = {
+        t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest}
+        for t in reproduction.rows.tallies(outcomes)
+    }
     rows = [_as_json(o) for o in outcomes]
-    return {"headline": headline(outcomes), "kinds": kinds, "failed": failed, "rows": rows}
+    return {"headline": reproduction.rows.headline(outcomes), "kinds": kinds, "failed": failed, "rows": rows}
 
 
 def _as_json(o: RowOutcome) -> dict[str, Any]:
@@ -167,9 +170,9 @@ def _as_json(o: RowOutcome) -> dict[str, Any]:
         "ok": o.ok,
         "calibrated": o.row.calibrated,
         "verdict": o.verdict,
-        "kind": kind_of(o).key,
-        "difference": relative_difference(o.row, o.ours),
-        "tolerance": relative_tolerance(o.row),
+        "kind": reproduction.rows.kind_of(o).key,
+        "difference": reproduction.rows.relative_difference(o.row, o.ours),
+        "tolerance": reproduction.rows.relative_tolerance(o.row),
         "reason": o.row.reason,
         "note": o.note,
     }
@@ -198,20 +201,20 @@ def _print(outcomes: list[RowOutcome]) -> None:
         for line in textwrap.wrap(o.note, max(wide - 4, 40)):
             typer.echo(f"    {line}")
     typer.echo("")
-    for line in textwrap.wrap(headline(outcomes), max(wide, 40)):
+    for line in textwrap.wrap(reproduction.rows.headline(outcomes), max(wide, 40)):
         typer.echo(line)
 
 
 def _titled(part: str) -> str:
 
-    return PARTS.get(part, part)
+    return papers.PARTS.get(part, part)
 
 
 def _cells(o: RowOutcome) -> list[str]:
 
-    ours = "–" if o.ours is None else significant(o.ours)
+    ours = "–" if o.ours is None else words_module.significant(o.ours)
     unit = "" if o.row.unit == "-" else o.row.unit
-    return [o.row.id, printed(o.row.paper), ours, unit, difference(o.row, o.ours), o.verdict]
+    return [o.row.id, papers.printed(o.row.paper), ours, unit, papers.difference(o.row, o.ours), o.verdict]
 
 
 def _line(cells: list[str], widths: list[int]) -> str:

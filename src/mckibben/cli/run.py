@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..assembly.build import unit_from_specimen
-from ..bench import rig_file
-from ..bench.calibrate import read_calibration
-from ..bench.hardware.connect import check_connection, connected
-from ..bench.prepare import PreparedRun, prepare
-from ..bench.run import run
-from ..bench.software.emergency_stop import EmergencyStop
-from ..components import paths
+from .. import components
+from ..assembly import build
+from ..bench import calibrate, rig_file, software
+from ..bench import hardware as hardware_package
+from ..bench import prepare as preparation
+from ..bench import run as protocol_run
 from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..report.figures import recording_figures
@@ -26,6 +24,7 @@ from ._terminal import Json, pairs, print_json, progress, table, writable
 from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
+    from ..bench.prepare import PreparedRun
     from ..bench.rig import Rig
     from ..experiments.dry_run import Finding
     from ..recordings.recording import Recording
@@ -104,7 +103,7 @@ def run_protocol(
         raise InputError("--log", str(log), "it is there already; a log is never written over")
     if lock_step and machine is None:
         raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
-    check_connection(machine)
+    hardware_package.connect.check_connection(machine)
     bench = prepared(
         protocol,
         muscle,
@@ -123,8 +122,11 @@ def run_protocol(
         typer.echo(f"mckibben: {caution}", err=True)
     if log is None and out is not None and (real_time or machine is not None):
         log = _unused(out.with_suffix(".mcap"))
-    button, period = EmergencyStop(), 1.0 / bench.plan.sample_rate
-    with connected(machine, bench.rig, period, lock_step=lock_step) as hardware, button.on_signals():
+    button, period = software.emergency_stop.EmergencyStop(), 1.0 / bench.plan.sample_rate
+    with (
+        hardware_package.connect.connected(machine, bench.rig, period, lock_step=lock_step) as hardware,
+        button.on_signals(),
+    ):
         with progress("running", PARTS) as advance:
             recording = _run(bench, advance, button, real_time=real_time, hardware=hardware, log=log, ask=ask_person)
     if out is not None:
@@ -151,16 +153,16 @@ def prepared(
     changes = pairs(change, "--set", _EXAMPLE)
     of_protocol = [f"{k}={v}" for k, v in changes.items() if not k.startswith(("rig.", "muscle."))]
     spec = specimen(muscle)
-    unit = unit_from_specimen(spec)
+    unit = build.unit_from_specimen(spec)
     for key, words in changes.items():
         if key.startswith("muscle."):
             path = key.removeprefix("muscle.")
-            declared = paths.declaration(unit, path)
+            declared = components.paths.declaration(unit, path)
             value = parse(words, declared.unit, field=f"--set {key}")
             declared.check(f"--set {key}", value)
-            unit = paths.put(unit, {path: value})
+            unit = components.paths.put(unit, {path: value})
     on = chosen_rig(rig, changes, calibration)
-    return prepare(chosen_protocol(protocol, of_protocol), muscle=spec, unit=unit, rig=on, **options)
+    return preparation.prepare(chosen_protocol(protocol, of_protocol), muscle=spec, unit=unit, rig=on, **options)
 
 
 def chosen_rig(name: str, changes: Mapping[str, str], calibration: Path | None = None) -> Rig:
@@ -169,7 +171,7 @@ def chosen_rig(name: str, changes: Mapping[str, str], calibration: Path | None =
     if calibration is None:
         return on
 
-    return on.calibrated(read_calibration(calibration))
+    return on.calibrated(calibrate.read_calibration(calibration))
 
 
 def _unused(path: Path) -> Path:
@@ -191,7 +193,7 @@ def _step(value: float) -> float:
     return value
 
 
-def _run(bench: PreparedRun, advance: Any, button: EmergencyStop, **where: Any) -> Recording:
+def _run(bench: PreparedRun, advance: Any, button: software.emergency_stop.EmergencyStop, **where: Any) -> Recording:
 
     shown = 0
 
@@ -201,7 +203,7 @@ def _run(bench: PreparedRun, advance: Any, button: EmergencyStop, **where: Any) 
             advance(f"{time:.1f} s of {total:.1f} s")
             shown += 1
 
-    return run(bench, progress=tell, stop=button, **where)
+    return protocol_run.run(bench, progress=tell, stop=button, **where)
 
 
 def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:

@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..bench.hardware.connect import check_connection, connected
-from ..bench.session.setup import RATE
+from ..bench import hardware, session
 from ..errors import InputError
 from ..extras import library
 from .run import CalibrationFile, On, chosen_rig
@@ -50,12 +49,14 @@ def serve_screen(
     from ..web.laboratory import Laboratory
     from ..web.server import listen, serve
 
-    check_connection(machine)
+    hardware.connect.check_connection(machine)
     with listen(host, port) as line:  # an address that is taken is refused before anything is made ready
         first, real = chosen_rig(rig, {}, calibration), None
         if machine is not None:
             real = HardwareSpec(machine, lock_step)
-            with connected(machine, first, first.computer.period(RATE), lock_step=lock_step):
+            with hardware.connect.connected(
+                machine, first, first.computer.period(session.setup.RATE), lock_step=lock_step
+            ):
                 pass  # so is a machine that is not there, or not the rig's
         elif lock_step:
             raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")

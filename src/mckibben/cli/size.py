@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .. import muscles
 from ..errors import InputError
-from ..muscles.plausible import likely_pressure, pressure_caution
 from ..quantities import parse, with_unit
-from ..report.figures import style
-from ..report.figures.sizing_figures import design_map
-from ..studies.sizing import Judged, LineResult, Requirements, Sizing, size
+from ..report.figures import sizing_figures, style
+from ..studies import sizing as sizing_package
 from ._terminal import Json, caution, print_json, table, told, writable
+
+if TYPE_CHECKING:
+    from ..studies.sizing import Judged, LineResult, Sizing
+
 
 TOP = 5
 
@@ -56,11 +59,11 @@ def size_muscle(
     wish = _wish(force, stroke, pressure, space, speed, cycles, tube)
     if speed is not None and no_lines:
         raise InputError("--speed", speed, "allowed without --no-lines: a speed takes a valve and a tube")
-    warnings = caution(pressure_caution(wish.pressure, text=pressure))
+    warnings = caution(muscles.plausible.pressure_caution(wish.pressure, text=pressure))
     with told("sizing") as tell:
-        sizing = size(wish, law=law, muscle=muscle, lines=not no_lines, progress=tell)
+        sizing = sizing_package.size(wish, law=law, muscle=muscle, lines=not no_lines, progress=tell)
     if figure is not None:
-        style.save(design_map(sizing, law=law), figure, dpi=130.0)
+        style.save(sizing_figures.design_map(sizing, law=law), figure, dpi=130.0)
     if as_json:
         print_json(_as_json(sizing, top) | {"warnings": warnings})
     else:
@@ -74,7 +77,7 @@ def size_muscle(
 
 def _wish(
     force: str, stroke: str, pressure: str, space: str | None, speed: str | None, cycles: str | None, tube: str
-) -> Requirements:
+) -> sizing_package.Requirements:
 
     length, diameter = _space(space)
 
@@ -82,7 +85,7 @@ def _wish(
         return None if text is None else parse(text, unit, field=option)
 
     try:
-        return Requirements(
+        return sizing_package.Requirements(
             force=parse(force, "N", field="--force"),
             stroke=parse(stroke, "m", field="--stroke"),
             pressure=parse(pressure, "Pa", field="--pressure"),
@@ -94,7 +97,7 @@ def _wish(
         )
     except InputError as error:
         option = _OPTIONS.get(error.field)
-        slip = likely_pressure(pressure) if option == "--pressure" else ""
+        slip = muscles.plausible.likely_pressure(pressure) if option == "--pressure" else ""
         raise (InputError(option, error.value, error.allowed + slip) if option else error) from None
 
 

@@ -8,20 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import __version__
+from .. import __version__, identification
 from ..documents import write_text
-from ..identification.hysteresis_fit import AREA
 from ..quantities import from_si
-from ..report.figures import circuit_figures, style
-from ..report.figures.loop_figures import loops_figure
-from ..report.figures.tube_figures import tube_figure
-from ..report.figures.validation_figures import errors_figure
-from ..studies import validation
-from ..studies.jumping_robot import robot_plan, robot_study
-from ..studies.muscle_loops import MIDDLE, SMOOTH, STAGES, TARGET, LoopStudy, StepCreep, Width, loop_study
-from ..studies.tube_models import PERIOD, models
-from ..studies.tube_study import NOT, PARTLY, QUICK_SEEDS, QUICK_THERMALS, Claim, TubeStudy, claims, stages, tube_study
-from ..studies.validation_page import page, share
+from ..report.figures import circuit_figures, loop_figures, style, tube_figures, validation_figures
+from ..studies import jumping_robot, muscle_loops, tube_models, validation, validation_page
+from ..studies import tube_study as tubes
 from ._terminal import Json, print_json, progress, table, told, writable
 from .circuit import circuit_fit_json, show_circuit_fit
 from .fit import fit_json
@@ -29,6 +21,8 @@ from .fit import fit_json
 if TYPE_CHECKING:
     from ..identification import Fit
     from ..identification.uncertainty import Estimate
+    from ..studies.muscle_loops import LoopStudy, StepCreep, Width
+    from ..studies.tube_study import Claim, TubeStudy
     from ..studies.validation import StaticResult, Validation
 
 
@@ -46,17 +40,17 @@ def study_tube(
     The exit code is 1 when a target is missed.
     """
     writable("--figure", figure, ".svg", ".png")
-    options: dict[str, Any] = {"seeds": QUICK_SEEDS, "thermals": QUICK_THERMALS} if quick else {}
-    with progress("tube study", stages(**options)) as advance:
-        study = tube_study(**options, progress=advance)
-    judged = claims(study)
+    options: dict[str, Any] = {"seeds": tubes.QUICK_SEEDS, "thermals": tubes.QUICK_THERMALS} if quick else {}
+    with progress("tube study", tubes.stages(**options)) as advance:
+        study = tubes.tube_study(**options, progress=advance)
+    judged = tubes.claims(study)
     if figure is not None:
-        style.save(tube_figure(study), figure, dpi=130.0)
+        style.save(tube_figures.tube_figure(study), figure, dpi=130.0)
     if as_json:
         print_json(_as_json(study, judged))
     else:
         _print(study, judged)
-    if any(c.source == "target" and c.verdict in (NOT, PARTLY) for c in judged):
+    if any(c.source == "target" and c.verdict in (tubes.NOT, tubes.PARTLY) for c in judged):
         raise typer.Exit(1)
 
 
@@ -78,8 +72,10 @@ def study_robot(
     """Fit the air of a jumping robot to some of its jumps, and predict the others."""
     writable("--figure", figure, ".svg", ".png")
     with told("fitting") as tell:
-        result, all_trials = robot_study(trials, predict or [], free=free or (), evaluations=evaluations, progress=tell)
-    title = robot_plan().title
+        result, all_trials = jumping_robot.robot_study(
+            trials, predict or [], free=free or (), evaluations=evaluations, progress=tell
+        )
+    title = jumping_robot.robot_plan().title
     if figure is not None:
         style.save(circuit_figures.overview(result, all_trials, title=title), figure)
     if as_json:
@@ -108,10 +104,10 @@ def study_loops(
     The exit code is 1 when the width or the order of the branches is missed.
     """
     writable("--figure", figure, ".svg", ".png")
-    with progress("loops", STAGES) as advance:
-        study = loop_study(folder, frictions=friction or SMOOTH, progress=advance)
+    with progress("loops", muscle_loops.STAGES) as advance:
+        study = muscle_loops.loop_study(folder, frictions=friction or muscle_loops.SMOOTH, progress=advance)
     if figure is not None:
-        style.save(loops_figure(study), figure)
+        style.save(loop_figures.loops_figure(study), figure)
     if as_json:
         print_json(loops_json(study))
     else:
@@ -185,12 +181,16 @@ def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, Any]:
 def _print(found: TubeStudy, judged: list[Claim]) -> None:
 
     waves = [[r.name, r.sentence()] for r in found.records]
-    table(f"Gauge pressure in front of the tube, {1.0 / PERIOD:g} samples per second", ["record", "what"], waves)
+    table(
+        f"Gauge pressure in front of the tube, {1.0 / tube_models.PERIOD:g} samples per second",
+        ["record", "what"],
+        waves,
+    )
     for thermal, results in found.results.items():
         typer.echo("")
         rows = [
             [
-                models()[r.model].title,
+                tube_models.models()[r.model].title,
                 r.accumulator,
                 "fitted" if r.fitted else "transferred" if r.parameters else "as it is",
                 f"{from_si(r.rms, 'Pa', 'bar'):.3f}",
@@ -369,7 +369,8 @@ def _verdicts(found: LoopStudy) -> list[str]:
     middle = [w.pressure for w in found.widths if w.middle]
     held, worst = "HELD" if found.width_holds else "MISSED", found.worst
     lines = [
-        f"{held}: the width is right to {100.0 * TARGET:g} % where the loop is at least {MIDDLE:g} times as wide as at its "
+        f"{held}: the width is right to {100.0 * muscle_loops.TARGET:g} % where the loop is at least "
+        f"{muscle_loops.MIDDLE:g} times as wide as at its "
         f"widest ({_bar(min(middle)):g} to {_bar(max(middle)):g} bar); worst {100.0 * worst.error:+.1f} % at "
         f"{_bar(worst.pressure):g} bar"
     ]
@@ -439,7 +440,7 @@ def _where(w: Width) -> str:
 
 def _area() -> float:
 
-    return from_si(AREA, "m^2", "cm^2")
+    return from_si(identification.hysteresis_fit.AREA, "m^2", "cm^2")
 
 
 def _bar(pressure: float) -> float:
@@ -456,8 +457,8 @@ def write_page(found: Validation, path: Path) -> list[Path]:
     """Write the page, and its figure if there is a static data set; return the paths."""
     figure = path.with_name(f"{path.stem}-errors.svg")
     if found.static:
-        style.save(errors_figure(found), figure)
-    text = page(found, figure=figure.name if found.static else "", version=__version__)
+        style.save(validation_figures.errors_figure(found), figure)
+    text = validation_page.page(found, figure=figure.name if found.static else "", version=__version__)
     write_text(path, text)
     return [path, figure] if found.static else [path]
 
@@ -496,7 +497,16 @@ def show_validation(found: Validation) -> None:
     for r in found.static:
         rows = [_row(f, r.points.largest) for f in r.fits]
         rows += [
-            [u.title, "0", f"{u.rmse:.2f} N", share(u.max_error, r.points.largest), "-", "-", "-", u.origin]
+            [
+                u.title,
+                "0",
+                f"{u.rmse:.2f} N",
+                validation_page.share(u.max_error, r.points.largest),
+                "-",
+                "-",
+                "-",
+                u.origin,
+            ]
             for u in r.unfitted
         ]
         title = f"{r.of.title}: {int(r.points.taut.sum())} points with tension, largest {r.points.largest:.1f} N"
@@ -516,7 +526,14 @@ def show_validation(found: Validation) -> None:
 
 def _row(f: Fit, largest: float) -> list[str]:
 
-    held = share(f.holdout.max_error if f.holdout else None, largest)
-    crossed = [share(f.cv_rmse, largest), share(f.cv_max_error, largest), held]
+    held = validation_page.share(f.holdout.max_error if f.holdout else None, largest)
+    crossed = [validation_page.share(f.cv_rmse, largest), validation_page.share(f.cv_max_error, largest), held]
     state = "" if f.converged else "did not converge"
-    return [f.law, str(len(f.parameters)), f"{f.rmse:.2f} N", share(f.max_error, largest), *crossed, state]
+    return [
+        f.law,
+        str(len(f.parameters)),
+        f"{f.rmse:.2f} N",
+        validation_page.share(f.max_error, largest),
+        *crossed,
+        state,
+    ]

@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..batch import VariantOutcome
-from ..batch.drive import SweepReport, run_sweep
-from ..batch.sweep_file import read_sweep
-from ..batch.workers import Workers
+from .. import batch
 from ..quantities import with_unit
 from ._terminal import Json, print_json, progress, table
 
 if TYPE_CHECKING:
+    from ..batch.drive import SweepReport
     from ..batch.sweep import Sweep
 
 PARTS = 1000  # of the progress bar
@@ -40,7 +38,7 @@ def sweep(
     as_json: Json = False,
 ) -> None:
     """Run a protocol on many variants of a rig and a muscle; resumable, results in zarr."""
-    wanted, team = read_sweep(file), Workers(scheduler, workers)
+    wanted, team = batch.sweep_file.read_sweep(file), batch.workers.Workers(scheduler, workers)
     if dry:
         _tell(wanted, as_json)
         return
@@ -54,7 +52,7 @@ def sweep(
             shown = max(shown, upto)
 
         try:
-            report = run_sweep(wanted, out, workers=team, progress=tell)
+            report = batch.drive.run_sweep(wanted, out, workers=team, progress=tell)
         except KeyboardInterrupt:
             typer.echo(f"mckibben: interrupted; what is done is in {out}, and the same command goes on", err=True)
             raise typer.Exit(130) from None
@@ -115,7 +113,8 @@ def _result(report: SweepReport) -> dict[str, Any]:
 def _print(wanted: Sweep, report: SweepReport) -> None:
 
     rows = [
-        [name.replace("_", " "), f"{n:,}", VariantOutcome[name.upper()].sentence] for name, n in report.codes.items()
+        [name.replace("_", " "), f"{n:,}", batch.VariantOutcome[name.upper()].sentence]
+        for name, n in report.codes.items()
     ]
     table(f"{wanted.title or wanted.template.protocol.title}: {report.runs:,} variants", ["", "", ""], rows, right=(1,))
     if report.new:

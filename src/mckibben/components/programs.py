@@ -25,6 +25,7 @@ import dataclasses
 import enum
 import functools
 import hashlib
+import importlib
 import importlib.util
 import json
 import os
@@ -40,6 +41,7 @@ import lanewise
 from lanewise import Leaf, Program, cache
 
 from .._jax import is_jax_array, is_loaded, is_traced, jax
+from .._lazy import LazyModule
 from .module import Module, flatten
 
 OWN = __name__.partition(".")[0]
@@ -234,6 +236,8 @@ class _Name:
                     self.word(name, home, value.__qualname__)  # another function may have been put into its place
                 if not isinstance(home, str) or home in visited or home.partition(".")[0] != OWN:
                     continue
+                if isinstance(value, LazyModule):  # it counts, whether it was used already or not
+                    importlib.import_module(home)
                 if home in sys.modules and not hasattr(sys.modules[home], "__path__"):
                     visited.add(home)
                     todo.append(home)

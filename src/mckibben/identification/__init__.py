@@ -5,14 +5,32 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-from .fit import Fit, evaluate, fit, fit_all, rank
+from .._lazy import lazy_submodules
+from .fit import SCHEMES, Fit, bound_of, degenerate_words, evaluate, fit, fit_all, rank
 from .uncertainty import Estimate
 
 if TYPE_CHECKING:
+    from . import circuit_fit as circuit_fit
+    from . import constraints as constraints
+    from . import hysteresis_fit as hysteresis_fit
+    from . import trial as trial
     from .circuit_fit import CircuitFit, fit_circuit
     from .trial import Trial
 
-__all__ = ["CircuitFit", "Estimate", "Fit", "Trial", "evaluate", "fit", "fit_all", "fit_circuit", "rank"]
+__all__ = [
+    "SCHEMES",
+    "bound_of",
+    "degenerate_words",
+    "CircuitFit",
+    "Estimate",
+    "Fit",
+    "Trial",
+    "evaluate",
+    "fit",
+    "fit_all",
+    "fit_circuit",
+    "rank",
+]
 _MODULES = {
     "CircuitFit": "circuit_fit",
     "Trial": "trial",
@@ -25,3 +43,6 @@ def __getattr__(name: str) -> object:
     if name in _MODULES:
         return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+lazy_submodules(__name__)

@@ -1,5 +1,6 @@
 """Recordings: measured and simulated data, their formats and storage."""
 
+from .._lazy import lazy_submodules
 from ._text_records import read_record
 from .files import convert, read_any, read_recording, write
 from .force_map import ForceMap, read_force_map
@@ -19,3 +20,5 @@ __all__ = [
     "read_recording",
     "write",
 ]
+
+lazy_submodules(__name__)

@@ -13,11 +13,17 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from .._lazy import lazy_submodules
 from ..errors import MckibbenError
 from . import loops, part1, part2, part4, shortening  # noqa: F401
 from .recorded import Folder, kept_in, told
 from .rows import PrintedRow, RowOutcome, needs_recording, reproduce_row, select
+
+if TYPE_CHECKING:
+    from . import recorded as recorded
+    from . import rows as rows
 
 __all__ = ["RowOutcome", "PrintedRow", "helped", "reproduce"]
 
@@ -77,3 +83,6 @@ def _help(place: str, identifiers: list[str]) -> None:
         for row in reversed(select(None, identifiers)):
             with contextlib.suppress(MckibbenError, ArithmeticError, OSError):
                 reproduce_row(row)
+
+
+lazy_submodules(__name__)

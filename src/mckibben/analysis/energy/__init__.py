@@ -8,6 +8,7 @@ Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 
 longer report of the same work, whose Part IV this is.
 """
 
+from ..._lazy import lazy_submodules
 from .curves import CycleLoops, CyclePath, EnergyCurve, best_pressure, cycle_loops, energy_curve, zero_pressure
 from .cycles import CYCLES, READINGS, Conditions, EnergyCycle, energy_cycle
 from .muscle import VOLUMES, CycleMuscle, cycle_muscle, has_paper_volume
@@ -30,3 +31,5 @@ __all__ = [
     "has_paper_volume",
     "zero_pressure",
 ]
+
+lazy_submodules(__name__)

@@ -4,6 +4,7 @@
 comes out and `recordings.recalibration` applies it to a recording.
 """
 
+from ..._lazy import lazy_submodules
 from .estimate import CalibrationLine, Point, Reference, dead_weights, encoder, pressure_reference, zero
 from .file import merged, read_calibration, write_calibration
 from .machine import HardwareReadings
@@ -27,3 +28,5 @@ __all__ = [
     "write_calibration",
     "zero",
 ]
+
+lazy_submodules(__name__)

@@ -1,9 +1,16 @@
 """The parts of a test machine, one file each: computer, converters and sensors, motor and encoder, frame."""
 
+from typing import TYPE_CHECKING
+
+from ..._lazy import lazy_submodules
 from .analogue import AnalogOut, Converter, Sensor
 from .computer import Computer
 from .frame import Frame, FrameState, StandState, TestStand
 from .motor import Encoder, Motor, MotorPowers
+
+if TYPE_CHECKING:
+    from . import connect as connect
+    from . import serial_line as serial_line
 
 __all__ = [
     "AnalogOut",
@@ -18,3 +25,5 @@ __all__ = [
     "StandState",
     "TestStand",
 ]
+
+lazy_submodules(__name__)

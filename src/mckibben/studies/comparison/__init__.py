@@ -4,6 +4,7 @@ Everything is relative to the muscle: lengths to its rest length L0, tensions to
 the drive to the full one. A pressure set-point over the full pressure is what an activation is to a biological muscle.
 """
 
+from ..._lazy import lazy_submodules
 from .table import (
     FULL_PRESSURE,
     PROPERTIES,
@@ -27,3 +28,5 @@ __all__ = [
     "compare",
     "subject",
 ]
+
+lazy_submodules(__name__)

@@ -4,6 +4,7 @@ found = size(Requirements(force=50.0, stroke=0.03, pressure=5e5, length=0.2, dia
 found.muscles[0].margins, found.lines[0].to_force, found.sources[0].cycles
 """
 
+from ..._lazy import lazy_submodules
 from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS, INFERRED, LawError, braid_law, error_of_braid, error_of_specimen
 from .candidate import VERDICTS, Candidate, Judged, judged, unit_of
@@ -41,3 +42,5 @@ __all__ = [
     "sources_for",
     "unit_of",
 ]
+
+lazy_submodules(__name__)

@@ -1,0 +1,48 @@
+"""What a command loads before it computes: a person waits for that at every call."""
+
+import subprocess
+import sys
+
+import pytest
+
+from mckibben.cli.app import COMMANDS
+
+# Each of them takes a tenth to a whole second to load.
+HEAVY = ("jax", "scipy", "pint", "matplotlib", "xarray", "pandas", "llvmlite", "h5py")
+COMPUTING = ("mckibben.bench.hardware", "mckibben.identification.fit", "mckibben.muscles.law", "mckibben.report.blocks")
+
+
+def loaded(code: str, modules: tuple[str, ...]) -> list[str]:
+    """Those of some modules that a fresh process has loaded after some code."""
+    report = f"import sys\n{code}\nprint([m for m in {modules!r} if m in sys.modules], file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", report], capture_output=True, text=True, check=True)
+    return eval(done.stderr.splitlines()[-1])
+
+
+def command(words: str) -> str:
+    """Code that calls the command line."""
+    return (
+        "from mckibben.cli import main\n"
+        f"try: main({words.split()!r})\n"
+        "except SystemExit as end: assert not end.code, end.code"
+    )
+
+
+def test_the_help_of_no_command_loads_what_computes():
+    # All modules in one process: what one of them loads, the others do not unload.
+    places = sorted({place.partition(":")[0] for place, _ in COMMANDS.values() if place})
+    code = "\n".join(f"import mckibben.cli.{place}" for place in places)
+    assert loaded(code, HEAVY + COMPUTING) == []
+
+
+@pytest.mark.parametrize("words", ["show nylon", "muscles", "protocols isometric-step"])
+def test_what_computes_nothing_loads_no_library_that_does(words):
+    assert loaded(command(words), tuple(m for m in HEAVY if m != "llvmlite")) == []
+
+
+def test_a_tension_needs_no_jax_once_its_kernel_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("MCKIBBEN_KERNELS", str(tmp_path / "kernels"))
+    law = "import mckibben, mckibben.muscles as m\nm.law_from_specimen(mckibben.specimen('nylon')).tension(0.14, 5e5)"
+    both = f"{law}\n{command('tension nylon --length 14cm --pressure 5bar')}"
+    assert "jax" in loaded(both, HEAVY)  # nothing is kept yet
+    assert loaded(both, tuple(m for m in HEAVY if m != "llvmlite")) == []
