@@ -9,6 +9,7 @@ balance to 1e-10 has no meaning in float32, and what waits for JAX (`when_loaded
 from __future__ import annotations
 
 import functools
+import importlib
 import sys
 import types
 from collections.abc import Callable, Sequence
@@ -22,6 +23,11 @@ _waiting: list[Callable[[], None]] | None = []  # what is to be done when JAX is
 def is_loaded() -> bool:
     """Whether JAX is loaded."""
     return _waiting is None
+
+
+def load() -> None:
+    """Load JAX now, for values that must be its arrays."""
+    importlib.import_module("jax")
 
 
 def when_loaded(action: Callable[[], None]) -> None:

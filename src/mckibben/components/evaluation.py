@@ -65,11 +65,7 @@ def _is_number(leaf: Any) -> bool:
 
 
 def _kernel(method: Callable[..., Any], owner: Any, structure: Any, count: int) -> tuple[Program, Any]:
-    """The program of a method, and a tree like its results.
-
-    Raises:
-        LoweringError: no kernel can do what it does; also when it is requested again.
-    """
+    """The program of a method, and a tree like its results; what cannot be lowered is refused again without a trial."""
     key = (method, structure)
     known = _known.get(key)
     if known is None:

@@ -98,8 +98,8 @@ def _counting() -> tuple[bool, str]:
     """Whether JAX counts with 64 bits, and how it promotes types."""
     if not is_loaded():
         return True, os.environ.get("JAX_NUMPY_DTYPE_PROMOTION", "standard").lower()
-    promotion = jax.config.values["jax_numpy_dtype_promotion"]
-    return jax.config.values["jax_enable_x64"], getattr(promotion, "value", promotion)
+    wide, promotion = (jax.config.values[f"jax_{name}"] for name in ("enable_x64", "numpy_dtype_promotion"))
+    return wide, getattr(promotion, "value", promotion)
 
 
 def sources(folder: str) -> list[str]:
