@@ -49,7 +49,7 @@ def evaluated(method: Method) -> Method:
         if len(arguments) != len(names) or not all(isinstance(x, NUMBERS) for x in arguments):
             return method(self, *arguments)
         leaves, structure = flatten(self)
-        if not all(map(_is_number, leaves)) or not all(map(np.size, arguments)):
+        if not (all(map(_is_number, leaves)) and all(map(np.size, arguments)) and _has_hash(structure)):
             return method(self, *arguments)
         try:
             return _call(_kernel(method, self, structure, len(arguments)), leaves, arguments)
@@ -57,6 +57,15 @@ def evaluated(method: Method) -> Method:
             return method(self, *arguments)
 
     return call  # type: ignore[return-value]
+
+
+def _has_hash(structure: Any) -> bool:
+    """Whether all static fields of a structure have a hash."""
+    try:
+        hash(structure)
+    except TypeError:
+        return False
+    return True
 
 
 def _is_number(leaf: Any) -> bool:
