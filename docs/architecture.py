@@ -35,6 +35,7 @@ CONTENTS = {
     "analysis": "loops, cycles, energy, timing",
     "assembly": "muscle + circuit + load = machine",
     "engine": "time integration",
+    "accessors": "methods carried out above",
     "muscles": "laws, friction, elements",
     "pneumatics": "gas, valves, tubes",
     "experiments": "waveforms, protocols",

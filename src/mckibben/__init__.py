@@ -21,11 +21,13 @@ if TYPE_CHECKING:
     from .errors import InputError as InputError
     from .errors import MckibbenError as MckibbenError
     from .identification.fit import Fit as Fit
-    from .identification.fit import fit as fit
     from .identification.fit import fit_all as fit_all
+    from .identification.ranking import Ranking as Ranking
+    from .identification.ranking import fit as fit
     from .muscles import Muscle as Muscle
     from .muscles import TensionLaw as TensionLaw
-    from .muscles import law as law
+    from .muscles.build import build_law as law  # noqa: F401
+    from .muscles.build import muscle as muscle
     from .quantities import quantity as quantity
     from .recordings import ForceMap as ForceMap
     from .recordings import Recording as Recording
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
 # another name there. Type checkers read the same names above.
 PUBLIC: dict[str, dict[str, str]] = {
     "Muscles and laws": {
+        "muscle": "muscles.build",
         "Muscle": "muscles",
         "TensionLaw": "muscles",
         "law": "muscles",
@@ -58,8 +61,9 @@ PUBLIC: dict[str, dict[str, str]] = {
         "ForceMap": "recordings",
         "read_force_map": "recordings",
         "Fit": "identification",
-        "fit": "identification",
+        "fit": "identification.ranking",
         "fit_all": "identification",
+        "Ranking": "identification",
     },
     "Systems that one steps": {
         "Simulation": "simulation",

@@ -17,6 +17,7 @@ LIBRARIES = {
     "grpc": ("daq", "nidaqmx[grpc]"),
     "nidaqmx": ("daq", "nidaqmx[grpc]"),
     "nptdms": ("formats", "npTDMS"),
+    "pandas": ("data", "pandas"),
     "polars": ("formats", "polars"),
     "pymatreader": ("formats", "pymatreader"),
     "ophyd_async": ("bluesky", "ophyd-async"),

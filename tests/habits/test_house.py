@@ -157,8 +157,8 @@ def _documented_errors(docstring: str) -> list[str]:
 
 
 def _is_public(node: Any, tree: ast.Module) -> bool:
-    """Names without an underscore at the top of a module, and methods of such classes."""
-    if node.name.startswith("_"):
+    """Names without an underscore at the top of a module, and methods of such classes; no signatures of overloads."""
+    if node.name.startswith("_") or any(getattr(d, "id", "") == "overload" for d in node.decorator_list):
         return False
     if node in tree.body:
         return True
