@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from .quantities import quantity as quantity
     from .recordings import ForceMap as ForceMap
     from .recordings import Recording as Recording
+    from .recordings import read as read
     from .recordings import read_force_map as read_force_map
     from .recordings import read_recording as read_recording
     from .reproduction import reproduce as reproduce
@@ -58,6 +59,7 @@ PUBLIC: dict[str, dict[str, str]] = {
         "specimen": "specimens",
     },
     "Measured data": {
+        "read": "recordings",
         "ForceMap": "recordings",
         "read_force_map": "recordings",
         "Fit": "identification",

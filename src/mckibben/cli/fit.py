@@ -16,6 +16,7 @@ from ..report import document, fit_report
 from ..report.figures import fit_figures, style
 from ..specimens import Specimen
 from ._terminal import Json, Set, assignments, caution, options_named, pairs, print_json, progress, table, writable
+from .read import GearRatio, Sheet, Topic, column_places, format_options
 
 if TYPE_CHECKING:
     from ..identification import Ranking
@@ -27,7 +28,7 @@ def fit(
         list[str],
         typer.Argument(
             metavar="FILE..",
-            help="CSV, MAT or TDMS tables, specimens that ship with a force map, or a .toml file of constraints.",
+            help="Tables of any format, specimens that ship with a force map, or a .toml file of constraints.",
         ),
     ],
     law: Annotated[list[str] | None, typer.Option("--law", help="Law to fit; repeatable, all laws by default.")] = None,
@@ -48,6 +49,9 @@ def fit(
     pressure_zero: Annotated[
         str | None, typer.Option(help="Reading of the pressure channel at zero, such as '9.2 kPa'.")
     ] = None,
+    sheet: Sheet = None,
+    topic: Topic = None,
+    gear_ratio: GearRatio = None,
     slack: Annotated[bool, typer.Option(help="Use slack points to say where a law may not pull.")] = True,
     train_below: Annotated[
         str | None, typer.Option(help="Also fit up to this gauge pressure and predict the points above it.")
@@ -74,13 +78,19 @@ def fit(
     if save is not None and len(files) > 1:
         raise InputError("--save", str(save), "allowed with one table")
     reading = {
-        "columns": pairs(column, "--column", "pressure=p_kPa"),
+        "columns": column_places(column) or {},
         "units": pairs(unit, "--unit", "pressure=kPa"),
         "branch": branch,
         "pressure_zero": 0.0 if pressure_zero is None else parse(pressure_zero, "Pa", field="--pressure-zero"),
+        **format_options(sheet, topic, gear_ratio),
     }
+<<<<<<< HEAD
     with options_named(rest_length="--rest-length '300 mm'"):
         loaded = [identification.load_table(f, rest_length=rest, like=like, **reading) for f in files]
+=======
+    with options_named(rest_length="--rest-length '300 mm'", sheet="--sheet NAME"):
+        loaded = [_load(f, rest, like, reading) for f in files]
+>>>>>>> 7aa2724 (Read files of all formats by one reader)
         warnings = [_cautions(points, spec) for points, spec in loaded]
         rankings = [_ranking(points, spec, law, change, below, slack) for points, spec in loaded]
     if report is not None:

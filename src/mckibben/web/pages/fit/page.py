@@ -84,7 +84,7 @@ class FitPage:
 
     def _first(self) -> None:
         with panel("File and columns", step=1), box("div", "stack"):
-            drop = UploadPlace("Drop a CSV, MAT or TDMS file here", self._came, UPLOADS)
+            drop = UploadPlace("Drop a table of any format here", self._came, UPLOADS)
             self._words = drop.words.classed("small").classed("dim")
             with drop.about:
                 self._name = text("b", "")
@@ -184,7 +184,7 @@ class FitPage:
         ending = "MB" if size >= 2**20 else "kB"
         amount = f"{max(size / (2**20 if ending == 'MB' else 1024), 0.1):.3g}"
         rows = results.number(look.total, 0)
-        self._words.say(f"{rows} rows, {amount}\u2009\u2060{ending}. Drop another CSV, MAT or TDMS here")
+        self._words.say(f"{rows} rows, {amount}\u2009\u2060{ending}. Drop another table here")
         with place:
             columns.mapping(self.asked, look, self._change, wrong)
             if wrong is not None:
@@ -212,7 +212,7 @@ class FitPage:
     def _nothing(self) -> None:
         with self._places["mapping"]:
             columns.maps(lambda asked: self.ask(asked, fresh=True))
-        self._leave("No table yet. Drop a CSV, MAT or TDMS file here.")
+        self._leave("No table yet. Drop a table of any format here.")
 
     def _leave(self, words: str) -> None:
         """Show a reason instead of the ranking; nothing is fitted."""
