@@ -162,6 +162,17 @@ def _unit(text: str) -> Any:
     return _registry().Unit("percent" if text == "%" else "" if text in ("1", "-") else text)
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit as people write it, such as ``N/cm`` or ``1``."""
+    if text in _USUAL or any(text in others for others in _USUAL.values()):
+        return True
+    try:
+        _unit(text)
+    except Exception:  # pint's parser meets nonsense with many kinds of error
+        return False
+    return True
+
+
 def _usual(unit: str, si_unit: str) -> tuple[float, float] | None:
     """Factors to the SI unit and back; None if pint has to be asked."""
     unit = unit.strip()
@@ -237,56 +248,6 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
     if not math.isfinite(value):  # as of 1e308 km
         raise InputError(field, text, f"must be a finite number, {_kind(si_unit)}", where=where)
     return value
-
-
-def in_si(value: Any, si_unit: str, *, field: str) -> Any:
-    """A quantity as people give it, as SI: text with a unit is converted, numbers and arrays pass as they are.
-
-    Args:
-        value: a number or an array [si_unit], a text such as ``"12 cm"``, or a list of such texts.
-        si_unit: of the result.
-        field: name used in the complaint.
-
-    Returns:
-        The number or array [si_unit]; of a list of texts an array (n,).
-
-    Raises:
-        InputError: see `parse`.
-    """
-    if isinstance(value, str):
-        return parse(value, si_unit, field=field)
-    if isinstance(value, list | tuple) and any(isinstance(one, str) for one in value):
-        return np.array([in_si(one, si_unit, field=field) for one in value])
-    return value
-
-
-MOST_VALUES = 10_000  # of a range in words
-
-
-def values_in_si(values: Any, si_unit: str, *, field: str) -> list[float]:
-    """A list of quantities as people give it, as SI numbers.
-
-    Args:
-        values: numbers [si_unit], texts, or one text: a list such as ``"1 bar, 3 bar"``, or a range such as ``"1:5 bar"``,
-            in steps of one unless a third number gives the step, as in ``"1:5:0.5 bar"``. Both ends belong to it.
-        si_unit: of the result.
-        field: name used in the complaint.
-
-    Raises:
-        InputError: see `parse`; or the range has no step from one end to the other.
-    """
-    if not isinstance(values, str):
-        return [float(one) for one in np.ravel(in_si(values, si_unit, field=field))]
-    if ":" not in values:
-        return [parse(one, si_unit, field=field) for one in split_values(values, field=field)]
-    head, _, tail = values.strip().rpartition(":")
-    number = leading_number(tail) or ""
-    unit = tail.strip()[len(number) :].strip()
-    ends = [parse(f"{one} {unit}", si_unit, field=field) for one in (*head.split(":"), number)]
-    first, last, step = ends if len(ends) == 3 else (*ends[:2], parse(f"1 {unit}", si_unit, field=field))
-    if len(ends) > 3 or not (step > 0.0 and first <= last and (last - first) / step < MOST_VALUES):
-        raise InputError(field, values, "must be a range such as '1:5 bar', or '1:5:0.5 bar' with its step")
-    return [first + i * step for i in range(math.floor((last - first) / step + 1e-9) + 1)]
 
 
 def split_values(text: str, *, field: str, where: str | None = None) -> list[str]:

@@ -6,14 +6,22 @@ A package that has a tension law, a valve, a step of a protocol, a sensor or an 
     [project.entry-points."mckibben.laws"]
     my_law = "my_package.laws:MyLaw"
 
+A class in a file of one's own needs no package: its name is ``my.py:MyLaw``, on the command line and in files.
+
 The groups are ``mckibben.laws``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors`` and ``mckibben.formats``.
 """
 
 from __future__ import annotations
 
 import functools
+import hashlib
 import importlib
-from collections.abc import Iterator, Mapping
+import os
+import re
+import sys
+import types
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from .errors import InputError, suggest
@@ -49,23 +57,156 @@ def _entry_points() -> tuple[Any, ...]:
     return tuple(point for point in every if point.group.startswith("mckibben."))
 
 
+# A class or value of a Python file, such as ``my.py:MyLaw``, and what the modules of such files are named after.
+_REFERENCE = re.compile(r"(?P<path>.+\.py):(?P<name>[A-Za-z_]\w*)")
+FILE_MODULE = "mckibben_file_"
+LONGEST_FILE = 1 << 20  # [B]; a longer one is no source
+# Folders from whose files code may be loaded; None is any. A server limits them, for its texts come from elsewhere.
+_folders: tuple[Path, ...] | None = None
+
+
+def is_reference(name: object) -> bool:
+    """Whether a name stands for something in a Python file, such as ``my.py:MyLaw``."""
+    return isinstance(name, str) and _REFERENCE.fullmatch(name) is not None
+
+
+def relative_to_file(name: str, where: str | os.PathLike[str]) -> str:
+    """A name that a file states; the path in a reference such as ``my.py:MyLaw`` begins at the folder of that file."""
+    return str(Path(where).parent / name) if is_reference(name) else name
+
+
+def with_own_references(document: Any, where: str | os.PathLike[str]) -> Any:
+    """The tables of a file with every reference such as ``my.py:MyLaw``, key or value, found from the folder of the file.
+
+    Args:
+        document: the tables.
+        where: the file that they come from.
+    """
+    if isinstance(document, Mapping):
+        return {relative_to_file(key, where): with_own_references(value, where) for key, value in document.items()}
+    if isinstance(document, list):
+        return [with_own_references(value, where) for value in document]
+    return relative_to_file(document, where) if isinstance(document, str) else document
+
+
+def limit_folders(folders: Iterable[str | os.PathLike[str]] | None) -> None:
+    """Load code only from files below some folders; None lifts the limit."""
+    global _folders
+    _folders = None if folders is None else tuple(Path(folder).resolve() for folder in folders)
+
+
+def registered_name(kind: Any) -> str | None:
+    """The name under which a class was loaded from a file or a package, or added; None for classes of this package."""
+    name: str | None = vars(kind).get("registered_name") if isinstance(kind, type) else None
+    return name
+
+
+def load_reference(reference: str, *, field: str, where: str | None = None) -> Any:
+    """Load what a reference such as ``my.py:MyLaw`` names; a file that has changed is loaded anew.
+
+    Args:
+        reference: path of a Python file and a name in it.
+        field: what a complaint calls it.
+        where: file for a complaint.
+
+    Raises:
+        InputError: there is no such file or name, or the file raises when it is run.
+    """
+    match = _REFERENCE.fullmatch(reference)
+    if match is None:
+        raise InputError(field, reference, "must be a file and a name in it, such as my.py:MyLaw", where=where)
+    path, name = Path(match["path"]), match["name"]
+    if not path.is_file():
+        raise InputError(
+            field, reference, "no such file", where=where, sentence=_said(where, f"File not found: {path}")
+        )
+    if _folders is not None and not any(path.resolve().is_relative_to(folder) for folder in _folders):
+        said = f"{path} may not be loaded here; code is loaded from {', '.join(map(str, _folders))} only"
+        raise InputError(field, reference, "must be in another folder", where=where, sentence=_said(where, said))
+    module = _module_of(path, field, reference, where)
+    if not hasattr(module, name):
+        own = [n for n, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__]
+        said = f"{path} has no {name!r}; {suggest(name, own)}it has {', '.join(own) or 'nothing of its own'}"
+        raise InputError(field, reference, "must be a name in the file", where=where, sentence=_said(where, said))
+    return _named(reference, getattr(module, name))
+
+
+def _named(name: str, kind: T) -> T:
+    """A kind that remembers the name under which it was loaded, where it is a class."""
+    if isinstance(kind, type) and registered_name(kind) is None:
+        kind.registered_name = name  # type: ignore[attr-defined]
+    return kind
+
+
+def _module_of(path: Path, field: str, reference: str, where: str | None) -> types.ModuleType:
+    """The module of a file, named after its path and content, so that another content is another module."""
+    source = path.read_bytes()
+    if len(source) > LONGEST_FILE:
+        raise InputError(field, reference, f"must be a Python file below {LONGEST_FILE >> 20} MB", where=where)
+    digest = hashlib.sha256(str(path.resolve()).encode() + b"\0" + source).hexdigest()[:24]
+    title = f"{FILE_MODULE}{digest}"
+    if title in sys.modules:
+        return sys.modules[title]
+    module = types.ModuleType(title)
+    module.__file__ = str(path)
+    sys.modules[title] = module  # where the types of the file are looked for while they are made
+    folder = str(path.resolve().parent)
+    sys.path.insert(0, folder)
+    try:
+        exec(compile(source, str(path), "exec"), module.__dict__)  # noqa: S102 - running the user's file is the purpose
+    except Exception as error:
+        del sys.modules[title]
+        line = _line_of(error, str(path))
+        kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+        said = f"{path}{f', line {line}' if line else ''}: {kind}{error}"
+        raise InputError(
+            field, reference, "must be a file that runs", where=where, sentence=_said(where, said)
+        ) from None
+    finally:
+        sys.path.remove(folder)
+    return module
+
+
+def _line_of(error: BaseException, path: str) -> int | None:
+    if isinstance(error, SyntaxError):
+        return error.lineno
+    line, trace = None, error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == path:
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return line
+
+
+def _said(where: str | None, sentence: str) -> str:
+    return sentence if where is None else f"{where}: {sentence}"
+
+
 class Registry(Mapping[str, T], Generic[T]):
-    """Kinds by name, those of this package first.
+    """Kinds by name, those of this package first; a name such as ``my.py:MyLaw`` is a kind of the user's own file.
 
     Args:
         group: group of the entry points.
         noun: what a kind is called in an error message, such as ``law``.
         known: kinds of this package; a text ``module:name`` is imported on demand.
+        accept: what of a file is such a kind: returns what it must be, such as ``a class derived from mckibben.TensionLaw``,
+            or None where it is one. Without it no files are loaded.
     """
 
-    def __init__(self, group: str, noun: str, known: Mapping[str, T | str]) -> None:
-        self.group, self.noun = group, noun
+    def __init__(
+        self,
+        group: str,
+        noun: str,
+        known: Mapping[str, T | str],
+        *,
+        accept: Callable[[Any], str | None] | None = None,
+    ) -> None:
+        self.group, self.noun, self.accept = group, noun, accept
         self._known: dict[str, Any] = dict(known)
 
     def __getitem__(self, name: str) -> T:
         if name not in self._known:
-            kind: T = plugins(self.group)[name]
-            return kind
+            return self._of_file(name) if self._is_file(name) else _named(name, plugins(self.group)[name])
         entry = self._known[name]
         if isinstance(entry, str):
             module, _, attribute = entry.partition(":")
@@ -73,8 +214,46 @@ class Registry(Mapping[str, T], Generic[T]):
         result: T = entry
         return result
 
+    def _is_file(self, name: object) -> bool:
+        return self.accept is not None and is_reference(name)
+
+    def _of_file(self, name: str, field: str = "", where: str | None = None) -> T:
+        kind: T = load_reference(name, field=field or self.noun, where=where)
+        assert self.accept is not None
+        demand = self.accept(kind)
+        if demand is not None:
+            said = _said(where, f"{name} is no {self.noun}: it must be {demand}")
+            raise InputError(field or self.noun, name, f"must be {demand}", where=where, sentence=said)
+        return kind
+
+    def register(self, kind: T) -> str:
+        """Name a kind that is given as itself, such as a class of a notebook; raises `InputError` where it is none."""
+        for name, entry in self._known.items():
+            if entry is kind:
+                return name
+        known = registered_name(kind) or self._own_name(kind)
+        if known is not None:
+            return known
+        demand = "a kind of its own" if self.accept is None else self.accept(kind)
+        title = getattr(kind, "__name__", type(kind).__name__)
+        if demand is not None:
+            raise InputError(
+                self.noun, title, f"must be {demand}", sentence=f"{title} is no {self.noun}: it must be {demand}"
+            )
+        name, count = title, 1
+        while name in self._known:  # an earlier class of that name, as of a cell that was run again
+            count += 1
+            name = f"{title}_{count}"
+        self.add(name, kind)
+        return name
+
+    def _own_name(self, kind: Any) -> str | None:
+        """The name of a kind of this package that nobody has asked for yet."""
+        place = f"{getattr(kind, '__module__', '')}:{getattr(kind, '__qualname__', '')}"
+        return next((name for name, entry in self._known.items() if entry == place), None)
+
     def __contains__(self, name: object) -> bool:
-        return name in self._known or name in plugins(self.group)
+        return name in self._known or self._is_file(name) or name in plugins(self.group)
 
     def __iter__(self) -> Iterator[str]:
         return iter((*self._known, *(name for name in plugins(self.group) if name not in self._known)))
@@ -90,6 +269,10 @@ class Registry(Mapping[str, T], Generic[T]):
         """
         if name in self._known:
             raise InputError(self.noun, name, f"another {self.noun} has that name")
+        self._known[name] = _named(name, kind)
+
+    def put(self, name: str, kind: T) -> None:
+        """Name a kind that a file declares, such as a sensor of a rig, in place of any other of that name."""
         self._known[name] = kind
 
     def own(self) -> tuple[T, ...]:
@@ -107,6 +290,8 @@ class Registry(Mapping[str, T], Generic[T]):
         Raises:
             InputError: there is none of that name.
         """
+        if self._is_file(name):
+            return self._of_file(name, field, where)
         if name not in self:
             raise InputError(field or self.noun, name, f"{suggest(name, self)}known are {', '.join(self)}", where=where)
         return self[name]

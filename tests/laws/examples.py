@@ -1,8 +1,7 @@
 """Every law with parameters that a muscle could have, and one compiled function for all tests of a kind.
 
 `examples` are fixed, the shipped specimens among them; `muscle_like` makes a law of a vector of numbers in [0, 1], whose
-parameters fit each other (a wall thinner than the braid, a working range that holds gas). Parameters are arguments of
-the compiled functions, so that no random draw compiles anything.
+parameters fit each other (a wall thinner than the braid, a working range that holds gas).
 """
 
 from __future__ import annotations
@@ -11,11 +10,6 @@ import functools
 import math
 from collections.abc import Callable, Sequence
 
-import jax
-import jax.numpy as jnp
-import numpy as np
-
-from mckibben.components import Scalar
 from mckibben.muscles.build import build_law, law_from_specimen
 from mckibben.muscles.law import TensionLaw
 from mckibben.muscles.laws import LAWS
@@ -23,8 +17,6 @@ from mckibben.specimens import specimen
 
 # How many numbers in [0, 1] make a law.
 DRAWS = 12
-# Evaluations are padded to this many points, so that each law is compiled for one shape only.
-POINTS = 4096
 
 _STATED = {
     "gas_spring": dict(stiffness_per_pressure=4.66e-3, shortest_length=0.0991, rest_length=0.14, upper_length=0.154),
@@ -70,11 +62,6 @@ def examples() -> dict[str, TensionLaw]:
 def example(law: str) -> TensionLaw:
     """The example that is stated above where there is one, whose numbers no fit changes, else the first of a specimen."""
     return examples().get(law) or next(value for name, value in examples().items() if name.split()[0] == law)
-
-
-def thread_length(law: TensionLaw) -> float:
-    """Length that the lengths of a test are relative to: of the thread where a law has one, else the rest length [m]."""
-    return float(law.thread_length if hasattr(law, "thread_length") else law.rest_length)
 
 
 def muscle_like(law: str, draw: Sequence[float]) -> TensionLaw:
@@ -199,49 +186,3 @@ _MUSCLE_LIKE: dict[str, Callable[[_Draw], dict[str, float]]] = {
     "three_element": _three_element,
 }
 assert set(_MUSCLE_LIKE) == set(LAWS), "a new law needs random parameters here"
-
-
-def face(law: TensionLaw, span: Scalar, pressure: Scalar) -> tuple[Scalar, Scalar]:
-    """Tension [N] and gas volume [m^3] of the unilateral muscle; the volume up to a constant where a law has none."""
-    if law.has_volume():
-        return law.tension(span, pressure), law.volume(span, pressure)
-    tension = law.tension(span, pressure)
-    return tension, law.braid_volume(jnp.where(tension > 0.0, span, law.free_length(pressure)), pressure)
-
-
-def pressures(law: TensionLaw, count: int = 64, *, lowest: float = -0.95e5, highest: float = 1e6) -> np.ndarray:
-    """Gauge pressures from lowest to highest [Pa], with zero, the threshold, its two ends and some places in between."""
-    middle, width = float(getattr(law, "threshold_pressure", 0.0)), float(getattr(law, "threshold_width", 1e4))
-    special = np.concatenate([[0.0], middle + width * np.array([-0.5, -0.35, -0.2, 0.0, 0.2, 0.35, 0.5])])
-    return np.sort(np.concatenate([special, np.linspace(lowest, highest, count - special.size)]))
-
-
-def _with_slopes(
-    law: TensionLaw, span: Scalar, pressure: Scalar
-) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
-    along = (
-        jnp.stack([jnp.ones_like(span), jnp.zeros_like(span)]),
-        jnp.stack([jnp.zeros_like(span), jnp.ones_like(span)]),
-    )
-
-    def derivative(dl: Scalar, dp: Scalar) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
-        return jax.jvp(lambda x, p: face(law, x, p), (span, pressure), (dl, dp))
-
-    return jax.vmap(derivative, out_axes=(None, 0))(*along)
-
-
-_COMPILED = jax.jit(_with_slopes)
-
-
-def evaluate(law: TensionLaw, span: np.ndarray, pressure: np.ndarray) -> dict[str, np.ndarray]:
-    """F [N], V [m^3] and their derivatives to span (F_L, V_L) and pressure (F_P, V_P), at points of any number."""
-    span, pressure = np.broadcast_arrays(np.asarray(span, float), np.asarray(pressure, float))
-    shape, parts = span.shape, []
-    span, pressure = span.ravel(), pressure.ravel()
-    for start in range(0, span.size, POINTS):
-        x, p = span[start : start + POINTS], pressure[start : start + POINTS]
-        room = POINTS - x.size
-        (F, V), (dF, dV) = _COMPILED(law, np.pad(x, (0, room), mode="edge"), np.pad(p, (0, room), mode="edge"))
-        parts.append(np.stack([F, V, dF[0], dV[0], dF[1], dV[1]])[:, : x.size])
-    rows = np.concatenate(parts, axis=1).reshape(6, *shape)
-    return dict(zip(("F", "V", "F_L", "V_L", "F_P", "V_P"), rows, strict=True))

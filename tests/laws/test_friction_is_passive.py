@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mckibben.components.element import Hysteresis
 from mckibben.errors import InputError
+from mckibben.muscles.check import follow
 from mckibben.muscles.hysteresis import (
     HYSTERESES,
     BoucWen,
@@ -74,19 +75,6 @@ EXAMPLES = {
 PATHS = st.lists(
     st.tuples(st.floats(-1.0, 1.0), st.floats(-0.9e5, 10e5)), min_size=PIECES, max_size=PIECES
 )  # displacement of a piece, relative, and the gauge pressure at its end [Pa]
-
-
-@jax.jit
-def follow(friction, displacements, pressures, step=1e-3):
-    """Everything along a path: forces before and after each step, its ledger, the energy after it."""
-
-    def one(state, piece):
-        dx, p0, p1 = piece
-        out = friction.advance(state, dx, start_pressure=p0, end_pressure=p1, duration=step)
-        forces = friction.force(state, dx / step, p0), friction.force(out.state, dx / step, p1)
-        return out.state, (*forces, out.work, out.dissipated, friction.stored_energy(out.state))
-
-    return jax.lax.scan(one, friction.initial(), (displacements, pressures[:-1], pressures[1:]))[1]
 
 
 def fine_path(friction, pieces):

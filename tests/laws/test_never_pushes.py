@@ -9,11 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from examples import POINTS, evaluate, example, examples, pressures, thread_length
+from examples import example, examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mckibben.muscles.build import construct
+from mckibben.muscles.check import POINTS, evaluate, pressures, thread_length
 from mckibben.muscles.law import TensionLaw, law_name
 from mckibben.muscles.laws import LAWS, law_type
 from mckibben.quantities import Quantity, declared

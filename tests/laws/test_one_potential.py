@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from examples import DRAWS, evaluate, example, examples, muscle_like, pressures, thread_length
+from examples import DRAWS, example, examples, muscle_like
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mckibben.muscles.check import evaluate, pressures, thread_length
 from mckibben.muscles.law import TensionLaw, law_name
 from mckibben.muscles.laws import LAWS
 

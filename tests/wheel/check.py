@@ -25,7 +25,6 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[2]
 COMPILER = ROOT / "packages" / "lanewise"
 CIRCUITS = ROOT / "examples" / "circuits"
-MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
 AT_ONCE = 2  # commands that run beside each other
 LONG = ("study tube", "size")  # begun first, so that nobody waits for them at the end
@@ -81,6 +80,27 @@ step = "250 us"
 free = ["elements.hole.conductance"]
 start = { "elements.hole.conductance" = "9e-9 m^3/(s*Pa)" }
 """
+OWN_LAW = """
+import mckibben as mk
+
+
+class Spring(mk.TensionLaw):
+    title = "gas spring"
+    cites = ()
+    fitted = ("area",)
+    area = mk.quantity("m^2", (1e-6, 1e-1), "force per pressure at rest", default=1e-3)
+    rest_length = mk.quantity("m", (1e-3, 10.0), "rest length")
+
+    def elastic_tension(self, length):
+        return 1e3 * (length - 0.95 * self.rest_length)
+
+    def gas_energy(self, length, pressure):
+        x = 1.2 * self.rest_length - length
+        return pressure * self.area * (self.rest_length + x - 0.5 * x * x / self.rest_length)
+
+    def length_range(self):
+        return 0.5 * self.rest_length, 1.1 * self.rest_length
+"""
 MUSCLE, BENCH = "nylon", ("work-loop", "--muscle", "nylon")
 CALLS: dict[str, list[Call]] = {
     "muscles": [Call()],
@@ -95,11 +115,11 @@ CALLS: dict[str, list[Call]] = {
             ["braid.toml"],
         )
     ],
-    "read": [Call((str(MAP), "--rest-length", "30 cm"))],
     "fit": [
         Call(("DMSP-20-300", "--law", "ideal", "--report", "fit.html", "--save", "fit.toml"), ["fit.html", "fit.toml"]),
         needs("report", "DMSP-20-300", "--report", "fit.pdf"),
     ],
+    "check": [Call(("own.py:Spring",)), Call(("nowhere.py:Law",), says=("File not found: nowhere.py",))],
     "protocols": [Call()],
     "run": [
         Call((*BENCH, "--set", "cycles=3", "--out", "loop.nc", "--figure", "loop.svg"), ["loop.nc", "loop.svg"]),
@@ -278,6 +298,7 @@ def called(python: Path, place: Path) -> list[str]:
     room = place / "room"
     (room / "nothing").mkdir(parents=True)
     (room / "tank.toml").write_text(TANK, encoding="utf-8")
+    (room / "own.py").write_text(OWN_LAW, encoding="utf-8")
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "MCKIBBEN", "JAX"))}
     env = kept | {"XDG_CACHE_HOME": str(place / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
     known = json.loads(subprocess.run([python, "-c", LIST], cwd=room, env=env, check=True, capture_output=True).stdout)

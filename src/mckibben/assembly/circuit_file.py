@@ -46,6 +46,7 @@ from ..experiments.waveforms import Waveform, read_waveform, time_words
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.sizes import put_value
 from ..quantities import Quantity, declared, parse
+from ..registry import with_own_references
 from ..schema import FileTable
 from .circuit_parts import FitTable, PlannedNode, check_length, read_branch, read_fit, read_node
 from .signal_table import read_points
@@ -293,7 +294,7 @@ def read_circuit(path: str | os.PathLike[str]) -> CircuitPlan:
     """
     where = os.fspath(path)
     text = read_text(path)
-    document = with_own_paths(parse_toml(text, where=where), where)
+    document = with_own_references(with_own_paths(parse_toml(text, where=where), where), where)
     return build_plan(document, where=where, digest=hashlib.sha256(text.encode()).hexdigest())
 
 

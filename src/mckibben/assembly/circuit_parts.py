@@ -27,6 +27,7 @@ from ..pneumatics.circuit import Branch
 from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiabatic
 from ..pneumatics.volume import Chamber, CompliantVolume, FixedVolume, MovingVolume, Reservoir
 from ..quantities import declared, shown_unit, with_unit
+from ..registry import is_reference
 from ..schema import FileTable
 from ..specimens import Specimen, specimen
 
@@ -254,7 +255,9 @@ def read_branch(entry: FileTable, nodes: Sequence[str]) -> PlannedBranch:
     Raises:
         InputError: names file, dotted path, value and what is allowed.
     """
-    kind = entry.word("kind", among=ELEMENTS)
+    stated = entry.values.get("kind")
+    kind = str(stated) if is_reference(stated) else entry.word("kind", among=ELEMENTS)
+    ELEMENTS.find(kind, field=entry.field("kind"), where=entry.where or None)
     ports = ELEMENTS[kind].ports
     keys = TWO_PORTS if len(ports) == 2 and not set(ports) & set(entry.values) else ports
     ends = tuple(_end(entry, key, keys, nodes) for key in keys)

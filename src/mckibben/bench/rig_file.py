@@ -26,15 +26,16 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from importlib import resources
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
-from ..components import Environment
+from ..components import Environment, Module
 from ..documents import parse_toml, read_toml, with_own_paths
 from ..errors import InputError, suggest
 from ..pneumatics.build import build_element, known_keys
 from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
 from ..pneumatics.sizes import put_value
 from ..quantities import Quantity, declared, parse
+from ..registry import load_reference, with_own_references
 from ..schema import FileTable, read_table
 from ..specimens import specimen
 from .hardware.analogue import AnalogOut, Converter, Sensor
@@ -43,7 +44,7 @@ from .hardware.frame import Frame
 from .hardware.motor import Encoder, Motor
 from .hardware.pneumatics import Plumbing
 from .rig import OperatorAction, Rig
-from .sensors import SENSORS
+from .sensors import SENSORS, SensorKind
 from .software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .software.interlocks import Interlocks
 
@@ -79,7 +80,7 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
     """
     text = os.fspath(name)
     if text.lower().endswith(".toml") or os.sep in text:
-        document, where = with_own_paths(read_toml(text, field="rig"), text), text
+        document, where = with_own_references(with_own_paths(read_toml(text, field="rig"), text), text), text
     else:
         if text not in rig_names():
             known = rig_names()
@@ -103,6 +104,7 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
     top.only(SECTIONS)
     top.schema(SCHEMA)
     sensors, outputs, control = top.table("sensors"), top.table("outputs"), top.table("control")
+    _own_sensors(sensors)
     sensors.only(SENSORS)
     outputs.only(("valve", "motor"))
     control.only(("motion", "pressure", "position", "force"))
@@ -135,9 +137,9 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
         longest=bounds[1],
         plumbing={name: _plumbing(layouts.table(name), room) for name in layouts.values},
         motion=read_table(MotionEstimate, control.table("motion")),
-        pressure=read_table(PressureControl, control.table("pressure")),
-        position=read_table(PositionControl, control.table("position")),
-        force=read_table(ForceControl, control.table("force")),
+        pressure=_controller(control.table("pressure"), PressureControl),
+        position=_controller(control.table("position"), PositionControl),
+        force=_controller(control.table("force"), ForceControl),
         interlocks=_interlocks(top.table("interlocks"), bounds),
         environment=room,
         hands=_hands(top, tuple(layouts.values)),
@@ -151,6 +153,34 @@ def _channel_part(kind: type[T], table: FileTable, unit: str, **parts: Any) -> T
     return read_table(kind, table, units=dict.fromkeys(("low", "high", "offset", "noise"), unit), **parts)
 
 
+def _own_sensors(sensors: FileTable) -> None:
+    """Declare the sensors whose ``kind`` is of a file of the user's own, such as ``my.py:GAS_TEMPERATURE``."""
+    for name in sensors.values:
+        table = sensors.table(name)
+        if "kind" not in table:
+            continue
+        reference = table.word("kind")
+        kind = load_reference(reference, field=table.field("kind"), where=table.where or None)
+        if not isinstance(kind, SensorKind):
+            said = f"{table.where}: {reference} is no sensor: it must be a mckibben.bench.sensors.SensorKind"
+            raise InputError(table.field("kind"), reference, "must be a sensor", where=table.where, sentence=said)
+        SENSORS.put(name, kind)
+
+
+def _controller(table: FileTable, usual: type[T]) -> T:
+    """Read a controller of the bench, or the class of the user's own that stands in its place."""
+    if "controller" not in table:
+        return read_table(usual, table)
+    reference = table.word("controller")
+    kind = load_reference(reference, field=table.field("controller"), where=table.where or None)
+    demand = f"a class derived from mckibben.components.Module with initial and step like those of {usual.__name__}"
+    if not (isinstance(kind, type) and issubclass(kind, Module) and all(hasattr(kind, n) for n in ("initial", "step"))):
+        said = f"{table.where}: {reference} is no controller: it must be {demand}"
+        raise InputError(table.field("controller"), reference, f"must be {demand}", where=table.where, sentence=said)
+    made: Any = read_table(kind, table.without("controller"))
+    return cast(T, made)
+
+
 def _interlocks(entry: FileTable, bounds: Sequence[float]) -> Interlocks:
     """Limits of the interlocks; what follows from the other parts is not stated again."""
     entry.only([k for k in declared(Interlocks) if k not in FOLLOWS], "they have")
@@ -159,7 +189,7 @@ def _interlocks(entry: FileTable, bounds: Sequence[float]) -> Interlocks:
 
 def _sensor(table: FileTable, unit: str) -> Sensor:
     converter = _channel_part(Converter, table.table("converter"), unit)
-    return _channel_part(Sensor, table.without("converter", *TRIPS), unit, converter=converter)
+    return _channel_part(Sensor, table.without("converter", "kind", *TRIPS), unit, converter=converter)
 
 
 def _trips(table: FileTable, unit: str) -> tuple[float, float]:

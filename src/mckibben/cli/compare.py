@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..report import comparison_report, document
 from ..report.figures import comparison_figures, style
+from ..specimens import specimen
 from ..studies import comparison
 from ._terminal import Json, caution, print_json, table, told, writable
 
@@ -33,6 +34,9 @@ def compare_muscles(
     pressure: Annotated[
         str, typer.Option(help="Gauge pressure that counts as the full drive of McKibben muscles.")
     ] = "5 bar",
+    law: Annotated[
+        str | None, typer.Option("--law", help="Law to use for the muscles that state it instead of their default.")
+    ] = None,
     protocols: Annotated[
         bool,
         typer.Option(
@@ -64,7 +68,11 @@ def compare_muscles(
     if rig is not None and not protocols and match is None:
         raise InputError("--rig", rig, "allowed with --protocols or --match, which run on it")
     full = parse(pressure, "Pa", field="--pressure")
-    chosen = [comparison.subject(name, pressure=full) for name in muscles or []]
+    specs = [specimen(name) for name in muscles or []]
+    if law is not None and not any(law in spec.laws for spec in specs):
+        stated = ", ".join(dict.fromkeys(name for spec in specs for name in spec.laws))
+        raise InputError("--law", law, f"the muscles state {stated or 'no law'}")
+    chosen = [comparison.subject(spec, pressure=full, law=law if law in spec.laws else None) for spec in specs]
     braided = [s.spec for s in chosen if s.unit is not None]
     warnings = caution(
         *dict.fromkeys(muscle_models.plausible.pressure_caution(full, spec, text=pressure) for spec in braided)

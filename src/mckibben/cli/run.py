@@ -63,6 +63,7 @@ def run_protocol(
     protocol: Protocol,
     muscle: Muscle,
     rig: RigName = "paper",
+    law: Annotated[str | None, typer.Option("--law", help="Law to use instead of the specimen's default.")] = None,
     change: Change = None,
     out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording into this file.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw the measured channels into this SVG, PNG or PDF.")] = None,
@@ -110,6 +111,7 @@ def run_protocol(
         rig,
         change,
         calibration,
+        law=law,
         plumbing=plumbing,
         seed=seed,
         step=_step(parse(step, "s", field="--step")),
@@ -147,13 +149,20 @@ def run_protocol(
 
 
 def prepared(
-    protocol: str, muscle: str, rig: str, change: list[str] | None, calibration: Path | None, **options: Any
+    protocol: str,
+    muscle: str,
+    rig: str,
+    change: list[str] | None,
+    calibration: Path | None,
+    *,
+    law: str | None = None,
+    **options: Any,
 ) -> PreparedRun:
     """Prepare a run from the options of the command line."""
     changes = pairs(change, "--set", _EXAMPLE)
     of_protocol = [f"{k}={v}" for k, v in changes.items() if not k.startswith(("rig.", "muscle."))]
     spec = specimen(muscle)
-    unit = build.unit_from_specimen(spec)
+    unit = build.unit_from_specimen(spec, law=law)
     for key, words in changes.items():
         if key.startswith("muscle."):
             path = key.removeprefix("muscle.")

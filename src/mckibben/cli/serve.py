@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,8 @@ import typer
 from ..bench import hardware, session
 from ..errors import InputError
 from ..extras import library
+from ..registry import limit_folders
+from ..specimens.load import FOLDER_VARIABLE
 from .run import CalibrationFile, On, chosen_rig
 
 NEEDED = ("starlette", "uvicorn", "websockets")
@@ -61,5 +64,7 @@ def serve_screen(
         elif lock_step:
             raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
         typer.echo("Preparing the web interface ..", err=True)
+        # Texts of a browser may name files: code comes from the folders that the owner has chosen only.
+        limit_folders([".", *filter(None, os.environ.get(FOLDER_VARIABLE, "").split(os.pathsep))])
         lab = Laboratory(folder, functools.partial(Bench, muscle=muscle, rig=first, spec=real))
         serve(lab, line, host, show=show, tell=typer.echo)

@@ -63,7 +63,12 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
     def __init_subclass__(cls, **options: Any) -> None:
         """Make it a dataclass and a kind of tree."""
         super().__init_subclass__(**options)
-        annotations = cls.__dict__.get("__annotations__", {})
+        annotations = dict(cls.__dict__.get("__annotations__", {}))
+        # A declared parameter needs no annotation: `gain = quantity(..)` is a field too.
+        annotations |= {
+            name: Scalar for name, value in vars(cls).items() if _is_field(value) and name not in annotations
+        }
+        cls.__annotations__ = annotations
         for name in [n for n, kind in annotations.items() if "AbstractVar" in str(kind)]:
             del annotations[name]
         dataclasses.dataclass(eq=False, repr=False)(cls)
@@ -170,6 +175,10 @@ def _convert_again(owner: weakref.ref[Module]) -> None:
         for f in dataclasses.fields(value):
             if "converter" in f.metadata:
                 value.__dict__[f.name] = f.metadata["converter"](value.__dict__[f.name])
+
+
+def _is_field(value: Any) -> bool:
+    return isinstance(value, dataclasses.Field)
 
 
 def _register(cls: type[Module]) -> None:

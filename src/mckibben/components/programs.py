@@ -9,6 +9,9 @@ A program is found by its key, a hash of all that tracing a function for example
   functions and types, for either may have been replaced;
 * how JAX counts: with 64 bits, and by which promotion.
 
+A file of the user's own (`registry.load_reference`) is known by its content, after which its module is named, if it imports
+nothing that nobody watches and its other values are plain or arrays.
+
 Neither the key nor the program needs JAX, which is loaded where something has to be lowered.
 
 What has no sure name has no key: lambdas and what is defined inside a function, methods of objects that are no trees, and
@@ -42,6 +45,7 @@ from lanewise import Leaf, Program, cache
 
 from .._jax import is_jax_array, is_loaded, is_traced, jax
 from .._lazy import LazyModule
+from ..registry import FILE_MODULE
 from .module import Module, flatten
 
 OWN = __name__.partition(".")[0]
@@ -215,15 +219,42 @@ class _Name:
     def known(name: str) -> bool:
         """Whether a module belongs to this package; others are refused, since their sources are not watched."""
         root = name.partition(".")[0]
+        if root.startswith(FILE_MODULE):
+            return True
         if root != OWN and root not in LIBRARIES and root not in sys.stdlib_module_names:
             raise UnnamedError
         return root == OWN
+
+    def file(self, module: types.ModuleType) -> None:
+        """A file of the user's own: its name tells its source, so that what else it may depend on is left."""
+        for name, value in sorted(vars(module).items()):
+            if name.startswith("__"):
+                continue
+            if isinstance(value, types.ModuleType):
+                self.watched(value.__name__)
+            elif isinstance(value, (*PLAIN, tuple, np.ndarray)) or is_jax_array(value):
+                self.word(name)
+                self.static(value)
+            elif isinstance(home := getattr(value, "__module__", None), str):
+                self.watched(home)
+                self.word(name, home, getattr(value, "__qualname__", ""))
+            else:
+                raise UnnamedError
+
+    def watched(self, name: str) -> None:
+        """A module that a file of the user's own imports: this package's, a library's, or that file itself."""
+        if name.startswith(FILE_MODULE) and name not in self.modules:
+            raise UnnamedError
+        self.known(name)
 
     def constants(self) -> None:
         """Plain values that now stand in the modules, and in those whose functions and types they use."""
         todo, visited = sorted(self.modules), set(self.modules)
         while todo:
             module = sys.modules[todo.pop()]
+            if module.__name__.startswith(FILE_MODULE):
+                self.file(module)
+                continue
             for name, value in sorted(vars(module).items()):
                 if name.startswith("__"):
                     continue

@@ -123,7 +123,7 @@ class Problem:
         """Signed braid tension [N] and its derivative to the scaled parameters at all points: (n,) and (n, free)."""
         n = len(self.points)
         total = -(-n // PADDING) * PADDING
-        predict, jacobian = _compiled(self.law, self.free, tuple(sorted(self.known)))
+        predict, jacobian = _compiled(law_type(self.law), self.free, tuple(sorted(self.known)))
         known = tuple(_padded(self.known[name], n, total) for name in sorted(self.known))
         length, pressure = _padded(self.points.length, n, total), _padded(self.points.pressure, n, total)
 
@@ -162,9 +162,7 @@ def _padded(value: Any, n: int, total: int) -> jax.Array:
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled(law: str, free: tuple[str, ...], known: tuple[str, ...]) -> tuple[Any, Any]:
-    kind = law_type(law)
-
+def _compiled(kind: type[TensionLaw], free: tuple[str, ...], known: tuple[str, ...]) -> tuple[Any, Any]:
     def predict(values: Any, fixed: Any, length: Any, pressure: Any) -> Any:
         parameters = dict(zip(free, values, strict=True)) | dict(zip(known, fixed, strict=True))
         return construct(kind, parameters).braid_tension(length, pressure)

@@ -11,6 +11,7 @@ pulls with max(F, 0), and where F would be negative it hangs slack at its free l
 from __future__ import annotations
 
 import abc
+import dataclasses
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..components import Module, Scalar, derivative
 from ..components.evaluation import evaluated
 from ..errors import InputError, NoVolumeError, UnreachableError
 from ..quantities import with_unit
+from ..registry import registered_name
 
 
 class LawState(NamedTuple):
@@ -46,6 +48,18 @@ class TensionLaw(Module):
     fitted_if_unknown: ClassVar[dict[str, tuple[str, ...]]] = {}
     # Parameters that stay at their default where tension was measured at fewer lengths than this.
     lengths_needed: ClassVar[dict[str, int]] = {}
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Refuse parameters that hide what every law has; see `Module`."""
+        hidden = [
+            name for name in vars(cls) if isinstance(vars(cls)[name], dataclasses.Field) and hasattr(TensionLaw, name)
+        ]
+        if hidden:
+            said = (
+                f"{cls.__name__}.{hidden[0]} hides what every law has of that name; choose another, as wall_{hidden[0]}"
+            )
+            raise InputError(hidden[0], "a parameter", "must have another name", sentence=said)
+        super().__init_subclass__(**options)
 
     @abc.abstractmethod
     def elastic_tension(self, length: Any) -> Scalar:
@@ -206,8 +220,18 @@ class TensionLaw(Module):
 
 
 def law_name(law: TensionLaw | type[TensionLaw]) -> str:
-    """The name under which a law is addressed: its module's."""
-    return (law if isinstance(law, type) else type(law)).__module__.rsplit(".", 1)[1]
+    """The name under which a law is addressed: that of its registration, such as ``my.py:MyLaw``, or its module's."""
+    kind = law if isinstance(law, type) else type(law)
+    return registered_name(kind) or kind.__module__.rsplit(".", 1)[-1]
+
+
+def required_of_law(kind: Any) -> str | None:
+    """What something must be to be a law; None where it is one."""
+    if not (isinstance(kind, type) and issubclass(kind, TensionLaw)):
+        return "a class derived from mckibben.TensionLaw"
+    missing = [name for name in ("title", "cites", "fitted") if not hasattr(kind, name)]
+    missing += sorted(getattr(kind, "__abstractmethods__", ()))
+    return f"complete; missing: {', '.join(missing)}" if missing else None
 
 
 def _together(length: Any, pressure: Any) -> tuple[Scalar, Scalar]:

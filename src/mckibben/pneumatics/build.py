@@ -25,6 +25,15 @@ from .sizes import DIAMETER, ORIFICE_FIELDS, PASSAGE_WAYS, SIZES, SizeStatement,
 from .tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube
 from .valves import CheckValve, OnOffValve, PressureRegulator, QuickExhaust, Solenoid, SpoolValve, ThreeWayValve
 
+
+def _required_of_element(kind: Any) -> str | None:
+    """What something must be to be a pneumatic element; None where it is one."""
+    if not (isinstance(kind, type) and issubclass(kind, FlowElement)):
+        return "a class derived from mckibben.components.flow.FlowElement"
+    missing = sorted(getattr(kind, "__abstractmethods__", ()))
+    return f"complete; missing: {', '.join(missing)}" if missing else None
+
+
 ELEMENTS: Registry[type[FlowElement]] = Registry(
     "mckibben.valves",
     "kind",
@@ -43,6 +52,7 @@ ELEMENTS: Registry[type[FlowElement]] = Registry(
         "inertial_tube": InertialTube,
         "lumped_tube": LumpedTube,
     },
+    accept=_required_of_element,
 )
 
 LENGTH = Quantity("m", (1e-4, 100.0), "length", "l", (1e-2, 5.0))

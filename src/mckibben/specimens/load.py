@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..documents import parse_toml, read_text
 from ..errors import InputError, suggest
+from ..registry import with_own_references
 from ..schema import FileTable
 from .model import SCHEMA, Specimen
 
@@ -124,7 +125,7 @@ def _files(folders: str) -> Iterator[tuple[str, str]]:
 
 
 def _read(text: str, *, where: str) -> Specimen:
-    table = FileTable(parse_toml(text, where=where), "", where)
+    table = FileTable(with_own_references(parse_toml(text, where=where), where), "", where)
     table.schema(SCHEMA)
     one = Specimen.read(table.values, where=where)
     if one.kind != "valve" and (one.element or one.valve):

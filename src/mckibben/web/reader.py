@@ -161,7 +161,7 @@ def check_rows(path: Path, most: int, use: str) -> None:
     Raises:
         MckibbenError: says how many there are and how many are allowed.
     """
-    if path.suffix.lower() not in (".csv", ".txt", ".tsv", ".dat"):
+    if path.suffix.lower() not in (".csv", ".txt"):
         return
     count = 0
     with open(path, "rb") as stream:

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from ...registry import Registry
-from ..law import TensionLaw
+from ..law import TensionLaw, required_of_law
 
 LAWS: Registry[type[TensionLaw]] = Registry(
     "mckibben.laws",
@@ -24,7 +24,13 @@ LAWS: Registry[type[TensionLaw]] = Registry(
         "sarosi": f"{__name__}.sarosi:Sarosi",
         "three_element": f"{__name__}.three_element:ThreeElement",
     },
+    accept=required_of_law,
 )
+
+
+def law_key(law: str | type[TensionLaw]) -> str:
+    """The name of a law that is given by its name or as its class; a class of one's own gets a name for this process."""
+    return law if isinstance(law, str) else LAWS.register(law)
 
 
 def law_type(name: str) -> type[TensionLaw]:

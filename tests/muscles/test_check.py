@@ -1,0 +1,114 @@
+"""A law with a fault is found out, by the fault that it has, and a sound one passes."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+import mckibben as mk
+from mckibben.assembly.check import check
+from mckibben.cli.app import main
+from mckibben.errors import InputError
+from mckibben.muscles.hysteresis import Dahl, FrictionLimit
+from mckibben.registry import limit_folders, load_reference
+
+FAULTY = str(Path(__file__).with_name("faulty.py"))
+# Each law of `faulty.py`: kinds of its findings in order, and what the first sentence says.
+FAULTS = {
+    "Sound": ((), ""),
+    "MakesEnergy": (("potential", "energy"), r"dF/dP' is 0\.002 m\^2 and -dV/dL is .* m\^2, at 4 cm and 10 bar"),
+    "Pushes": (("push", "potential", "energy"), r"pushes with 150 N, at 4 cm and -0\.95 bar"),
+    "NotFinite": (("finite",), r"dF/dL is nan, at 4 cm and .* bar, and at \d+ more of 4096 places"),
+    "WrongDerivative": (("derivative",), r"dF/dL is .* N/m by its derivative and .* by differences, at .* cm and .* bar"),
+    "Branches": (("error", "lowering"), "cannot be evaluated on arrays: ValueError: The truth value of an array"),
+    "Sorts": (("lowering",), r"svd \(faulty.py, line \d+, Sorts.elastic_tension\) cannot become a native kernel"),
+    "Undeclared": (("declaration",) * 4, "factor has neither unit nor bounds; declare it as mckibben.quantity"),
+    "Shrinks": (("volume", "capacitance"), r"has a gas volume of -.* cm\^3, at .* cm and .* bar"),
+    "Perpetual": (("passivity",), r"gives back .* J more than was put in, displaced by .* mm at .* bar"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_faulty_law_is_found_out(name: str) -> None:
+    found = check(f"{FAULTY}:{name}")
+    kinds, sentence = FAULTS[name]
+    assert tuple(finding.kind for finding in found) == kinds, found
+    if kinds:
+        assert re.search(sentence, found[0].sentence), found[0].sentence
+        assert found[0].sentence.startswith(f"{FAULTY}:{name}: ")
+
+
+@pytest.mark.parametrize("law", ["linear_threshold", "ideal"])
+def test_the_laws_of_the_package_pass(law: str) -> None:
+    known = {"shortest_length": 0.14, "rest_volume": 2e-5} if law == "linear_threshold" else {"thread_length": 0.25}
+    assert check(law, known) == []
+
+
+def test_a_friction_of_the_package_passes() -> None:
+    assert check(Dahl(limit=FrictionLimit(constant=0.5, per_pressure=4e-6), stiffness=2e3)) == []
+
+
+def test_the_energy_of_a_fault_is_that_of_its_cycle() -> None:
+    # The extra tension c P'^2 does c times the integral of P'^2 dL, of which the volume knows nothing.
+    kind = load_reference(f"{FAULTY}:MakesEnergy", field="law")
+    share = {finding.kind: finding.value for finding in check(kind)}["energy"]
+    assert 0.01 < share < 1.0
+
+
+def test_a_parameter_cannot_hide_what_every_law_has() -> None:
+    with pytest.raises(InputError, match="Stiff.stiffness hides what every law has of that name; choose another"):
+        type("Stiff", (mk.TensionLaw,), {"stiffness": mk.quantity("N/m", (0.0, 1.0), "of the walls")})
+
+
+@pytest.mark.parametrize(
+    ("reference", "text", "sentence"),
+    [
+        ("none.py:Law", None, "File not found: none.py"),
+        ("bad.py:Law", "def (", "bad.py, line 1: SyntaxError: invalid syntax (bad.py, line 1)"),
+        ("bad.py:Law", "x = 1\ny = x / 0\n", "bad.py, line 2: ZeroDivisionError: division by zero"),
+        ("bad.py:Law", "class Low: pass", "bad.py has no 'Law'; did you mean Low? it has Low"),
+        ("bad.py:Law", "class Law: pass", "bad.py:Law is no law: it must be a tension law or a friction: "),
+    ],
+)
+def test_a_file_that_holds_no_law_is_refused_in_a_sentence(
+    reference: str, text: str | None, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    if text is not None:
+        Path("bad.py").write_text(text)
+    with pytest.raises(SystemExit) as end:
+        main(["check", reference])
+    assert end.value.code == 2
+    assert capsys.readouterr().err.startswith(f"mckibben: {sentence}")
+
+
+def test_a_changed_file_is_loaded_anew(tmp_path: Path) -> None:
+    path = tmp_path / "own.py"
+    path.write_text("number = 1\n")
+    assert load_reference(f"{path}:number", field="law") == 1
+    path.write_text("number = 2\n")
+    assert load_reference(f"{path}:number", field="law") == 2
+
+
+def test_code_is_loaded_from_the_allowed_folders_only(tmp_path: Path) -> None:
+    inside, outside = tmp_path / "in", tmp_path / "out"
+    for folder in (inside, outside):
+        folder.mkdir()
+        (folder / "own.py").write_text("number = 1\n")
+    limit_folders([inside])
+    try:
+        assert load_reference(f"{inside}/own.py:number", field="law") == 1
+        with pytest.raises(InputError, match="may not be loaded here; code is loaded from"):
+            load_reference(f"{outside}/own.py:number", field="law")
+    finally:
+        limit_folders(None)
+
+
+def test_the_command_reports_findings_with_exit_code_1(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["check", f"{FAULTY}:Undeclared", "--json"])
+    assert end.value.code == 1
+    found = json.loads(capsys.readouterr().out)["findings"]
+    assert [one["kind"] for one in found] == ["declaration"] * 4
