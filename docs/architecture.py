@@ -35,6 +35,7 @@ CONTENTS = {
     "analysis": "loops, cycles, energy, timing",
     "assembly": "muscle + circuit + load = machine",
     "engine": "time integration",
+    "accessors": "methods carried out above",
     "muscles": "laws, friction, elements",
     "pneumatics": "gas, valves, tubes",
     "experiments": "waveforms, protocols",
@@ -49,6 +50,8 @@ CONTENTS = {
     "extras": "optional libraries",
     "nomenclature": "names and symbols",
     "errors": "error messages",
+    "_jax": "JAX, loaded on first use",
+    "_lazy": "modules loaded on first use",
     COMPILER: "JAX to LLVM, PTX and C",
 }
 COLOURS = {  # by the uppermost package of a group of layers

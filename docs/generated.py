@@ -416,7 +416,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "edges": (
         "Units, errors and files",
         "Units, errors, citations, names, documents, schemas, registries and extras.",
-        ["quantities", "errors", "citations", "nomenclature", "documents", "extras", "registry", "schema"],
+        ["quantities", "accessors", "errors", "citations", "nomenclature", "documents", "extras", "registry", "schema"],
     ),
     "reproduction": ("reproduction", "Reproduction of the papers' numbers.", ["reproduction.**"]),
     "report": ("report", "Reports and other output files.", ["report.*"]),
@@ -436,6 +436,30 @@ def room(name: str) -> str:
     return _page(title, words, *parts)
 
 
+def _place(name: str) -> str:
+    """Return the place at which a public name of the package is defined."""
+    import mckibben
+
+    value = getattr(mckibben, name)
+    if hasattr(value, "__name__"):
+        return f"{value.__module__}.{value.__name__}"
+    module = next(names[name] for names in mckibben.PUBLIC.values() if name in names)
+    return f"mckibben.{module}.{name}"
+
+
+def public_names(_: Path) -> str:
+    """Return the page of the names of `import mckibben`."""
+    import mckibben
+
+    parts = []
+    for group, names in mckibben.PUBLIC.items():
+        parts.append(f"## {group}")
+        for name in names:
+            options = f'heading: "mckibben.{name}", toc_label: {name}, heading_level: 3, show_root_full_path: false'
+            parts.append(f"::: {_place(name)}\n    options: {{{options}}}")
+    return _page("mckibben", PUBLIC_WORDS, *parts)
+
+
 def _modules(entry: str, left_out: set[str]) -> list[str]:
     import importlib
     import pkgutil
@@ -443,8 +467,7 @@ def _modules(entry: str, left_out: set[str]) -> list[str]:
     import mckibben
 
     if entry == "VERBS":
-        verbs = [getattr(mckibben, name) for name in mckibben.__all__ if not name.startswith("_")]
-        return [f"{verb.__module__}.{verb.__name__}" for verb in verbs]
+        return [place for names in mckibben.PUBLIC.values() for place in map(_place, names)]
     path, _, stars = entry.partition(".*")
     if entry == path:
         return [f"mckibben.{entry}"]
@@ -456,10 +479,20 @@ def _modules(entry: str, left_out: set[str]) -> list[str]:
     return found
 
 
+PUBLIC_WORDS = """All names of `import mckibben as mk`. The module behind a name is loaded when the name is first used, and the import
+itself takes less than a tenth of a second.
+
+Quantities go in as SI numbers, as arrays, or as text with a unit such as `"12 cm"` and `"5 bar"`; results are SI numbers, with
+the unit in the description. A number that can only be a slip, such as a pressure of 5 Pa, causes one warning with the likely unit.
+[What is stable](../../explanation/stability.md) states which names will not change without notice."""
+
 PAGES: dict[str, Callable[[Path], str]] = {
     f"{FOLDER}/{make.__name__}.md": make
     for make in (nomenclature, parameters, cli, specimens, rigs, papers, literature)
-} | {f"reference/api/{name}.md": (lambda _, name=name: room(name)) for name in ROOMS}  # type: ignore[misc]
+} | {
+    f"reference/api/{name}.md": (public_names if name == "mckibben" else lambda _, name=name: room(name))  # type: ignore[misc]
+    for name in ROOMS
+}
 
 
 # ---- words and tables

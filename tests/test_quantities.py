@@ -4,7 +4,7 @@ import pytest
 
 from mckibben import quantities
 from mckibben.errors import InputError
-from mckibben.quantities import Quantity, from_si, has_dimension, parse, to_si, with_unit
+from mckibben.quantities import Quantity, from_si, has_dimension, in_si, parse, to_si, values_in_si, with_unit
 
 
 @pytest.mark.parametrize(
@@ -83,3 +83,21 @@ def test_what_stands_for_a_unit_is_not_worked_out(unit):
 def test_a_number_that_only_its_unit_makes_infinite_is_refused():
     with pytest.raises(InputError, match="must be a finite number"):
         parse("1e308 km", "m", field="x")
+
+
+def test_text_with_a_unit_becomes_si_and_numbers_pass():
+    assert in_si("12 cm", "m", field="length") == 0.12 and in_si(0.12, "m", field="length") == 0.12
+    assert in_si(["1 bar", "2 bar"], "Pa", field="pressure").tolist() == [1e5, 2e5]
+
+
+def test_a_range_in_words_has_both_ends():
+    assert values_in_si("1:3 bar", "Pa", field="pressures") == [1e5, 2e5, 3e5]
+    assert values_in_si("1:2:0.5 bar", "Pa", field="pressures") == [1e5, 1.5e5, 2e5]
+    assert values_in_si("1 bar, 3 bar", "Pa", field="pressures") == [1e5, 3e5]
+    assert values_in_si(2e5, "Pa", field="pressures") == [2e5]
+
+
+@pytest.mark.parametrize("text", ["3:1 bar", "1:5:0 bar", "1:2:3:4 bar", "1:1e9 mbar"])
+def test_a_range_without_a_way_from_end_to_end_is_refused(text):
+    with pytest.raises(InputError, match="must be a range such as '1:5 bar'"):
+        values_in_si(text, "Pa", field="pressures")

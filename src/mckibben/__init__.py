@@ -22,14 +22,17 @@ if TYPE_CHECKING:
     from .errors import InputError as InputError
     from .errors import MckibbenError as MckibbenError
     from .identification.fit import Fit as Fit
-    from .identification.fit import fit as fit
     from .identification.fit import fit_all as fit_all
+    from .identification.ranking import Ranking as Ranking
+    from .identification.ranking import fit as fit
     from .muscles import Muscle as Muscle
     from .muscles import TensionLaw as TensionLaw
-    from .muscles import law as law
+    from .muscles.build import build_law as law  # noqa: F401
+    from .muscles.build import muscle as muscle
     from .quantities import quantity as quantity
     from .recordings import ForceMap as ForceMap
     from .recordings import Recording as Recording
+    from .recordings import read as read
     from .recordings import read_force_map as read_force_map
     from .recordings import read_recording as read_recording
     from .reproduction import reproduce as reproduce
@@ -48,6 +51,7 @@ if TYPE_CHECKING:
 # another name there. Type checkers read the same names above.
 PUBLIC: dict[str, dict[str, str]] = {
     "Muscles and laws": {
+        "muscle": "muscles.build",
         "Muscle": "muscles",
         "TensionLaw": "muscles",
         "law": "muscles",
@@ -57,11 +61,13 @@ PUBLIC: dict[str, dict[str, str]] = {
         "specimen": "specimens",
     },
     "Measured data": {
+        "read": "recordings",
         "ForceMap": "recordings",
         "read_force_map": "recordings",
         "Fit": "identification",
-        "fit": "identification",
+        "fit": "identification.ranking",
         "fit_all": "identification",
+        "Ranking": "identification",
     },
     "Systems that one steps": {
         "Simulation": "simulation",

@@ -216,5 +216,9 @@ class EngineError(MckibbenError):
     """The requested engine cannot run a function: an operation without a kernel, no driver, or no GPU."""
 
 
+class PlausibilityWarning(UserWarning):
+    """A value that no muscle takes and that is most likely a slip of the unit; the sentence names the likely one."""
+
+
 class MissingDataError(MckibbenError):
     """Requested measured data do not ship with the package and were not found."""

@@ -250,6 +250,56 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
     return value
 
 
+def in_si(value: Any, si_unit: str, *, field: str) -> Any:
+    """A quantity as people give it, as SI: text with a unit is converted, numbers and arrays pass as they are.
+
+    Args:
+        value: a number or an array [si_unit], a text such as ``"12 cm"``, or a list of such texts.
+        si_unit: of the result.
+        field: name used in the complaint.
+
+    Returns:
+        The number or array [si_unit]; of a list of texts an array (n,).
+
+    Raises:
+        InputError: see `parse`.
+    """
+    if isinstance(value, str):
+        return parse(value, si_unit, field=field)
+    if isinstance(value, list | tuple) and any(isinstance(one, str) for one in value):
+        return np.array([in_si(one, si_unit, field=field) for one in value])
+    return value
+
+
+MOST_VALUES = 10_000  # of a range in words
+
+
+def values_in_si(values: Any, si_unit: str, *, field: str) -> list[float]:
+    """A list of quantities as people give it, as SI numbers.
+
+    Args:
+        values: numbers [si_unit], texts, or one text: a list such as ``"1 bar, 3 bar"``, or a range such as ``"1:5 bar"``,
+            in steps of one unless a third number gives the step, as in ``"1:5:0.5 bar"``. Both ends belong to it.
+        si_unit: of the result.
+        field: name used in the complaint.
+
+    Raises:
+        InputError: see `parse`; or the range has no step from one end to the other.
+    """
+    if not isinstance(values, str):
+        return [float(one) for one in np.ravel(in_si(values, si_unit, field=field))]
+    if ":" not in values:
+        return [parse(one, si_unit, field=field) for one in split_values(values, field=field)]
+    head, _, tail = values.strip().rpartition(":")
+    number = leading_number(tail) or ""
+    unit = tail.strip()[len(number) :].strip()
+    ends = [parse(f"{one} {unit}", si_unit, field=field) for one in (*head.split(":"), number)]
+    first, last, step = ends if len(ends) == 3 else (*ends[:2], parse(f"1 {unit}", si_unit, field=field))
+    if len(ends) > 3 or not (step > 0.0 and first <= last and (last - first) / step < MOST_VALUES):
+        raise InputError(field, values, "must be a range such as '1:5 bar', or '1:5:0.5 bar' with its step")
+    return [first + i * step for i in range(math.floor((last - first) / step + 1e-9) + 1)]
+
+
 def split_values(text: str, *, field: str, where: str | None = None) -> list[str]:
     """Split a list of values: ``"1 bar, 3 bar"`` or ``"1 bar; 3 bar"``; one value is a list of one.
 

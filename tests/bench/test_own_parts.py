@@ -15,7 +15,6 @@ from mckibben.identification import fit
 from mckibben.muscles import LAWS, law_from_specimen
 from mckibben.muscles.law import law_name
 from mckibben.muscles.laws import law_key
-from mckibben.report.fit_study import write_specimen
 from mckibben.specimens import map_file, specimen
 
 PARTS = """
@@ -165,9 +164,10 @@ def test_a_circuit_takes_a_valve_of_its_own(folder: Path) -> None:
 
 def test_a_law_is_fitted_saved_and_read_from_another_folder(folder: Path) -> None:
     points = mk.read_force_map(map_file(specimen("DMSP-20-300")), rest_length=0.3)
-    found = fit(f"{folder}/parts.py:Spring", points, schemes=())
+    ranking = fit(points, [f"{folder}/parts.py:Spring"], schemes=())
+    found = ranking.best
     (folder / "below").mkdir()
-    write_specimen([found], None, folder / "below" / "mine.toml")
+    ranking.save(folder / "below" / "mine.toml")
     assert 'law = "../parts.py:Spring"' in (folder / "below" / "mine.toml").read_text()
     again = law_from_specimen(specimen(folder / "below" / "mine.toml"))
     assert float(again.gain) == found.parameters["gain"].value

@@ -6,14 +6,14 @@ import jax
 import numpy as np
 import pytest
 
-from mckibben.cli.fit import ranking_json, show_ranking
+from mckibben.cli.fit import show_ranking
 from mckibben.errors import InputError
 from mckibben.identification import fit, rank
 from mckibben.identification.fit import INDIFFERENT, bound_of, degenerate_words
+from mckibben.identification.ranking import Ranking
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
 from mckibben.report.fit_report import cautions_of
-from mckibben.report.fit_study import Study, write_specimen
 from mckibben.specimens import specimen
 from mckibben.web.pages.fit import results
 
@@ -53,7 +53,7 @@ def test_a_parameter_at_its_bound_is_not_counted_and_is_named(fits) -> None:
 
 def test_the_law_without_the_empty_parameter_is_the_one_that_is_saved_as_default(fits, tmp_path) -> None:
     path = tmp_path / "saved.toml"
-    write_specimen(rank(fits), None, path)
+    Ranking("t", None, fits[0].points, rank(fits)).save(path)
     saved = specimen(str(path))
     assert saved.law == "ideal"
     assert "at its bound" in saved.laws["thick_wall"]["wall_thickness"].note
@@ -91,12 +91,12 @@ def test_an_exact_fit_is_not_judged_by_its_rounding(fits) -> None:
 
 def test_command_report_and_page_name_what_is_not_counted(fits, capsys) -> None:
     order = rank(fits)
-    study = Study(
+    study = Ranking(
         title="ideal braid", specimen=None, points=order[0].points, fits=order, published=[], skipped={},
     )  # fmt: skip
     show_ranking(study)
     printed = capsys.readouterr().out
     assert "wall_thickness at its bound" in printed and "is not counted" in printed
-    assert [f["at_bound"] for f in ranking_json(study)["fits"]] == [[], ["wall_thickness"]]
+    assert [f["at_bound"] for f in study.to_dict()["fits"]] == [[], ["wall_thickness"]]
     assert any("counts 2 of 3 parameters" in s for s in cautions_of(order[1], 100.0))
     assert [row["degenerate"] for row in results._rows(study)] == ["", "wall_thickness at its bound"]

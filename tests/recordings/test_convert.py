@@ -222,7 +222,7 @@ def refusal(path: Path, **options) -> str:
         ({"p_bar": PRESSURE, "t": TIME}, {"units": {"q": "bar"}}, "the columns are p"),
         ({"p_bar": PRESSURE, "t": TIME}, {"columns": {"time": "t", "x": "q"}}, "the file has p_bar, t"),
         ({"p_bar": PRESSURE, "t": TIME}, {"columns": {"time": "t", "x": 9}}, "must be between 1 and 2"),
-        ({"p_bar": PRESSURE, "q_N": TIME[:9]}, {}, "of 2 clocks"),
+        ({"p_bar": PRESSURE, "q_N": TIME[:9]}, {}, "have 2 clocks"),
         ({"t": TIME}, {}, "at least one column beside the time"),
         ({"word": "a"}, {}, "at least one column of numbers"),
     ],

@@ -236,6 +236,21 @@ def test_other_programs_read_it(tmp_path: Path) -> None:
     assert [m.log_time for m in samples] == [10**18 + 10**6 * i for i in range(120)]
     numbers = np.array([struct.unpack("<4d", m.data[4:]) for m in samples])
     assert np.array_equal(numbers, np.column_stack([time, values]), equal_nan=True)
-    (schema,) = (s for s in summary.schemas.values() if s.encoding == "ros2msg")
+    (schema,) = (s for s in summary.schemas.values() if s.name == "mckibben/msg/Recording")
     fields = [line.split()[:2] for line in schema.data.decode().splitlines()]
     assert fields == [["float64", n] for n in ("time", "muscle_tension", "muscle_pressure_abs", "valve_command")]
+
+
+def test_programs_of_ros_read_it_as_messages_of_ros_2(tmp_path: Path) -> None:
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    time, values = rows(5)
+    with LiveLog(tmp_path / "a.mcap", CHANNELS, META, start=10**18) as log:
+        log.append(time, values)
+        log.annotate("half way: µ", 0.002)
+    with highlevel.AnyReader([tmp_path / "a.mcap"]) as reader:
+        assert {c.topic: c.msgtype for c in reader.connections} == {
+            "/recording": "mckibben/msg/Recording", "/events": "mckibben/msg/Event",
+        }  # fmt: skip
+        read = [(c.topic, reader.deserialize(data, c.msgtype)) for c, _, data in reader.messages()]
+    assert [message.time for topic, message in read if topic == "/recording"] == time.tolist()
+    assert [(m.time, m.text) for topic, m in read if topic == "/events"] == [(0.002, "half way: µ")]

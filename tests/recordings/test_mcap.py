@@ -276,7 +276,9 @@ def test_plain_ros_messages_of_others_become_channels(tmp_path: Path) -> None:
 def test_topics_of_two_clocks_must_be_chosen_from(tmp_path: Path) -> None:
     topics = {"/a": as_json({"f": 1}, {"f": 2}), "/b": as_json({"p": 1}, {"p": 2}, {"p": 3}, step=10**6)}
     path = foreign(tmp_path / "a.mcap", topics)
-    with pytest.raises(InputError, match=r"'of 2 clocks \(/a: a\.f; /b: b\.p\)': a recording has one time"):
+    with pytest.raises(
+        InputError, match=r"the columns have 2 clocks \(/a: a\.f; /b: b\.p\), and a recording has one time"
+    ):
         read_any(path)
     read = read_any(path, columns={"pressure": "b.p"}, units={"pressure": "kPa"})
     assert read.recording["pressure"].tolist() == [1e3, 2e3, 3e3]
@@ -304,5 +306,5 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
     bomb = zstandard.compress(bytes(2**20))  # says 1 MiB itself, the chunk says 10 B
     body = struct.pack("<QQQII", 0, 0, 10, zlib.crc32(b""), 4) + b"zstd" + struct.pack("<Q", len(bomb)) + bomb
     path.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQ", 6, len(body)) + body)
-    with pytest.raises(InputError, match="no messages"):
+    with pytest.raises(InputError, match="no message"):
         read_any(path)

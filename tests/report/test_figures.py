@@ -5,11 +5,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from mckibben.identification import fit
+from mckibben.identification.ranking import Ranking
 from mckibben.muscles.braid import braid_of
 from mckibben.muscles.build import build_law, law_from_specimen
 from mckibben.recordings import ForceMap
 from mckibben.report.figures import fit_figures, muscle_figures, style
-from mckibben.report.fit_study import Study
 from mckibben.specimens import specimen
 
 
@@ -22,13 +22,13 @@ def table() -> ForceMap:
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def study() -> Ranking:
     points = table()
     fits = [fit("ideal", points, schemes=("pressure", "length"), train_below=3e5)]
-    return Study("Made up", None, points, fits, [("Someone, published coefficients", fits[0].error * 2.0)])
+    return Ranking("Made up", None, points, fits, [("Someone, published coefficients", fits[0].error * 2.0)])
 
 
-def every_figure(study: Study) -> dict[str, Figure]:
+def every_figure(study: Ranking) -> dict[str, Figure]:
     best, law = study.fits[0], law_from_specimen(specimen("nylon"), "ideal")
     shape = braid_of(law)
     assert shape is not None
@@ -50,7 +50,7 @@ def every_figure(study: Study) -> dict[str, Figure]:
 
 
 @pytest.fixture(scope="module")
-def figures(study: Study) -> dict[str, Figure]:
+def figures(study: Ranking) -> dict[str, Figure]:
     return every_figure(study)
 
 
@@ -79,7 +79,7 @@ def test_axis_titles_take_the_colour_of_their_quantity(figures: dict[str, Figure
                 assert axis.label.get_color() == style.COLOURS[words[title]]
 
 
-def test_the_same_figure_is_the_same_text(study: Study, figures: dict[str, Figure]) -> None:
+def test_the_same_figure_is_the_same_text(study: Ranking, figures: dict[str, Figure]) -> None:
     again = every_figure(study)
     for name, fig in figures.items():
         text = style.to_svg(fig)

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from mckibben.identification import Fit, fit_all
+from mckibben.identification.ranking import Ranking
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
 from mckibben.report.fit_report import fit_report, write_fit_report
-from mckibben.report.fit_study import Study
 from mckibben.specimens import specimen
 
 NAME = '<script>alert("1")</script> & sons'
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def study() -> Ranking:
     law = build_law("ideal", {"thread_length": 0.3, "turns": 3.0})
     length, pressure = (a.ravel() for a in np.meshgrid(np.linspace(0.18, 0.25, 5), np.linspace(1e5, 5e5, 5)))
     tension = np.asarray(law.tension(length, pressure)) + 0.5 * np.sin(40.0 * np.arange(length.size))
@@ -28,7 +28,7 @@ def study() -> Study:
         schemes=("pressure", "length"),
         train_below=3e5,
     )
-    return Study(
+    return Ranking(
         NAME,
         specimen("DMSP-20-300"),
         points,
@@ -39,7 +39,7 @@ def study() -> Study:
 
 
 @pytest.fixture(scope="module")
-def page(study: Study) -> str:
+def page(study: Ranking) -> str:
     return fit_report([study])
 
 
@@ -105,7 +105,7 @@ def test_ids_are_unique_and_links_lead_somewhere(page: str) -> None:
     assert {link.removeprefix("#") for link in [*found.links, *found.loads]} <= set(found.ids)
 
 
-def test_every_law_is_named_with_its_parameters(page: str, study: Study) -> None:
+def test_every_law_is_named_with_its_parameters(page: str, study: Ranking) -> None:
     words = " ".join(read(page).words)
     for title in ("Ideal virtual work", "Gas spring", "As published", "Passed over"):
         assert title in words
@@ -115,7 +115,7 @@ def test_every_law_is_named_with_its_parameters(page: str, study: Study) -> None
     assert "mckibben" in words and "jax" in words and "Python" in words
 
 
-def test_what_is_missing_is_a_dash_with_a_reason(study: Study) -> None:
+def test_what_is_missing_is_a_dash_with_a_reason(study: Ranking) -> None:
     first, second = study.fits
     lost = replace(second.cross["pressure"], failed=1, error=second.cross["pressure"].error * np.nan)
     broken = replace(
@@ -130,9 +130,9 @@ def test_what_is_missing_is_a_dash_with_a_reason(study: Study) -> None:
     assert "did not converge" in text and "ran away" in text
 
 
-def test_a_law_alone_without_specimen_or_cross_validation(study: Study) -> None:
+def test_a_law_alone_without_specimen_or_cross_validation(study: Ranking) -> None:
     bare: Fit = replace(study.fits[0], cross={}, holdout=None)
-    text = " ".join(read(fit_report([Study("Bare", None, study.points, [bare])])).words)
+    text = " ".join(read(fit_report([Ranking("Bare", None, study.points, [bare])])).words)
     assert "Ideal virtual work" in text and not re.search(r"\bnan\b", text)
 
 
@@ -141,6 +141,6 @@ def test_names_from_outside_cannot_become_markup(page: str) -> None:
     assert "&lt;script&gt;" in page
 
 
-def test_the_same_studies_give_the_same_file(study: Study, page: str, tmp_path) -> None:
+def test_the_same_studies_give_the_same_file(study: Ranking, page: str, tmp_path) -> None:
     path = write_fit_report([study], tmp_path / "report.html")
     assert path.read_text(encoding="utf-8") == page

@@ -25,6 +25,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[2]
 COMPILER = ROOT / "packages" / "lanewise"
 CIRCUITS = ROOT / "examples" / "circuits"
+MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
 AT_ONCE = 2  # commands that run beside each other
 LONG = ("study tube", "size")  # begun first, so that nobody waits for them at the end
@@ -115,6 +116,7 @@ CALLS: dict[str, list[Call]] = {
             ["braid.toml"],
         )
     ],
+    "read": [Call((str(MAP), "--rest-length", "30 cm"))],
     "fit": [
         Call(("DMSP-20-300", "--law", "ideal", "--report", "fit.html", "--save", "fit.toml"), ["fit.html", "fit.toml"]),
         needs("report", "DMSP-20-300", "--report", "fit.pdf"),

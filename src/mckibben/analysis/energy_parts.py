@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ..accessors import Accessor, implementation
 from ..errors import InputError
+from ..extras import library
+
+if TYPE_CHECKING:
+    import pandas
+
+    from ..report.figures.plots import EnergyPlots
 
 MEANINGS = {
     "supply": "exergy of the air that was drawn",
@@ -108,7 +115,7 @@ class Saving(NamedTuple):
     efficiency: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class EnergyAccount:
     """An account; see the module.
 
@@ -140,6 +147,12 @@ class EnergyAccount:
     room_pressure: float
     caught: Callable[[float], tuple[float, float, float, float]]
 
+    plot: ClassVar[Accessor[EnergyPlots]] = Accessor("report.figures.plots:EnergyPlots")
+
+    def __repr__(self) -> str:
+        supply, work = (sum(p.value for p in self.parts if p.name == name) for name in ("supply", "shaft_work"))
+        return f"EnergyAccount({self.kind}, {len(self.cycles)} cycles, supply {supply:.4g} J, work {work:.4g} J)"
+
     def value(self, name: str, side: str | None = None) -> float:
         """A part by its name [J].
 
@@ -159,8 +172,21 @@ class EnergyAccount:
         """Input that no part accounts for [J]."""
         return self.value("remainder")
 
-    def document(self) -> dict[str, Any]:
-        """Account as a JSON document: works and exergies in [J], air in [kg]."""
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row per part of the exergy: side, value [J], origin and meaning.
+
+        Raises:
+            MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
+        """
+        rows = [{**part._asdict(), "meaning": part.meaning} for part in self.parts]
+        frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)
+        return frame.set_index(["side", "name"])
+
+    def _repr_html_(self) -> str:
+        return str(implementation("report.figures.plots:energy_html")(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """All parts and cycles as plain values, for JSON: works and exergies in [J], air in [kg]."""
 
         def told(parts: tuple[EnergyPart, ...]) -> list[dict[str, Any]]:
             return [{**p._asdict(), "meaning": p.meaning} for p in parts]

@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 from ..components import Environment, MemoryElement
 from ..components.flow import FlowElement
 from ..errors import InputError
-from ..muscles.build import from_specimen
+from ..muscles import Muscle
+from ..muscles.build import muscle as build_muscle
 from ..muscles.elements import Tendon
-from ..muscles.hysteresis import Coulomb, MaxwellSlip
-from ..muscles.muscle import Muscle
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.heat import HeatModel, WallHeat
 from ..pneumatics.orifice import Orifice
@@ -97,23 +96,47 @@ def unit_from_specimen(
     stated = specimen(spec) if isinstance(spec, str) else spec
     if stated.kind != "mckibben":
         raise InputError("specimen", stated.id, f"must be a McKibben muscle: it is {stated.kind}", where=stated.where)
+    chosen = build_muscle(stated, law=law, friction=friction, creep=creep, **dict(changes or {}))
+    where = stated.where or stated.id
+    return unit_from_muscle(chosen, rubs=rubs, tendon=tendon, wrap=wrap, where=where, **mechanics)
+
+
+def unit_from_muscle(
+    muscle: Muscle,
+    *,
+    rubs: bool = True,
+    tendon: Tendon | None = None,
+    wrap: Wrap | None = None,
+    where: str | None = None,
+    **mechanics: float,
+) -> MuscleUnit:
+    """A muscle between a tendon and an end mass; what is left out is `INFERRED`.
+
+    Args:
+        muscle: its law, friction and creep; no biological one.
+        rubs: False for a muscle without friction.
+        tendon: between the muscle and the load.
+        wrap: a bone that the muscle lies over.
+        where: place used in a complaint.
+        **mechanics: ``end_mass`` [kg], ``viscosity`` and ``stop_damping`` [N s/m].
+
+    Raises:
+        InputError: if the muscle is biological, or states something else than what was asked for.
+    """
+    if muscle.is_biological:
+        raise InputError("muscle", muscle.title, "must be a McKibben muscle: it is biological", where=where)
     known = ("end_mass", "viscosity", "stop_damping")
     for name in mechanics:
         if name not in known:
-            raise InputError(name, "unknown", f"known are {', '.join(known)}", where=stated.where or stated.id)
-    chosen = friction or ("maxwell_slip" if "maxwell_slip" in stated.friction else None)
-    muscle: Muscle = from_specimen(stated, law, chosen, changes=changes)
-    rubbing = muscle.friction
-    if isinstance(rubbing, Coulomb) and friction is None:
-        rubbing = MaxwellSlip.geometric(rubbing.limit)
+            raise InputError(name, "unknown", f"known are {', '.join(known)}", where=where)
     cord = tendon or Tendon(
         stiffness=_usual("tendon_stiffness"), toe_length=_usual("tendon_toe"), loss=_usual("tendon_loss")
     )
     return MuscleUnit(
         law=muscle.law,
         tendon=cord,
-        friction=rubbing if rubs else None,
-        creep=creep,
+        friction=muscle.friction if rubs else None,
+        creep=muscle.creep,
         wrap=wrap,
         **{name: mechanics.get(name, _usual(name)) for name in known},
     )

@@ -12,14 +12,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..assembly.build import unit_from_specimen
+from ..assembly.build import unit_from_muscle, unit_from_specimen
 from ..assembly.muscle_unit import MuscleUnit
 from ..engine import STEP
 from ..errors import InputError
 from ..experiments.dry_run import Estimate, Finding, check_plan
 from ..experiments.plan import PlannedStep, ProtocolPlan
 from ..experiments.protocol import Protocol
-from ..experiments.read import shipped
+from ..experiments.read import in_words, shipped, with_values
+from ..muscles import Muscle
 from ..muscles.build import rest_length_of
 from ..specimens import Specimen, specimen
 from .rig import Rig
@@ -153,7 +154,7 @@ def _segments(rig: Rig, plan: ProtocolPlan, layout: str, motor_held: bool = Fals
 def prepare(
     protocol: Protocol | str | os.PathLike[str],
     *,
-    muscle: str | Specimen | MuscleUnit,
+    muscle: str | Specimen | Muscle | MuscleUnit,
     unit: MuscleUnit | None = None,
     rig: Rig | str | os.PathLike[str] = "paper",
     plumbing: str | None = None,
@@ -161,12 +162,13 @@ def prepare(
     seed: int = 0,
     accept_saturation: bool = False,
     faults: Sequence[OpenWire] = (),
+    **values: Any,
 ) -> PreparedRun:
     """Prepare a run, including the dry run; nothing moves.
 
     Args:
         protocol: a protocol, the name of a shipped one, or the path of a ``.toml`` file.
-        muscle: a specimen, its id or file, or a muscle built already.
+        muscle: a specimen, its id or file, or a muscle.
         unit: what was built from the specimen, where something of it was changed.
         rig: a rig, its name or file.
         plumbing: name of the way in which the pneumatic parts are joined; chosen by what the protocol needs if left out.
@@ -174,15 +176,20 @@ def prepare(
         seed: seed of the sensors' noise.
         accept_saturation: go on where only the cell's range would be exceeded.
         faults: wires that open during the run.
+        **values: of the protocol's parameters: numbers [SI], text with a unit, or lists of them for one case after another.
 
     Raises:
         InputError: names what is unknown, or cannot be read.
     """
     wanted = _protocol(protocol)
+    if values:
+        wanted = with_values(wanted, in_words(wanted, values))
     on = rig if isinstance(rig, Rig) else rig_of(rig)
     spec = None
     if isinstance(muscle, MuscleUnit):
         unit = muscle
+    elif isinstance(muscle, Muscle):
+        spec, unit = muscle.specimen, unit or unit_from_muscle(muscle)
     else:
         spec = muscle if isinstance(muscle, Specimen) else specimen(muscle)
         unit = unit or unit_from_specimen(spec)

@@ -10,6 +10,7 @@ from typing import Any
 from ..assembly.muscle_unit import MuscleUnit
 from ..errors import InputError
 from ..experiments.protocol import Protocol
+from ..muscles import Muscle
 from ..recordings.recording import Recording
 from ..specimens import Specimen
 from .hardware.clock import Clock
@@ -27,7 +28,7 @@ def run(
     protocol: PreparedRun | Protocol | str | os.PathLike[str],
     rig: Rig | str | os.PathLike[str] = "paper",
     *,
-    muscle: str | Specimen | MuscleUnit | None = None,
+    muscle: str | Specimen | Muscle | MuscleUnit | None = None,
     progress: Progress | None = None,
     display: Display | None = None,
     stop: Callable[[], bool] | None = None,
@@ -51,11 +52,17 @@ def run(
         real_time: run the simulated machine in real time; the metadata then tells of ``deadlines``.
         hardware: a machine instead of the simulated one. It gives the clock, and stays open.
         log: a new ``.mcap`` file which has every sample within a tenth of a second, whatever becomes of this program.
-        **options: of `prepare`.
+        **options: of `prepare`, and values of the protocol's parameters, such as ``pressure="3 bar"``.
 
     Raises:
         InputError: what `prepare` cannot read, the first finding of the dry run, or a machine that does not fit the rig.
         ConvergenceError: if the physics failed; says why.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> recording = mk.run("isometric-step", muscle="nylon", pressure="3 bar")
+        >>> recording.meta["result"]
+        'done'
     """
     if isinstance(protocol, PreparedRun):
         prepared = protocol

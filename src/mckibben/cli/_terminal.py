@@ -93,7 +93,10 @@ def options_named(**more: str) -> Iterator[None]:
     except InputError as error:
         kind, _, name = error.remedy.partition(" ")
         option = (more | _OPTIONS).get(kind, "").format(name)
-        raise (error.changed(allowed=f"{error.allowed}, with {option}", remedy="") if option else error) from None
+        if not option:
+            raise error from None
+        sentence = f"{error.sentence}, with {option}" if error.sentence else None
+        raise error.changed(allowed=f"{error.allowed}, with {option}", sentence=sentence, remedy="") from None
 
 
 def caution(*sentences: str | None) -> list[str]:

@@ -38,6 +38,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "braid:braid",
         "Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known.",
     ),
+    "read": ("read:read_file", "Read a file of another program and show its columns, units, and the rows left out."),
     "fit": ("fit:fit", "Fit tension laws to a measured table of length, pressure and tension, and rank them."),
     "check": (
         "check:check_law",

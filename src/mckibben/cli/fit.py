@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import identification, muscles, recordings
+from .. import identification, muscles
 from ..documents import read_toml
 from ..errors import InputError
 from ..quantities import declared, parse, with_unit
-from ..report import document, fit_report, fit_study
+from ..report import document, fit_report
 from ..report.figures import fit_figures, style
-from ..specimens import Specimen, map_file, specimen, specimen_ids
+from ..specimens import Specimen
 from ._terminal import Json, Set, assignments, caution, options_named, pairs, print_json, progress, table, writable
+from .read import GearRatio, Sheet, Topic, column_places, format_options
 
 if TYPE_CHECKING:
-    from ..identification import Fit
+    from ..identification import Ranking
     from ..recordings import ForceMap
 
 
@@ -27,7 +28,7 @@ def fit(
         list[str],
         typer.Argument(
             metavar="FILE..",
-            help="CSV, MAT or TDMS tables, specimens that ship with a force map, or a .toml file of constraints.",
+            help="Tables of any format, specimens that ship with a force map, or a .toml file of constraints.",
         ),
     ],
     law: Annotated[
@@ -51,6 +52,9 @@ def fit(
     pressure_zero: Annotated[
         str | None, typer.Option(help="Reading of the pressure channel at zero, such as '9.2 kPa'.")
     ] = None,
+    sheet: Sheet = None,
+    topic: Topic = None,
+    gear_ratio: GearRatio = None,
     slack: Annotated[bool, typer.Option(help="Use slack points to say where a law may not pull.")] = True,
     train_below: Annotated[
         str | None, typer.Option(help="Also fit up to this gauge pressure and predict the points above it.")
@@ -77,27 +81,28 @@ def fit(
     if save is not None and len(files) > 1:
         raise InputError("--save", str(save), "allowed with one table")
     reading = {
-        "columns": pairs(column, "--column", "pressure=p_kPa"),
+        "columns": column_places(column) or {},
         "units": pairs(unit, "--unit", "pressure=kPa"),
         "branch": branch,
         "pressure_zero": 0.0 if pressure_zero is None else parse(pressure_zero, "Pa", field="--pressure-zero"),
+        **format_options(sheet, topic, gear_ratio),
     }
-    with options_named(rest_length="--rest-length '300 mm'"):
-        loaded = [_load(f, rest, like, reading) for f in files]
+    with options_named(rest_length="--rest-length '300 mm'", sheet="--sheet NAME"):
+        loaded = [identification.load_table(f, rest_length=rest, like=like, **reading) for f in files]
         warnings = [_cautions(points, spec) for points, spec in loaded]
-        studies = [_study(points, spec, law, change, below, slack) for points, spec in loaded]
+        rankings = [_ranking(points, spec, law, change, below, slack) for points, spec in loaded]
     if report is not None:
-        fit_report.write_fit_report(studies, report)
+        fit_report.write_fit_report(rankings, report)
     if figure is not None:
-        style.save(fit_figures.overview(studies), figure)
+        style.save(fit_figures.overview(rankings), figure)
     if save is not None:
-        fit_study.write_specimen(studies[0].fits, studies[0].specimen, save)
+        rankings[0].save(save)
     if as_json:
-        results = [ranking_json(s) | {"warnings": w} for s, w in zip(studies, warnings, strict=True)]
+        results = [r.to_dict() | {"warnings": w} for r, w in zip(rankings, warnings, strict=True)]
         print_json(results[0] if len(results) == 1 else {"maps": results})
         return
-    for study in studies:
-        show_ranking(study)
+    for ranking in rankings:
+        show_ranking(ranking)
     for path in (report, figure, save):
         if path is not None:
             typer.echo(f"Written: {path}")
@@ -116,115 +121,43 @@ def _constraints(files: list[str], as_json: bool) -> None:
     fit_constraints_file(Path(files[0]), as_json=as_json)
 
 
-def _load(file: str, rest: float | None, like: str | None, reading: dict[str, Any]) -> tuple[ForceMap, Specimen | None]:
-
-    path: Any = file
-    spec = None if like is None else specimen(like)
-    if not Path(file).suffix and file.lower() in [i.lower() for i in specimen_ids()]:
-        spec = specimen(file)
-        path = map_file(spec)
-        rest = rest or spec.property_si("rest_length", "m")
-    points = recordings.read_force_map(path, rest_length=rest, **reading)
-    return points, spec
-
-
-def _study(
+def _ranking(
     points: ForceMap,
     spec: Specimen | None,
     laws: list[str] | None,
     change: list[str] | None,
     below: float | None,
     slack: bool,
-) -> Any:
-
+) -> Ranking:
     every = laws is None or "all" in laws
     named = [name for name in laws or [] if name != "all"]
     for name in named:
         muscles.laws.law_type(name)
-    chosen = None if every else named
-    known = _known(spec, change, [*muscles.laws.LAWS, *named] if every else named)
-    skipped: dict[str, str] = {}
+    known = _known(change, [*muscles.laws.LAWS, *named] if every else named)
     count = len(named) + (len(muscles.laws.LAWS) if every else 0)
     with progress("fitting", count * (1 + len(identification.SCHEMES))) as advance:
-        fits = identification.fit_all(
+        return identification.fit(
             points,
-            laws=chosen,
+            None if every else named,
             beside=named if every else (),
+            like=spec,
             known=known,
-            skipped=skipped,
             train_below=below,
             slack=slack,
             progress=advance,
         )
-    return fit_study.Study(
-        title=spec.title if spec else points.name,
-        specimen=spec,
-        points=points,
-        fits=fits,
-        published=fit_study.published_of(spec, points),
-        skipped=skipped,
-    )
 
 
-def _known(spec: Specimen | None, change: list[str] | None, laws: list[str] | None) -> dict[str, Any]:
-    """Dimensions that are not fitted: from the specimen, then from ``--set``."""
-    dimensions: dict[str, Any] = {**fit_study.known_of(spec)}
-    fields = {
-        k: q
-        for name in (laws or muscles.laws.LAWS)
-        if name in muscles.laws.LAWS
-        for k, q in declared(muscles.laws.law_type(name)).items()
-    }
+def _known(change: list[str] | None, laws: list[str] | None) -> dict[str, float]:
+    """Dimensions that are not fitted, from ``--set`` [SI]."""
+    dimensions: dict[str, float] = {}
+    fields = {k: q for name in (laws or muscles.laws.LAWS) for k, q in declared(muscles.laws.law_type(name)).items()}
     for name, text in assignments(change).items():
         if name not in fields:
             raise InputError(f"--set {name}", text, f"known are {', '.join(sorted(fields))}")
         dimensions[name] = parse(text, fields[name].unit, field=f"--set {name}", bare=True)
         fields[name].check(f"--set {name}", dimensions[name])
     return dimensions
-
-
-def ranking_json(study: Any) -> dict[str, Any]:
-    """The study as the object of the CLI's contract."""
-    return {
-        "map": study.points.name,
-        "fits": [fit_json(f) for f in study.fits],
-        "published": [
-            {"law": title, "rmse": float((error**2).mean() ** 0.5), "max_error": float(abs(error).max())}
-            for title, error in study.published
-        ],
-        "skipped": study.skipped,
-        "largest_tension": study.points.largest,
-    }
-
-
-def fit_json(f: Fit) -> dict[str, Any]:
-    """Convert one fit to the JSON object of `mckibben fit --json`."""
-    import numpy as np
-
-    known = {
-        k: (float(np.max(v)) if np.ndim(v) == 0 or len(set(np.ravel(v))) == 1 else None) for k, v in f.known.items()
-    }
-    return {
-        "law": f.law,
-        "parameters": {k: e._asdict() for k, e in f.parameters.items()},
-        "known": known,
-        "rmse": f.rmse,
-        "max_error": f.max_error,
-        "cv_rmse": f.cv_rmse,
-        "cv_max_error": f.cv_max_error,
-        "aicc": f.aicc,
-        "n": len(f.points),
-        "converged": f.converged,
-        "at_bound": list(f.at_bound),
-        "not_contained": list(f.not_contained),
-        "warnings": list(f.warnings),
-        "cross_validation": {
-            k: {"groups": c.groups, "rmse": c.rmse, "max_error": c.max_error} for k, c in f.cross.items()
-        },
-        "holdout": None
-        if f.holdout is None
-        else {"trained_on": f.holdout.trained_on, "rmse": f.holdout.rmse, "max_error": f.holdout.max_error},
-    }
 
 
 def _share(largest: float, newton: float | None) -> str:
@@ -236,7 +169,7 @@ def _share(largest: float, newton: float | None) -> str:
     return "> 100 %" if newton > largest else f"{100 * newton / largest:.2f} %"
 
 
-def show_ranking(study: Any) -> None:
+def show_ranking(study: Ranking) -> None:
     """Print the ranking of one table, the best law's parameters, and what is to be noted."""
     largest = study.points.largest
     n = int(study.points.taut.sum())

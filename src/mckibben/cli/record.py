@@ -17,9 +17,11 @@ from ..quantities import from_si, parse, shown_unit
 from ..recordings import mcap
 from ..report.figures import recording_figures
 from ._terminal import Json, options_named, pairs, print_json, table, writable
+from .read import Column, GearRatio, Period, Sheet, Topic, Unit, column_places, format_options
 
 if TYPE_CHECKING:
     from ..recordings import Recording
+    from ..recordings.formats import ImportResult
 
 
 SENTENCE = 280  # characters of a protocol's sentence that a person is shown
@@ -28,9 +30,28 @@ STEPS = 40  # rows of steps that a person is shown
 File = Annotated[Path, typer.Argument(metavar="FILE", help="Recording of mckibben (.nc, .csv or .mcap).")]
 
 
-def show(file: File, as_json: Json = False) -> None:
+AnyFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Recording of mckibben, or a file of another program of any format.")
+]
+
+
+def show(
+    file: AnyFile,
+    column: Column = None,
+    unit: Unit = None,
+    period: Period = None,
+    sheet: Sheet = None,
+    topic: Topic = None,
+    gear_ratio: GearRatio = None,
+    as_json: Json = False,
+) -> None:
     """Describe a recording: protocol, muscle, rig, steps, channels, balances, events."""
-    description = _described(file, recordings.read_recording(file))
+    result = _read(file, column, unit, period, format_options(sheet, topic, gear_ratio))
+    description = _described(file, result.recording)
+    description["warnings"] = [
+        *description["warnings"],
+        *(r for r in result.remarks if r not in description["warnings"]),
+    ]
     if as_json:
         print_json(description)
     else:
@@ -257,9 +278,20 @@ def _shortened(text: str) -> str:
     return text if len(text) <= SENTENCE else text[:SENTENCE].rsplit(" ", 1)[0] + " ..."
 
 
-_READ = (
-    "File to read: a recording, a log or a table of another program (.nc, .csv, .txt, .mcap, .mat, .tdms, .parquet)."
-)
+def _read(
+    file: Path, column: list[str] | None, unit: list[str] | None, period: str | None, options: dict[str, Any]
+) -> ImportResult:
+    """Read the recording in a file of any format."""
+    asked: dict[str, Any] = {
+        "columns": column_places(column),
+        "units": pairs(unit, "--unit", "tank.pressure=bar") or None,
+        "period": None if period is None else parse(period, "s", field="--period", bare=True),
+    }
+    with options_named(sheet="--sheet NAME"):
+        return recordings.read_any(file, **asked, **options)
+
+
+_READ = "File to read: a recording, a log or a file of another program, of any format that `mckibben read` takes."
 
 
 def convert_file(
@@ -267,31 +299,22 @@ def convert_file(
     target: Annotated[
         Path, typer.Argument(metavar="OUT", help="File to write (.nc, .csv, .mcap, .mat, .tdms or .parquet).")
     ],
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=COLUMN", help="Column that holds tank.pressure, time, ..; only these columns are then read."
-        ),
-    ] = None,
-    unit: Annotated[
-        list[str] | None,
-        typer.Option(metavar="COLUMN=UNIT", help="Unit of a column for which the file states none; repeatable."),
-    ] = None,
-    period: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Sample interval of a file without a time column.")
-    ] = None,
+    column: Column = None,
+    unit: Unit = None,
+    period: Period = None,
+    sheet: Sheet = None,
+    topic: Topic = None,
+    gear_ratio: GearRatio = None,
     as_json: Json = False,
 ) -> None:
     """Convert a recording, or a file of another program, to another file format."""
-    places: dict[str, str | int] = {}
-    for name, place in pairs(column, "--column", "tank.pressure=2").items():
-        places[name] = int(place) if place.isdecimal() else place
     asked: dict[str, Any] = {
-        "columns": places or None,
+        "columns": column_places(column),
         "units": pairs(unit, "--unit", "tank.pressure=bar") or None,
         "period": None if period is None else parse(period, "s", field="--period", bare=True),
+        **format_options(sheet, topic, gear_ratio),
     }
-    with options_named():
+    with options_named(sheet="--sheet NAME"):
         read = recordings.convert(source, target, **asked)
     if as_json:
         print_json({**_written(source, target, read.recording), "warnings": read.remarks})

@@ -64,7 +64,7 @@ def energy(
             energy_figures.energy_flow_figure(account, **({"title": str(title)} if title else {})), figure
         )
     if as_json:
-        content = account.document() | {"file": str(file), "figure": None if figure is None else str(figure)}
+        content = account.to_dict() | {"file": str(file), "figure": None if figure is None else str(figure)}
         print_json(content | {"saving": None if saving is None else saving._asdict()})
         return
     _print(account)

@@ -16,7 +16,6 @@ from ..studies import jumping_robot, muscle_loops, tube_models, validation, vali
 from ..studies import tube_study as tubes
 from ._terminal import Json, print_json, progress, table, told, writable
 from .circuit import circuit_fit_json, show_circuit_fit
-from .fit import fit_json
 
 if TYPE_CHECKING:
     from ..identification import Fit
@@ -484,7 +483,7 @@ def _static_json(r: StaticResult) -> dict[str, Any]:
         "taut": int(r.points.taut.sum()),
         "largest_tension": r.points.largest,
         "branches_apart": None if r.apart is None else {"half_rms": r.apart[0], "half_largest": r.apart[1]},
-        "fits": [fit_json(f) for f in r.fits],
+        "fits": [f.to_dict() for f in r.fits],
         "unfitted": [
             {"law": u.title, "origin": u.origin, "rmse": u.rmse, "max_error": u.max_error} for u in r.unfitted
         ],

@@ -29,6 +29,8 @@ from collections.abc import Mapping
 from importlib import resources
 from typing import Any
 
+import numpy as np
+
 from ..documents import parse_toml, read_text
 from ..errors import InputError, suggest
 from ..quantities import split_values
@@ -304,7 +306,31 @@ def protocol(name: str, **values: Any) -> Protocol:
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.
     """
-    return with_values(shipped(name), values)
+    base = shipped(name)
+    return with_values(base, in_words(base, values))
+
+
+def in_words(protocol: Protocol, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of parameters as the words of a file: a number [SI] gets the unit of its parameter.
+
+    The name ``pressure`` stands for the only parameter that is a pressure, where none has that name.
+    """
+    units = {p.name: p.unit for p in protocol.parameters if p.unit not in ("1", "word")}
+    pressures = [name for name, unit in units.items() if unit in ("Pa", "bar")]
+    if "pressure" in values and len(pressures) == 1 and pressures[0] not in values:
+        values = {pressures[0] if name == "pressure" else name: value for name, value in values.items()}
+
+    def word(name: str, value: Any) -> Any:
+        if name not in units or isinstance(value, bool | str):
+            return value
+        return f"{float(value)!r} {read_amount(f'1 {units[name]}', units[name], field=name).unit}"
+
+    return {
+        name: [word(name, v) for v in np.ravel(value)]
+        if isinstance(value, list | tuple | np.ndarray)
+        else word(name, value)
+        for name, value in values.items()
+    }
 
 
 @functools.cache

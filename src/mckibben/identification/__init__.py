@@ -6,7 +6,8 @@ import importlib
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_submodules
-from .fit import SCHEMES, Fit, bound_of, degenerate_words, evaluate, fit, fit_all, rank
+from .fit import SCHEMES, Fit, bound_of, degenerate_words, evaluate, fit_all, rank
+from .ranking import Ranking, fit, load_table
 from .uncertainty import Estimate
 
 if TYPE_CHECKING:
@@ -24,11 +25,13 @@ __all__ = [
     "CircuitFit",
     "Estimate",
     "Fit",
+    "Ranking",
     "Trial",
     "evaluate",
     "fit",
     "fit_all",
     "fit_circuit",
+    "load_table",
     "rank",
 ]
 _MODULES = {

@@ -17,8 +17,10 @@ from ..errors import ConvergenceError, InputError
 from ..muscles.build import build_law
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_key, law_type
+from ..muscles.muscle import Muscle
 from ..quantities import declared
 from ..recordings import ForceMap
+from ..specimens import Specimen, SpecimenNumber
 from ._checks import require_influence, require_progress
 from ._validation import CrossValidation, cross_validate
 from .problem import Problem, Solution, solve
@@ -47,7 +49,7 @@ class ErrorMeasures:
         return float(np.abs(self.error).max())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fit(ErrorMeasures):
     """Result of a fit of one law; errors in newton, of the tension that a sensor would measure.
 
@@ -104,6 +106,42 @@ class Fit(ErrorMeasures):
         """
         counted = len(self.parameters) - len(self.degenerate)
         return akaike(np.asarray(self.error), counted + 1, resolution=RESOLUTION * self.points.largest)
+
+    @property
+    def muscle(self) -> Muscle:
+        """A muscle with the fitted law, and without friction: a table of static points says nothing of it."""
+        return Muscle(self.build(), specimen=fitted_specimen([self]) if self.converged else None)
+
+    def __repr__(self) -> str:
+        return (
+            f"Fit({self.law!r}, {len(self.parameters)} parameters, {len(self.points)} points, rmse {self.rmse:.3g} N)"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Parameters with their intervals, errors [N] and warnings as plain values [SI], for JSON."""
+        whole = {k: v for k, v in self.known.items() if np.ndim(v) == 0 or len(set(np.ravel(v))) == 1}
+        held = self.holdout
+        return {
+            "law": self.law,
+            "parameters": {name: e._asdict() for name, e in self.parameters.items()},
+            "known": {name: float(np.max(v)) if name in whole else None for name, v in self.known.items()},
+            "rmse": self.rmse,
+            "max_error": self.max_error,
+            "cv_rmse": self.cv_rmse,
+            "cv_max_error": self.cv_max_error,
+            "aicc": self.aicc,
+            "n": len(self.points),
+            "converged": self.converged,
+            "at_bound": list(self.at_bound),
+            "not_contained": list(self.not_contained),
+            "warnings": list(self.warnings),
+            "cross_validation": {
+                name: {"groups": c.groups, "rmse": c.rmse, "max_error": c.max_error} for name, c in self.cross.items()
+            },
+            "holdout": None
+            if held is None
+            else {"trained_on": held.trained_on, "rmse": held.rmse, "max_error": held.max_error},
+        }
 
     def build(self, **changes: Any) -> TensionLaw:
         """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind."""
@@ -318,3 +356,43 @@ def _hold_out(
 def fitted_by_default(law: str) -> tuple[str, ...]:
     """The parameters of a law that a fit frees."""
     return law_type(law).fitted
+
+
+def fitted_specimen(fits: Iterable[Fit], like: Specimen | None = None, *, name: str = "fitted") -> Specimen:
+    """All converged fits as one specimen; the first is its default law.
+
+    Args:
+        fits: fits to one table, ranked.
+        like: specimen whose properties are known for this muscle, if any.
+        name: id of the specimen.
+
+    Raises:
+        ConvergenceError: if no fit converged.
+    """
+    good = [f for f in fits if f.converged]
+    if not good:
+        raise ConvergenceError("no fit converged, so that there is no law to keep")
+    title = f"fitted to {good[0].points.name}"
+    return Specimen(
+        id=name,
+        kind="mckibben",
+        title=title,
+        sources=list(dict.fromkeys(key for f in good for key in law_type(f.law).cites)),
+        law=good[0].law,
+        properties={} if like is None else like.properties,
+        laws={f.law: _numbers(f) for f in good},
+    )
+
+
+def _numbers(f: Fit) -> dict[str, SpecimenNumber]:
+    """The parameters of a fitted law, with their intervals where the data determine them."""
+    units, group = declared(law_type(f.law)), {}
+    for name, e in f.parameters.items():
+        note = f"fitted, rmse {f.rmse:.3g} N"
+        if name in f.degenerate:
+            note += "; at its bound" if name in f.at_bound else "; not in the data"
+        known = name not in f.degenerate and bool(np.isfinite([e.low, e.high]).all())
+        group[name] = SpecimenNumber(value=e.value, unit=e.unit, note=note, range=(e.low, e.high) if known else None)
+    for name, value in f.known.items():
+        group[name] = SpecimenNumber(value=float(np.max(value)), unit=units[name].unit, note="known")
+    return group

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
+import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
-from ..components import Hysteresis
+from ..accessors import implementation
+from ..components import Hysteresis, MemoryElement
 from ..errors import InputError, MissingParametersError
-from ..quantities import Quantity, declared, shown_unit
-from ..specimens import Specimen
+from ..quantities import Quantity, declared, in_si, shown_unit
+from ..specimens import Specimen, specimen
 from .biological import BiologicalMuscle
-from .hysteresis import HYSTERESES, FrictionLimit, MaxwellSlip
+from .hysteresis import HYSTERESES, Coulomb, FrictionLimit, MaxwellSlip
 from .law import TensionLaw
 from .laws import LAWS, law_type
 from .muscle import Muscle
@@ -115,6 +118,108 @@ def _has_default(field: Any) -> bool:
     return field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
 
 
+class MuscleFactory:
+    """Makes a `Muscle` of what names one: a specimen's id, a ``.toml`` file, or a law and its parameters."""
+
+    def __call__(
+        self,
+        name: str | os.PathLike[str] | Specimen,
+        *,
+        law: str | None = None,
+        friction: str | Hysteresis | None = None,
+        creep: MemoryElement | None = None,
+        **parameters: Any,
+    ) -> Muscle:
+        """A muscle from a specimen, or from a law.
+
+        Args:
+            name: id of a specimen, path of a ``.toml`` file, a specimen that was read, or the name of a law.
+            law: one of the laws that the specimen states; its default law where left out.
+            friction: one of the frictions that the specimen states, or a friction of one's own. Where left out Maxwell-slip,
+                and where only Coulomb's is stated Maxwell-slip elements with its limit, for a friction without memory
+                chatters at rest.
+            creep: viscoelastic elements beside the braid.
+            **parameters: of the law, in place of those that the specimen states: numbers [SI] or text with a unit.
+
+        Raises:
+            InputError: the name is unknown, or names a valve; or a parameter is missing, unknown or out of bounds.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> mk.muscle("nylon")
+            Muscle('nylon', linear_threshold + MaxwellSlip, 14 cm at rest)
+            >>> mk.muscle("ideal", thread_length="16 cm", turns=3.2)
+            Muscle(own, ideal)
+        """
+        if isinstance(name, str) and name in LAWS:
+            if law is not None:
+                raise InputError("law", law, f"allowed with a specimen; {name} is a law itself")
+            return Muscle(build_law(name, _in_si(name, parameters)), _own(friction), creep)
+        spec = name if isinstance(name, Specimen) else specimen(name)
+        chosen = law or spec.law
+        changes = _in_si(chosen, parameters)
+        if spec.kind == "biological":
+            fibre = cast(TensionLaw, _biological(spec, chosen, changes))  # it answers the questions of a law
+            return Muscle(fibre, _own(friction), creep, specimen=spec)
+        built = law_from_specimen(spec, chosen, changes=changes)
+        return Muscle(built, _usual_friction(spec, friction), creep, specimen=spec)
+
+    def from_braid(self, **dimensions: Any) -> Muscle:
+        """A muscle from the dimensions of its sleeve and bladder, with nothing measured.
+
+        Args:
+            **dimensions: ``rest_length``, ``diameter``, ``braid_angle``, ``thread_diameter`` and ``bladder_thickness``, and
+                ``shore``, see `muscles.sleeve.from_braid`.
+
+        Raises:
+            InputError: a dimension is missing, unknown or out of its bounds, or bladder and threads fill the braid.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> mk.muscle.from_braid(rest_length="300 mm", diameter="12 mm", braid_angle="25 deg", thread_diameter="0.25 mm",
+            ...     bladder_thickness="1 mm")
+            Muscle('braid', linear_threshold + MaxwellSlip, 30 cm at rest)
+        """
+        from_braid: Any = implementation("muscles.sleeve:from_braid")
+        try:
+            inspect.signature(from_braid).bind(**dimensions)
+        except TypeError as error:
+            raise InputError("dimensions", ", ".join(dimensions) or "none", str(error)) from None
+        return self(from_braid(**dimensions))
+
+
+muscle = MuscleFactory()
+"""A muscle by name, see `MuscleFactory`: ``mckibben.muscle("nylon")``, ``mckibben.muscle.from_braid(..)``."""
+
+
+def _in_si(law: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters as people give them, in SI; those that the law does not have pass, to be refused with the rest."""
+    known = declared(BiologicalMuscle if law not in LAWS else law_type(law)) if parameters else {}
+    return {
+        key: in_si(value, known[key].unit, field=f"{law}.{key}") if key in known else value
+        for key, value in parameters.items()
+    }
+
+
+def _own(friction: str | Hysteresis | None) -> Hysteresis | None:
+    if isinstance(friction, str):
+        raise InputError(
+            "friction", friction, "must be a friction such as MaxwellSlip: only specimens state one by name"
+        )
+    return friction
+
+
+def _usual_friction(spec: Specimen, friction: str | Hysteresis | None) -> Hysteresis | None:
+    """The friction with which a muscle is simulated, see `MuscleFactory`."""
+    if isinstance(friction, Hysteresis):
+        return friction
+    chosen = friction or ("maxwell_slip" if "maxwell_slip" in spec.friction else next(iter(spec.friction), None))
+    if chosen is None:
+        return None
+    built = _stated_friction(spec, chosen)
+    return MaxwellSlip.geometric(built.limit) if isinstance(built, Coulomb) and friction is None else built
+
+
 def from_specimen(
     spec: Specimen, law: str | None = None, friction: str | None = None, *, changes: Mapping[str, Any] | None = None
 ) -> Any:
@@ -128,13 +233,11 @@ def from_specimen(
     """
     if spec.kind == "biological":
         return _biological(spec, law or spec.law, dict(changes or {}))
-    stated = list(spec.friction)
-    if friction is not None and friction not in stated:
-        raise InputError("friction", friction, f"{spec.id} states {', '.join(stated) or 'none'}", where=spec.where)
-    chosen = friction or (stated[0] if stated else None)
+    chosen = friction or next(iter(spec.friction), None)
     return Muscle(
         law=law_from_specimen(spec, law, changes=changes),
-        friction=None if chosen is None else _friction(spec, chosen),
+        friction=None if chosen is None else _stated_friction(spec, chosen),
+        specimen=spec,
     )
 
 
@@ -177,7 +280,9 @@ _FRICTION_UNITS = {
 }  # fmt: skip
 
 
-def _friction(spec: Specimen, name: str) -> Hysteresis:
+def _stated_friction(spec: Specimen, name: str) -> Hysteresis:
+    if name not in spec.friction:
+        raise InputError("friction", name, f"{spec.id} states {', '.join(spec.friction) or 'none'}", where=spec.where)
     if name not in HYSTERESES:
         raise InputError(f"friction.{name}", "unknown", f"known are {', '.join(HYSTERESES)}", where=spec.where)
     parameters: dict[str, Any] = {}

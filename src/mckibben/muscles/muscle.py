@@ -1,21 +1,121 @@
-"""A muscle: its tension law and its friction, addressed as ``muscle.law.thread_length`` and ``muscle.friction.limit``."""
+"""A muscle as one object: its law, friction, creep and published data, with the questions that a user asks of a muscle.
+
+Lengths, pressures and forces go in as SI numbers, as arrays, or as text with a unit, and come out as SI: a number for
+numbers and texts, a NumPy array for arrays, a JAX array or tracer for what JAX hands in.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import functools
+import os
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from .._jax import jnp
-from ..components import Hysteresis, Module, Scalar
-from .law import TensionLaw
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._jax import is_jax_array, is_traced, jnp
+from ..accessors import Accessor, implementation
+from ..components import Hysteresis, MemoryElement, Module, Scalar, field
+from ..errors import InputError, PlausibilityWarning
+from ..quantities import declared, in_si, with_unit
+from ..specimens import Specimen, SpecimenNumber, save_specimen
+from .law import LawState, TensionLaw, law_name
+from .plausible import length_caution, pressure_caution
+
+if TYPE_CHECKING:
+    from ..report.figures.plots import MusclePlots
+
+Quantity = ArrayLike | str  # an SI number, an array of them, or text with a unit
+
+
+class ParameterRow(NamedTuple):
+    """One parameter of a muscle: path, symbol, value [unit], SI unit, meaning, and the source that prints it."""
+
+    name: str
+    symbol: str
+    value: float | list[float]
+    unit: str
+    meaning: str
+    source: str
 
 
 class Muscle(Module):
-    """The components of a specimen; immutable."""
+    """A muscle: a tension law, with friction, creep and the specimen that states them where there are any; immutable.
+
+    Args:
+        law: tension over length and gauge pressure; of a biological muscle over length and activation [1].
+        friction: friction of the braid with memory.
+        creep: viscoelastic elements beside the braid.
+        specimen: where the numbers come from.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> muscle = mk.muscle("nylon")
+        >>> round(muscle.tension("12 cm", "5 bar"), 1)
+        58.1
+        >>> mk.Muscle(mk.law("ideal", {"thread_length": 0.16, "turns": 3.2})).free_length(5e5)
+        0.0924
+    """
 
     law: TensionLaw
     friction: Hysteresis | None = None
+    creep: MemoryElement | None = None
+    specimen: Specimen | None = field(static=True, default=None)
 
-    def quasi_static_tension(self, span: Any, pressure: Any, direction: Any) -> Scalar:
+    plot: ClassVar[Accessor[MusclePlots]] = Accessor("report.figures.plots:MusclePlots")
+    """Plots: ``plot.force_map``, ``plot.free_length``, ``plot.volume`` and ``plot.braid``, see `report.figures.plots`."""
+
+    # ---- questions
+
+    def tension(self, length: Quantity, pressure: Quantity) -> Scalar:
+        """Tension on the anchors [N], never negative; without friction.
+
+        Args:
+            length: distance between the anchors [m].
+            pressure: gauge pressure [Pa]; of a biological muscle the activation [1].
+        """
+        return self._ask("tension", self._length(length), self._drive(pressure))
+
+    def volume(self, length: Quantity, pressure: Quantity) -> Scalar:
+        """Gas volume [m^3] at a length [m] and gauge pressure [Pa].
+
+        Raises:
+            NoVolumeError: if the law knows only how the volume changes.
+        """
+        return self._ask("volume", self._length(length), self._drive(pressure))
+
+    def stiffness(self, length: Quantity, pressure: Quantity) -> Scalar:
+        """dF/dL [N/m] at a length [m] and constant gauge pressure [Pa], zero when slack."""
+        return self._ask("stiffness", self._length(length), self._drive(pressure))
+
+    def free_length(self, pressure: Quantity) -> Scalar:
+        """Length at which the unloaded muscle settles [m] at a gauge pressure [Pa]."""
+        return self._ask("free_length", self._drive(pressure))
+
+    def state(self, length: Quantity, pressure: Quantity) -> LawState:
+        """Everything that the law says at a length [m] and gauge pressure [Pa] at once."""
+        state: LawState = self._ask("state", self._length(length), self._drive(pressure))
+        return state
+
+    def pressure_for(self, tension: Quantity, length: Quantity, *, highest: Quantity = 10e5) -> float:
+        """The lowest gauge pressure [Pa] that gives a tension; of a biological muscle the activation [1].
+
+        Args:
+            tension: wanted tension [N].
+            length: distance between the anchors [m].
+            highest: gauge pressure up to which it is sought [Pa].
+
+        Raises:
+            UnreachableError: if no pressure in that range gives the tension.
+        """
+        force, span = float(in_si(tension, "N", field="tension")), float(self._length(length))
+        if self.is_biological:
+            return float(self.law.pressure_for(force, span))
+        return self.law.pressure_for(force, span, highest=float(in_si(highest, "Pa", field="highest")))
+
+    def quasi_static_tension(self, span: Quantity, pressure: Quantity, direction: ArrayLike) -> Scalar:
         """Tension while the muscle is moved slowly one way [N], the law with constant friction.
 
         Args:
@@ -26,7 +126,138 @@ class Muscle(Module):
         Returns:
             max(F + direction Fc(P'), 0): the paper's suggestion where a simple friction is enough (eqs. 12, 13).
         """
+        span, pressure = in_si(span, "m", field="span"), in_si(pressure, "Pa", field="pressure")
         force = self.law.braid_tension(span, pressure)
         if self.friction is not None:
             force = force + direction * self.friction.largest_force(pressure)
         return jnp.maximum(force, 0.0)
+
+    # ---- what it is
+
+    @property
+    def law_name(self) -> str:
+        """Name under which the law is addressed."""
+        return "biological" if self.is_biological else law_name(self.law)
+
+    @property
+    def is_biological(self) -> bool:
+        """Whether the muscle is driven by an activation instead of a pressure."""
+        return not isinstance(self.law, TensionLaw)
+
+    @property
+    def title(self) -> str:
+        """Title of the specimen, else of the law."""
+        return self.specimen.title if self.specimen is not None else self.law.title
+
+    @property
+    def rest_length(self) -> float | None:
+        """Rest length L0 [m] of the law, else as the specimen states it; None where neither has one."""
+        own = getattr(self.law, "rest_length", None)
+        if own is not None:
+            return float(own)
+        stated = {} if self.specimen is None else self.specimen.properties
+        return self.specimen.property_si("rest_length", "m") if self.specimen and "rest_length" in stated else None
+
+    @functools.cached_property
+    def longest_length(self) -> float | None:
+        """Longest length [m] that the law is made for; None while JAX traces the law's parameters."""
+        longest = self.law.length_range()[1]
+        return None if is_traced(longest) else float(longest)
+
+    def parameters(self) -> list[ParameterRow]:
+        """All parameters of law, friction and creep, each with its unit, meaning and source."""
+        stated = {} if self.specimen is None else self.specimen.laws.get(self.law_name, {})
+        rows = _rows("law", self.law, stated)
+        for name in ("friction", "creep"):
+            rows += _rows(name, getattr(self, name), {})
+        return rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Id, law and parameters [SI] as plain values, for JSON."""
+        return {
+            "specimen": None if self.specimen is None else self.specimen.id,
+            "law": self.law_name,
+            "parameters": {row.name: row.value for row in self.parameters()},
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the specimen to a ``.toml`` file that every command takes; returns its path.
+
+        Raises:
+            InputError: the muscle was made without a specimen.
+        """
+        if self.specimen is None:
+            raise InputError("specimen", "none", "only a muscle of a specimen, a braid or a fit can be saved")
+        save_specimen(self.specimen, path)
+        return Path(path)
+
+    def __repr__(self) -> str:
+        name = repr(self.specimen.id) if self.specimen is not None else "own"
+        parts = [self.law_name, *(type(p).__name__ for p in (self.friction, self.creep) if p is not None)]
+        size = "" if self.rest_length is None else f", {with_unit(self.rest_length, 'm')} at rest"
+        return f"Muscle({name}, {' + '.join(parts)}{size})"
+
+    def _repr_html_(self) -> str:
+        return str(implementation("report.figures.plots:muscle_html")(self))
+
+    # ---- values in, values out
+
+    def _length(self, value: Quantity) -> Any:
+        length = in_si(value, "m", field="length")
+        largest = _largest(length)
+        if largest is not None and self.longest_length is not None:
+            _warn(length_caution(largest, self.longest_length, text=_typed(value, largest)))
+        return length
+
+    def _drive(self, value: Quantity) -> Any:
+        if self.is_biological:
+            return in_si(value, "1", field="activation")
+        pressure = in_si(value, "Pa", field="pressure")
+        largest = _largest(pressure)
+        if largest is not None:
+            _warn(pressure_caution(largest, self.specimen, text=_typed(value, largest)))
+        return pressure
+
+    def _ask(self, question: str, *arguments: Any) -> Any:
+        answer = getattr(self.law, question)(*arguments)
+        parts = answer if isinstance(answer, LawState) else (answer,)
+        if any(map(is_jax_array, arguments)) or any(map(is_traced, parts)):
+            return answer
+        plain = [np.asarray(part) if np.ndim(part) else np.asarray(part).item() for part in parts]
+        return LawState(*plain) if isinstance(answer, LawState) else plain[0]
+
+
+def _rows(path: str, part: Any, stated: dict[str, SpecimenNumber]) -> list[ParameterRow]:
+    """The declared parameters of a part and of what it contains; of a field without a value none."""
+    if not isinstance(part, Module):
+        return []
+    rows = []
+    for name, quantity in declared(part).items():
+        value = getattr(part, name)
+        if value is None:
+            continue
+        number = stated.get(name)
+        source = "" if number is None else "inferred" if number.inferred else number.source
+        values = np.asarray(value).tolist()
+        rows.append(ParameterRow(f"{path}.{name}", quantity.symbol, values, quantity.unit, quantity.doc, source))
+    inside = {name: value for name, value in vars(part).items() if isinstance(value, Module)}
+    return rows + [row for name, value in inside.items() for row in _rows(f"{path}.{name}", value, {})]
+
+
+def _largest(value: Any) -> float | None:
+    """The value of the largest size; None of what JAX traces, of nothing, and of what is no number."""
+    if is_traced(value):
+        return None
+    numbers = np.asarray(value)
+    if numbers.dtype.kind not in "fiu" or not numbers.size:
+        return None
+    return float(numbers.flat[int(np.argmax(np.abs(numbers)))])
+
+
+def _typed(value: Any, largest: float) -> str:
+    return value if isinstance(value, str) else f"{largest:g}"
+
+
+def _warn(sentence: str | None) -> None:
+    if sentence is not None:
+        warnings.warn(sentence, PlausibilityWarning, stacklevel=4)

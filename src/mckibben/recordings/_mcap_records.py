@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT = 1, 2, 3, 4, 5, 6, 9
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, ATTACHMENT = 1, 2, 3, 4, 5, 6, 7, 9
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")  # opcode, length
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first time, last time, size, checksum, length of the compression's name
@@ -107,11 +107,12 @@ def _record(data: memoryview, at: int) -> McapRecord | None:
     if opcode == ATTACHMENT:
         sound = _promising(data, at) and zlib.crc32(body[:-4]) == struct.unpack("<I", body[-4:])[0]
         return McapRecord(at, opcode, body, end) if sound else None
+    long = length > _LONGEST_OPEN and not (opcode == INDEX and struct.unpack_from("<I", body, 2)[0] == length - 6)
     # Without a checksum, what follows must look like a record too: a wrong length shall not jump over sound chunks.
     follows = data[end : end + _HEAD.size]
     if len(follows) == _HEAD.size and bytes(follows[: len(MAGIC)]) != MAGIC:
         next_code, next_length = _HEAD.unpack(follows)
-        if not 0 < next_code < 16 or next_length > len(data) - end or length > _LONGEST_OPEN:
+        if not 0 < next_code < 16 or next_length > len(data) - end or long:
             return None
     return McapRecord(at, opcode, body, end)
 
@@ -179,12 +180,17 @@ class Topic(NamedTuple):
 
 
 class MessageSchema(NamedTuple):
-    """Content of a schema record: its number, name, encoding and text."""
+    """What a schema record says: its number, name, encoding and content."""
 
     number: int
     name: str
     encoding: str
-    text: str
+    data: bytes
+
+    @property
+    def text(self) -> str:
+        """The content as text."""
+        return self.data.decode("utf-8", "replace")
 
 
 def read_topic(body: memoryview) -> Topic | None:
@@ -200,7 +206,7 @@ def read_schema(body: memoryview) -> MessageSchema | None:
     from mcap.records import Schema
 
     schema = _parsed(Schema, body)
-    return schema and MessageSchema(schema.id, schema.name, schema.encoding, schema.data.decode("utf-8", "replace"))
+    return schema and MessageSchema(schema.id, schema.name, schema.encoding, schema.data)
 
 
 def _parsed(kind: Any, body: memoryview) -> Any:

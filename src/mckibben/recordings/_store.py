@@ -21,8 +21,9 @@ from ..errors import InputError
 from ._isolation import check_self_contained, read_in_process, seal, sealed
 from ._meta import SCHEMA, file_attributes, to_json
 from ._sidecar import check_schema, one_line, parse
-from .formats import FileFormat, ImportResult
+from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
 from .recording import Channel, Recording, channel_attributes
+from .text import read_text_table
 
 BROKEN_SEAL = "The file is not as it was written: it is damaged, or another program changed it."
 CSV_HEAD = "# mckibben recording"
@@ -72,13 +73,15 @@ def loaded(path: str | Path) -> NetCDF:
         return NetCDF(variables, dict(file.attrs))
 
 
-def read_netcdf(path: Path) -> ImportResult:
-    """Read a ``.nc`` file; one that is not as it was written is read in a process of its own."""
+def read_netcdf(path: Path) -> ImportResult | ForeignTable:
+    """Read a ``.nc`` file, of mckibben or of another program; one without a whole seal is read in a process of its own."""
     whole = sealed(path)
     try:
         file = loaded(path) if whole else read_in_process(loaded, path)
     except _BROKEN as error:
         raise InputError("file", "unreadable", f"allowed is a netCDF file ({one_line(error)})") from None
+    if file.attrs.get("schema") is None and file.variables:
+        return _foreign_netcdf(file)
     check_schema(file.attrs.get("schema"))
     meta = parse(file.attrs.get("meta"), "meta")
     channels: dict[str, Channel] = {}
@@ -94,6 +97,21 @@ def read_netcdf(path: Path) -> ImportResult:
     if whole is False:
         meta = {**meta, "warnings": [*meta.get("warnings", ()), BROKEN_SEAL]}
     return ImportResult(Recording(file.variables["time"].values, channels, meta), [])
+
+
+def _foreign_netcdf(file: NetCDF) -> ForeignTable:
+    """The variables over one dimension of another program's file, with the unit that the attribute ``units`` states."""
+    columns, remarks = [], []
+    for name, variable in file.variables.items():
+        if len(variable.dims) != 1 or variable.values.dtype.kind not in "fiub":
+            remarks.append(f"{name} is left out: it is no row of numbers over one dimension")
+            continue
+        unit = str(variable.attrs.get("units", "")).partition(" since ")[0] or None
+        columns.append(
+            ForeignColumn(str(name), variable.values, {"seconds": "s"}.get(unit or "", unit), variable.dims[0])
+        )
+    notes = {str(key): str(value)[:200] for key, value in file.attrs.items() if isinstance(value, str | int | float)}
+    return ForeignTable(columns, {"attributes": notes} if notes else {}, remarks)
 
 
 def write_csv(recording: Recording, path: Path) -> list[str]:
@@ -120,8 +138,10 @@ def is_recording_csv(path: Path) -> bool:
         return stream.readline(200).removeprefix(b"\xef\xbb\xbf").strip() == CSV_HEAD.encode()
 
 
-def read_csv(path: Path) -> ImportResult:
-    """Read a ``.csv`` file that `write_csv` wrote."""
+def read_csv(path: Path) -> ImportResult | ForeignTable:
+    """Read a ``.csv`` file: a recording that `write_csv` wrote, or a text table of another program."""
+    if not is_recording_csv(path):
+        return read_text_table(path)
     try:
         with open(path, encoding="utf-8-sig", newline="\n") as stream:
             head, header = _csv_head(stream)
@@ -173,3 +193,4 @@ def _csv_numbers(stream: io.TextIOBase, before: int, header: list[str]) -> np.nd
 
 NETCDF = FileFormat(title="netCDF files", read=read_netcdf, write=write_netcdf)
 CSV = FileFormat(title="CSV files", read=read_csv, write=write_csv)
+TEXT = FileFormat(title="Text files", read=read_text_table)

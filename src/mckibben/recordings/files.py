@@ -1,34 +1,231 @@
-"""Files of recordings: read, written and converted by suffix.
+"""Files of all formats: read, written and converted.
 
 | suffix | read | written | needs |
 |---|---|---|---|
-| ``.nc`` | of mckibben | all that a recording holds | |
-| ``.csv`` | of mckibben and of other programs | all | |
-| ``.mcap`` | logs of mckibben, closed or not; JSON, and ROS 2 messages of plain numbers, of other programs | all | |
+| ``.nc`` | of mckibben and of other programs | all that a recording holds | |
+| ``.csv`` | of mckibben and of other programs, text of any dialect | all | |
+| ``.txt``, ``.tsv``, ``.dat``, ``.csv.gz``, ``.txt.gz`` | text of any dialect | | |
+| ``.xlsx``, ``.xls``, ``.ods`` | a sheet of a spreadsheet | | python-calamine |
+| ``.mcap`` | logs of mckibben, closed or not; messages of JSON, protobuf and ROS 2 | all | rosbags, mcap-protobuf-support |
+| ``.db3``, ``.bag`` | bags of ROS 2 and ROS 1 | | rosbags |
 | ``.mat`` | of mckibben and of other programs, versions 5 and 7.3 | all, version 5 | pymatreader to read |
+| ``.h5``, ``.hdf5`` | rows of numbers in HDF5 | | |
 | ``.tdms`` | of mckibben and of other programs | all | npTDMS |
 | ``.parquet`` | of mckibben and of other programs | all | polars |
+| ``.ddf`` | of Aurora Scientific's DMC, the muscle lever | | |
 
-Further kinds come from other packages: see `formats`.
+Further formats come from other packages: see `formats`. What the columns of a table mean is decided in `columns`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 from ..documents import write_whole
 from ..errors import InputError
-from ..quantities import with_unit
-from ._store import is_recording_csv
-from ._text_records import read_record
-from .columns import assemble
-from .formats import ForeignTable, ImportResult, format_of, is_text_table, readable, writer_of
+from ..quantities import parse, with_unit
+from .columns import AMBIENT, assemble, channel_columns, is_date, parse_header, quantity_of, table_labels
+from .force_map import ForceMap, choose_map_columns, even_table, map_of_table, read_force_map, unit_of
+from .formats import ForeignTable, ImportResult, format_of, load, writer_of
 from .mcap import read_log
 from .recording import Recording
 
-RECORDINGS = (".nc", ".csv", ".mcap")  # that `read_recording` takes
+RECORDINGS = (".nc", ".csv", ".mcap")  # suffixes that `read_recording` takes
+NEEDED = ("length", "contraction", "pressure", "tension")  # of which a force map needs three
+
+
+class ColumnUse(NamedTuple):
+    """A column of a file and what is read from it.
+
+    Args:
+        label: the label in the file.
+        name: channel or quantity that is read from it; empty where it is not used.
+        unit: unit in words, as it was understood; empty where there is none.
+    """
+
+    label: str
+    name: str
+    unit: str
+
+
+class FileReading(NamedTuple):
+    """The content of a file, and how it was understood.
+
+    Args:
+        data: the content.
+        format: the kind of file, such as ``"TDMS files"``.
+        columns: the columns of the file in their order.
+        remarks: a line for each thing that was left out or changed.
+        notes: what else the file says, such as the lines before its header.
+    """
+
+    data: ForceMap | Recording
+    format: str
+    columns: tuple[ColumnUse, ...]
+    remarks: tuple[str, ...]
+    notes: Mapping[str, Any]
+
+
+def read(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+    rest_length: float | str | None = None,
+    period: float | str | None = None,
+    branch: str | None = None,
+    pressure_zero: float | str = 0.0,
+    ambient: float | str = AMBIENT,
+    kind: Literal["map", "recording"] | None = None,
+    **options: Any,
+) -> ForceMap | Recording:
+    """Read a file of any format: a force map, or a recording where the file has a time.
+
+    Text tables of any dialect, spreadsheets, MATLAB, HDF5, netCDF, TDMS, Parquet, MCAP, bags of ROS, Aurora's ``.ddf``, and
+    what mckibben saves. Columns are recognised by name and unit; a contraction stands for a length where the rest length is
+    known::
+
+        table = mk.read("map.xlsx", rest_length="300 mm", columns={"force": "F [N]"})
+        recording = mk.read("bag.mcap")
+
+    Args:
+        path: the file.
+        columns: ``length``, ``contraction``, ``pressure``, ``force``, ``time``, or a channel name -> label of its column, or
+            its number from 1, where the file uses other names.
+        units: the same -> unit in words, where the file states none or a wrong one.
+        rest_length: rest length of the muscle [m], or text such as ``"300 mm"``.
+        period: interval of the samples [s] of a file without a time, or text such as ``"2 ms"``.
+        branch: of a force map, keep only the rows whose branch column has this value.
+        pressure_zero: reading of the gauge pressures at zero [Pa], or text; it is subtracted.
+        ambient: environment pressure [Pa], or text.
+        kind: ``"map"`` or ``"recording"``, where the file could be both.
+        options: options of the format: ``sheet`` of a spreadsheet (name or number from 1), ``gear_ratio`` of a ``.ddf``
+            file, ``topic`` of a bag or an MCAP file.
+
+    Returns:
+        A `ForceMap` where the columns are those of a map, a `Recording` where there is a time.
+
+    Raises:
+        InputError: one sentence with file, place and remedy.
+    """
+    return understand(
+        path, columns=columns, units=units, rest_length=rest_length, period=period, branch=branch,
+        pressure_zero=pressure_zero, ambient=ambient, kind=kind, **options,
+    ).data  # fmt: skip
+
+
+def understand(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+    rest_length: float | str | None = None,
+    period: float | str | None = None,
+    branch: str | None = None,
+    pressure_zero: float | str = 0.0,
+    ambient: float | str = AMBIENT,
+    kind: Literal["map", "recording"] | None = None,
+    **options: Any,
+) -> FileReading:
+    """Read a file as `read` does, and report columns, units, and what was left out and why."""
+    path = Path(path)
+    if kind not in (None, "map", "recording"):
+        raise InputError("kind", kind, "known are map, recording")
+    step = None if period is None else _si(period, "s", "period")
+    zero, air = _si(pressure_zero, "Pa", "pressure_zero"), _si(ambient, "Pa", "ambient")
+    rest = None if rest_length is None else _si(rest_length, "m", "rest_length")
+    of_map: dict[str, Any] = {
+        "columns": columns, "units": units, "rest_length": rest, "branch": branch, "pressure_zero": zero, "ambient": air,
+    }  # fmt: skip
+    content = load(path, **options)
+    file_format = format_of(path)
+    title = "folder" if file_format is None else file_format.title
+    if not isinstance(content, ForeignTable):
+        if kind == "map":
+            points = read_force_map(path, **of_map)
+            return FileReading(points, title, _channel_uses(content.recording), (*content.remarks, *points.remarks), {})
+        _refuse_options(path, columns=columns, units=units, period=step)
+        return FileReading(content.recording, title, _channel_uses(content.recording), tuple(content.remarks), {})
+    if (kind or _kind_of(content, columns or {}, step, str(path))) == "recording":
+        result = assemble(
+            path, content, columns=columns, units=units, period=step, pressure_zero=zero, ambient=air
+        )  # fmt: skip
+        uses = _recording_uses(content, result.recording, units or {})
+        return FileReading(result.recording, title, uses, (*content.remarks, *result.remarks), content.notes)
+    table = content if content.rows is not None else even_table(content, str(path))
+    points = map_of_table(path, table, **of_map)
+    return FileReading(points, title, _map_uses(table, columns or {}, units or {}), points.remarks, content.notes)
+
+
+def _si(value: float | str, unit: str, field: str) -> float:
+    return parse(value, unit, field=field) if isinstance(value, str) else float(value)
+
+
+def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: float | None, where: str) -> str:
+    """Whether a table is a recording or a map.
+
+    Raises:
+        InputError: it has neither a time nor the columns of a map.
+    """
+    labels = table_labels(table)
+    timed = any(quantity_of(parse_header(0, label.rpartition(".")[2])[0]) == "time" for label in labels)
+    if period is not None or "time" in columns or timed or any(c.time is not None for c in table.columns):
+        return "recording"
+    if not table.columns or not len(table.columns[0].values):
+        told = "the file is empty; it must have a header and rows of numbers"
+        raise InputError("file", "empty", told, sentence=told, where=where)
+    if not table.named:
+        told = "the file has no header; name its columns by number, such as time 1 and pressure 2"
+        raise InputError("columns", "not given", told, sentence=told, where=where, remedy="column time")
+    usable = table if table.rows is not None else even_table(table, where)
+    try:
+        choose_map_columns(table_labels(usable), columns, where)
+    except InputError:
+        recognised = {quantity_of(parse_header(0, label)[0]) for label in table_labels(usable)} & {*NEEDED}
+        if len(recognised) >= 2 or columns:
+            raise
+        needs = "a recording needs a time, a force map length, pressure and force; name the columns"
+        told = f"the columns are {', '.join(labels)}; {needs}"
+        raise InputError(
+            "columns", ", ".join(labels), needs, sentence=told, where=where, remedy="column time"
+        ) from None
+    return "map"
+
+
+def _channel_uses(recording: Recording) -> tuple[ColumnUse, ...]:
+    channels = recording.channels.items()
+    return (ColumnUse("time", "time", "s"), *(ColumnUse(name, name, channel.unit) for name, channel in channels))
+
+
+def _recording_uses(table: ForeignTable, recording: Recording, units: Mapping[str, str]) -> tuple[ColumnUse, ...]:
+    source = recording.meta["source"]["columns"]
+    used = {about["column"]: (name, about["unit"]) for name, about in source.items()}
+    shorter = {id(column.values): column.label for column in channel_columns(table)}
+    uses = []
+    for column, label in zip(table.columns, table_labels(table), strict=True):
+        stem, parsed = parse_header(0, label)
+        name, unit = used.get(shorter.get(id(column.values), column.label), ("", parsed.unit))
+        if not name and quantity_of(stem.rpartition(".")[2]) == "time":
+            name, unit = "time", units.get("time") or parsed.unit or ("date" if is_date(column.values) else "s")
+        uses.append(ColumnUse(column.label, name, unit or ""))
+    return tuple(uses)
+
+
+def _map_uses(table: ForeignTable, columns: Mapping[str, str | int], units: Mapping[str, str]) -> tuple[ColumnUse, ...]:
+    labels = table_labels(table)
+    chosen = {label: quantity for quantity, label in choose_map_columns(labels, columns, "").items()}
+    given = {{"force": "tension"}.get(name, name): unit for name, unit in units.items()}
+    uses = []
+    for column, label in zip(table.columns, labels, strict=True):
+        quantity = chosen.get(label, "")
+        unit, absolute = unit_of(label, quantity)
+        unit = given.get(quantity) or (
+            "" if quantity == "branch" or unit is None else f"{unit} abs" if absolute else unit
+        )
+        uses.append(ColumnUse(column.label, quantity, unit))
+    return tuple(uses)
 
 
 def read_recording(path: str | Path) -> Recording:
@@ -45,25 +242,10 @@ def read_recording(path: str | Path) -> Recording:
         raise InputError("suffix", path.suffix or str(path), known, where=str(path))
     # A log that is damaged where it says that it is one still has its samples.
     content = read_log(path) if path.suffix.lower() == ".mcap" else load(path)
-    assert not isinstance(content, ForeignTable)
+    if isinstance(content, ForeignTable):
+        told = "this is no recording of mckibben; a table of others is converted into one first"
+        raise InputError("file", path.name, told, sentence=told, where=str(path))
     return content.recording
-
-
-def load(path: Path) -> ImportResult | ForeignTable:
-    """Read a file as its format does: as a recording of mckibben, or as the columns of another program's table.
-
-    Raises:
-        InputError: no format has the suffix, there is no such file, or it cannot be read.
-    """
-    file_format = format_of(path)
-    if file_format is None:
-        raise InputError("suffix", path.suffix or str(path), f"known are {', '.join(readable())}", where=str(path))
-    if not path.is_file():
-        raise InputError("file", str(path), "no such file")
-    try:
-        return file_format.read(path)
-    except InputError as error:
-        raise error if error.where else error.at(str(path)) from None
 
 
 def read_any(
@@ -72,28 +254,58 @@ def read_any(
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     period: float | None = None,
+    **options: Any,
 ) -> ImportResult:
-    """Read a recording of mckibben, or a file of another program, as `convert` does."""
-    path = Path(path)
-    where = str(path)
-    if format_of(path) is None and not is_text_table(path):
-        raise InputError("suffix", path.suffix or where, f"known are {', '.join(readable())}", where=where)
-    if not path.is_file():
-        raise InputError("file", where, "no such file")
-    options: dict[str, Any] = {"columns": columns, "units": units, "period": period}
-    if is_text_table(path) and not is_recording_csv(path):
-        record = read_record(path, **options)
-        return ImportResult(record, list(record.meta["source"].get("left_out", [])))
-    content = load(path)
-    if isinstance(content, ForeignTable):
-        result = assemble(path, content.columns, notes=content.notes, **options)
-        return ImportResult(result.recording, [*content.remarks, *result.remarks])
+    """Read a recording of mckibben, or a file of another program as a recording, with a line for each thing left out."""
+    reading = understand(path, columns=columns, units=units, period=period, kind="recording", **options)
+    assert isinstance(reading.data, Recording)
+    return ImportResult(reading.data, list(reading.remarks))
+
+
+def _refuse_options(path: Path, **options: Any) -> None:
     for option, value in options.items():
         if value:
-            allowed = "a recording of mckibben says these itself; they are for files of others"
+            told = "a recording of mckibben says these itself; they are for files of others"
             shown = ", ".join(value) if isinstance(value, Mapping) else with_unit(value, "s")
-            raise InputError(option.removesuffix("s"), shown, allowed, where=where)
-    return content
+            raise InputError(option.removesuffix("s"), shown, told, where=str(path))
+
+
+def read_record(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+    period: float | None = None,
+    pressure_zero: float | Mapping[str, float] = 0.0,
+    ambient: float = AMBIENT,
+    required: Iterable[str] = (),
+) -> Recording:
+    """Read a measured record for a fit: the file of any format must have no gaps, and something must change in it.
+
+    Args:
+        path: the file.
+        columns: channel name -> header or number of the column from 1; then only these, and the time, are read. A file
+            without a header needs it. The time's name is ``time``.
+        units: channel name -> unit in words, over the header; a time without a unit is in seconds.
+        period: interval of the samples [s] where the file has no time; the first is then at 0 s.
+        pressure_zero: what gauge pressures read at zero [Pa], one for all or by channel; it is subtracted.
+        ambient: environment pressure, which says where vacuum is [Pa].
+        required: channels that must be there.
+
+    Returns:
+        Channels of kind "measured" ("command" where the last part of the name is that), all SI.
+
+    Raises:
+        InputError: names file, row, field, value and what is allowed.
+    """
+    path = Path(path)
+    content = load(path)
+    if not isinstance(content, ForeignTable):
+        return content.recording
+    return assemble(
+        path, content, columns=columns, units=units, period=period, pressure_zero=pressure_zero, ambient=ambient,
+        required=required, strict=True,
+    ).recording  # fmt: skip
 
 
 def write(recording: Recording, path: str | Path) -> list[str]:
@@ -120,6 +332,7 @@ def convert(
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     period: float | None = None,
+    **options: Any,
 ) -> ImportResult:
     """Read a file, and write it in the format of the target's suffix, atomically.
 
@@ -129,6 +342,7 @@ def convert(
         columns: of another program's file, channel name -> label or number of the column from 1; then only these are read.
         units: units of another program's file, channel name -> unit as text, where the file states none or a wrong one.
         period: period of another program's file without a time, the interval of the samples [s].
+        options: options of the source's format, as `read` takes them.
 
     Returns:
         The recording, and a line for each thing that was lost or changed on the way.
@@ -143,5 +357,5 @@ def convert(
     if target.exists() and Path(source).exists() and target.samefile(source):
         raise InputError("file", str(target), "it is the one to be read; say another name")
     target_format.check_libraries(str(target))
-    result = read_any(source, columns=columns, units=units, period=period)
+    result = read_any(source, columns=columns, units=units, period=period, **options)
     return ImportResult(result.recording, [*result.remarks, *write(result.recording, target)])

@@ -1,8 +1,7 @@
 """Force maps: static points of length, pressure and tension, from the tables of other programs and from recordings.
 
 A column says what it holds and in which unit: ``length_mm``, ``pressure_bar_gauge``, ``force [N]``,
-``contraction_percent``, ``rest_length_mm``. Everything is converted to SI here, once. Files that are no text tables become
-a header with units and rows of cells first, so that the meaning of a header is found in one place.
+``contraction_percent``, ``rest_length_mm``; `columns` has the names and the units. Everything is converted to SI here, once.
 """
 
 from __future__ import annotations
@@ -10,16 +9,26 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
 from ..quantities import to_si, with_unit
-from .columns import without_common_prefix
-from .files import load
-from .formats import ForeignTable, format_of
-from .text import Rows, check_width, is_number, plain_text, read_rows, split_header, to_numbers, without_blanks
+from .columns import (
+    ABSOLUTE,
+    AMBIENT,
+    COLUMNS,
+    GAUGE,
+    column_numbers,
+    parse_header,
+    recognise_columns,
+    table_labels,
+    without_blank_rows,
+    without_common_prefix,
+)
+from .formats import ForeignColumn, ForeignTable, load
+from .text import plain_text
 
 
 @dataclass(frozen=True)
@@ -88,16 +97,6 @@ class ForceMap:
 _ARRAYS = ("length", "pressure", "tension", "rest_length", "branch", "diameter")
 
 
-# Names under which the columns are known; the first that a header holds is taken.
-COLUMNS = {
-    "length": ("length", "braid_length", "test_length", "muscle_length", "l", "muscle.length"),
-    "contraction": ("contraction", "contraction_ratio", "strain", "eps", "kappa", "epsilon"),
-    "pressure": ("pressure", "p", "gauge_pressure", "muscle.pressure"),
-    "tension": ("tension", "force", "f", "pull", "muscle.tension"),
-    "rest_length": ("rest_length", "resting_length", "l0", "initial_length"),
-    "branch": ("branch", "direction"),
-    "diameter": ("diameter", "inner_diameter", "rest_diameter", "bore"),
-}
 UNITS = {
     "length": "m",
     "contraction": "1",
@@ -119,62 +118,81 @@ PLAUSIBLE = {
 LEAST_LARGEST = {"pressure": 2e3, "tension": 0.05}
 LEFT_OUT = "-"
 MOST_ROWS = 400  # of a recording: its samples follow one another so closely that more say nothing more
-_ABSOLUTE, _GAUGE = ("abs", "absolute"), ("gauge", "rel", "g")
-_UNIT_WORDS = {
-    **{
-        u: u for u in ("m", "mm", "cm", "Pa", "kPa", "MPa", "bar", "mbar", "psi", "N", "kN", "mN", "lbf", "kgf", "inch")
-    },
-    **{"in": "inch", "percent": "percent", "%": "percent", "fraction": "1", "1": "1", "ratio": "1"},
-}
+ALIASES = {"force": "tension", "strain": "contraction", "l0": "rest_length"}  # words for `columns` and `units`
 
 
 def read_force_map(
     path: str | Path,
     *,
     rest_length: float | None = None,
-    columns: Mapping[str, str] | None = None,
+    columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     branch: str | None = None,
     pressure_zero: float = 0.0,
-    ambient: float = 101325.0,
+    ambient: float = AMBIENT,
+    **options: Any,
 ) -> ForceMap:
-    """Read a force map from a CSV file (``.csv``, ``.csv.gz``), a MATLAB or TDMS file, or a recording (``.nc``, ``.mcap``).
+    """Read a force map from a file of any format that `read` takes, or from a recording.
 
     Args:
-        path: the file, as `text.read_rows` takes it; rows of a CSV file with a blank cell in a column that is used are left
-            out, and named in the remarks.
+        path: the file; rows with a blank cell in a column that is used are left out, and named in the remarks.
         rest_length: one rest length for all points [m], over a column of the file.
-        columns: column names for ``length``, ``pressure``, ... where the header uses others; ``-`` where a column that the
-            header names so shall not be read.
+        columns: label of the columns of ``length``, ``pressure``, ... or their number from 1, where the header uses other
+            names; ``-`` where a column that the header names so shall not be read.
         units: units for columns whose header has none; a pressure's may be ``kPa abs`` or ``kPa gauge``.
         branch: keep only the rows whose branch column has this value.
         pressure_zero: what the pressure channel reads at zero gauge pressure [Pa].
         ambient: environment pressure, for a column of absolute pressures [Pa].
+        options: options of the format, as `read` takes them.
 
     Raises:
         InputError: names file, column, value and what is allowed.
     """
+    table = table_of(Path(path), **options)
+    named = {"rest_length": rest_length, "columns": columns, "units": units, "branch": branch}
+    return map_of_table(Path(path), table, pressure_zero=pressure_zero, ambient=ambient, **named)  # type: ignore[arg-type]
+
+
+def map_of_table(
+    path: Path,
+    table: ForeignTable,
+    *,
+    rest_length: float | None = None,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+    branch: str | None = None,
+    pressure_zero: float = 0.0,
+    ambient: float = AMBIENT,
+) -> ForceMap:
+    """Make a force map of a table; see `read_force_map`."""
     where = str(path)
-    header, rows = _table(Path(path), where)
-    for what in units or {}:
-        if what not in COLUMNS:
-            raise InputError("unit of", what, f"known are {', '.join(COLUMNS)}", where=where)
-    chosen = _choose(header, {what: plain_text(column) for what, column in (columns or {}).items()}, where)
-    rows, remarks = without_blanks(rows, {header.index(column): column for column in chosen.values()}, where)
-    data: dict[str, np.ndarray] = {}
-    for what, column in chosen.items():
-        cells = [row[header.index(column)] for _, row in rows]
-        if what == "branch":
-            data[what] = np.array([c.strip() for c in cells])
+    header = _checked_header(table, where)
+    given = {ALIASES.get(name, name): unit for name, unit in (units or {}).items()}
+    for quantity in given:
+        if quantity not in COLUMNS:
+            raise InputError("unit of", quantity, f"known are {', '.join(COLUMNS)}", where=where)
+    chosen = choose_map_columns(header, columns or {}, where)
+    data = {}
+    for quantity, label in chosen.items():
+        column = table.columns[header.index(label)]._replace(label=label)
+        if quantity == "branch":
+            data[quantity] = np.array([str(cell).strip() for cell in column.values])
             continue
-        numbers = to_numbers(cells, [n for n, _ in rows], column, where)
-        unit, absolute = _unit(column, (units or {}).get(what), what, where)
-        scale = to_si(1.0, unit, UNITS[what], field=column, where=where)
-        data[what] = numbers * scale - (ambient if absolute else 0.0)
+        numbers = column_numbers(column, table.rows, where)
+        _check_finite(numbers, label, table, where)
+        data[quantity] = numbers
+    used = {header.index(label): data[quantity] for quantity, label in chosen.items()}
+    keep, remarks = without_blank_rows(_labelled(table, header), used, where)
+    for quantity, label in chosen.items():
+        data[quantity] = data[quantity][keep]
+        if quantity != "branch":
+            unit, absolute = _unit(label, given.get(quantity), quantity, where)
+            scale = to_si(1.0, unit, UNITS[quantity], field=label, where=where)
+            data[quantity] = data[quantity] * scale - (ambient if absolute else 0.0)
     if "pressure" in data:
         data["pressure"] = data["pressure"] - pressure_zero
     if rest_length is not None:
-        data["rest_length"] = np.full(len(rows), float(rest_length))
+        data["rest_length"] = np.full(int(keep.sum()), float(rest_length))
     if "length" not in data:
         if "rest_length" not in data:
             allowed = "a contraction needs the rest length, or a column rest_length"
@@ -182,96 +200,139 @@ def read_force_map(
         _check_plausible("contraction", data["contraction"], chosen["contraction"], where)
         data["length"] = data["rest_length"] * (1.0 - data["contraction"])
     data.pop("contraction", None)
-    for what in ("length", "rest_length", "diameter", "pressure", "tension"):
-        if what in data:
-            _check_plausible(what, data[what], chosen.get(what, what), where)
-    points = ForceMap(name=Path(path).name, remarks=tuple(remarks), **data)
+    for quantity in ("length", "rest_length", "diameter", "pressure", "tension"):
+        if quantity in data:
+            _check_plausible(quantity, data[quantity], chosen.get(quantity, quantity), where)
+    points = ForceMap(name=path.name, remarks=(*table.remarks, *remarks), **data)
     points = _keep_branch(points, branch, where)
     _check_direction(points, where)
     return points
 
 
-def _table(path: Path, where: str) -> tuple[list[str], Rows]:
-    """The cells of the header, and the rows of cells with their numbers."""
-    if path.suffix.lower() != ".csv" and format_of(path) is not None:
-        return _rows_of_columns(path, where)
-    lines = read_rows(path, where)
-    if len(lines) < 2:
-        raise InputError(
-            "file", f"{max(len(lines) - 1, 0)} rows", "allowed is a header and at least one row", where=where
-        )
-    header = [plain_text(cell) for cell in lines[0][1]]
-    if all(is_number(cell) for cell in header):
-        raise InputError(
-            "header", ",".join(header), "the first row must name the columns, such as length_mm", where=where
-        )
-    check_width(lines[1:], len(header), f"the header has {len(header)} columns", where)
-    return header, lines[1:]
+def table_of(path: Path, **options: Any) -> ForeignTable:
+    """The table in a file; of a recording of mckibben evenly some of its samples, at most `MOST_ROWS`.
+
+    Of columns of numbers those whose length differs from that of most are left out.
+
+    Raises:
+        InputError: there is no such file, it cannot be read, or it has no columns of numbers.
+    """
+    content = load(path, **options)
+    if not isinstance(content, ForeignTable):
+        every = -(-len(content.recording) // MOST_ROWS)
+        channels = content.recording.channels.items()
+        return ForeignTable([ForeignColumn(f"{name} [{c.unit}]", c.values[::every]) for name, c in channels])
+    return content if content.rows is not None else even_table(content, str(path))
 
 
-def _choose(header: list[str], columns: dict[str, str], where: str) -> dict[str, str]:
-    for quantity, column in columns.items():
+def even_table(table: ForeignTable, where: str) -> ForeignTable:
+    """The columns of most samples of a table, without the word that all labels begin with."""
+    usable = [c for c in table.columns if c.values.ndim == 1 and c.values.dtype.kind in "fiubUO"]
+    if not usable:
+        raise InputError("columns", "none", "must be at least one column of numbers", where=where)
+    counts = [len(c.values) for c in usable]
+    most = max(sorted(set(counts)), key=counts.count)
+    remarks = [
+        f"{c.label} is left out: it has {len(c.values)} values, and most columns have {most}"
+        for c in usable if len(c.values) != most
+    ]  # fmt: skip
+    even = without_common_prefix([c for c in usable if len(c.values) == most])
+    return table._replace(columns=even, remarks=[*table.remarks, *remarks])
+
+
+def _checked_header(table: ForeignTable, where: str) -> list[str]:
+    """The labels of a table that has names and rows."""
+    count = len(table.columns[0].values) if table.columns else 0
+    if not count:
+        raise InputError("file", f"{count} rows", "must be a header and at least one row", where=where)
+    if not table.named:
+        first = ",".join(str(column.values[0]) for column in table.columns)
+        raise InputError("header", first, "the first row must name the columns, such as length_mm", where=where)
+    return table_labels(table)
+
+
+def _labelled(table: ForeignTable, header: list[str]) -> ForeignTable:
+    return table._replace(columns=[c._replace(label=label) for c, label in zip(table.columns, header, strict=True)])
+
+
+def _check_finite(numbers: np.ndarray, label: str, table: ForeignTable, where: str) -> None:
+    wrong = np.isinf(numbers)
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise InputError(f"{label}{table.place(i)}", str(numbers[i]), "must be a finite number", where=where)
+
+
+def choose_map_columns(header: list[str], columns: Mapping[str, str | int], where: str) -> dict[str, str]:
+    """The label of each quantity of a force map.
+
+    Args:
+        header: labels of the file, with units.
+        columns: quantity -> label, label without unit, or number from 1, where the header uses other names; ``-`` for none.
+        where: how errors name the file.
+
+    Raises:
+        InputError: length or contraction, pressure or tension has no column, or several.
+    """
+    asked: dict[str, str] = {}
+    for name, column in columns.items():
+        quantity = ALIASES.get(name, name)
         if quantity not in COLUMNS:
             raise InputError("column", quantity, f"known are {', '.join(COLUMNS)}", where=where)
-        if column not in (*header, LEFT_OUT):
-            raise InputError("column", column, f"the file has {', '.join(header)}", where=where)
+        asked[quantity] = _asked_column(header, column, quantity, where)
     for quantity, match in recognise_columns(header).items():
-        if len(match) > 1 and quantity not in columns:
-            allowed = f"several columns may be the {quantity}; say which one is"
-            raise InputError(quantity, ", ".join(match), allowed, where=where, remedy=f"column {quantity}")
-        columns.setdefault(quantity, match[0])
-    columns = {quantity: column for quantity, column in columns.items() if column != LEFT_OUT}
+        if len(match) > 1 and quantity not in asked:
+            told = f"several columns may be the {quantity}; say which one is"
+            raise InputError(quantity, ", ".join(match), told, where=where, remedy=f"column {quantity}")
+        if match[0] not in asked.values():
+            asked.setdefault(quantity, match[0])
+    asked = {quantity: column for quantity, column in asked.items() if column != LEFT_OUT}
     for quantity in ("pressure", "tension"):
-        if quantity not in columns:
+        if quantity not in asked:
             raise _no_column(quantity, header, where)
-    if "length" not in columns and "contraction" not in columns:
+    if "length" not in asked and "contraction" not in asked:
         raise _no_column("length", header, where)
-    if "length" in columns:
-        columns.pop("contraction", None)
-    return columns
+    if "length" in asked:
+        asked.pop("contraction", None)
+    return asked
 
 
-def _no_column(what: str, header: list[str], where: str) -> InputError:
-    allowed = f"the file has {', '.join(header)}; say which one it is"
-    return InputError(what, "no column", allowed, where=where, remedy=f"column {what}")
+def _asked_column(header: list[str], column: str | int, quantity: str, where: str) -> str:
+    if isinstance(column, int):
+        if not 1 <= column <= len(header):
+            raise InputError(f"column {quantity}", column, f"must be 1 to {len(header)}", where=where)
+        return header[column - 1]
+    label = plain_text(column)
+    if label in (*header, LEFT_OUT):
+        return label
+    alike = [cell for cell in header if cell.partition(" [")[0] == label]
+    if len(alike) == 1:
+        return alike[0]
+    raise InputError("column", column, f"the file has {', '.join(header)}", where=where)
 
 
-def recognise_columns(header: list[str]) -> dict[str, list[str]]:
-    """The columns that a header names, by what they hold; more than one where it is not clear which."""
-    stems = {column: split_header(column, _UNIT_WORDS)[0] for column in header}
-    columns: dict[str, list[str]] = {}
-    for quantity, names in COLUMNS.items():
-        matches = ([c for c in header if stems[c] == name] for name in names)
-        match = next((m for m in matches if m), None)
-        if match:
-            columns[quantity] = match
-    return columns
+def _no_column(quantity: str, header: list[str], where: str) -> InputError:
+    told = f"the file has {', '.join(header)}; say which one it is"
+    return InputError(quantity, "no column", told, where=where, remedy=f"column {quantity}")
 
 
-def unit_of(column: str, what: str) -> tuple[str | None, bool]:
+def unit_of(column: str, quantity: str) -> tuple[str | None, bool]:
     """Unit that a header states, if any, and whether a pressure is absolute."""
-    _, tail = split_header(column, _UNIT_WORDS)
-    absolute = any(w.lower() in _ABSOLUTE for w in tail)
-    units = [w for w in tail if w in _UNIT_WORDS]
-    return (_UNIT_WORDS[units[-1]] if units else "1" if what == "contraction" else None), absolute
+    source = parse_header(0, column)[1]
+    return source.unit or ("1" if quantity == "contraction" else None), source.reference == "absolute"
 
 
-def _unit(column: str, given: str | None, what: str, where: str) -> tuple[str, bool]:
-    unit, absolute = unit_of(column, what)
+def _unit(column: str, given: str | None, quantity: str, where: str) -> tuple[str, bool]:
+    unit, absolute = unit_of(column, quantity)
     if given is not None:
         unit, _, reference = given.partition(" ")
-        if what != "pressure" or reference.lower() not in (*_ABSOLUTE, *_GAUGE, ""):
+        if quantity != "pressure" or reference.lower() not in (*ABSOLUTE, *GAUGE, ""):
             unit = given
         elif reference:
-            absolute = reference.lower() in _ABSOLUTE
+            absolute = reference.lower() in ABSOLUTE
     if unit is None:
-        raise InputError(
-            column,
-            "no unit",
-            f"write it into the header, such as {what}_{'bar' if what == 'pressure' else UNITS[what]}, or say it",
-            where=where,
-            remedy=f"unit {what}",
-        )
+        example = f"{quantity}_{'bar' if quantity == 'pressure' else UNITS[quantity]}"
+        told = f"write it into the header, such as {example}, or say it"
+        raise InputError(column, "no unit", told, where=where, remedy=f"unit {quantity}")
     return unit, absolute
 
 
@@ -339,42 +400,6 @@ def _check_direction(points: ForceMap, where: str) -> None:
                 )
 
 
-def _rows_of_columns(path: Path, where: str) -> tuple[list[str], Rows]:
-    """The header and the rows of a file that is no text table; of a recording evenly some samples, at most `MOST_ROWS`.
-
-    Columns of other lengths than most of them are left out.
-
-    Raises:
-        InputError: there is no such file, it cannot be read, or no table is in it.
-    """
-    columns = _columns(path)
-    counts = [len(values) for _, values in columns]
-    if not counts:
-        raise InputError("columns", "none", "allowed is a file with at least one column of numbers", where=where)
-    most = max(sorted(set(counts)), key=counts.count)
-    kept = [(label, values) for label, values in columns if len(values) == most]
-    cells = [_cells(values) for _, values in kept]
-    return [label for label, _ in kept], [(n, list(row)) for n, row in enumerate(zip(*cells, strict=True), 1)]
-
-
-def _columns(path: Path) -> list[tuple[str, np.ndarray]]:
-    """Label with unit, and values (n,), of each column."""
-    content = load(path)
-    if not isinstance(content, ForeignTable):
-        every = -(-len(content.recording) // MOST_ROWS)
-        return [(f"{name} [{c.unit}]", c.values[::every]) for name, c in content.recording.channels.items()]
-    usable = [c for c in content.columns if c.values.ndim == 1 and c.values.dtype.kind in "fiubUO"]
-    usable = without_common_prefix(usable) if usable else []
-    return [(f"{c.label} [{c.unit}]" if c.unit and "[" not in c.label else c.label, c.values) for c in usable]
-
-
-def _cells(values: np.ndarray) -> list[str]:
-    if values.dtype.kind in "UO":
-        return [str(v) for v in values]
-    # repr of a float is the shortest text that reads back to the same bits
-    return [repr(v) for v in values.astype(float).tolist()]
-
-
 class TablePreview(NamedTuple):
     """A look into a table.
 
@@ -397,11 +422,21 @@ def preview_table(path: str | Path, rows: int = 60) -> TablePreview:
     Raises:
         InputError: there is no such file, or it is no table at all.
     """
-    header, lines = _table(Path(path), str(path))
+    table = table_of(Path(path))
+    header = _checked_header(table, str(path))
     meant = {quantity: match[0] for quantity, match in recognise_columns(header).items() if len(match) == 1}
     if "length" in meant:
         meant.pop("contraction", None)
-    return TablePreview(header, [row for _, row in lines[:rows]], len(lines), meant)
+    count = len(table.columns[0].values)
+    shown = [[_cell(value) for value in column.values[:rows]] for column in table.columns]
+    return TablePreview(header, [list(row) for row in zip(*shown, strict=True)], count, meant)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    # repr of a float is the shortest text that reads back to the same bits
+    return repr(float(value)) if isinstance(value, np.number | np.bool_ | float | int) else str(value)
 
 
 def stated_unit(column: str, what: str) -> str:

@@ -4,14 +4,14 @@ A kind of file is one `FileFormat`. Those of this package are in `BUILT_IN`; ano
 of the group ``mckibben.formats``, named after the suffix without its dot:
 
     [project.entry-points."mckibben.formats"]
-    ddf = "my_package.aurora:FORMAT"
+    abf = "my_package.axon:FORMAT"
 
 A format is imported when a file with its suffix is met, and not before.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 # Suffix without its dot -> module beside this one and the name of its format.
 BUILT_IN = {
     "nc": "_store:NETCDF", "csv": "_store:CSV", "mcap": "mcap:FORMAT", "mat": "_matlab:FORMAT", "tdms": "_tdms:FORMAT",
-    "parquet": "_parquet:FORMAT",
+    "parquet": "_parquet:FORMAT", "txt": "_store:TEXT", "tsv": "_store:TEXT", "dat": "_store:TEXT", "gz": "_store:TEXT",
+    "xlsx": "_spreadsheets:FORMAT", "xls": "_spreadsheets:FORMAT", "ods": "_spreadsheets:FORMAT",
+    "h5": "_hdf5:FORMAT", "hdf5": "_hdf5:FORMAT", "db3": "_ros2:FORMAT", "bag": "_ros2:FORMAT", "ddf": "_ddf:FORMAT",
 }  # fmt: skip
-# Text tables of other programs, which are read with the meaning of their header at hand; see `text`.
-TEXT_TABLES = (".csv", ".txt", ".csv.gz", ".txt.gz")
 
 
 class ForeignColumn(NamedTuple):
@@ -39,7 +39,7 @@ class ForeignColumn(NamedTuple):
 
     Args:
         label: its name in the file.
-        values: (n,) numbers, flags or dates.
+        values: (n,) numbers, flags or dates; cells in words (object) of a table of text.
         unit: as text, where the file states one beside the name.
         clock: columns that share their samples share this word.
         time: (n,) [s] where the file implies it, by a rate or by stamps.
@@ -53,11 +53,25 @@ class ForeignColumn(NamedTuple):
 
 
 class ForeignTable(NamedTuple):
-    """Columns of a file of another program, its metadata, and a line for each loss."""
+    """The columns of a file that another program wrote, what else it says for the meta, and a line for each loss.
+
+    Args:
+        columns: the columns.
+        notes: what else the file says, for the meta.
+        remarks: a line for each thing that is left out.
+        rows: of a table of cells, the number in the file of each row, which messages name.
+        named: whether the labels are those of the file.
+    """
 
     columns: list[ForeignColumn]
     notes: Mapping[str, Any] = {}
     remarks: list[str] = []
+    rows: Sequence[int] | None = None
+    named: bool = True
+
+    def place(self, index: int) -> str:
+        """Value `index` in the words of a message, such as ``, row 7`` or ``, sample 7``."""
+        return f", sample {index + 1}" if self.rows is None else f", row {self.rows[index]}"
 
 
 class ImportResult(NamedTuple):
@@ -77,12 +91,14 @@ class FileFormat:
         write: writes a recording and returns a line for each thing that the format holds otherwise; None if the format
             is only read.
         requires: library without which nothing is written, a key of `extras.LIBRARIES`.
+        options: names of further keywords of `read`, such as ``gear_ratio``.
     """
 
     title: str
-    read: Callable[[Path], ImportResult | ForeignTable]
+    read: Callable[..., ImportResult | ForeignTable]
     write: Callable[[Recording, Path], list[str]] | None = field(default=None)
     requires: str = ""
+    options: tuple[str, ...] = ()
 
     def check_libraries(self, where: str) -> None:
         """Refuse to write where a library is missing, before a long file is read.
@@ -105,18 +121,13 @@ def suffixes() -> tuple[str, ...]:
 
 
 def readable() -> tuple[str, ...]:
-    """Suffixes of all files that can be read, text tables among them."""
-    return tuple(dict.fromkeys((*suffixes(), *TEXT_TABLES)))
+    """Suffixes of all files that can be read."""
+    return suffixes()
 
 
 def writable() -> tuple[str, ...]:
     """Suffixes of all files that can be written."""
     return tuple(f".{name}" for name in FORMATS if FORMATS[name].write is not None)
-
-
-def is_text_table(path: Path) -> bool:
-    """Whether a file has the suffix of a text table."""
-    return path.suffix.lower() in (".csv", ".txt", ".gz")
 
 
 def format_of(path: Path) -> FileFormat | None:
@@ -130,7 +141,41 @@ def writer_of(path: Path) -> FileFormat:
     Raises:
         InputError: no format has the suffix, or its files are only read.
     """
-    file_format = format_of(path)
-    if file_format is None or file_format.write is None:
+    found = format_of(path)
+    if found is None or found.write is None:
         raise InputError("suffix", path.suffix or str(path), f"known are {', '.join(writable())}", where=str(path))
-    return file_format
+    return found
+
+
+def load(path: Path, **options: Any) -> ImportResult | ForeignTable:
+    """Read a file as its format does: as a recording of mckibben, or as the columns of another program's table.
+
+    Args:
+        path: the file; of a folder that is a bag of ROS 2, its only file of messages.
+        options: keywords of the format, such as ``sheet`` of a spreadsheet; None is left out.
+
+    Raises:
+        InputError: no format has the suffix, there is no such file, it cannot be read, or the format has no such option.
+    """
+    where = str(path)
+    if path.is_dir() and (path / "metadata.yaml").is_file():
+        inside = sorted(part for part in path.iterdir() if part.suffix in (".db3", ".mcap"))
+        if len(inside) != 1:
+            raise InputError("folder", where, f"must hold one file .db3 or .mcap; it has {len(inside)}")
+        path = inside[0]
+    file_format = format_of(path)
+    if not path.suffix and not path.is_file():
+        raise InputError("file", where, "no such file")
+    if file_format is None:
+        raise InputError("suffix", path.suffix or where, f"known are {', '.join(readable())}", where=where)
+    if not path.is_file():
+        raise InputError("file", where, "no such file")
+    given = {name: value for name, value in options.items() if value is not None}
+    for name in given:
+        if name not in file_format.options:
+            known = f"it takes {', '.join(file_format.options)}" if file_format.options else "it takes no options"
+            raise InputError(name, str(given[name]), f"{file_format.title} have no such option; {known}", where=where)
+    try:
+        return file_format.read(path, **given)
+    except InputError as error:
+        raise error if error.where else error.at(where) from None

@@ -3,7 +3,7 @@
 The file is MCAP (https://mcap.dev). A sample is one message on the topic ``/recording``: the time and each channel as
 float64, in the encoding of ROS 2 messages (CDR) whose schema names every field, so that other programs read and plot it.
 The head, an attachment with a checksum, holds units, kinds, meanings and the metadata. Samples stand in chunks of at most
-0.05 s, each with its checksum; a remark is a JSON message on ``/events``. What `close` adds is an attachment at the end.
+0.05 s, each with its checksum; a remark is a message on ``/events``. What `close` adds is an attachment at the end.
 
 What is lost: if the process is killed, at most the last 0.05 s of samples. If the power fails, at most what came since the
 last ``fsync``, 1 s by default, which a thread of its own does so that `append` never waits for the disk.
@@ -11,9 +11,9 @@ last ``fsync``, 1 s by default, which a thread of its own does so that `append` 
 
 from __future__ import annotations
 
-import json
 import os
 import re
+import struct
 import threading
 import time as clock
 from collections.abc import Mapping, Sequence
@@ -36,10 +36,7 @@ FLUSH = 0.05  # [s]
 SYNC = 1.0  # [s]
 _CHUNK = 1 << 20  # [B]; an export is not flushed by time
 _LATEST = 2**63 - 1  # [ns]
-_EVENT = {
-    "type": "object",
-    "properties": {"time": {"type": "number", "description": "s, as in /recording"}, "text": {"type": "string"}},
-}
+_EVENT = b"float64 time # [s], as in /recording\nstring text\n"
 
 
 class LiveLog:
@@ -92,20 +89,20 @@ class LiveLog:
             self._thread.start()
 
     def _begin(self, head: str, channels: Mapping[str, Channel]) -> None:
-        from mcap.writer import CompressionType, IndexType, Writer
+        from mcap.writer import CompressionType, Writer
 
         assert self._file is not None
-        # Without compression a damaged byte costs its chunk and no more, and a sample is found without a decoder.
-        index = IndexType.ALL & ~IndexType.MESSAGE
-        self._writer = Writer(self._file, chunk_size=_CHUNK, compression=CompressionType.NONE, index_types=index)
-        self._writer.start(profile="mckibben", library="mckibben")
+        # Without compression a damaged byte costs its chunk and no more, and a sample is found without a decoder. Readers of
+        # ROS need the profile and the index of messages.
+        self._writer = Writer(self._file, chunk_size=_CHUNK, compression=CompressionType.NONE)
+        self._writer.start(profile="ros2", library="mckibben")
         now = clock.time_ns() if self._start is None else self._start
         self._writer.add_attachment(now, now, HEAD, "application/json", head.encode())
-        schema = self._writer.register_schema("mckibben/Recording", "ros2msg", _schema(channels).encode())
+        schema = self._writer.register_schema("mckibben/msg/Recording", "ros2msg", _schema(channels).encode())
         # The names once more, in the first chunk: a damaged head then costs the meta only.
         self._topic = self._writer.register_channel(TOPIC, "cdr", schema, {"mckibben": dumps(channels, {})})
-        event = self._writer.register_schema("mckibben/Event", "jsonschema", json.dumps(_EVENT).encode())
-        self._events = self._writer.register_channel(EVENTS, "json", event)
+        event = self._writer.register_schema("mckibben/msg/Event", "ros2msg", _EVENT)
+        self._events = self._writer.register_channel(EVENTS, "cdr", event)
         self._file.flush()
         if self._sync is not None:
             os.fsync(self._file.fileno())
@@ -153,7 +150,8 @@ class LiveLog:
             self._usable()
             if not isinstance(text, str) or not np.isfinite(time):
                 raise InputError("remark", repr((text, time)), "allowed are a text and a finite time [s]")
-            data = json.dumps({"time": float(time), "text": text}).encode()
+            letters = text.encode("utf-8", "replace") + b"\0"
+            data = CDR + struct.pack("<dI", time, len(letters)) + letters
             stamp = self._stamp(float(time))
             self._writer.add_message(self._events, stamp, data, stamp)
             if self._pending == -np.inf:

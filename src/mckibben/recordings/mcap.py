@@ -1,13 +1,12 @@
 """MCAP files: logs of a bench, closed, cut off or damaged, recordings exported as such, and files of other programs.
 
-Of another program's file topics of JSON messages are read, and of ROS 2 messages that hold plain numbers only.
+Of another program's file messages of JSON, protobuf and ROS 2 are read.
 """
 
 from __future__ import annotations
 
-import re
+import math
 import struct
-from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..documents import parse_json
-from ..errors import InputError
+from ..errors import InputError, MissingLibraryError
 from ._mcap_records import (
     ATTACHMENT,
     CHANNEL,
@@ -33,6 +32,8 @@ from ._mcap_records import (
     records,
     records_inside,
 )
+from ._messages import Message, json_message, message_columns, protobuf_decoder, ros_decoder, ros_message, ros_units
+from ._ros2 import JOINT_REMARK
 from ._sidecar import KEY, Sidecar, loads
 from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
 from .live_log import CDR, END, EVENTS, HEAD, TOPIC, LiveLog
@@ -43,11 +44,6 @@ _STAMPS = 22  # [B] of a message before its data: topic, number, two times
 _MOST_GAPS = 5  # that are named one by one
 _BLOCK = 4096  # samples that an export hands over at once
 _STAMP = struct.Struct("<HIQQ")  # topic, number, two times [ns]
-_PLAIN = {
-    **{"float64": "<f8", "float32": "<f4", "bool": "?", "byte": "u1", "char": "u1"},
-    **{f"{sign}int{8 * n}": f"<{sign[:1] or 'i'}{n}" for sign in ("", "u") for n in (1, 2, 4, 8)},
-}
-_FIELD = re.compile(r"(?P<kind>\w+)\s+(?P<name>\w+)\s*(?:\s-?[\w.+-]+)?")
 
 
 class LogContent(NamedTuple):
@@ -178,9 +174,14 @@ def _samples(chunk: memoryview, first: McapRecord) -> tuple[np.ndarray, int]:
 
 def _read_event(data: bytes) -> list[dict[str, Any]]:
     try:
-        event = parse_json(data)
+        if data.startswith(CDR):
+            time, length = struct.unpack_from("<dI", data, len(CDR))
+            text = data[len(CDR) + 12 :]
+            whole = len(text) == length and text.endswith(b"\0") and math.isfinite(time)
+            return [{"time": time, "text": text[:-1].decode()}] if whole else []
+        event = parse_json(data)  # as older versions wrote it
         return [{"time": float(event["time"]), "text": str(event["text"])}]
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError, RecursionError, struct.error):
         return []
 
 
@@ -253,14 +254,19 @@ def _remarks(log: _LogParts, rows: np.ndarray, dropped: int) -> list[str]:
     return lines
 
 
-def read_foreign(path: Path) -> ForeignTable:
+def read_foreign(path: Path, topic: str | None = None) -> ForeignTable:
     """Read the columns of every topic that can be read, named ``topic.field``, and a line for each that cannot.
 
-    The time of a message is that of its logging, from the first message of the file on.
+    The time of a message is its own stamp, if it has one, else that of its logging, from the first message of the file on.
+
+    Args:
+        path: the file.
+        topic: read this topic only.
 
     Raises:
-        InputError: the file has no message that can be read.
+        InputError: the file has no message that can be read, or no such topic.
     """
+    where = str(path)
     topics: dict[int, Topic] = {}
     schemas: dict[int, MessageSchema] = {}
     messages: dict[int, list[tuple[int, bytes]]] = {}
@@ -272,25 +278,36 @@ def read_foreign(path: Path) -> ForeignTable:
         for one in records_inside(record.body) if record.opcode == CHUNK else (record,):
             _add_record(one, topics, schemas, messages)
     if not messages:
-        raise InputError("file", "no messages", "allowed is an MCAP file with at least one message", where=str(path))
+        told = "the MCAP file has no message that can be read"
+        raise InputError("file", "no messages", told, sentence=told, where=where)
+    names = sorted({one.name for one in topics.values()})
+    if topic is not None and topic not in names:
+        raise InputError("topic", topic, f"known are {', '.join(names)}", where=where)
     first = min(stamp for pairs in messages.values() for stamp, _ in pairs)
     columns: list[ForeignColumn] = []
     for number, pairs in messages.items():
-        topic = topics.get(number)
-        if topic is None:
+        channel = topics.get(number)
+        if channel is None:
             lines.append(f"{len(pairs)} messages of an unknown topic are left out")
+            continue
+        if topic not in (None, channel.name):
             continue
         # Logged at one time: the last one holds.
         pairs = sorted(dict(pairs).items())
-        fields = _decode(topic, schemas.get(topic.schema), [data for _, data in pairs])
-        if isinstance(fields, str):
-            lines.append(f"{topic.name} is left out: {fields}")
+        try:
+            decoded, units = _decode(channel, schemas.get(channel.schema), [data for _, data in pairs], where)
+        except ValueError as error:
+            if isinstance(error, MissingLibraryError):
+                raise
+            lines.append(f"{channel.name} is left out: {error}")
             continue
-        time = (np.array([stamp for stamp, _ in pairs], np.uint64) - np.uint64(first)).astype(float) * 1e-9
-        stem = re.sub(r"[^\w]+", "_", topic.name).strip("_") or "topic"
-        columns += [ForeignColumn(f"{stem}.{name}", values, None, topic.name, time) for name, values in fields.items()]
+        columns += message_columns(channel.name, decoded, [stamp for stamp, _ in pairs], first, units)
+        skipped = dict.fromkeys(field for message in decoded for field in message.skipped)
+        lines += [f"{channel.name}.{field} is left out: it is a list" for field in skipped]
+        if schemas.get(channel.schema) and schemas[channel.schema].name.endswith("/JointState"):
+            lines.append(f"{channel.name}: {JOINT_REMARK}")
     if not columns:
-        raise InputError("topics", "none that can be read", "; ".join(lines)[:300], where=str(path))
+        raise InputError("topics", "none that can be read", "; ".join(lines)[:300], where=where)
     return ForeignTable(columns, {}, lines)
 
 
@@ -309,81 +326,43 @@ def _add_record(
         messages.setdefault(number, []).append((stamp, bytes(record.body[_STAMP.size :])))
 
 
-def _decode(topic: Topic, schema: MessageSchema | None, payloads: list[bytes]) -> dict[str, np.ndarray] | str:
-    """The fields of a topic's messages, or why they cannot be read."""
+def _decode(
+    topic: Topic, schema: MessageSchema | None, payloads: list[bytes], where: str
+) -> tuple[list[Message], dict[str, str]]:
+    """The messages of a topic, and the units of their fields; `ValueError` says why they cannot be read."""
+    units: dict[str, str] = {}
     if topic.encoding == "json":
-        return _decode_json(payloads)
-    if topic.encoding == "cdr" and schema is not None and schema.encoding == "ros2msg":
-        layout = _layout(schema.text)
-        if layout is None:
-            return f"{schema.name} holds more than plain numbers"
-        if any(len(data) < layout.itemsize or data[1:2] != b"\x01" for data in payloads):
-            return f"its messages are not what {schema.name} says"
-        table = np.frombuffer(b"".join(data[: layout.itemsize] for data in payloads), layout)
-        return {name: table[name] for name in layout.names or ()}
-    return f"its messages are {topic.encoding or 'without a name'}; known are json, and cdr of plain numbers"
-
-
-def _decode_json(payloads: list[bytes]) -> dict[str, np.ndarray] | str:
-    rows: list[dict[str, float | bool]] = []
-    for data in payloads:
         try:
-            message = parse_json(data)
+            decoded = [json_message(parse_json(data)) for data in payloads]
         except (ValueError, RecursionError):
-            return "a message is no JSON"
-        rows.append(dict(_numbers(message, "") if isinstance(message, Mapping) else []))
-    names = dict.fromkeys(name for row in rows for name in row)
-    if not names:
-        return "its messages hold no numbers"
-    columns = {}
-    for name in names:
-        values = [row.get(name) for row in rows]
-        flags = all(isinstance(v, bool) for v in values)
-        columns[name] = np.array([np.nan if v is None else v for v in values], bool if flags else float)
-    return columns
+            raise ValueError("a message is no JSON") from None
+    elif topic.encoding == "cdr" and schema is not None and schema.encoding == "ros2msg":
+        decode = ros_decoder(schema.name, schema.text, where=where)
+        try:
+            objects = [decode(data) for data in payloads]
+        except Exception:
+            raise ValueError(f"its messages are not what {schema.name} says") from None
+        units = ros_units(getattr(objects[0], "__msgtype__", schema.name), objects[0])
+        decoded = [ros_message(one) for one in objects]
+    elif topic.encoding == "protobuf" and schema is not None and schema.encoding == "protobuf" and schema.data:
+        decode = protobuf_decoder(schema.name, schema.data, where=where)
+        try:
+            decoded = [decode(data) for data in payloads]
+        except Exception:
+            raise ValueError(f"its messages are not what {schema.name} says") from None
+    else:
+        known = "known are json, cdr of ROS 2 and protobuf, each with its schema"
+        raise ValueError(f"its messages are {topic.encoding or 'without a name'}; {known}")
+    if not any(message.numbers for message in decoded):
+        raise ValueError("its messages hold no numbers")
+    return decoded, units
 
 
-def _numbers(message: Mapping[str, Any], before: str) -> list[tuple[str, float | bool]]:
-    numbers: list[tuple[str, float | bool]] = []
-    for key, value in message.items():
-        if isinstance(value, Mapping):
-            numbers += _numbers(value, f"{before}{key}.")
-        elif isinstance(value, bool | float) or (isinstance(value, int) and abs(value) < 2**1000):
-            numbers.append((f"{before}{key}", value))
-    return numbers
-
-
-def _layout(text: str) -> np.dtype | None:
-    """A ROS 2 message of plain numbers as it lies in CDR behind its four bytes, or None of any other."""
-    names: list[str] = []
-    kinds: list[str] = []
-    places: list[int] = []
-    at = 0
-    for line in text.splitlines():
-        words = line.partition("#")[0].strip()
-        if words.startswith("==="):
-            break
-        if not words or "=" in words:  # a constant
-            continue
-        field = _FIELD.fullmatch(words)
-        if field is None or field["kind"] not in _PLAIN or field["name"] in names:
-            return None
-        size = np.dtype(_PLAIN[field["kind"]]).itemsize
-        at += -at % size
-        names.append(field["name"])
-        kinds.append(_PLAIN[field["kind"]])
-        places.append(4 + at)
-        at += size
-    if not names:
-        return None
-    return np.dtype({"names": names, "formats": kinds, "offsets": places, "itemsize": 4 + at})
-
-
-def _read(path: Path) -> ImportResult | ForeignTable:
-    if not is_log(path):
-        return read_foreign(path)
-    log = read_log(path)
-    return ImportResult(log.recording, log.remarks)
+def _read(path: Path, topic: str | None = None) -> ImportResult | ForeignTable:
+    if is_log(path):
+        log = read_log(path)
+        return ImportResult(log.recording, log.remarks)
+    return read_foreign(path, topic)
 
 
 def _write(recording: Recording, path: Path) -> list[str]:
@@ -391,4 +370,4 @@ def _write(recording: Recording, path: Path) -> list[str]:
     return []
 
 
-FORMAT = FileFormat(title="MCAP files", read=_read, write=_write)
+FORMAT = FileFormat(title="MCAP files", read=_read, write=_write, options=("topic",))

@@ -11,11 +11,12 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..accessors import Accessor, implementation
 from ..documents import write_whole
 from ..errors import InputError
 from ..extras import library
@@ -24,11 +25,16 @@ from .formats import writer_of
 from .units import is_si
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
+
+    from ..analysis.energy_parts import EnergyAccount
+    from ..report.figures.plots import RecordingPlots
 
 KINDS = ("true", "measured", "command")
 SAVED = (".nc", ".csv")  # suffixes that `Recording.save` takes: they hold all that a recording has
 LONGEST_NOTE = 200  # characters
+LISTED = 6  # channels named in one line
 # Of a uniform clock; beyond, a period in the wrong unit is meant.
 _MOST_SAMPLES = 10**8
 _NAME = re.compile(r"\w[^/\\\[\],;\"#]*")
@@ -116,11 +122,21 @@ class Recording:
 
     Raises:
         InputError: names the channel, the value and what is allowed.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> recording = mk.run("isometric-step", muscle="nylon", pressure="3 bar")
+        >>> round(recording["tension"].max())
+        107
+        >>> recording.to_dataframe().index.name
+        'time'
     """
 
     time: np.ndarray
     channels: Mapping[str, Channel]
     meta: Mapping[str, Any] = field(default_factory=dict)
+
+    plot: ClassVar[Accessor[RecordingPlots]] = Accessor("report.figures.plots:RecordingPlots")
 
     def __post_init__(self) -> None:
         time = _column(self.time, "time")
@@ -164,7 +180,9 @@ class Recording:
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:.6g} s to {self.time[-1]:.6g} s"
-        return f"Recording({len(self)} samples, {span}: {', '.join(self.channels) or 'no channels'})"
+        names = [*self.channels]
+        listed = ", ".join(names if len(names) <= LISTED else [*names[: LISTED - 1], f".. {len(names)} channels"])
+        return f"Recording({len(self)} samples, {span}: {listed or 'no channels'})"
 
     def _channel(self, name: str) -> Channel:
         try:
@@ -288,6 +306,34 @@ class Recording:
         variables = {name: ("time", c.values, channel_attributes(name, c)) for name, c in self.channels.items()}
         dataset: xarray.Dataset = xr.Dataset(variables, coords={"time": time}, attrs=file_attributes(self.meta))
         return dataset
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The recording as a data frame: index ``time`` [s], a column per channel [SI], the meta as `attrs`.
+
+        Raises:
+            MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
+        """
+        pd = library("pandas", "Data frames need")
+        frame: pandas.DataFrame = pd.DataFrame(
+            {name: channel.values for name, channel in self.channels.items()}, index=pd.Index(self.time, name="time")
+        )
+        frame.attrs.update(file_attributes(self.meta))
+        return frame
+
+    def energy(self, **options: Any) -> EnergyAccount:
+        """The energy balance: what the supply gave, what became work, and where the rest went [J].
+
+        Args:
+            **options: ``start``, ``end`` [s], ``cycle`` and ``measured`` of `analysis.energy_accounts.energy_account`.
+
+        Raises:
+            InputError: names the channel or the parameter that the balance needs and the recording lacks.
+        """
+        account: EnergyAccount = implementation("analysis.energy_accounts:energy_account")(self, **options)
+        return account
+
+    def _repr_html_(self) -> str:
+        return str(implementation("report.figures.plots:recording_html")(self))
 
     def save(self, path: str | Path) -> Path:
         """Write to a ``.nc`` (netCDF) or ``.csv`` file, atomically.

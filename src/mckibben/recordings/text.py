@@ -1,117 +1,303 @@
-"""Text tables of others: the cells of a CSV file with the rows they come from, and headers that hold a unit."""
+"""Tables of cells of other programs: text of any dialect, and where in the rows the names, units and numbers stand."""
 
 from __future__ import annotations
 
+import collections
 import csv
 import gzip
 import itertools
 import re
 import unicodedata
 import zlib
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
+from .formats import ForeignColumn, ForeignTable
 
 Rows = list[tuple[int, list[str]]]
-MARKS = "\t;,"
+MARKS = ("\t", ";", ",", None)  # None stands for blanks
 MOST_NAMED = 8  # rows that a remark names
+MISSING = frozenset(
+    ("", "nan", "na", "n/a", "#n/a", "null", "none", "--")
+)  # cells of R, MATLAB, pandas and spreadsheets without a value
+_LOOKED_AT = 200  # lines that decide on the dialect and on the place of the header
 _SEPARATOR = re.compile(r'"?sep=.?"?', re.I)  # the first line of some files of spreadsheets
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?|[-+]?\d+,")
 _DECIMAL_POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?|[-+]?\d+\.")
+_GROUP = "[ '\u2019\u00a0\u202f]"  # what parts thousands beside a comma or a point
+_GROUPED = re.compile(rf"[-+]?\d{{1,3}}(?:{_GROUP}\d{{3}})+(?:[.,]\d+)?")
+_THOUSANDS = {
+    ",": re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?"),
+    ".": re.compile(r"[-+]?\d{1,3}(?:\.\d{3})+(?:,\d*)?"),
+}
+_LIKE_NUMBER = re.compile(rf"[-+]?(?:\d|[.,]\d)(?:[\d.,]|{_GROUP})*(?:[eE][-+]?\d+)?")
+_DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}([T ].*)?|\d{1,2}:\d\d.*")
+# What a row of units below the names may hold; one of these is needed, and any short word may stand beside it.
+_UNIT_WORDS = frozenset(
+    "s ms us min h m mm cm um in inch N kN mN lbf kgf Pa kPa MPa hPa bar mbar psi V mV A mA % - 1 °C degC K Hz deg rad g"
+    " kg".split()
+)
+_SHORT = re.compile(r"[\[(]?[^\s\[\]()]{0,10}(?: ?\(?(?:abs|g|gauge|rel)\)?)?[\])]?")
 
 
 def read_rows(path: Path, where: str) -> Rows:
-    """The rows of a text table (``.gz`` too) without blank lines and lines that begin with #, each with its number.
+    """Read the rows of a text file (``.gz`` too) without blank lines and lines that begin with #, each with its number.
 
-    Tabs, semicolons, commas or blanks part the cells: whichever parts the first two rows into as many. The text is UTF-8 or,
-    where it is not, that of Windows (cp1252). Where no comma parts the cells, a comma within a number is its decimal point.
+    Tabs, semicolons, commas or blanks part the cells: whichever parts most lines into as many. The text is UTF-8, UTF-16 or,
+    where it is neither, that of Windows (cp1252).
 
     Args:
         path: the file.
-        where: how error messages name it.
+        where: how errors name it.
 
     Raises:
-        InputError: there is no such file, it is no text, or a column has numbers with points and with commas.
+        InputError: there is no such file, or it is no text.
     """
+    return _read_cells(path, where)[0]
+
+
+def _read_cells(path: Path, where: str) -> tuple[Rows, list[str]]:
+    """The rows, and the cells of the last comment before them: some programs write the names of the columns there."""
     if not path.is_file():
         raise InputError("file", where, "no such file")
     try:
-        rows, mark = _cells(path)
+        return _cells(path)
     except (UnicodeDecodeError, EOFError, OSError, zlib.error, csv.Error) as error:
-        raise InputError("file", "unreadable", f"allowed is a CSV text file ({error})", where=where) from None
-    return rows if mark == "," else _with_points(rows, where)
+        told = f"the file is unreadable as a CSV text file: {error}"
+        raise InputError("file", "unreadable", "must be a text file", sentence=told, where=where) from None
 
 
-def _cells(path: Path) -> tuple[Rows, str | None]:
-    """The rows, and what parts their cells; None for blanks."""
+def read_text_table(path: Path) -> ForeignTable:
+    """Read a text file as a table; see `read_rows` and `table_of_rows`.
+
+    Raises:
+        InputError: there is no such file, it is no text, or it has no table.
+    """
+    rows, comment = _read_cells(path, str(path))
+    table = table_of_rows(rows, str(path))
+    if table.named or len(comment) != len(table.columns) or not _all_words(comment):
+        return table
+    named = zip(table.columns, comment, strict=True)
+    return table._replace(columns=[c._replace(label=plain_text(label)) for c, label in named], named=True)
+
+
+def _cells(path: Path) -> tuple[Rows, list[str]]:
     opener: Any = gzip.open if path.suffix == ".gz" else open
     with opener(path, "rb") as stream:
         start = stream.read(4096)
     encodings = ("utf-8-sig", "cp1252")
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
         encodings = ("utf-16", "utf-16")
+    elif start.count(0) > len(start) // 3 and not (start[::2].strip(b"\0") and start[1::2].strip(b"\0")):
+        # every other byte is zero: UTF-16 without its mark
+        encodings = ("utf-16-le", "utf-16-le") if start[0] else ("utf-16-be", "utf-16-be")
     elif b"\0" in start:
         raise csv.Error("it holds binary data")
     for encoding in encodings:
         try:
             with opener(path, "rt", encoding=encoding, newline="") as stream:
-                mark = _mark(list(itertools.islice((line for line in stream if _counts(line)), 2)))
+                comments = itertools.takewhile(lambda line: not _counts(line), stream)
+                comment = [line.strip()[1:].strip() for line in comments if line.strip()[:1] == "#"][-1:]
+                stream.seek(0)
+                mark = _mark(list(itertools.islice((line for line in stream if _counts(line)), _LOOKED_AT)))
                 stream.seek(0)
                 cells = csv.reader(stream, delimiter=mark) if mark else map(_words, stream)
-                rows = enumerate(cells, 1)
-                return [(n, row) for n, row in rows if any(map(str.strip, row)) and not _is_remark(row[0])], mark
+                rows = [
+                    (n, row) for n, row in enumerate(cells, 1) if any(map(str.strip, row)) and not _is_comment(row[0])
+                ]
+                names = list(csv.reader(comment, delimiter=mark)) if mark else list(map(_words, comment))
+                return rows, names[0] if names else []
         except UnicodeDecodeError:
             if encoding == encodings[-1]:
                 raise
     raise AssertionError
 
 
-def _is_remark(text: str) -> bool:
-    first = text.lstrip()[:1]
+def _is_comment(text: str) -> bool:
+    first = text.lstrip("\ufeff \t")[:1]
     return first == "#" or (first in '"sS' and _SEPARATOR.fullmatch(text.strip()) is not None)
 
 
 def _counts(line: str) -> bool:
-    return bool(line.strip()) and not _is_remark(line)
+    return bool(line.strip()) and not _is_comment(line)
 
 
 def _mark(lines: Sequence[str]) -> str | None:
-    """Find the separator of the first lines: one that splits them into equally many cells, else the first that occurs."""
-    there = [mark for mark in MARKS if any(mark in line.strip() for line in lines[:1])]
-    for mark in there:
-        widths = [len(row) for row in csv.reader(lines, delimiter=mark)]
-        if len(set(widths)) == 1 and widths[0] > 1:
-            return mark
-    return there[0] if there else None
-
-
-def _with_points(rows: Rows, where: str) -> Rows:
-    """The rows with points in numbers that have a comma."""
-    if not any("," in cell for _, row in rows for cell in row):
-        return rows
-    for at in range(max(len(row) for _, row in rows)):
-        column = [(n, row[at].strip()) for n, row in rows if len(row) > at]
-        commas = [n for n, cell in column if _DECIMAL_COMMA.fullmatch(cell)]
-        points = [n for n, cell in column if commas and _DECIMAL_POINT.fullmatch(cell)]
-        if points:
-            cells = dict(column)
-            examples = f"{cells[points[0]]} in row {points[0]}, {cells[commas[0]]} in row {commas[0]}"
-            allowed = "one column has decimal points and decimal commas; allowed is one of the two"
-            raise InputError(f"column {at + 1}", examples, allowed, where=where)
-        wrong = set(commas)
-        for n, row in rows if wrong else ():
-            if n in wrong:
-                row[at] = row[at].replace(",", ".")
-    return rows
+    """What parts the cells: the mark by which most lines have as many; None for blanks."""
+    best, most = None, 0
+    for mark in MARKS:
+        rows = csv.reader(lines, delimiter=mark) if mark else map(_words, lines)
+        widths = collections.Counter(len(row) for row in rows if len(row) > 1)
+        count = max(widths.values(), default=0)
+        if count > most:
+            best, most = mark, count
+    return best
 
 
 def _words(line: str) -> list[str]:
+    if '"' in line:
+        return next(csv.reader([line.strip()], delimiter=" ", skipinitialspace=True), [])
     # "time [s]" is one header, and numbers hold no brackets.
     return re.findall(r"\S+(?:\s+[\[(][^\])]*[\])])?", line) if "[" in line or "(" in line else line.split()
+
+
+def table_of_rows(rows: Rows, where: str) -> ForeignTable:
+    """Find header, units and numbers in rows of cells.
+
+    Lines before the header are kept as the note ``preamble``; a row of units below the names counts to the header. Rows
+    behind the numbers that hold none, and repetitions of the header, are left out and named in a remark.
+
+    Args:
+        rows: cells with the number of their row, none of them blank throughout.
+        where: how errors name the file.
+
+    Returns:
+        The columns as cells in words.
+
+    Raises:
+        InputError: the first row is neither names nor numbers, or a row has too few or too many cells.
+    """
+    if not rows:
+        return ForeignTable([], {}, [], rows=(), named=True)
+    begin, lines = _begin_of_numbers(rows)
+    header = _header(rows, begin, lines, where)
+    preamble = [" ".join(cell for cell in map(str.strip, row) if cell) for _, row in rows[: begin - lines]]
+    table, remarks = _without_words(rows[begin:], [row for _, row in rows[begin - lines : begin]])
+    width = len(header) if header is not None else len(rows[begin][1])
+    if header is not None and table and all(len(row) == width + 1 for _, row in table) and _numbered(table):
+        header, width = ["", *header], width + 1  # R names its rows and not their column
+    fitting = [
+        (n, row[:width] if len(row) > width and not any(map(str.strip, row[width:])) else row) for n, row in table
+    ]
+    check_width(fitting, width, f"the header has {width} columns" if header else f"the first row has {width}", where)
+    labels = header if header is not None else [f"column {at}" for at in range(1, width + 1)]
+    cells = list(zip(*(row for _, row in fitting), strict=True)) or [() for _ in labels]
+    columns = [ForeignColumn(label, np.array(column, object)) for label, column in zip(labels, cells, strict=True)]
+    notes = {"preamble": preamble} if preamble else {}
+    return ForeignTable(columns, notes, remarks, rows=[n for n, _ in fitting], named=header is not None)
+
+
+def _begin_of_numbers(rows: Rows) -> tuple[int, int]:
+    """Where the numbers begin, and how many rows before it are the header: 0, 1, or 2 with a row of units."""
+    numeric = [mostly_numbers(row) for _, row in rows[:_LOOKED_AT]]
+    widths = [len(_stripped(row)) for _, row in rows[:_LOOKED_AT]]
+    for at in range(1, len(numeric)):
+        fits = len(rows[at][1]) == len(rows[at - 1][1]) or widths[at - 1] in (widths[at], widths[at] - 1)
+        if numeric[at] and fits and widths[at] > 1 and _all_words(rows[at - 1][1]):
+            two = at > 1 and _all_words(rows[at - 2][1]) and len(rows[at - 2][1]) == len(rows[at - 1][1])
+            return at, 2 if two and _is_units(rows[at - 1][1]) else 1
+    if _all_words(rows[0][1]) or not numeric[0]:
+        return 1, 1
+    return 0, 0
+
+
+def _header(rows: Rows, begin: int, lines: int, where: str) -> list[str] | None:
+    """The names of the columns with their units, or None where the file has none."""
+    if not lines:
+        words = [cell for cell in rows[0][1] if cell.strip() and not is_number(cell) and not _like_number(cell)]
+        if words:
+            demand = "must be a row of names, or one of numbers where there is no header"
+            raise InputError(f"row {rows[0][0]}", words[0], demand, where=where)
+        return None
+    number, names = rows[begin - lines]
+    cells = [plain_text(cell) for cell in _stripped(names)]
+    wrong = next((cell for cell in cells if is_number(cell)), None)
+    if wrong is not None and lines == 1 and not _all_words(names):
+        word = next(cell for cell in cells if not is_number(cell))
+        demand = "must be a row of names, or one of numbers where there is no header"
+        raise InputError(f"row {number}", word, demand, where=where)
+    if lines == 2:
+        units = [cell.strip().strip("[]()").strip() for cell in rows[begin - 1][1]]
+        cells += [""] * (len(_stripped(rows[begin - 1][1])) - len(cells))
+        cells = [
+            f"{name} [{unit}]" if unit and name else name
+            for name, unit in itertools.zip_longest(cells, units[: len(cells)], fillvalue="")
+        ]
+    return cells
+
+
+def _without_words(rows: Rows, header: list[list[str]]) -> tuple[Rows, list[str]]:
+    """The rows without those behind the last number and without repetitions of the header, and a remark for each kind."""
+    last = next((i for i in range(len(rows), 0, -1) if not _all_words(rows[i - 1][1])), len(rows))
+    remarks = [
+        f"row {n} is left out: it holds no numbers ({' '.join(' '.join(row).split())[:60]})" for n, row in rows[last:]
+    ]
+    kept = [(n, row) for n, row in rows[:last] if row not in header]
+    again = [n for n, row in rows[:last] if row in header]
+    if again:
+        remarks.append(rows_left_out(again, "the header once more"))
+    return kept, remarks
+
+
+def _stripped(row: list[str]) -> list[str]:
+    """A row without blank cells at its end."""
+    end = len(row)
+    while end and not row[end - 1].strip():
+        end -= 1
+    return row[:end]
+
+
+def _all_words(row: list[str]) -> bool:
+    return not any(is_number(cell) or _like_number(cell) for cell in row)
+
+
+def mostly_numbers(row: list[str]) -> bool:
+    """Whether more than half of a row's cells are numbers or dates, blank ones apart."""
+    cells = [cell for cell in row if cell.strip().lower() not in MISSING]
+    return 2 * sum(map(_like_number, cells)) > len(cells)
+
+
+def _like_number(cell: str) -> bool:
+    cell = cell.strip()
+    return _LIKE_NUMBER.fullmatch(cell) is not None or _DATE.fullmatch(cell) is not None
+
+
+def _is_units(row: list[str]) -> bool:
+    cells = [cell.strip() for cell in row]
+    known = sum(cell.strip("[]()").split(" ")[0] in _UNIT_WORDS for cell in cells)
+    return known > 0 and all(_SHORT.fullmatch(cell) for cell in cells) and 2 * known >= sum(map(bool, cells))
+
+
+def _numbered(rows: Rows) -> bool:
+    """Whether the first cells number or name the rows."""
+    firsts = [row[0].strip() for _, row in rows]
+    return firsts == [str(i) for i in range(1, len(rows) + 1)] or not any(map(is_number, firsts))
+
+
+def with_points(cells: Sequence[str], numbers: Sequence[int], column: str, where: str) -> Sequence[str]:
+    """The cells of a column with decimal points, and without what parts thousands.
+
+    Raises:
+        InputError: some numbers have decimal points and others decimal commas.
+    """
+    if not any("," in c or c.count(".") > 1 or _GROUPED.fullmatch(c.strip()) for c in cells):
+        return cells
+    plain = [cell.strip() for cell in cells]
+    for group, decimal in ((",", "."), (".", ",")):
+        parted = [c for c in plain if group in c]
+        # 1,234.5, or 1,234,567: the comma can only part thousands
+        certain = any(decimal in c or c.count(group) > 1 for c in parted)
+        if certain and all(_THOUSANDS[group].fullmatch(c) for c in parted):
+            return [c.replace(group, "").replace(decimal, ".") if _like_number(c) else c for c in plain]
+    commas = [i for i, c in enumerate(plain) if _DECIMAL_COMMA.fullmatch(c)]
+    points = [i for i, c in enumerate(plain) if commas and _DECIMAL_POINT.fullmatch(c)]
+    if points:
+        odd, usual = sorted((commas, points), key=len)
+        at, other = f"{column}, row {numbers[odd[0]]}", f"{plain[usual[0]]!r} in row {numbers[usual[0]]}"
+        demand = "a column must not have both decimal points and decimal commas"
+        told = f"{at}: {plain[odd[0]]!r} is no number beside {other}; {demand}"
+        raise InputError(at, plain[odd[0]], demand, sentence=told, where=where)
+    return [_pointed(c) for c in plain]
+
+
+def _pointed(cell: str) -> str:
+    if _GROUPED.fullmatch(cell):
+        cell = re.sub(_GROUP, "", cell)
+    return cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
 
 
 def plain_text(cell: str) -> str:
@@ -120,41 +306,20 @@ def plain_text(cell: str) -> str:
 
 
 def check_width(rows: Rows, width: int, wanted: str, where: str) -> None:
-    """Refuse the first row that has not `width` cells; `wanted` states why it should."""
+    """Refuse the first row that does not have `width` cells; `wanted` states the reason."""
     for number, row in rows:
         if len(row) != width:
-            raise InputError(f"row {number}", f"{len(row)} cells", wanted, where=where)
+            count = f"{len(row)} cell{'s' if len(row) != 1 else ''}"
+            told = f"row {number} has {count}, and {wanted}"
+            raise InputError(f"row {number}", count, wanted, sentence=told, where=where)
 
 
-def without_blanks(rows: Rows, columns: Mapping[int, str], where: str) -> tuple[Rows, list[str]]:
-    """The rows of which no cell is blank that is used, and a sentence for what was left out.
-
-    Args:
-        rows: with their numbers.
-        columns: number of each column that is used, from 0, and its label.
-        where: how error messages name the file.
-
-    Raises:
-        InputError: a column is blank in more than half of the rows.
-    """
-    blank: dict[str, list[int]] = {}
-    for number, row in rows:
-        for at, label in columns.items():
-            if not row[at].strip():
-                blank.setdefault(label, []).append(number)
-    for label, numbers in blank.items():
-        if 2 * len(numbers) > len(rows):
-            allowed = "too many; allowed is a column with a value in most rows"
-            raise InputError(label, f"blank in {len(numbers)} of {len(rows)} rows", allowed, where=where)
-    left = {number for numbers in blank.values() for number in numbers}
-    return [(n, row) for n, row in rows if n not in left], [_left_out(label, n) for label, n in blank.items()]
-
-
-def _left_out(label: str, numbers: list[int]) -> str:
-    named = ", ".join(map(str, numbers[:MOST_NAMED])) + (", .." if len(numbers) > MOST_NAMED else "")
+def rows_left_out(numbers: Sequence[int], reason: str) -> str:
+    """The sentence that rows are left out: ``row 7 is left out: force is blank``."""
     if len(numbers) == 1:
-        return f"row {named} is left out: {label} is blank"
-    return f"{len(numbers)} rows are left out, {named}: {label} is blank"
+        return f"row {numbers[0]} is left out: {reason}"
+    named = ", ".join(map(str, numbers[:MOST_NAMED])) + (", .." if len(numbers) > MOST_NAMED else "")
+    return f"{len(numbers)} rows are left out, {named}: {reason}"
 
 
 def split_header(cell: str, words: Container[str]) -> tuple[str, list[str]]:
@@ -177,10 +342,10 @@ def to_numbers(cells: Sequence[str], lines: Sequence[int], column: str, where: s
         out = np.fromiter(map(float, cells), float, len(cells))
     except ValueError:
         cell, line = next((c, n) for c, n in zip(cells, lines, strict=True) if not is_number(c))
-        raise InputError(f"{column}, row {line}", cell, "allowed is a number", where=where) from None
+        raise InputError(f"{column}, row {line}", cell, "must be a number", where=where) from None
     if not np.isfinite(out).all():
         i = int(np.argmin(np.isfinite(out)))
-        raise InputError(f"{column}, row {lines[i]}", cells[i], "allowed is a finite number", where=where)
+        raise InputError(f"{column}, row {lines[i]}", cells[i], "must be a finite number", where=where)
     return out
 
 
@@ -195,13 +360,13 @@ def is_number(cell: str) -> bool:
 
 def plain_names(names: Iterable[str], plain: Callable[[str], str], longest: int = 63) -> list[str]:
     """Names as another format allows them, each once; `plain` maps a name to letters that it allows."""
-    allowed_names: list[str] = []
+    found: list[str] = []
     for name in names:
         stem = plain(name)[: longest - 4].rstrip("_")
         stem = stem if re.match(r"[a-z]", stem, re.I) else f"x{stem}"
         taken, count = stem, 1
-        while taken in allowed_names:
+        while taken in found:
             count += 1
             taken = f"{stem}_{count}"
-        allowed_names.append(taken)
-    return allowed_names
+        found.append(taken)
+    return found

@@ -16,6 +16,7 @@ import numpy as np
 from ..citations import reference
 from ..identification import Fit
 from ..identification.fit import INDIFFERENT, degenerate_words
+from ..identification.ranking import Ranking
 from ..muscles.laws import law_type
 from ..quantities import declared, from_si, shown_unit, with_unit
 from .blocks import (
@@ -42,7 +43,6 @@ from .document import Document
 from .figures import fit_figures
 from .figures.fit_figures import law_title
 from .figures.style import number, symbol_text
-from .fit_study import Study
 from .words import listed, power_text, unit_text, versions, versions_text
 
 __all__ = ["fit_document", "fit_report", "versions", "write_fit_report"]
@@ -87,7 +87,7 @@ READING = (
 )
 
 
-def write_fit_report(studies: Iterable[Study], path: str | Path) -> Path:
+def write_fit_report(studies: Iterable[Ranking], path: str | Path) -> Path:
     """Write the report of one or more studies to an ``.html`` or ``.pdf`` file.
 
     Args:
@@ -100,12 +100,12 @@ def write_fit_report(studies: Iterable[Study], path: str | Path) -> Path:
     return fit_document(studies).write(path)
 
 
-def fit_report(studies: Iterable[Study]) -> str:
+def fit_report(studies: Iterable[Ranking]) -> str:
     """The report of one or more studies as HTML text; arguments as for `write_fit_report`."""
     return fit_document(studies).html()
 
 
-def fit_document(studies: Iterable[Study]) -> Document:
+def fit_document(studies: Iterable[Ranking]) -> Document:
     """The report of one or more studies; arguments as for `write_fit_report`."""
     shown = list(studies)
     these = "this muscle" if len(shown) == 1 else "these muscles"
@@ -123,7 +123,7 @@ def fit_document(studies: Iterable[Study]) -> Document:
 # ---- a study
 
 
-def _study(study: Study, mark: str) -> list[Block]:
+def _study(study: Ranking, mark: str) -> list[Block]:
     best = study.fits[0]
     facts: list[tuple[str, Text]] = [*_facts(study)]
     sources = _sources(study)
@@ -146,7 +146,7 @@ def _study(study: Study, mark: str) -> list[Block]:
     return blocks
 
 
-def _ranking(study: Study) -> Figure:
+def _ranking(study: Ranking) -> Figure:
     held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
     return Figure(
         fit_figures.ranking(study),
@@ -158,7 +158,7 @@ def _ranking(study: Study) -> Figure:
     )
 
 
-def _summary(study: Study) -> str:
+def _summary(study: Ranking) -> str:
     best, size = study.fits[0], study.points.largest
     if not best.converged:
         return "No law converged on this table; the numbers below are not to be used."
@@ -180,7 +180,7 @@ def _summary(study: Study) -> str:
     return words
 
 
-def _facts(study: Study) -> list[tuple[str, str]]:
+def _facts(study: Ranking) -> list[tuple[str, str]]:
     points = study.points
     taut = int(points.taut.sum())
     asked = len(study.fits[0].points) > taut
@@ -199,7 +199,7 @@ def _facts(study: Study) -> list[tuple[str, str]]:
     return rows
 
 
-def _sources(study: Study) -> list[str]:
+def _sources(study: Ranking) -> list[str]:
     if study.specimen is None:
         return []
     notes = [ATTRIBUTIONS[key] for key in study.specimen.sources if key in ATTRIBUTIONS]
@@ -214,7 +214,7 @@ def _range(values: np.ndarray, unit: str) -> str:
 # ---- the ranking
 
 
-def _table(study: Study, mark: str) -> list[Block]:
+def _table(study: Ranking, mark: str) -> list[Block]:
     schemes = [s for s in SCHEMES if any(s in f.cross for f in study.fits)]
     held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
     groups = [f"each {SCHEMES[s]} left out" for s in schemes] + ([held_out] if held_out else [])
@@ -244,7 +244,7 @@ def _table(study: Study, mark: str) -> list[Block]:
     return blocks
 
 
-def _ranking_rows(study: Study, mark: str, schemes: list[str], held_out: bool) -> list[TableRow]:
+def _ranking_rows(study: Ranking, mark: str, schemes: list[str], held_out: bool) -> list[TableRow]:
     size = study.points.largest
     numbers = [_numbers(fit, schemes, held_out, size) for fit in study.fits]
     usable = [n for n, f in zip(numbers, study.fits, strict=True) if f.converged]
@@ -316,7 +316,7 @@ def _state(fit: Fit, size: float) -> TableCell:
 # ---- one law
 
 
-def _law(fit: Fit, study: Study, *, main: bool) -> list[Block]:
+def _law(fit: Fit, study: Ranking, *, main: bool) -> list[Block]:
     kind = law_type(fit.law)
     meaning = (kind.__doc__ or "").strip().split("\n")[0]
     cautions, held = cautions_of(fit, study.points.largest), _held(fit)
@@ -336,7 +336,7 @@ def _law(fit: Fit, study: Study, *, main: bool) -> list[Block]:
     return [*blocks, _curves(fit, study), *(_more_pictures(fit) if main else [])]
 
 
-def _curves(fit: Fit, study: Study) -> Figure:
+def _curves(fit: Fit, study: Ranking) -> Figure:
     return Figure(
         fit_figures.tension_curves(fit, study.points),
         "Tension over length. Triangles are measured, lines the fitted law, each from its free length on; "
@@ -465,7 +465,7 @@ def cautions_of(fit: Fit, size: float) -> list[str]:
 # ---- words
 
 
-def _cited(studies: list[Study]) -> list[str]:
+def _cited(studies: list[Ranking]) -> list[str]:
     keys: dict[str, None] = {}
     for study in studies:
         keys |= dict.fromkeys(study.specimen.sources if study.specimen else ())

@@ -47,7 +47,7 @@ class SimulationBatch:
     A lane does what its simulation does alone, bit for bit, where no lane needs shorter steps.
 
     Args:
-        simulation: of which these are lanes.
+        simulation: simulation of which these are lanes.
         lanes: how many.
         changes: parameters that differ, by dotted path, each (lanes,) [SI].
 
@@ -102,7 +102,7 @@ class SimulationBatch:
         """Begin at rest in all lanes; see `Simulation.reset`.
 
         Args:
-            seed: of the noise, which differs from lane to lane.
+            seed: seed of the noise, which differs from lane to lane.
             pressure: gauge pressure at the start [Pa], of all muscles or by muscle.
 
         Returns:
@@ -165,7 +165,7 @@ class SimulationBatch:
         )  # fmt: skip
 
     def load_state(self, state: BatchState) -> Any:
-        """Go on from a saved moment; a recording begins anew there.
+        """Go on from a saved moment; a recording begins again there.
 
         Raises:
             InputError: it was saved by a batch of another kind or size.

@@ -70,16 +70,16 @@ class SampleKernel:
     """A machine, or lanes of machines, that goes on sample by sample.
 
     Args:
-        programs: of its structure.
+        programs: programs of its structure.
         plant: its parameters as a vector; (numbers, lanes) where they differ from lane to lane.
-        period: of the samples [s].
+        period: period of the samples [s].
         inner: steps of the physics per sample, where its modes allow them.
         lanes: how many; None for a single machine.
 
     Attributes:
         commands: vector to be set before a step; (commands, lanes) for lanes.
         observation: vector of the last sample, with the rate bound and the soundness at its end.
-        rate_bound: of the fastest mode at the present state [1/s].
+        rate_bound: rate bound of the fastest mode at the present state [1/s].
         steps_taken: steps of the physics in the last sample.
         stiff: whether they were of the Rosenbrock method.
     """
@@ -197,9 +197,9 @@ class RecordingKernel:
     """The same samples once more, with all outputs and the integrals of the balances.
 
     Args:
-        programs: of the machine's structure.
+        programs: programs of the machine's structure.
         plant: its parameters as a vector.
-        period: of the samples [s].
+        period: period of the samples [s].
         inner: steps of the physics per sample, where the modes allow them.
     """
 
@@ -213,8 +213,8 @@ class RecordingKernel:
 
         Args:
             carry: at the start.
-            commands: of the samples, (samples, commands).
-            bound: of the fastest mode at the start [1/s].
+            commands: commands of the samples, (samples, commands).
+            bound: bound of the fastest mode at the start [1/s].
 
         Returns:
             The carry at the end, the integrals over all samples, and the outputs (samples + 1,).

@@ -125,7 +125,7 @@ class Weight(Mechanism):
     Args:
         muscle: that carries it.
         mass: [kg].
-        start: span of the muscle at the start [m]; nine tenths of its rest length where left out.
+        start: span of the muscle at the start [m]; nine tenths of its rest length by default.
         damping: viscous loss [N s/m].
         gravity: [m/s^2].
     """
@@ -176,9 +176,9 @@ class Spring(Mechanism):
 
     Args:
         muscle: that pulls.
-        stiffness: of the spring [N/m].
+        stiffness: stiffness of the spring [N/m].
         mass: between muscle and spring [kg].
-        start: span of the muscle at the start [m]; its rest length where left out.
+        start: span of the muscle at the start [m]; its rest length by default.
         damping: viscous loss [N s/m].
     """
 
@@ -221,7 +221,7 @@ class Plate(Mechanism):
 
     Args:
         muscle: between its anchor and the plate.
-        span: at the start [m]; nine tenths of the rest length where left out.
+        span: at the start [m]; nine tenths of the rest length by default.
     """
 
     muscle: AnyMuscle = "nylon"
@@ -259,13 +259,13 @@ class Joint(Mechanism):
 
     Args:
         flexor: muscle with a positive moment arm.
-        extensor: its antagonist; the same kind as the flexor where left out.
+        extensor: its antagonist; the same kind as the flexor by default.
         arm: moment arm of both at angle zero [m], or one for each as a pair; a `MomentArm` of `assembly` for a curve.
         inertia: about the axis [kg m^2].
         damping: viscous loss [N m s].
         stiffness: spring about the axis [N m/rad].
-        gravity_moment: of a limb that hangs down at angle zero [N m].
-        span: of both muscles at angle zero [m]; nine tenths of the rest length of each where left out.
+        gravity_moment: gravity moment of a limb that hangs down at angle zero [N m].
+        span: span of both muscles at angle zero [m]; nine tenths of the rest length of each by default.
         start: angle at the start [rad].
         stops: smallest and largest angle [rad].
     """
@@ -316,11 +316,11 @@ class Link:
         flexor: muscle that turns the joint to positive angles.
         extensor: its antagonist.
         arm: moment arm of both [m], or one for each as a pair; a `MomentArm` of `assembly` for a curve.
-        centre: distance of the centre of mass from the joint [m]; half the length where left out.
-        inertia: about the centre of mass [kg m^2]; that of a thin rod where left out.
+        centre: distance of the centre of mass from the joint [m]; half the length by default.
+        inertia: about the centre of mass [kg m^2]; that of a thin rod by default.
         damping: viscous loss of the joint [N m s].
         stiffness: spring of the joint [N m/rad].
-        span: of both muscles at angle zero [m]; nine tenths of the rest length of each where left out.
+        span: span of both muscles at angle zero [m]; nine tenths of the rest length of each by default.
         start: angle of the joint at the start [rad].
         stops: smallest and largest angle of the joint [rad].
     """

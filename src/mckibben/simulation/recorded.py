@@ -51,7 +51,7 @@ def record(
         simulation: that took them.
         start: from which it did.
         commands: held in each of them, (samples, commands).
-        sensed: observations with their noise, one more than samples; empty where there is no noise.
+        sensed: observations with their noise, one more than samples; empty if there is no noise.
     """
     period, layouts = simulation.period, simulation.programs.layouts
     kernel = RecordingKernel(simulation.programs, simulation.parameters, period, simulation.inner)

@@ -40,9 +40,9 @@ class Rollout:
 
     Args:
         simulation: from whose present moment each run begins.
-        policy: of (parameters, observation), returns the commands by name; what it leaves out stays as it is.
+        policy: policy of (parameters, observation), returns the commands by name; what it leaves out stays as it is.
         steps: samples.
-        cost: of (observation, commands) at the end of a sample; None where the policy returns (commands, cost).
+        cost: cost of (observation, commands) at the end of a sample; None if the policy returns (commands, cost).
 
     Raises:
         InputError: the number of steps is none.

@@ -46,7 +46,7 @@ class SimulationState:
         sample: number of samples since the reset.
         carry: state, memory and past commands, as a vector.
         observed: the true observation with its rate bound.
-        shown: the observation as it was returned, with noise; empty where there is none.
+        shown: the observation as it was returned, with noise; empty if there is none.
         commands: in force.
         noise: state of the generator of the noise.
         structure: fingerprint of the simulation that made it.
@@ -69,7 +69,7 @@ class Simulation:
         air: an `Air`, or the path of a circuit file with the mechanism's muscles by name; `Air()` by default.
         period: period of the samples, during which commands hold [s].
         step: largest step of the physics [s]; shortened so that a whole number fits a period, and where a mode asks for it.
-        noise: standard deviation of the noise on fields of the observation, by field [SI]; none where left out.
+        noise: standard deviation of the noise on fields of the observation, by field [SI]; none by default.
         title: title of recordings; names the mechanism and its muscles by default.
 
     Attributes:
@@ -133,10 +133,10 @@ class Simulation:
         """Begin at rest: friction relaxed, every braid in balance with its tendon, commands as they lasted before.
 
         Args:
-            seed: of the noise.
+            seed: seed of the noise.
             pressure: gauge pressure at the start [Pa] of all muscles, or by muscle; that which the mechanism says where left
                 out, else none.
-            **commands: at the start; zero where left out, and for a regulator the pressure of its muscle.
+            **commands: at the start; zero by default, and for a regulator the pressure of its muscle.
 
         Returns:
             The observation at the start.
@@ -205,7 +205,7 @@ class Simulation:
         )  # fmt: skip
 
     def load_state(self, state: SimulationState) -> Any:
-        """Go on from a saved moment; a recording begins anew there.
+        """Go on from a saved moment; a recording begins again there.
 
         Returns:
             The observation at that moment.
@@ -265,9 +265,9 @@ class Simulation:
         """A run under a policy as a JAX function of the policy's parameters, with its gradient; see `Rollout`.
 
         Args:
-            policy: of (parameters, observation), returns the commands by name.
+            policy: policy of (parameters, observation), returns the commands by name.
             steps: samples.
-            cost: of (observation, commands) at the end of a sample, whose mean the rollout is; where left out, the policy
+            cost: cost of (observation, commands) at the end of a sample, whose mean the rollout is; by default, the policy
                 returns (commands, cost).
         """
         from .rollout import Rollout
@@ -354,7 +354,7 @@ class Simulation:
     def with_parameters(self, changes: Mapping[str, Amount]) -> Simulation:
         """The same simulation with other parameters of its machine, by dotted path [SI, or words with a unit].
 
-        Nothing is compiled anew.
+        Nothing is compiled again.
 
         Raises:
             InputError: names an unknown path, or a value out of bounds.

@@ -26,7 +26,7 @@ class Drive(NamedTuple):
 
     Attributes:
         command: name by which the user commands it.
-        signal: of the machine.
+        signal: signal of the machine.
         gauge: whether the command is a gauge pressure and the signal an absolute one.
         straight: whether the signal goes straight to the command within the sample, as a span does.
         unit: SI unit.
@@ -166,7 +166,7 @@ class Sample(NamedTuple):
         observation: by field.
         rate_bound: bound of the fastest mode [1/s].
         sound: whether the state is finite and possible (bool).
-        integrals: of the balances over the sample; empty where they are not wanted.
+        integrals: integrals of the balances over the sample; empty if they are not wanted.
         inputs: in force at the end.
     """
 
@@ -188,7 +188,7 @@ def advance_sample(
         plant: the machine.
         carry: state, memory and past commands from the sample before.
         commands: by name [SI].
-        period: of the sample [s].
+        period: period of the sample [s].
         inner: whole steps of the physics.
         stiff: use the Rosenbrock method.
         integrals: whether the integrals of the balances are wanted.

@@ -99,6 +99,9 @@ class Specimen:
     map: str | None = word(default=None)
     where: str = ""
 
+    def __hash__(self) -> int:
+        return hash((self.id, self.law, self.where))  # its tables have no hash
+
     @classmethod
     def read(cls, raw: Mapping[str, Any], *, where: str) -> Specimen:
         """Make one of the tables of a file.

@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import InputError, MckibbenError
+from ..recordings.formats import readable
 from .control import Control
 from .shelf import Shelf
 from .stream import Stream
 from .toasts import Toasts
 
 RECORDINGS = (".nc", ".csv", ".mcap", ".mat", ".tdms", ".parquet")
-UPLOADS = (".csv", ".txt", ".mat", ".tdms")
+UPLOADS = readable()  # tables of a fit, and files that become recordings
 FRESH = 0.04  # time for which a status is the same for all pages, where nothing is known to have changed [s]
 FREE = ("emergency_stop", "stop", "ask_control", "undo", "toast", "status")  # actions of any page, in control or not
 

@@ -161,7 +161,7 @@ def check_rows(path: Path, most: int, use: str) -> None:
     Raises:
         MckibbenError: says how many there are and how many are allowed.
     """
-    if path.suffix.lower() not in (".csv", ".txt"):
+    if path.suffix.lower() not in (".csv", ".txt", ".tsv", ".dat"):
         return
     count = 0
     with open(path, "rb") as stream:

@@ -13,11 +13,12 @@ Tjahjowidodo, H. Ramon and H. Van Brussel, IEEE/ASME Trans. Mechatronics 16(1), 
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
 
-from ..._jax import jax, jnp
+from ..._jax import is_traced, jnp
 from ...components import Scalar
 from ...components.element import Advanced
 from ...errors import InputError
@@ -59,9 +60,12 @@ class MaxwellSlip(Contacts):
         """
         if elements < 1:
             raise InputError("elements", elements, "must be 1 or more", where=cls.__name__)
-        traced = any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves((limit, shortest, longest, at_pressure)))
+        traced = any(map(is_traced, (*vars(limit).values(), shortest, longest, at_pressure)))
         xp: Any = jnp if traced else np  # plain numbers stay with NumPy, for which nothing is compiled
-        whole: FrictionLimit = limit if traced else jax.tree.map(np.asarray, limit)
+        whole = limit
+        if not traced:
+            whole = copy.copy(limit)
+            vars(whole).update({name: np.asarray(value) for name, value in vars(limit).items()})
         place = np.linspace(0.0, 1.0, elements) if elements > 1 else np.array([0.5])
         travel = xp.asarray(shortest, float) * xp.exp(place * xp.log(xp.asarray(longest, float) / shortest))
         stiffness = whole.force(at_pressure, xp) / elements / travel

@@ -469,18 +469,27 @@ def energy_flow_figure(account: EnergyAccount, *, title: str = "Where the exergy
         account: account of `analysis.energy_accounts`.
         title: over the figure.
     """
-    gas, muscle = streams(account)
+    _, muscle = streams(account)
     fig = style.figure(FLOW_WIDTH, FLOW_HEIGHT)
     upper = fig.add_axes((0.02, 0.44, 0.96, 0.46))
     lower = fig.add_axes((0.02, 0.05, 0.96, 0.27))
-    supply = sum(p.value for p in account.parts if p.name == "supply")
-    size = _draw(upper, gas, supply)
-    kind = "integrals of the run" if account.parts[0].origin == "integral" else account.parts[0].origin
-    style.heading(upper, title, f"exergy in J, share of the supply; {kind}", above=16.0)
+    supply, size = _supply(account), draw_gas_streams(upper, account, title=title)
     width = _draw(lower, muscle, supply)
     grown = f"magnified {number(width / size, 0)} times" if size > 0.0 and width >= 2.0 * size else ""
     style.heading(lower, "The muscle", grown, above=16.0)
     return fig
+
+
+def draw_gas_streams(ax: Axes, account: EnergyAccount, *, title: str = "Where the exergy went") -> float:
+    """Draw the streams of the gas into empty axes; returns how wide a stream of 1 J is [pixels]."""
+    size = _draw(ax, streams(account)[0], _supply(account))
+    kind = "integrals of the run" if account.parts[0].origin == "integral" else account.parts[0].origin
+    style.heading(ax, title, f"exergy in J, share of the supply; {kind}", above=16.0)
+    return size
+
+
+def _supply(account: EnergyAccount) -> float:
+    return sum(p.value for p in account.parts if p.name == "supply")
 
 
 def _draw(ax: Axes, found: Streams, supply: float) -> float:

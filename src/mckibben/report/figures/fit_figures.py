@@ -15,11 +15,11 @@ import numpy as np
 
 from ...components import jit_arrays
 from ...identification import Fit
+from ...identification.ranking import Ranking
 from ...muscles.law import TensionLaw
 from ...muscles.laws import law_type
 from ...quantities import declared, from_si
 from ...recordings import ForceMap
-from ..fit_study import Study
 from . import style
 from .style import CAUTION, COLOURS, INK, INK_2, INK_3, PANEL, RULE, SUNKEN, number
 
@@ -57,7 +57,7 @@ def tension_curves(fit: Fit, points: ForceMap) -> Figure:
     )
     for i, (rest, law, some) in enumerate(muscles):
         ax = fig.add_subplot(grid[i])
-        _draw_curves(ax, law, some, top=points.largest)
+        draw_curves(ax, law, some, top=points.largest)
         if i == 0:
             style.heading(ax, law_title(fit), KEY, above=44.0 if several else 24.0)
         if several and rest:
@@ -103,8 +103,14 @@ def tension_grid(law: TensionLaw, lengths: np.ndarray, pressures: Iterable[float
     return np.stack([np.asarray(function(law, lengths, np.asarray(p, float))) for p in pressures])
 
 
-def _draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, room: float = 10.5) -> None:
-    """Draw points and lines into axes; labels right of them need about 45 pt."""
+def draw_fit(ax: Axes, fit: Fit, points: ForceMap) -> None:
+    """Points and lines of the table's muscle, of several rest lengths the longest, into axes."""
+    _, law, some = _muscles(fit, points)[-1]
+    draw_curves(ax, law, some, top=some.largest)
+
+
+def draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, room: float = 10.5) -> None:
+    """Points and lines into axes; labels right of them, which need about 45 pt."""
     taut = points.select(points.taut)
     levels, near = levels_of(points)
     low, high = float(points.length.min()), float(points.length.max())
@@ -300,20 +306,19 @@ class _Row(NamedTuple):
 
 
 @style.styled()
-def ranking(study: Study) -> Figure:
+def ranking(study: Ranking) -> Figure:
     """Laws in the order of their ranking with their errors of prediction, in % of the largest tension on a logarithmic axis.
 
     Root mean square and largest error of points whose pressure was left out; dashed, those above the training pressures.
     """
-    rows = _rows(study)
-    fig = style.figure(style.WIDE, 1.13 + 0.315 * len(rows))
+    fig = style.figure(style.WIDE, 1.13 + 0.315 * (len(study.fits) + len(study.published)))
     height = fig.get_figheight()
     ax = fig.add_axes((0.285, 0.47 / height, 0.405, 1.0 - 1.13 / height))
-    _draw_ranking(ax, rows, study, names=0.285 * 72.0 * style.WIDE - 14.0)
+    draw_ranking(ax, study, names=0.285 * 72.0 * style.WIDE - 14.0)
     return fig
 
 
-def _rows(study: Study) -> list[_Row]:
+def _rows(study: Ranking) -> list[_Row]:
     rows = []
     for fit in study.fits:
         size = fit.points.largest
@@ -341,17 +346,16 @@ def _shorter(title: str) -> str:
     return title.split(",")[0] if len(title) > 24 else title
 
 
-def _draw_ranking(ax: Axes, rows: list[_Row], study: Study, *, names: float, brief: bool = False) -> None:
+def draw_ranking(ax: Axes, study: Ranking, *, names: float, brief: bool = False) -> None:
     """Draw one line per law with two lanes: predicted above, beyond the training below; numbers at the right.
 
     Args:
         ax: the axes.
-        rows: laws, best first.
-        study: which they belong to.
+        study: the laws, best first.
         names: how far left of the axes the names begin [pt].
         brief: fewer columns.
     """
-    lanes = (0.17, -0.17)
+    rows, lanes = _rows(study), (0.17, -0.17)
     values = [
         100.0 * v
         for r in rows
@@ -435,7 +439,7 @@ def _draw_pair(ax: Axes, y: float, pair: Sequence[float], look: str, high: float
         ax.plot([rms], [y], marker, mfc=face, mec=shade, mew=1.0, ms=5.4, zorder=4)
 
 
-def _trained(study: Study) -> str:
+def _trained(study: Ranking) -> str:
     return next((f.holdout.what for f in study.fits if f.holdout), "")
 
 
@@ -641,7 +645,7 @@ def _series(points: ForceMap) -> list[tuple[float, np.ndarray]]:
 
 
 @style.styled()
-def overview(studies: Iterable[Study]) -> Figure:
+def overview(studies: Iterable[Ranking]) -> Figure:
     """Draw up to two studies, 14.4 inch wide: the curves of the best law, and the ranking of all.
 
     Two studies stand side by side, each ranking below its curves; of a single one it stands beside them.
@@ -652,10 +656,9 @@ def overview(studies: Iterable[Study]) -> Figure:
     for i, study in enumerate(shown):
         left = 0.045 + 0.5 * i
         best = study.fits[0]
-        _, law, points = _muscles(best, study.points)[-1]
         ax = fig.add_axes((left, 0.15, 0.405, 0.66) if single else (left, 0.505, 0.405, 0.395))
-        _draw_curves(ax, law, points, top=points.largest)
+        draw_fit(ax, best, study.points)
         style.heading(ax, study.title, f"▲ measured\N{EM SPACE}○ slack\N{EM SPACE}— {law_title(best)}", above=24.0)
         ranks = fig.add_axes((0.7, 0.15, 0.17, 0.6) if single else (left + 0.155, 0.07, 0.17, 0.295))
-        _draw_ranking(ranks, _rows(study), study, names=0.155 * 72.0 * 14.4, brief=True)
+        draw_ranking(ranks, study, names=0.155 * 72.0 * 14.4, brief=True)
     return fig

@@ -152,11 +152,7 @@ def muscle_drawing(
     Raises:
         InputError: if a length is not between zero and the thread length.
     """
-    for value in lengths:
-        if not 0.0 < value < shape.thread_length:
-            raise InputError(
-                "length", f"{value:.4g} m", f"allowed is 0 m to {shape.thread_length:.4g} m, the thread length"
-            )
+    _check_lengths(shape, lengths)
     fitting = 0.045 * max(lengths)
     widths = [shape.diameter(v) for v in lengths]
     inch = 72.0 * from_si(1.0, "m", "inch")  # points in a metre
@@ -191,6 +187,39 @@ def muscle_drawing(
     )
     _scale_bar(ax, 14.0 * per_point, (tall - 16.0) * per_point, per_point, max(lengths))
     return fig
+
+
+def draw_muscle(ax: Axes, shape: BraidShape, lengths: Sequence[float], *, threads: int = 10) -> None:
+    """A muscle at a few lengths, longest first [m], into axes, to the scale that their width leaves.
+
+    Raises:
+        InputError: if a length is not between zero and the thread length.
+    """
+    _check_lengths(shape, lengths)
+    fitting, widths = 0.045 * max(lengths), [shape.diameter(v) for v in lengths]
+    box = ax.get_window_extent()
+    wide, tall = (72.0 * size / ax.figure.dpi for size in (box.width, box.height))
+    gap = 46.0  # [pt]
+    point = max(
+        (max(lengths) + 2.0 * fitting) / max(wide - 40.0, 20.0), sum(widths) / max(tall - gap * len(widths), 20.0)
+    )
+    ax.set_axis_off()
+    ax.set_xlim(0.0, wide * point)
+    ax.set_ylim(tall * point, 0.0)
+    left, y = 10.0 * point + fitting, 8.0 * point
+    for value, width in zip(lengths, widths, strict=True):
+        at = (left, y + 0.5 * width)
+        _draw_muscle(ax, shape, value, at, fitting, min(widths), threads, point)
+        _dimensions(ax, shape, value, at, fitting, point, "")
+        y += width + gap * point
+
+
+def _check_lengths(shape: BraidShape, lengths: Sequence[float]) -> None:
+    for value in lengths:
+        if not 0.0 < value < shape.thread_length:
+            raise InputError(
+                "length", f"{value:.4g} m", f"allowed is 0 m to {shape.thread_length:.4g} m, the thread length"
+            )
 
 
 def _ratio(scale: float) -> str:

@@ -270,7 +270,7 @@ def time_figure(
     for i, (panel, own) in enumerate(zip(drawn, heights, strict=True)):
         ax = fig.add_axes((0.065, (y - own) / height, 0.715, own / height))
         y -= own + gap
-        _draw(ax, parts, panel)
+        draw_panel(ax, parts, panel)
         ax.set_xlim(*limits)
         last = i == len(drawn) - 1
         style.quantity_axes(ax, x=("Time, s" if last else "", None), y=(panel.heading, panel.quantity))
@@ -315,7 +315,7 @@ def against_figure(
     for i, panel in enumerate(drawn):
         bottom = foot + (len(drawn) - 1 - i) * (each + gap)
         ax = fig.add_axes((0.08, bottom / height, across_page, each / height))
-        _draw_against(ax, families, panel, x)
+        draw_against(ax, families, panel, x)
         last = i == len(drawn) - 1
         style.quantity_axes(ax, x=(x.heading if last else "", x.quantity), y=(panel.heading, panel.quantity))
         if not last:
@@ -346,7 +346,8 @@ def _write_pdf(fig: Figure, file: Path) -> None:
 # ---- over time
 
 
-def _draw(ax: Axes, parts: Sequence[Recording], panel: ChannelPanel) -> None:
+def draw_panel(ax: Axes, parts: Sequence[Recording], panel: ChannelPanel) -> None:
+    """Draw the channels of a panel over time."""
     time, scale = np.concatenate([p.time for p in parts]), panel.scale()
     kinds = {name: parts[0].channels[name].kind for name in panel.names}
     for name in panel.names:
@@ -440,7 +441,8 @@ def _upright(record: Recording, across: str) -> list[str]:
     raise InputError("--channels", "not given", f"allowed are channels over {across}: {', '.join(record.names())}")
 
 
-def _draw_against(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPanel, x: ChannelPanel) -> None:
+def draw_against(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPanel, x: ChannelPanel) -> None:
+    """Draw the channels of a panel over the one of another panel."""
     (across,) = x.names
     kinds = {name: families[0].parts[0].channels[name].kind for name in panel.names}
     for family, opacity in zip(families, style.graded(len(families), 0.4), strict=True):

@@ -41,7 +41,7 @@ def design_map(found: Sizing, *, law: str = "linear_threshold") -> Figure:
     grid = fig.add_gridspec(
         1, len(ratios), left=left, right=right, bottom=0.12, top=0.80, wspace=0.38, width_ratios=ratios
     )
-    _map(fig.add_subplot(grid[0]), found, law)
+    draw_force_over_stroke(fig.add_subplot(grid[0]), found, law)
     if both:
         _lines(fig.add_subplot(grid[1]), found)
     return fig
@@ -69,7 +69,8 @@ def _alike(a: Judged, b: Judged) -> bool:
     )
 
 
-def _map(ax: Axes, found: Sizing, law: str) -> None:
+def draw_force_over_stroke(ax: Axes, found: Sizing, law: str) -> None:
+    """Draw the promised force over the stroke of the best muscles, and the requirement, into axes."""
     wish, cm = found.wish, from_si(1.0, "m", "cm")
     shown = _shown(found)
     right = 2.0 * wish.stroke

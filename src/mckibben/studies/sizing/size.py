@@ -230,6 +230,7 @@ class Sizing:
         lengths: the best valve with tubes of other lengths.
         sources: sources of gas, those that can do it first.
         piston: input and output of the paper's cycle of maximal shortening without and with an accumulator [J].
+        law: of the braids.
     """
 
     wish: Requirements
@@ -240,6 +241,7 @@ class Sizing:
     lengths: tuple[LineResult, ...]
     sources: tuple[SourceResult, ...]
     piston: dict[str, tuple[float, float] | None]
+    law: str = BRAID_LAWS[0]
 
     @property
     def reached(self) -> bool:
@@ -316,7 +318,7 @@ def size(
     sources = sources_for(chosen, wish, line) if does else []
     ways = ("surroundings", "accumulator")
     piston = {n: piston_cycle(chosen, wish, accumulator=n == "accumulator") if does else None for n in ways}
-    return Sizing(wish, tuple(order), tuple(misses), chosen, tuple(best), tuple(other), tuple(sources), piston)
+    return Sizing(wish, tuple(order), tuple(misses), chosen, tuple(best), tuple(other), tuple(sources), piston, law)
 
 
 def _with_lines(

@@ -19,9 +19,9 @@ from .state import FitRequest
 
 if TYPE_CHECKING:
     from ....identification import Fit
+    from ....identification.ranking import Ranking
     from ....recordings import ForceMap
     from ....recordings.force_map import TablePreview
-    from ....report.fit_study import Study
 
 KEPT = 200  # fits that are kept of all pages
 _pool = ThreadPoolExecutor(2, thread_name_prefix="fit")
@@ -96,13 +96,13 @@ class FitJob:
         self.ended = True
         self.stop()
 
-    def study(self, asked: FitRequest, points: ForceMap, laws: Sequence[str]) -> Study:
+    def study(self, asked: FitRequest, points: ForceMap, laws: Sequence[str]) -> Ranking:
         """Return the results so far, ranked as the command does."""
         from ....identification.fit import rank
-        from ....report.fit_study import Study, published_of
+        from ....identification.ranking import Ranking, published_of
 
         spec = state.specimen_of(asked)
-        return Study(
+        return Ranking(
             title=spec.title if spec else points.name,
             specimen=spec,
             points=points,

@@ -20,8 +20,8 @@ from .state import FitRequest
 
 if TYPE_CHECKING:
     from ....identification import Fit
+    from ....identification.ranking import Ranking
     from ....recordings import ForceMap
-    from ....report.fit_study import Study
 
 LOOKS = 0.25  # time between two looks at the work that goes on [s]
 
@@ -84,7 +84,7 @@ class FitPage:
 
     def _first(self) -> None:
         with panel("File and columns", step=1), box("div", "stack"):
-            drop = UploadPlace("Drop a CSV, MAT or TDMS file here", self._came, UPLOADS)
+            drop = UploadPlace("Drop a table of any format here", self._came, UPLOADS)
             self._words = drop.words.classed("small").classed("dim")
             with drop.about:
                 self._name = text("b", "")
@@ -184,7 +184,7 @@ class FitPage:
         ending = "MB" if size >= 2**20 else "kB"
         amount = f"{max(size / (2**20 if ending == 'MB' else 1024), 0.1):.3g}"
         rows = results.number(look.total, 0)
-        self._words.say(f"{rows} rows, {amount}\u2009\u2060{ending}. Drop another CSV, MAT or TDMS here")
+        self._words.say(f"{rows} rows, {amount}\u2009\u2060{ending}. Drop another table here")
         with place:
             columns.mapping(self.asked, look, self._change, wrong)
             if wrong is not None:
@@ -212,7 +212,7 @@ class FitPage:
     def _nothing(self) -> None:
         with self._places["mapping"]:
             columns.maps(lambda asked: self.ask(asked, fresh=True))
-        self._leave("No table yet. Drop a CSV, MAT or TDMS file here.")
+        self._leave("No table yet. Drop a table of any format here.")
 
     def _leave(self, words: str) -> None:
         """Show a reason instead of the ranking; nothing is fitted."""
@@ -264,7 +264,7 @@ class FitPage:
         self.work.stop()
         await self.look()
 
-    async def _study(self) -> Study | None:
+    async def _study(self) -> Ranking | None:
         """Results so far; None if something else was requested meanwhile."""
         asked, points = self.asked, self.points
         if asked is None or points is None:
@@ -359,9 +359,9 @@ class LawPictures:
         self.view = view if view in VIEWS else "tension"
         self._rest: float | None = None
         self._asking = 0
-        self._last: tuple[Fit, Study] | None = None
+        self._last: tuple[Fit, Ranking] | None = None
 
-    async def show(self, fit: Fit, study: Study) -> None:
+    async def show(self, fit: Fit, study: Ranking) -> None:
         """Draw another law, or the same law again."""
         self._last = fit, study
         place, rests = self._places["muscle"], results.rests(study.points)
@@ -488,7 +488,6 @@ async def _specimen(view: FitPage) -> None:
 
 
 def _written(study: Any) -> tuple[str, bytes]:
-    from ....report.fit_study import write_specimen
 
     stem = (
         "".join(c if c.isalnum() or c in "._-" else "-" for c in Path(study.points.name).stem)[:60].strip("-.")
@@ -496,5 +495,5 @@ def _written(study: Any) -> tuple[str, bytes]:
     )
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / f"{stem}-fit.toml"
-        write_specimen(study.fits, study.specimen, place)
+        study.save(place)
         return place.name, place.read_bytes()

@@ -17,8 +17,8 @@ from ...widgets import box, note, raw, table, text
 
 if TYPE_CHECKING:
     from ....identification import Fit
+    from ....identification.ranking import Ranking
     from ....recordings import ForceMap
-    from ....report.fit_study import Study
 
 THIN = "\u2009\u2060"
 HALF = 0.5  # of the value, that the scale of the intervals shows to either side
@@ -32,7 +32,7 @@ def number(value: float | None, places: int = 2) -> str:
     return ("\u2212" if value < 0.0 and float(f"{value:.{places}f}") != 0.0 else "") + text_
 
 
-def ranking(study: Study, chosen: str, pick: Callable[[str], Any]) -> None:
+def ranking(study: Ranking, chosen: str, pick: Callable[[str], Any]) -> None:
     """The table of laws, best first, and the published ones below; a row that is clicked or entered is picked."""
     rows = _rows(study)
     widest = max((r["rmse"] for r in rows if math.isfinite(r["rmse"])), default=1.0)
@@ -56,7 +56,7 @@ def ranking(study: Study, chosen: str, pick: Callable[[str], Any]) -> None:
                 _row(row, study.points.largest, widest, bool(held), chosen, pick)
 
 
-def _rows(study: Study) -> list[dict[str, Any]]:
+def _rows(study: Ranking) -> list[dict[str, Any]]:
     from ....identification.fit import degenerate_words
     from ....report.figures.fit_figures import law_title
 
@@ -187,7 +187,7 @@ def _whisker(value: float, half: float) -> str:
     )
 
 
-def cautions(fit: Fit, study: Study) -> None:
+def cautions(fit: Fit, study: Ranking) -> None:
     """Show the cautions about one law, and why others could not be fitted."""
     from ....report.fit_report import cautions_of
 
@@ -212,7 +212,7 @@ def rests(points: ForceMap) -> list[float]:
     return [] if points.rest_length is None else [float(r) for r in np.unique(points.rest_length[points.taut])]
 
 
-def drawn(fit: Fit, study: Study, rest: float | None) -> dict[str, Any]:
+def drawn(fit: Fit, study: Ranking, rest: float | None) -> dict[str, Any]:
     """Compute everything that the figures of one law need.
 
     Args:

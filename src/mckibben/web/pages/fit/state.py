@@ -142,7 +142,7 @@ def read(path: Path, asked: FitRequest) -> ForceMap:
 
 def known(asked: FitRequest) -> dict[str, float]:
     """Parameters that are not fitted [SI]: of the specimen, then those that were said."""
-    from ....report.fit_study import known_of
+    from ....identification.ranking import known_of
 
     dimensions_known, fields = known_of(specimen_of(asked)), dimensions()
     for name, words in asked.known:

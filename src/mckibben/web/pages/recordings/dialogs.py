@@ -33,10 +33,7 @@ class ImportDialog:
         self._file: IncomingFile | None = None
         self.dialog = Dialog("Import a file")
         with self.dialog:
-            endings = ", ".join(e.removeprefix(".").upper() for e in jobs.IMPORTED)
-            self._upload = UploadPlace(
-                f"Drop a recording or a file of others here: {endings}", self._came, jobs.IMPORTED
-            )
+            self._upload = UploadPlace("Drop a recording here, or a file of another program", self._came, jobs.IMPORTED)
             self.dialog.place_for_answers()
             self._progress = box("div")
             self._more = box("div", "stack")

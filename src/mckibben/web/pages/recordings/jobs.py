@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 from ....errors import InputError, MckibbenError
 from ....quantities import parse
-from ...laboratory import RECORDINGS, Laboratory
+from ...laboratory import UPLOADS, Laboratory
 from ...reader import check_rows
 
 FORMATS = {".nc": "netCDF", ".csv": "CSV", ".parquet": "Parquet", ".mat": "MAT", ".mcap": "MCAP", ".tdms": "TDMS"}
-IMPORTED = (*RECORDINGS, ".txt")
+IMPORTED = UPLOADS
 MOST_ROWS = 5_000_000  # of a table that becomes a recording: more than an hour at 1 kHz
 
 

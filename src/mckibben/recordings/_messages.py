@@ -1,0 +1,210 @@
+"""Messages of ROS, protobuf and JSON as columns of numbers, with the units that the standard messages of ROS define."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..extras import library
+from .formats import ForeignColumn
+
+Number = float | bool
+# Message -> unit of its fields, as the comments of its definition state; the pressure of a FluidPressure is absolute.
+ROS_UNITS = {
+    "geometry_msgs/msg/Wrench": {"force": "N", "torque": "N m"},
+    "geometry_msgs/msg/Twist": {"linear": "m/s", "angular": "rad/s"},
+    "geometry_msgs/msg/Point": {"x": "m", "y": "m", "z": "m"},
+    "sensor_msgs/msg/FluidPressure": {"fluid_pressure": "Pa abs", "variance": "Pa^2"},
+    "sensor_msgs/msg/JointState": {"position": "rad", "velocity": "rad/s", "effort": "N m"},
+    "sensor_msgs/msg/Temperature": {"temperature": "degC", "variance": "K^2"},
+    "sensor_msgs/msg/RelativeHumidity": {"relative_humidity": "1", "variance": "1"},
+    "sensor_msgs/msg/Imu": {"linear_acceleration": "m/s^2", "angular_velocity": "rad/s", "orientation": "1"},
+    "sensor_msgs/msg/Range": {"range": "m", "min_range": "m", "max_range": "m", "field_of_view": "rad"},
+    "std_msgs/msg/Bool": {"data": "1"},
+}  # fmt: skip
+JOINTS = "sensor_msgs/msg/JointState"
+_DEEPEST = 20  # messages in messages
+
+
+class Message(NamedTuple):
+    """One message: its numbers by dotted name, its own time stamp [ns], and the fields that were passed over."""
+
+    numbers: dict[str, Number]
+    stamp: int | None = None
+    skipped: tuple[str, ...] = ()
+
+
+def message_columns(
+    topic: str, messages: Sequence[Message], logged: Sequence[int], first: int, units: Mapping[str, str]
+) -> list[ForeignColumn]:
+    """The columns of one topic, named ``topic.field``.
+
+    Args:
+        topic: the name of the topic.
+        messages: decoded, in the order of their logging.
+        logged: when each was logged [ns].
+        first: when the first message of the file was logged [ns].
+        units: field, or the first word of its dotted name -> unit in words.
+
+    Returns:
+        Columns over the stamps of the messages if these increase, else over the times of logging, from `first` on.
+    """
+    stamps = [m.stamp for m in messages]
+    stamped = all(stamp for stamp in stamps) and all(a < b for a, b in zip(stamps, stamps[1:], strict=False))  # type: ignore[operator]
+    ticks = [stamp or 0 for stamp in stamps] if stamped else list(logged)
+    begin = first if min(ticks) >= first or not stamped else min(ticks)
+    if stamped and abs(ticks[0] - logged[0]) > 60e9:  # another clock than that of the file
+        begin = ticks[0]
+    time = np.array([tick - begin for tick in ticks], float) * 1e-9
+    stem = re.sub(r"[^\w]+", "_", topic).strip("_") or "topic"
+    columns = []
+    for name in dict.fromkeys(name for message in messages for name in message.numbers):
+        values = [message.numbers.get(name) for message in messages]
+        flags = all(isinstance(v, bool) for v in values)
+        array = np.array([np.nan if v is None else v for v in values], bool if flags else float)
+        unit = units.get(name, units.get(name.partition(".")[0]))
+        columns.append(ForeignColumn(f"{stem}.{name}", array, unit, topic, time))
+    return columns
+
+
+def json_message(message: object) -> Message:
+    """The numbers of a message of JSON, nested by dots."""
+    return Message(dict(_json_numbers(message, "")) if isinstance(message, Mapping) else {})
+
+
+def _json_numbers(message: Mapping[str, Any], before: str) -> Iterator[tuple[str, Number]]:
+    for key, value in message.items():
+        if isinstance(value, Mapping):
+            yield from _json_numbers(value, f"{before}{key}.")
+        elif isinstance(value, bool | float) or (isinstance(value, int) and abs(value) < 2**1000):
+            yield f"{before}{key}", value
+
+
+def ros_message(message: Any) -> Message:
+    """The numbers of a decoded message of ROS; those of joints by the names of these, other lists are passed over."""
+    numbers: dict[str, Number] = {}
+    skipped: list[str] = []
+    joints = list(getattr(message, "name", ())) if _kind(message) == JOINTS else []
+    _ros_numbers(message, "", numbers, skipped, joints, 0)
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    stamped = None if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)
+    return Message(numbers, stamped or None, tuple(skipped))
+
+
+def _kind(message: Any) -> str:
+    return str(getattr(message, "__msgtype__", ""))
+
+
+def _ros_numbers(
+    message: Any, before: str, numbers: dict[str, Number], skipped: list[str], joints: list[str], depth: int
+) -> None:
+    for field in dataclasses.fields(message):
+        name, value = f"{before}{field.name}", getattr(message, field.name)
+        if field.name in ("header", "__msgtype__") or isinstance(value, str) or field.name.isupper():
+            continue  # names in capitals are constants
+        if dataclasses.is_dataclass(value):
+            if depth < _DEEPEST:
+                _ros_numbers(value, f"{name}.", numbers, skipped, joints, depth + 1)
+        elif isinstance(value, np.ndarray | list):
+            if joints and len(value) == len(joints) and field.name != "name":
+                numbers |= {f"{name}.{joint}": float(v) for joint, v in zip(joints, value, strict=True)}
+            elif len(value) and field.name != "name":
+                skipped.append(name)
+        elif isinstance(value, bool | int | float | np.number | np.bool_):
+            numbers[name] = bool(value) if isinstance(value, bool | np.bool_) else float(value)
+
+
+def ros_units(kind: str, message: Any) -> dict[str, str]:
+    """The units of a message's fields by dotted name, as far as the standard messages define them."""
+    units = dict(ROS_UNITS.get(kind, {}))
+    if dataclasses.is_dataclass(message):
+        for field in dataclasses.fields(message):
+            value = getattr(message, field.name)
+            for name, unit in ROS_UNITS.get(_kind(value), {}).items():
+                units[f"{field.name}.{name}"] = unit
+                for axis in "xyz":
+                    units[f"{field.name}.{name}.{axis}"] = unit
+    return units
+
+
+def ros_decoder(kind: str, text: str, *, where: str) -> Callable[[bytes], Any]:
+    """A function that decodes the CDR of a message of ROS 2.
+
+    Args:
+        kind: name of the message, such as ``sensor_msgs/msg/FluidPressure``.
+        text: its definition, with those that it uses.
+        where: file, for messages.
+
+    Raises:
+        MissingLibraryError: rosbags is not installed.
+        ValueError: the definition cannot be read.
+    """
+    typesys = library("rosbags.typesys", "Messages of ROS need", where=where)
+    package, _, name = kind.replace("/msg/", "/").rpartition("/")
+    full = f"{package}/msg/{name}"
+    try:
+        types = typesys.get_types_from_msg(text, full)
+        store = typesys.get_typestore(typesys.Stores.EMPTY)
+        store.register(types)
+        store.get_msgdef(full)
+        missing = any(_unknown(store, definition) for definition in types.values())
+    except Exception as error:
+        raise ValueError(" ".join(str(error).split())[:200] or type(error).__name__) from None
+    if missing:
+        store = typesys.get_typestore(typesys.Stores.LATEST)
+        store.register(types)
+    return lambda data: store.deserialize_cdr(data, full)
+
+
+def _unknown(store: Any, definition: Any) -> bool:
+    """Whether a definition uses a message that the store does not have."""
+    used = re.findall(r"'(\w+/msg/\w+)'", repr(definition[1]))
+    return any(kind not in store.fielddefs for kind in used)
+
+
+def protobuf_decoder(name: str, schema: bytes, *, where: str) -> Callable[[bytes], Message]:
+    """A function that decodes a message of protobuf.
+
+    Raises:
+        MissingLibraryError: mcap-protobuf-support is not installed.
+        ValueError: the schema cannot be read.
+    """
+    from mcap.records import Schema
+
+    module = library("mcap_protobuf.decoder", "Messages of protobuf need", where=where)
+    try:
+        decode = module.DecoderFactory().decoder_for(
+            "protobuf", Schema(id=1, name=name, encoding="protobuf", data=schema)
+        )
+    except Exception as error:
+        raise ValueError(" ".join(str(error).split())[:200] or type(error).__name__) from None
+
+    def message(data: bytes) -> Message:
+        numbers: dict[str, Number] = {}
+        stamps: list[int] = []
+        skipped: list[str] = []
+        _proto_numbers(decode(data), "", numbers, stamps, skipped, 0)
+        return Message(numbers, stamps[0] if stamps else None, tuple(skipped))
+
+    return message
+
+
+def _proto_numbers(
+    message: Any, before: str, numbers: dict[str, Number], stamps: list[int], skipped: list[str], depth: int
+) -> None:
+    for field in message.DESCRIPTOR.fields:
+        name, value = f"{before}{field.name}", getattr(message, field.name)
+        if field.message_type is not None and field.message_type.full_name == "google.protobuf.Timestamp":
+            if not before and message.HasField(field.name):
+                stamps.append(value.seconds * 10**9 + value.nanos)
+        elif hasattr(value, "DESCRIPTOR"):
+            if depth < _DEEPEST:
+                _proto_numbers(value, f"{name}.", numbers, stamps, skipped, depth + 1)
+        elif isinstance(value, bool | int | float):
+            numbers[name] = value if isinstance(value, bool) else float(value)
+        elif not isinstance(value, str | bytes):
+            skipped.append(name)
