@@ -52,6 +52,13 @@ def test_the_gradient_of_a_rollout_is_the_slope_of_its_differences():
         assert float(slope[name]) == pytest.approx((ends[0] - ends[1]) / (2.0 * step), rel=1e-3)
 
 
+def test_a_policy_may_return_its_cost():
+    sim = joint()
+    seen = sim.reset(pressure="2 bar")
+    run = sim.rollout(lambda gain, seen: ({"flexor": gain}, gain * (seen.angle + 1.0)), steps=1)
+    assert run(0.5) == pytest.approx(0.5 * (seen.angle + 1.0), rel=1e-12)  # rounding
+
+
 def test_a_policy_with_a_command_that_is_none_is_refused():
     run = joint().rollout(lambda parameters, seen: {"biceps": parameters}, steps=2, cost=cost)
     with pytest.raises(InputError, match="flexor"):

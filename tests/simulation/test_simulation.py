@@ -11,7 +11,7 @@ import mckibben as mk
 from mckibben.errors import InputError
 from mckibben.simulation.simulation import Simulation
 
-TANK = Path(__file__).parents[2] / "examples" / "circuits" / "filling-a-tank.toml"
+CIRCUITS = Path(__file__).parents[2] / "examples" / "circuits"
 
 
 def test_a_step_takes_plain_numbers_and_returns_a_named_tuple_of_them():
@@ -118,6 +118,18 @@ def test_a_plate_is_at_a_commanded_span_at_the_end_of_the_step():
     np.testing.assert_allclose([s.span for s in seen], 0.13 - 1e-4 * np.arange(1, 20), rtol=1e-12)  # rounding
 
 
+def test_a_circuit_file_supplies_the_muscle_and_its_dead_time_passes_first():
+    sim = mk.Simulation(mk.Plate("nylon", span="13 cm"), CIRCUITS / "muscle-on-a-valve.toml", period="1 ms")
+    assert sim.commands == ("opening", "span")
+    first = sim.reset(pressure="1 bar")
+    assert first.pressure == pytest.approx(1e5, rel=1e-9)  # rounding of gauge and absolute
+    ends = []
+    for opening in (0.0, 1.0):
+        sim.reset(pressure="1 bar", opening=0.0)
+        ends.append([sim.step(opening=opening).pressure for _ in range(6)])
+    assert ends[0][:2] == ends[1][:2] and ends[1][5] > ends[0][5]  # 2 ms of dead time are two samples, then the spool moves
+
+
 def refuse(**options):
     return lambda: mk.Simulation(mk.Joint("nylon", **options), AIR)
 
@@ -134,7 +146,7 @@ REFUSED = {
     "no mechanism": (lambda: mk.Simulation("joint", AIR), "Joint, Chain"),
     "noise on nothing": (lambda: mk.Simulation(mk.Joint("nylon"), AIR, noise={"angel": 1.0}), "angle"),
     "a state of something else": (lambda: joint().load_state("state"), "saved"),
-    "a circuit without the muscle": (lambda: mk.Simulation(mk.Joint("nylon"), str(TANK)), "muscle"),
+    "a circuit without the muscle": (lambda: mk.Simulation(mk.Joint("nylon"), CIRCUITS / "filling-a-tank.toml"), "muscle"),
 }
 
 

@@ -37,8 +37,9 @@ class AirCircuit(NamedTuple):
     Attributes:
         circuit: with a node of each muscle's name.
         drives: the commands of its valves and sources.
-        starts: gauge pressures of the chambers that no muscle decides [Pa].
+        starts: gauge pressures of chambers at the start, where the circuit states them [Pa].
         feeding: for each other chamber the muscle whose pressure it has at the start.
+        begins: commands at the start, where the circuit states them [SI].
         settles: commands that begin at the gauge pressure of a muscle, by the muscle's name.
         environment: the surroundings.
         document: what a recording says of it.
@@ -48,6 +49,7 @@ class AirCircuit(NamedTuple):
     drives: tuple[Drive, ...]
     starts: dict[str, float]
     feeding: dict[str, str]
+    begins: dict[str, float]
     settles: dict[str, str]
     environment: Environment
     document: dict[str, Any]
@@ -89,9 +91,11 @@ class Air:
         valve = self._valve()
         supply = in_si(self.supply, "Pa", "supply")
         line = AirLine(
-            valve=valve, tube=self._tube(room), heat=self._heat(room),
+            valve=valve,
+            tube=self._tube(room),
+            heat=self._heat(room),
             port_volume=None if self.port_volume is None else in_si(self.port_volume, "m^3", "port_volume"),
-        )  # fmt: skip
+        )
         circuit = circuit_for(units, supply=supply, line=line, environment=room)
         unit = valve.command_unit
         meaning = "gauge pressure asked of the valve of" if unit == "Pa" else "command of the valve of"
@@ -100,6 +104,7 @@ class Air:
             drives=tuple(Drive(name, f"{name}.valve", unit=unit, meaning=f"{meaning} {name}") for name in units),
             starts={},
             feeding={f"{name}.port": name for name in units},
+            begins={},
             settles={name: name for name in units} if isinstance(valve, PressureRegulator) else {},
             environment=room,
             document=self._document(supply),
@@ -196,15 +201,9 @@ def _planned(plan: CircuitPlan, units: Mapping[str, MuscleUnit]) -> AirCircuit:
                     straight=end == "stroke",
                     unit=signal.unit,
                     meaning=f"command of {', '.join(signal.drives)}",
-                )  # fmt: skip
+                )
             )
-    starts = {name: start for name, start in plan.starts.items() if name not in units}
-    return AirCircuit(
-        plan.circuit,
-        tuple(drives),
-        starts,
-        {},
-        {},
-        plan.environment,
-        {"circuit": plan.title, "file": Path(plan.where).name},
-    )
+    commanded = {drive.command for drive in drives}
+    first = {name: float(values[0]) for name, values in plan.values().items() if name in commanded}
+    document = {"circuit": plan.title, "file": Path(plan.where).name}
+    return AirCircuit(plan.circuit, tuple(drives), plan.starts, {}, first, {}, plan.environment, document)

@@ -160,9 +160,14 @@ class SimulationBatch:
             self.reset()
         kernel, many = self._kernel, slice(self.lanes)
         return BatchState(
-            self._sample, kernel.carry[:, many].copy(), np.array(kernel.observation), self._last,
-            np.array(kernel.commands), self._random.bit_generator.state, self.simulation.fingerprint,
-        )  # fmt: skip
+            self._sample,
+            kernel.carry[:, many].copy(),
+            np.array(kernel.observation),
+            self._last,
+            np.array(kernel.commands),
+            self._random.bit_generator.state,
+            self.simulation.fingerprint,
+        )
 
     def load_state(self, state: BatchState) -> Any:
         """Go on from a saved moment; a recording begins again there.
@@ -197,8 +202,13 @@ class SimulationBatch:
         assert begin is not None
         own = self._lane(lane)
         start = SimulationState(
-            begin.sample, begin.carry[:, lane], begin.observed[:, lane], tuple(begin.shown[:, lane]),
-            begin.commands[:, lane], begin.noise, begin.structure,
-        )  # fmt: skip
+            begin.sample,
+            begin.carry[:, lane],
+            begin.observed[:, lane],
+            tuple(begin.shown[:, lane]),
+            begin.commands[:, lane],
+            begin.noise,
+            begin.structure,
+        )
         rows = np.array([values[:, lane] for values in self._log]).reshape(-1, len(self.commands))
         return own.recording_of(start, rows, [values[:, lane].tolist() for values in self._sensed])

@@ -36,8 +36,10 @@ class Programs:
         self.layouts = Layouts(Layout.of(plant), Layout.of(carry), tuple(commands))
         self.fields = [name for name, _ in plant.shown]
         self.examples = (
-            np.zeros(self.layouts.plant.size), np.zeros(self.layouts.carry.size), np.zeros(len(commands)),
-        )  # fmt: skip
+            np.zeros(self.layouts.plant.size),
+            np.zeros(self.layouts.carry.size),
+            np.zeros(len(commands)),
+        )
         self._compiled: dict[Any, EngineFunction] = {}
 
     def step(self, stiff: bool) -> EngineFunction:

@@ -62,9 +62,10 @@ def muscle_unit(muscle: AnyMuscle, field: str = "muscle") -> MuscleUnit:
     if hasattr(muscle, "law") and hasattr(muscle, "friction"):
         usual: dict[str, Any] = {name: INFERRED[name].value for name in ("end_mass", "viscosity", "stop_damping")}
         cord = Tendon(
-            stiffness=INFERRED["tendon_stiffness"].value, toe_length=INFERRED["tendon_toe"].value,
+            stiffness=INFERRED["tendon_stiffness"].value,
+            toe_length=INFERRED["tendon_toe"].value,
             loss=INFERRED["tendon_loss"].value,
-        )  # fmt: skip
+        )
         creep = getattr(muscle, "creep", None)
         return MuscleUnit(law=muscle.law, tendon=cord, friction=muscle.friction, creep=creep, **usual)
     raise InputError(field, type(muscle).__name__, "must be the id of a specimen, its file, or a muscle")
@@ -148,9 +149,13 @@ class Weight(Mechanism):
         """A body in line with the muscle."""
         mass = in_si(self.mass, "kg", "mass")
         return Body(
-            held=("muscle",), start=self._start(units), mass=mass, weight=mass * in_si(self.gravity, "m/s^2", "gravity"),
-            damping=in_si(self.damping, "N*s/m", "damping"), signal="force",
-        )  # fmt: skip
+            held=("muscle",),
+            start=self._start(units),
+            mass=mass,
+            weight=mass * in_si(self.gravity, "m/s^2", "gravity"),
+            damping=in_si(self.damping, "N*s/m", "damping"),
+            signal="force",
+        )
 
     def drives(self) -> tuple[Drive, ...]:
         """A force from outside."""
@@ -197,10 +202,14 @@ class Spring(Mechanism):
         """A body on a spring in line with the muscle."""
         start = _span(self.start, "start", self.muscle, units["muscle"], share=1.0)
         return Body(
-            held=("muscle",), start=start, mass=in_si(self.mass, "kg", "mass"), spring_rest=start,
-            stiffness=in_si(self.stiffness, "N/m", "stiffness"), damping=in_si(self.damping, "N*s/m", "damping"),
+            held=("muscle",),
+            start=start,
+            mass=in_si(self.mass, "kg", "mass"),
+            spring_rest=start,
+            stiffness=in_si(self.stiffness, "N/m", "stiffness"),
+            damping=in_si(self.damping, "N*s/m", "damping"),
             signal="force",
-        )  # fmt: skip
+        )
 
     def drives(self) -> tuple[Drive, ...]:
         """A force from outside."""
@@ -291,11 +300,16 @@ class Joint(Mechanism):
         arms = _pair_of_arms(self.arm, self.span, self.muscles, units)
         low, high = self.stops
         return JointLoad(
-            arms=arms, inertia=in_si(self.inertia, "kg*m^2", "inertia"), damping=in_si(self.damping, "N*m*s", "damping"),
-            stiffness=in_si(self.stiffness, "N*m", "stiffness"), start=in_si(self.start, "rad", "start"),
-            gravity_moment=in_si(self.gravity_moment, "N*m", "gravity_moment"), lower_stop=in_si(low, "rad", "stops"),
-            upper_stop=in_si(high, "rad", "stops"), signal="moment",
-        )  # fmt: skip
+            arms=arms,
+            inertia=in_si(self.inertia, "kg*m^2", "inertia"),
+            damping=in_si(self.damping, "N*m*s", "damping"),
+            stiffness=in_si(self.stiffness, "N*m", "stiffness"),
+            start=in_si(self.start, "rad", "start"),
+            gravity_moment=in_si(self.gravity_moment, "N*m", "gravity_moment"),
+            lower_stop=in_si(low, "rad", "stops"),
+            upper_stop=in_si(high, "rad", "stops"),
+            signal="moment",
+        )
 
     def drives(self) -> tuple[Drive, ...]:
         """A moment from outside."""
@@ -346,13 +360,17 @@ class Link:
         )
         low, high = self.stops
         return ChainLink(
-            length=length, mass=mass,
+            length=length,
+            mass=mass,
             centre=0.5 * length if self.centre is None else in_si(self.centre, "m", f"centre of link {number}"),
             inertia=mass * length**2 / 12.0 if self.inertia is None else in_si(self.inertia, "kg*m^2", "inertia"),
-            damping=in_si(self.damping, "N*m*s", "damping"), stiffness=in_si(self.stiffness, "N*m", "stiffness"),
-            start=in_si(self.start, "rad", "start"), lower_stop=in_si(low, "rad", "stops"),
-            upper_stop=in_si(high, "rad", "stops"), signal=f"moment_{number}",
-        )  # fmt: skip
+            damping=in_si(self.damping, "N*m*s", "damping"),
+            stiffness=in_si(self.stiffness, "N*m", "stiffness"),
+            start=in_si(self.start, "rad", "start"),
+            lower_stop=in_si(low, "rad", "stops"),
+            upper_stop=in_si(high, "rad", "stops"),
+            signal=f"moment_{number}",
+        )
 
 
 @dataclass(frozen=True, init=False)

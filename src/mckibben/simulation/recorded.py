@@ -21,9 +21,12 @@ if TYPE_CHECKING:
     from .simulation import Simulation, SimulationState
 
 RENAMED = {
-    "load.angle": "joint.angle", "load.angular_velocity": "joint.velocity", "load.moment": "joint.moment",
-    "load.position": "load.position", "load.velocity": "load.velocity",
-}  # fmt: skip
+    "load.angle": "joint.angle",
+    "load.angular_velocity": "joint.velocity",
+    "load.moment": "joint.moment",
+    "load.position": "load.position",
+    "load.velocity": "load.velocity",
+}
 MEANINGS = {
     "joint.angle": ("rad", "angle of the joint"),
     "joint.velocity": ("rad/s", "angular velocity of the joint"),
@@ -116,7 +119,9 @@ def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationStat
     cites = [key for unit in machine.units.values() for key in unit.law.cites]
     cites += [key for spec in published for key in spec.sources]
     return {
-        "title": simulation.title, "system": repr(simulation.system), "air": simulation.air.document,
+        "title": simulation.title,
+        "system": repr(simulation.system),
+        "air": simulation.air.document,
         "specimen": ", ".join(dict.fromkeys(s.id for s in published)) or None,
         "parameters": resolved(machine),
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
@@ -124,7 +129,11 @@ def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationStat
         "friction": {"work": closed.friction, "dissipated": closed.dissipated} if closed else {},
         "energy": document(machine, [closed.energy_parts]) if closed else {},
         "timing": {"control_rate": 1.0 / simulation.period, "step": simulation.period / simulation.inner},
-        "first_sample": start.sample, "result": "done", "message": "The run reached its end.",
+        "first_sample": start.sample,
+        "result": "done",
+        "message": "The run reached its end.",
         "inferred": sorted({key for s in published for key in s.inferred()}),
-        "versions": versions(), "citations": list(dict.fromkeys(cites)), "created": created(),
-    }  # fmt: skip
+        "versions": versions(),
+        "citations": list(dict.fromkeys(cites)),
+        "created": created(),
+    }

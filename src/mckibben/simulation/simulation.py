@@ -82,9 +82,15 @@ class Simulation:
     """
 
     def __init__(
-        self, system: Mechanism, air: Any = None, *, period: Amount = 2e-3, step: Amount = STEP,
-        noise: Mapping[str, float] | None = None, title: str = "",
-    ) -> None:  # fmt: skip
+        self,
+        system: Mechanism,
+        air: Any = None,
+        *,
+        period: Amount = 2e-3,
+        step: Amount = STEP,
+        noise: Mapping[str, float] | None = None,
+        title: str = "",
+    ) -> None:
         if not isinstance(system, Mechanism):
             raise InputError("system", type(system).__name__, "must be a Joint, Chain, Weight, Spring or Plate")
         self.system, self.period = system, in_si(period, "s", "period")
@@ -93,11 +99,11 @@ class Simulation:
         self.units = units
         self.air: AirCircuit = air_circuit(air, units)
         self.machine = Machine.of(self.air.circuit, units, system.load(units), self.air.environment)
-        self.title = title or f"{type(system).__name__} of {' and '.join(units)}"
+        self.title = title or f"{type(system).__name__} with {' and '.join(units)}"
         self.drives: tuple[Drive, ...] = (*self.air.drives, *system.drives())
         self.commands = tuple(dict.fromkeys(d.command for d in self.drives))
-        self._start_commands = {name: 0.0 for name in self.commands} | system.start_commands(units)
-        self._start_pressures = {name: 0.0 for name in units} | system.start_pressures(units)
+        self._start_commands = dict.fromkeys(self.commands, 0.0) | self.air.begins | system.start_commands(units)
+        self._start_pressures = {n: self.air.starts.get(n, 0.0) for n in units} | system.start_pressures(units)
         self.plant = CommandedMachine(self.machine, drives=self.drives, shown=_shown(system, units))
         self.Observation: Any = _observation_type([name for name, _ in self.plant.shown])
         self.noise = self._checked_noise(noise or {})
@@ -200,9 +206,14 @@ class Simulation:
             self.reset()
         kernel = self._kernel
         return SimulationState(
-            self._sample, kernel.carry.copy(), np.array(kernel.observation), tuple(self._sensed[-1] if self._sensed else ()),
-            np.array(kernel.commands), self._random.bit_generator.state, self.fingerprint,
-        )  # fmt: skip
+            self._sample,
+            kernel.carry.copy(),
+            np.array(kernel.observation),
+            tuple(self._sensed[-1] if self._sensed else ()),
+            np.array(kernel.commands),
+            self._random.bit_generator.state,
+            self.fingerprint,
+        )
 
     def load_state(self, state: SimulationState) -> Any:
         """Go on from a saved moment; a recording begins again there.

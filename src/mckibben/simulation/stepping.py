@@ -179,9 +179,15 @@ class Sample(NamedTuple):
 
 
 def advance_sample(
-    plant: CommandedMachine, carry: Any, commands: Mapping[str, Any], period: Any, inner: Any, *, stiff: bool,
+    plant: CommandedMachine,
+    carry: Any,
+    commands: Mapping[str, Any],
+    period: Any,
+    inner: Any,
+    *,
+    stiff: bool,
     integrals: bool = False,
-) -> Sample:  # fmt: skip
+) -> Sample:
     """Hold new commands for one sample and integrate the physics to its end.
 
     Args:
