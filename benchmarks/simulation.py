@@ -4,7 +4,8 @@
 
 One core, processor time, medians over rounds in which all candidates take turns; a ratio is the median of those of the
 rounds. The batch kernel is `engine.integration.compile_march` of the same machine with the same steps: one call for all
-samples, with the observation's outputs alone. Time until ready is that of a process of its own, to the end of the first step.
+samples, with the observation's outputs alone. Time until ready is that of a process of its own, up to the end of its first
+step.
 """
 
 from __future__ import annotations
@@ -97,7 +98,9 @@ def measure_ready(rounds: int) -> dict[str, list[float]]:
         settings = {**os.environ, "MCKIBBEN_KERNELS": folder, "JAX_COMPILATION_CACHE_DIR": str(Path(folder, "jax"))}
         settings.pop("PYTHONDONTWRITEBYTECODE", None)
         for k in range(rounds + 1):
-            done = subprocess.run([sys.executable, "-c", FIRST], capture_output=True, text=True, env=settings, check=True)
+            done = subprocess.run(
+                [sys.executable, "-c", FIRST], capture_output=True, text=True, env=settings, check=True
+            )
             found["later" if k else "first"].append(json.loads(done.stdout.splitlines()[-1]))
     return {name: [statistics.median(row[i] for row in rows) for i in range(2)] for name, rows in found.items()}
 

@@ -15,6 +15,12 @@ def joint(noisy=False, step=2e-4):
     return mk.Simulation(mk.Joint("nylon", arm="2 cm", inertia=2e-3), AIR, period=2e-3, step=step, noise=noise)
 
 
+@functools.cache
+def weight():
+    """A weight on one muscle, at 500 Hz."""
+    return mk.Simulation(mk.Weight("nylon", mass="3 kg"), AIR, period=2e-3)
+
+
 def drive(k):
     """Gentle commands at a sample: both muscles stay taut."""
     return {"flexor": 0.2 * math.sin(0.05 * k), "extensor": 0.1 * math.sin(0.03 * k)}

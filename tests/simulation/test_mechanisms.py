@@ -3,14 +3,14 @@
 import math
 
 import pytest
-from stepped_systems import AIR
+from stepped_systems import AIR, weight
 
 import mckibben as mk
 from mckibben.errors import InputError
 
 
 def test_a_weight_hangs_still_until_the_valve_moves():
-    sim = mk.Simulation(mk.Weight("nylon", mass="3 kg"), AIR)
+    sim = weight()
     first = sim.reset()
     assert first.tension == pytest.approx(3.0 * 9.80665, rel=0.04)  # the cord yields by half a millimetre
     for _ in range(250):

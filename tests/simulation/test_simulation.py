@@ -127,7 +127,9 @@ def test_a_circuit_file_supplies_the_muscle_and_its_dead_time_passes_first():
     for opening in (0.0, 1.0):
         sim.reset(pressure="1 bar", opening=0.0)
         ends.append([sim.step(opening=opening).pressure for _ in range(6)])
-    assert ends[0][:2] == ends[1][:2] and ends[1][5] > ends[0][5]  # 2 ms of dead time are two samples, then the spool moves
+    assert (
+        ends[0][:2] == ends[1][:2] and ends[1][5] > ends[0][5]
+    )  # 2 ms of dead time are two samples, then the spool moves
 
 
 def refuse(**options):
@@ -146,7 +148,10 @@ REFUSED = {
     "no mechanism": (lambda: mk.Simulation("joint", AIR), "Joint, Chain"),
     "noise on nothing": (lambda: mk.Simulation(mk.Joint("nylon"), AIR, noise={"angel": 1.0}), "angle"),
     "a state of something else": (lambda: joint().load_state("state"), "saved"),
-    "a circuit without the muscle": (lambda: mk.Simulation(mk.Joint("nylon"), CIRCUITS / "filling-a-tank.toml"), "muscle"),
+    "a circuit without the muscle": (
+        lambda: mk.Simulation(mk.Joint("nylon"), CIRCUITS / "filling-a-tank.toml"),
+        "muscle",
+    ),
 }
 
 
