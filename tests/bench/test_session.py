@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from short_runs import bench, closes, paper
 
+from mckibben.bench.hardware.clock import Clock
 from mckibben.bench.hardware.simulated import SimulatedHardware
 from mckibben.bench.run import run
 from mckibben.bench.segment import SegmentMachine, timing_of
@@ -333,7 +334,7 @@ def test_by_the_wall_clock_a_session_keeps_time_and_vents_when_it_ends():
 def test_a_session_for_runs_only_refuses_to_be_operated_and_says_how_it_would_not():
     with Session(paper(), "nylon", by_hand=False) as session:
         for act in (
-            lambda: session.set(pressure="1 bar"), session.vent, session.reset, session.start_recording,
+            lambda: session.set(pressure="1 bar"), session.vent, session.start_recording,
             session.control_lost, session.control_back, lambda: session.wait(0.1), lambda: session.prepare(short()),
             lambda: session.run(short()),
         ):  # fmt: skip
@@ -342,9 +343,14 @@ def test_a_session_for_runs_only_refuses_to_be_operated_and_says_how_it_would_no
         assert session.latest() == {} and session.status().state == "idle" and not session.busy
         assert session.since(0.0)[1] == {} and session.messages() == []
         session.emergency_stop("before a run")
-        record = session.run(bench(short()), anew=True)  # which the button ends at once
-        assert record.meta["result"] == "interrupted"
-        assert not session.button()  # and another button is there for the next run
+        with pytest.raises(InputError, match="before a run.*reset it first"):
+            session.run(bench(short()), anew=True)
+        session.reset()
+        record = session.run(
+            bench(short()), anew=True, display=lambda *_: session.button.press("enough", ordinary=True)
+        )
+        # a stop of a run as fast as it goes ends it after a chunk; one that was wished for has not to be reset
+        assert record.meta["result"] == "interrupted" and not session.why and not session.button()
 
 
 def test_a_run_anew_is_shown_as_running_and_stopped_by_the_button_of_its_session(machine):
@@ -356,5 +362,14 @@ def test_a_run_anew_is_shown_as_running_and_stopped_by_the_button_of_its_session
 
     record = machine.run(bench(short()), anew=True, display=shown)
     assert seen[0] == ("running", "short") and record.meta["result"] == "interrupted"
-    with pytest.raises(InputError, match="reset it first"):
+
+
+def test_what_trips_a_run_anew_stays_until_the_session_is_reset(machine):
+    with pytest.raises(InputError, match="emergency stop at .*by the test.*reset it first"):
+        machine.run(
+            bench(short()), anew=True, clock=Clock(None), display=lambda *_: machine.emergency_stop("by the test")
+        )
         machine.run(bench(short()), anew=True)
+    assert machine.status().state == "stopped" and machine.messages()[-1].kind == "stop"
+    machine.reset()
+    assert machine.status().state == "idle"

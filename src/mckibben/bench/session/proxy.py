@@ -309,6 +309,9 @@ class SessionProxy(MachineSession):
             except BaseException as error:  # of whoever shows it
                 self.button.press(f"the run was left with {type(error).__name__}")
                 raise
+            finally:
+                if self.button.ordinary:  # the session has reset itself
+                    self.button = RemoteButton(self._send)
             return read_recording(log)
 
     def _follow(

@@ -151,8 +151,9 @@ class Session(MachineSession):
 
     @property
     def why(self) -> str:
-        """What stopped the machine; nothing while it is not stopped."""
-        return self._why
+        """What stopped the machine, or is about to; nothing while it is not stopped."""
+        pressed = self.button() and not self.button.ordinary
+        return self._why or (self.button.reason if pressed else "")
 
     @property
     def gone(self) -> str:
@@ -189,7 +190,7 @@ class Session(MachineSession):
                     self._recording = None
                     self._messages.say(f"nothing is recorded any more: {error}", float(times[-1]), "stop")
             news = (seen.shown["code"] > 0) & (numbers >= self._first_news)
-            if news.any() and not self.why:
+            if news.any() and not self._why:
                 self._stopped(chunk, int(np.argmax(news)), times)
             if by_hand and self._setpoints["pressure"] > 0.0 and (seen.shown["step"] == ABANDONED).any():
                 self._abandon(float(times[-1]))
@@ -312,9 +313,9 @@ class Session(MachineSession):
     def wait(self, seconds: float) -> None:
         """Wait for a time of the machine [s]; see `MachineSession`."""
         self._require_ready("wait")
-        machine, before = self.machine, self.why
+        machine, before = self.machine, self._why
         until, step = machine.number + max(1, round(seconds / self.period)), max(1, round(STEP_OF_TIME / self.period))
-        while machine.number < until and self.why == before and not self._gone:
+        while machine.number < until and self._why == before and not self._gone:
             if self._stepped and self._loop.alive:
                 self.clock.advance(self.clock.count + min(until - machine.number, step))
             else:
@@ -407,8 +408,11 @@ class Session(MachineSession):
         self._require_ready(what)
         if self._run is not None:
             raise InputError(what, value, f"{self._run.prepared.protocol.name} is running and sets it; stop it first")
-        if self.why or self.button():
-            raise InputError(what, value, f"the machine is stopped ({self.why or self.button.reason}); reset it first")
+        self._require_no_stop(what, value)
+
+    def _require_no_stop(self, what: str, value: str = "refused") -> None:
+        if self.why:
+            raise InputError(what, value, f"the machine is stopped ({self.why}); reset it first")
 
     # ---- by hand
 
@@ -451,28 +455,32 @@ class Session(MachineSession):
     def emergency_stop(self, reason: str = "the button was pressed") -> None:
         """Stop, vent and brake; see `MachineSession`."""
         self.button.press(reason)
+        if not self._open and self._run is None and not self._why:
+            self._why = sentence(self.button, 0.0)
+            self._messages.say(self.why, None, "stop")
         if not self._open or self._aside:
             return
         self._wake()
-        if self._stepped and self._run is None and not self.why:
+        if self._stepped and self._run is None and not self._why:
             self.wait(self.period)
             self.wait(AFTER_STOP)
-        self._until(lambda: bool(self.why or self._gone), SEEN)
+        self._until(lambda: bool(self._why or self._gone), SEEN)
 
     def reset(self) -> None:
         """Return to manual mode after a stop; see `MachineSession`."""
         with self._acting:
             self._alive("reset")
-            self._require_ready("reset")
-            if self._run is not None or not (self.why or self.button()):
+            if self._run is not None or not self.why:
                 raise InputError("reset", self.status().state, "allowed is after a stop, while nothing runs")
             with self._lock:
-                self._rest()
                 self.button, self._why = EmergencyStop(), ""
-                self._loop.renew()
-                self._first_news = self.machine.number + 1
+                if self._open:
+                    self._rest()
+                    self._loop.renew()
+                    self._first_news = self.machine.number + 1
             self.note("reset")
-            self.wait(2.0 * self.period)
+            if self._open:
+                self.wait(2.0 * self.period)
 
     def control_lost(self) -> None:
         """Note that the client in control disconnected; see `MachineSession`."""
@@ -519,9 +527,11 @@ class Session(MachineSession):
             InputError: as `MachineSession.run`.
         """
         with self._acting:
-            if not anew or (stop is None and self._open):
+            if not anew:
                 self._free("run")
             self._alive("run")
+            if stop is None:
+                self._require_no_stop("run")
             prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
             stage: Stage
             if not anew:
@@ -532,40 +542,47 @@ class Session(MachineSession):
                 prepared, stage, progress=progress, display=display, ask=ask, log=log, begun=begun,
                 stop=self.button if stop is None else stop,
             )  # fmt: skip
-            if anew:
-                with self._set_aside(run):
-                    return run.play()
-            name, self._run = prepared.protocol.name, run
-            self.note(f"run {name}")
+            if not anew:
+                self.note(f"run {prepared.protocol.name}")
+            self._run, record = run, None
             try:
-                record = run.play()
+                with self._set_aside() if anew else contextlib.nullcontext():
+                    record = run.play()
             finally:
                 self._run = self._run_loop = None
                 self._collect()
-            said, done = str(record.meta["message"]), record.meta["result"] == "done"
-            with self._lock:
-                if done or not self.why:  # a stop that the samples showed has been told
-                    self._say(f"{name}: {said}", "done" if done else "stop")
-                self._why = self._why or ("" if done else said)
+                self._settle(run, anew, record is not None)
             return record
 
+    def _settle(self, run: ProtocolRun, anew: bool, recorded: bool) -> None:
+        """Say how a run ended, and keep why it was stopped until `reset`, unless somebody ended it on purpose."""
+        ordinary, stopped = bool(getattr(run.stop, "ordinary", False)), run.result == "stopped"
+        with self._lock:
+            if anew and stopped and not ordinary and not self._why:
+                when = next((e["time"] for e in reversed(run.events) if "code" in e), run.time)
+                self._why = run.message
+                self._messages.say(run.message, when, "stop")
+            elif not anew and recorded:
+                done = run.result == "done"
+                if done or not self._why:  # a stop that the samples showed has been told
+                    self._say(f"{run.prepared.protocol.name}: {run.message}", "done" if done else "stop")
+                self._why = self._why or ("" if done else run.message)
+        if not anew and ordinary and self._why and not self._gone:
+            self.reset()
+
     @contextlib.contextmanager
-    def _set_aside(self, run: ProtocolRun) -> Generator[None, None, None]:
-        """During a run, vent the machine that is operated by hand and let it stand still."""
-        opened = self._open
+    def _set_aside(self) -> Generator[None, None, None]:
+        """Let the machine that is operated by hand stand still, vented, during a run on another one."""
+        opened, self._aside = self._open, True
         if opened:
-            if not self.why:
-                self.vent()
+            self._rest()
             self._loop.leave()
             self._collect()
-        self._run, self._aside = run, True
         try:
             yield
         finally:
-            self._run, self._aside = None, False
-            if not opened:
-                self.button = EmergencyStop()
-            elif not self._gone:
+            self._aside, self.button = False, EmergencyStop()  # that of the run belongs to its machine
+            if opened and not self._gone:
                 self.clock.halt(self._rests or self._stepped)
                 self._loop.start()
 

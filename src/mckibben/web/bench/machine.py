@@ -15,7 +15,7 @@ from .console import PageConsole
 from .dry import DryRun
 from .manual import HardwareSpec, ManualControl
 from .running import RunController
-from .states import PACE_NAMES, ended, short, status_of
+from .states import PACE_NAMES, ended, status_of
 
 if TYPE_CHECKING:
     from ...bench.rig import Rig
@@ -47,9 +47,7 @@ class Bench:
         self.chosen.told = self._dried
         self.running: RunController | None = None
         self.manual: ManualControl | None = None
-        self.why, self.small = "", ""  # of a stop that stays until it is reset
-        self.when: float | None = None  # of that stop
-        self.vented = False
+        self.vented = False  # by the emergency stop of a page, until the machine is reset
         self.ended: dict[str, Any] = {}  # of the last run
         self._closing: list[threading.Thread] = []
         self.console = PageConsole(self)
@@ -69,11 +67,23 @@ class Bench:
         assert self.manual is not None
         return self.manual.opened()
 
+    @property
+    def why(self) -> str:
+        """What stopped the machine; nothing while it is not stopped."""
+        return "" if self.manual is None else self.manual.why
+
+    @property
+    def when(self) -> float | None:
+        """Time of that stop [s]."""
+        why = self.why
+        if why and self.ended.get("stopped"):
+            return self.ended["trip"]  # on the time of the run
+        return next((m.time for m in reversed(self.messages.after(0)) if why and m.text == why), None)
+
     # ---- what pages see
 
     def status(self) -> dict[str, Any]:
         """Return state, reason and times for the pages."""
-        self._listen()
         return status_of(self)
 
     def describe(self) -> dict[str, Any]:
@@ -193,10 +203,7 @@ class Bench:
 
     def _over(self, run: RunController) -> None:
         """Save and announce a run that has ended; called from its thread."""
-        with self._lock:
-            why = run.stop_reason()
-            if why and not self.why:
-                self._trip(why, short(why), run.when)
+        why = run.tripped or self.why
         said = run.save_result(why)
         with self._lock:
             self.ended = ended(run, said, why)
@@ -273,41 +280,17 @@ class Bench:
         self.messages.say(f"Note: {str(text)[:400]}", None if run is None else run.time)
         return "noted"
 
-    def _listen(self) -> None:
-        """Notice a stop of the session, which has told it, and a real machine that is not there."""
-        manual = self.manual
-        if manual is None or self.why or self.running is not None:
-            return
-        if manual.failed and self.spec is not None:
-            self._trip(manual.failed, "not connected", 0.0)
-        session = manual.session
-        if session is not None and manual.ready and session.why:
-            session.messages()
-            self._trip(session.why, short(session.why), manual.time, told=True)
-
     # ---- stops
 
     def emergency_stop(self, reason: str) -> None:
         """Vent at once; the machine stays stopped until `reset`."""
         with self._lock:
-            run, manual = self.running, self.manual
-            self.vented = True
-            time = run.time if run is not None else manual.time if manual is not None else 0.0
-            session = None if manual is None or not manual.ready else manual.session
-            if not self.why:
-                done = "the valve vents, and the motor only brakes"
-                told = session is not None and (run is None or self.spec is not None)  # the session tells its stop
-                self._trip(f"emergency stop at {time:.3f} s: {reason}; {done}", "emergency stop", time, told=told)
+            run, manual, self.vented = self.running, self.manual, True
         if run is not None:
             run.stop(reason, trip=True)
-        elif session is not None:
-            session.emergency_stop(reason)
+        elif manual is not None:
+            manual.emergency_stop(reason)
         self.lab.changed()
-
-    def _trip(self, why: str, small: str, time: float, *, told: bool = False) -> None:
-        self.why, self.small, self.when = why, small, time
-        if not told:
-            self.messages.say(why[:1].upper() + why[1:], time, "stop")
 
     def reset(self) -> str:
         """Return to manual operation after a stop, vented."""
@@ -316,13 +299,12 @@ class Bench:
                 raise InputError("reset", "refused", "the run is being stopped; wait until it has vented")
             if not self.why:
                 raise InputError("reset", "idle", "allowed is after a stop")
-            session = None if self.manual is None or not self.manual.ready else self.manual.session
-            if session.gone if session is not None else self.spec is not None:
+            session = None if self.manual is None else self.manual.session
+            if session is None or session.gone:
                 self._open()  # the machine is lost, or there was none: another try
-            elif session is not None and session.why:
+            else:
                 session.reset()
-            self.why, self.small, self.when, self.vented = "", "", None, False
-            self.messages.say("Reset.")
+            self.vented = False
         return "reset"
 
     def shown(self, epoch: int, samples: int) -> None:

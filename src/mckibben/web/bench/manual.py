@@ -72,7 +72,7 @@ class ManualControl:
         if spec is None:
             self.session = Session(rig, muscle, keep=KEPT, rests=True, by_hand=False, messages=messages)
         self.ready, self.failed, self.moving, self.time = False, "", False, 0.0
-        self._news, self._after, self._speed, self._alone = news, list(after), speed, False
+        self._news, self._after, self._speed, self._alone, self._stop = news, list(after), speed, False, ""
         self._closed, self._held = threading.Event(), threading.Event()
         self._lock = threading.RLock()
         self._thread = threading.Thread(target=self._open_and_show, name="by hand", daemon=True)
@@ -99,6 +99,23 @@ class ManualControl:
             if not self.moving:
                 self._show(session)
         return session
+
+    @property
+    def why(self) -> str:
+        """What stopped the machine, or why a real one is not there; nothing while it is not stopped."""
+        session = self.session
+        if session is not None and session.why:
+            return session.why
+        return self._stop or ("" if self.spec is None else self.failed)
+
+    def emergency_stop(self, reason: str) -> None:
+        """Stop the machine; one that is not there yet is stopped as soon as it is."""
+        session = self.session
+        if session is not None:
+            session.emergency_stop(reason)
+        else:
+            self._stop = f"emergency stop: {reason}"
+            self._messages.say(self._stop, 0.0, "stop")
 
     def hold(self, held: bool) -> None:
         """Hide the manual samples during a run; afterwards a machine under pressure is shown again."""
@@ -154,20 +171,25 @@ class ManualControl:
                 session = self._open()
                 until.callback(session.close)
             except MckibbenError as error:
-                self.failed = f"by hand: {error}"
-                self._news()
-                return
+                return self._fail(f"by hand: {error}")
             except Exception as error:  # the page has to hear of it; runs do not need it
-                self.failed = f"by hand: it could not be made ready ({type(error).__name__}: {str(error)[:200]})"
-                self._news()
-                return
+                return self._fail(f"by hand: it could not be made ready ({type(error).__name__}: {str(error)[:200]})")
             self.session, self.ready = session, True
+            if self._stop:
+                session.emergency_stop(self._stop.partition(": ")[2])
+                self._stop = ""
             self.set_speed(self._speed)
             if self._alone:
                 session.control_lost()
             self._news()
             self._tend(session)
             self.session, self.ready = None, False
+
+    def _fail(self, why: str) -> None:
+        self.failed = why
+        if self.spec is not None:
+            self._messages.say(why, 0.0, "stop")
+        self._news()
 
     def _show(self, session: MachineSession) -> None:
         self.time = session.latest().get("time", 0.0)

@@ -18,7 +18,6 @@ from ...bench.hardware.clock import Clock
 from ...bench.prepare import PreparedRun
 from ...bench.protocol_run import RunState
 from ...bench.session import MachineSession, Messages, Session
-from ...bench.software.emergency_stop import EmergencyStop
 from ...errors import InputError, MckibbenError
 from ...recordings.recording import Recording
 from ..shelf import Shelf, plain
@@ -65,7 +64,7 @@ class RunController:
         self.prepared, self.clock, self.stream, self._log, self._shelf = prepared, clock, stream, log, shelf
         self._session, self._news, self._taken, self._over = session, news, taken, over
         self._anew = session if isinstance(session, Session) else None  # a machine for this run, in this process
-        self.button = session.button if self._anew is None else EmergencyStop()
+        self.button = session.button
         name = plain(prepared.protocol.name)
         self._crash_log: Path | None = None
         if self._anew is None:
@@ -112,13 +111,6 @@ class RunController:
         if run is not None and run.result == "stopped" and not self.stopping:
             return run.message
         return ""
-
-    def stop_reason(self) -> str:
-        """Reason of a stop, after its end; an ordinary stop of a real machine is over then."""
-        session = self._session
-        if session.why and self.stopping and not session.gone:
-            session.reset()
-        return self.tripped or ("" if self._anew is not None else session.why)
 
     @property
     def _stops(self) -> list[dict[str, Any]]:
@@ -190,7 +182,7 @@ class RunController:
                 self.prepared, log=self._crash_log, display=self._show, ask=self._ask, begun=self._begun
             )
         return self._anew.run(
-            self.prepared, anew=True, clock=self.clock, stop=self.button, display=self._show, ask=self._ask,
+            self.prepared, anew=True, clock=self.clock, display=self._show, ask=self._ask,
             begun=self._begun,
         )  # fmt: skip
 

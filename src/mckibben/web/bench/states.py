@@ -37,8 +37,10 @@ def status_of(bench: Bench) -> dict[str, Any]:
     }
     if run is not None:
         return status | _running(bench, run)
-    if bench.why:
-        return status | {"shape": "tripped", "name": "Tripped", "small": bench.small}
+    if status["why"]:
+        failed = manual is not None and status["why"] == manual.failed
+        small = "not connected" if failed else short(status["why"])
+        return status | {"shape": "tripped", "name": "Tripped", "small": small}
     if manual is not None and manual.moving:
         return status | _manual(manual)
     dry = bench.chosen.dry
@@ -50,8 +52,8 @@ def _running(bench: Bench, run: RunController) -> dict[str, Any]:
     step = run.steps[-1] if run.steps else None
     paused, tripped = bench.clock.halted or bool(run.asked), run.tripped
     shape, name, small = "running", "Running", f"{run.words} \u00b7 {PACE_NAMES[bench.pace]}"
-    if tripped or (bench.why and run.button()):
-        shape, name, small = "tripped", "Tripped", bench.small or short(tripped)
+    if tripped or (run.button() and not run.stopping):
+        shape, name, small = "tripped", "Tripped", short(tripped or bench.why or "emergency stop")
     elif paused:
         shape, name = "paused", "Paused"
         small = run.asked or f"at {run.time:.3f} s, simulated time stands still"
@@ -66,7 +68,7 @@ def _running(bench: Bench, run: RunController) -> dict[str, Any]:
         "why": bench.why or tripped,
         "duration": run.prepared.plan.duration,
         "words": run.words,
-        "trip": bench.when if bench.why else run.when if tripped else None,
+        "trip": run.when if tripped else None,
         "cycle": run.cycle,
         "title": run.prepared.protocol.title,
         "steps": steps_of(run),
