@@ -17,10 +17,12 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from .assembly.check import check as check
+    from .bench.rig_file import rig as rig
     from .bench.run import prepare as prepare
     from .bench.run import run as run
     from .errors import InputError as InputError
     from .errors import MckibbenError as MckibbenError
+    from .experiments.read import protocol as protocol
     from .identification.fit import Fit as Fit
     from .identification.fit import fit_all as fit_all
     from .identification.ranking import Ranking as Ranking
@@ -46,6 +48,8 @@ if TYPE_CHECKING:
     from .simulation import Weight as Weight
     from .specimens import Specimen as Specimen
     from .specimens import specimen as specimen
+    from .studies.comparison.table import compare as compare
+    from .studies.sizing.size import size as size
 
 # The public names by subject, each with the module that it is loaded from when it is first used: "module:name" where it has
 # another name there. Type checkers read the same names above.
@@ -80,12 +84,16 @@ PUBLIC: dict[str, dict[str, str]] = {
         "Air": "simulation",
     },
     "Experiments": {
+        "protocol": "experiments.read",
+        "rig": "bench.rig_file",
         "prepare": "bench.run",
         "run": "bench.run",
         "Recording": "recordings",
         "read_recording": "recordings",
     },
     "Questions": {
+        "size": "studies.sizing.size",
+        "compare": "studies.comparison.table",
         "reproduce": "reproduction",
     },
     "Errors": {

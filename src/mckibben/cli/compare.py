@@ -80,7 +80,7 @@ def compare_muscles(
     target = None if match is None else _target(match)
     if match is not None and not any(s.unit is not None for s in chosen):
         raise InputError("--match", match, "needed is a McKibben muscle among those compared")
-    compared = comparison.compare(chosen, recording or [])
+    compared = comparison.compare(chosen, recordings=recording or [])
     done: list[Trials] = []
     matches: list[Match] = []
     with told("comparing") as tell:

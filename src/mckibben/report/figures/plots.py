@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from ...analysis.energy_accounts import EnergyAccount
     from ...identification.ranking import Ranking
+    from ...studies.comparison import MuscleTable
     from ...studies.sizing import Sizing
 
 PRESSURES = "1:5 bar"
@@ -329,6 +330,23 @@ def recording_html(recording: Recording) -> str:
         rows.append((name, s["kind"], low, high, _unit(s["unit"]), recording.channels[name].meaning))
     head = ("channel", "kind", "lowest", "highest", "unit", "meaning")
     return _table(str(recording.meta.get("title", "Recording")), repr(recording), head, rows)
+
+
+def sizing_html(sizing: Sizing) -> str:
+    """A sizing as a table of its muscles and the force over the stroke."""
+    rows = [
+        (one.muscle.id, one.verdict, *(f"{v:.3g}" for v in (one.promised_force, 100.0 * one.stroke)))
+        for one in sizing.muscles
+    ]
+    head = ("muscle", "does it", "promised force, N", "stroke, cm")
+    return _table("Sizing", repr(sizing), head, rows) + _picture(SizingPlots(sizing)())
+
+
+def comparison_html(compared: MuscleTable) -> str:
+    """A comparison as a table, one column per muscle."""
+    shown = [(row.property.title, row.property.unit, row.shown()) for row in compared.rows()]
+    rows = [(title, unit, *("" if v is None else f"{v:.4g}" for v in values)) for title, unit, values in shown]
+    return _table("Comparison", repr(compared), ("property", "unit", *(c.name for c in compared.columns)), rows)
 
 
 def energy_html(account: EnergyAccount) -> str:

@@ -11,10 +11,11 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...accessors import implementation
 from ...analysis import characteristics
 from ...analysis.channels import known
 from ...analysis.characteristics import circle_area, static_characteristics
@@ -22,15 +23,20 @@ from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
 from ...analysis.loops import loop, paths, peak_velocity
 from ...analysis.segments import segments, steps_of
 from ...analysis.shortening import ShorteningPower, power_density, shortening_power
-from ...assembly.build import unit_from_specimen
+from ...assembly.build import unit_from_muscle, unit_from_specimen
 from ...assembly.muscle_unit import MuscleUnit
 from ...errors import InputError, NoVolumeError
+from ...extras import library
+from ...muscles import Muscle
 from ...muscles.biological import BiologicalMuscle
 from ...muscles.build import from_specimen, rest_length_of, upper_length_of
-from ...quantities import from_si, with_unit
+from ...quantities import from_si, in_si, with_unit
 from ...recordings import Recording, read_recording
 from ...specimens import Specimen, specimen
 from ...specimens.published import PublishedRange, published_ranges
+
+if TYPE_CHECKING:
+    import pandas
 
 FULL_PRESSURE = 5e5  # at which the paper compares its muscles [Pa]
 LEAST = 0.99  # of the rest length: a muscle that is free there already makes no tension worth comparing
@@ -81,25 +87,31 @@ class ComparedMuscle:
 
 
 def subject(
-    what: str | os.PathLike[str] | Specimen, *, pressure: float = FULL_PRESSURE, law: str | None = None
+    what: str | os.PathLike[str] | Specimen | Muscle, *, pressure: float = FULL_PRESSURE, law: str | None = None
 ) -> ComparedMuscle:
     """A muscle from its specimen.
 
     Args:
-        what: a specimen, its id or file.
+        what: a specimen, its id or file, or a muscle of a specimen.
         pressure: the gauge pressure that counts as the full drive of a McKibben muscle [Pa].
         law: one that the specimen states; its default law by default.
 
     Raises:
         InputError: it is no muscle, the pressure is none, or the muscle does not pull at its rest length.
     """
-    spec = what if isinstance(what, Specimen) else specimen(what)
+    muscle = what if isinstance(what, Muscle) else None
+    if isinstance(what, Muscle):
+        if what.specimen is None:
+            raise InputError("muscle", repr(what), "a comparison needs a muscle of a specimen, a braid or a fit")
+        spec = what.specimen
+    else:
+        spec = what if isinstance(what, Specimen) else specimen(what)
     if spec.kind == "valve":
         raise InputError("specimen", spec.id, "it is a valve; allowed is a muscle", where=spec.where)
     if not 0.0 < pressure <= 1e8:
         raise InputError("pressure", with_unit(pressure, "Pa"), "allowed is above 0 up to 1000 bar gauge")
     if spec.kind == "biological":
-        fibre: BiologicalMuscle = from_specimen(spec, law)
+        fibre: BiologicalMuscle = from_specimen(spec, law) if muscle is None else muscle.law
         return ComparedMuscle(
             spec,
             None,
@@ -110,7 +122,7 @@ def subject(
             float(fibre.section_area),
             "stated",
         )
-    unit = unit_from_specimen(spec, law=law)
+    unit = unit_from_specimen(spec, law=law) if muscle is None else unit_from_muscle(muscle)
     rest, upper = rest_length_of(spec, unit.law), upper_length_of(spec, unit.law)
     free = float(unit.law.free_length(pressure))
     if not free < LEAST * min(rest, upper):
@@ -224,7 +236,7 @@ class PropertyRow(NamedTuple):
         return low, high
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MuscleTable:
     """Columns of muscles; rows are the properties that any of them has, or that are published."""
 
@@ -240,24 +252,54 @@ class MuscleTable:
                 rows.append(PropertyRow(prop, values, self.published.get(name)))
         return tuple(rows)
 
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row per property, with its unit and one column per muscle.
+
+        Raises:
+            MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
+        """
+        names = [column.name for column in self.columns]
+        rows = [
+            {"property": row.property.title, "unit": row.property.unit, **dict(zip(names, row.shown(), strict=True))}
+            for row in self.rows()
+        ]
+        frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)
+        return frame.set_index(["property", "unit"])
+
+    def __repr__(self) -> str:
+        return f"MuscleTable({', '.join(column.name for column in self.columns)}: {len(self.rows())} properties)"
+
+    def _repr_html_(self) -> str:
+        return str(implementation("report.figures.plots:comparison_html")(self))
+
+
+Comparable = str | os.PathLike[str] | Specimen | Muscle | ComparedMuscle
+
 
 def compare(
-    muscles: Iterable[str | os.PathLike[str] | ComparedMuscle] = (),
-    recordings: Sequence[str | os.PathLike[str]] = (),
-    *,
-    pressure: float = FULL_PRESSURE,
+    *muscles: Comparable | Iterable[Comparable],
+    recordings: Sequence[str | os.PathLike[str] | Recording] = (),
+    pressure: float | str = FULL_PRESSURE,
 ) -> MuscleTable:
-    """Table 1 for muscles by their laws, and for recordings given as files.
+    """Compare muscles by their laws, and recordings, as Table 1 of Chou and Hannaford does.
 
     Args:
-        muscles: specimens by id or file, or subjects.
+        muscles: specimens by id or file, muscles, or a list of them.
         recordings: files of recordings with the names of their muscle's rest length, see `recorded.column_of`.
         pressure: full drive of the McKibben muscles [Pa].
 
     Raises:
         InputError: nothing to compare, or what a muscle or a recording lacks.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> mk.compare("nylon", "fast-fibre")
+        MuscleTable(nylon, fast-fibre: 16 properties)
     """
-    subjects = [m if isinstance(m, ComparedMuscle) else subject(m, pressure=pressure) for m in muscles]
+    single = (str, os.PathLike, Specimen, Muscle, ComparedMuscle)
+    listed = [one for m in muscles for one in ([m] if isinstance(m, single) else m)]
+    full = float(in_si(pressure, "Pa", field="pressure"))
+    subjects = [m if isinstance(m, ComparedMuscle) else subject(m, pressure=full) for m in listed]
     columns = [law_column(s) for s in subjects] + [column_of(file) for file in recordings]
     if not columns:
         raise InputError("muscles", "none", "allowed is a specimen's id or file, or a recording")

@@ -16,20 +16,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
+from ...accessors import Accessor, implementation
 from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
 from ...components.flow import GasState
 from ...errors import InputError, MckibbenError
+from ...extras import library
 from ...pneumatics.compressor import Compressor
 from ...pneumatics.gas import AIR, REFERENCE_DENSITY
-from ...quantities import with_unit
+from ...quantities import in_si, with_unit
 from ...specimens.parts import CataloguePart, parts
 from . import catalogue
 from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS
 from .candidate import VERDICTS, Candidate, Ends, Judged, judged, ranked
 from .lines import LENGTHS, LineResult, lines_for
-from .requirements import Requirements, Shortfall
+from .requirements import ALLOWED, Requirements, Shortfall
 
 
 @dataclass(frozen=True)
@@ -214,10 +217,16 @@ def piston_cycle(muscle: Judged, wish: Requirements, *, accumulator: bool) -> tu
 
 
 Progress = Callable[[str], None]
+if TYPE_CHECKING:
+    import pandas
+
+    from ...report.figures.plots import SizingPlots
+
+EXAMPLES = {"force": "50 N", "stroke": "3 cm"}
 MOST_TRIED = 3  # muscles whose speed is looked for
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sizing:
     """Result of sizing.
 
@@ -243,6 +252,42 @@ class Sizing:
     piston: dict[str, tuple[float, float] | None]
     law: str = BRAID_LAWS[0]
 
+    plot: ClassVar[Accessor[SizingPlots]] = Accessor("report.figures.plots:SizingPlots")
+
+    @property
+    def best(self) -> Judged:
+        """The best candidate."""
+        return self.muscles[0]
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row per candidate, best first: verdict, force [N], stroke [m], length and diameter [m], mass [kg].
+
+        Raises:
+            MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
+        """
+        rows = [
+            {
+                "muscle": one.muscle.id,
+                "verdict": one.verdict,
+                "promised_force": one.promised_force,
+                "end_force": one.end_force,
+                "stroke": one.stroke,
+                "length": one.muscle.overall_length,
+                "diameter": one.muscle.diameter,
+                "mass": one.muscle.mass,
+            }
+            for one in self.muscles
+        ]
+        frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)
+        return frame.set_index("muscle")
+
+    def __repr__(self) -> str:
+        verdict = f"best {self.best.muscle.id}: {self.best.verdict}" if self.reached else self.sentence()
+        return f"Sizing({len(self.muscles)} muscles, {len(self.lines)} lines, {verdict})"
+
+    def _repr_html_(self) -> str:
+        return str(implementation("report.figures.plots:sizing_html")(self))
+
     @property
     def reached(self) -> bool:
         """Whether some muscle does it, beyond the error of its law or by its law; with a speed, one that was run."""
@@ -264,25 +309,58 @@ class Sizing:
 
 
 def size(
-    wish: Requirements,
+    wish: Requirements | None = None,
     *,
+    force: float | str | None = None,
+    stroke: float | str | None = None,
+    pressure: float | str = "5 bar",
+    length: float | str | None = None,
+    diameter: float | str | None = None,
+    speed: float | str | None = None,
+    rate: float | str | None = None,
+    tube_length: float | str = "50 cm",
     law: str = BRAID_LAWS[0],
     muscle: str | None = None,
     lines: bool = True,
     progress: Progress | None = None,
 ) -> Sizing:
-    """Find muscles, valves and tubes, and sources.
+    """Find the muscle, valve, tube and gas source for a force and a stroke.
 
     Args:
-        wish: the requirements.
+        wish: the requirements; by default composed of those that follow.
+        force: force at the end of the stroke, while the muscle shortens [N].
+        stroke: distance by which the muscle shortens [m].
+        pressure: gauge pressure at which it does so [Pa].
+        length: largest overall length, fittings included [m].
+        diameter: largest outer diameter, when contracted [m].
+        speed: speed of shortening with that force [m/s].
+        rate: frequency of working cycles [1/s].
+        tube_length: length of tube between valve and muscle [m].
         law: law of `BRAID_LAWS`, for the braids.
         muscle: id of the candidate, or a specimen file, for which lines and sources are looked for; the best by default.
         lines: look for valves and tubes.
         progress: called with a description of the next stage.
 
     Raises:
-        InputError: the law is unknown, or no candidate has that id.
+        InputError: force or stroke is missing, a value is out of bounds, the law is unknown, or no candidate has that id.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> found = mk.size(force="50 N", stroke="3 cm", lines=False)
+        >>> found.reached
+        True
     """
+    if wish is None:
+        wish = _requirements(
+            force=force,
+            stroke=stroke,
+            pressure=pressure,
+            length=length,
+            diameter=diameter,
+            speed=speed,
+            frequency=rate,
+            tube_length=tube_length,
+        )
     tell = progress or (lambda _: None)
     tell("braids")
     candidates: list[Candidate] = []
@@ -319,6 +397,17 @@ def size(
     ways = ("surroundings", "accumulator")
     piston = {n: piston_cycle(chosen, wish, accumulator=n == "accumulator") if does else None for n in ways}
     return Sizing(wish, tuple(order), tuple(misses), chosen, tuple(best), tuple(other), tuple(sources), piston, law)
+
+
+def _requirements(**values: float | str | None) -> Requirements:
+    """The requirements of numbers [SI] and texts with units."""
+    for name in ("force", "stroke"):
+        if values[name] is None:
+            raise InputError(
+                name, "missing", f"must be a {name}", sentence=f"Sizing needs a {name}, such as {EXAMPLES[name]!r}"
+            )
+    si = {n: None if v is None else float(in_si(v, ALLOWED[n][0], field=n)) for n, v in values.items()}
+    return Requirements(**si)  # type: ignore[arg-type]
 
 
 def _with_lines(
