@@ -26,7 +26,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from importlib import resources
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from ..components import Environment, Module
 from ..documents import parse_toml, read_toml, with_own_paths
@@ -177,8 +177,8 @@ def _controller(table: FileTable, usual: type[T]) -> T:
     if not (isinstance(kind, type) and issubclass(kind, Module) and all(hasattr(kind, n) for n in ("initial", "step"))):
         said = f"{table.where}: {reference} is no controller: it must be {demand}"
         raise InputError(table.field("controller"), reference, f"must be {demand}", where=table.where, sentence=said)
-    made: T = read_table(kind, table.without("controller"))
-    return made
+    made: Any = read_table(kind, table.without("controller"))
+    return cast(T, made)
 
 
 def _interlocks(entry: FileTable, bounds: Sequence[float]) -> Interlocks:

@@ -35,7 +35,7 @@ def braid(
     """Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known."""
     writable("--out", out, ".toml")
     name = "braid" if out is None else re.sub(r"[^A-Za-z0-9._-]+", "-", out.stem).strip("-.") or "braid"
-    spec = muscles.sleeve.muscles.sleeve.from_braid(
+    spec = muscles.sleeve.from_braid(
         rest_length=length,
         diameter=diameter,
         braid_angle=angle,
@@ -44,15 +44,13 @@ def braid(
         shore=shore,
         name=name,
     )
-    warnings = caution(muscles.sleeve.muscles.sleeve.slenderness_caution(spec))
+    warnings = caution(muscles.sleeve.slenderness_caution(spec))
     if out is not None:
         save_specimen(
             spec, out, heading=f"computed by mckibben {__version__} of the dimensions of a braid; not measured"
         )
     if as_json:
-        errors = {
-            law: [error._asdict() for error in known] for law, known in muscles.sleeve.muscles.sleeve.ERRORS.items()
-        }
+        errors = {law: [error._asdict() for error in known] for law, known in muscles.sleeve.ERRORS.items()}
         print_json({"specimen": spec.stated(), "errors": errors, "warnings": warnings})
         return
     groups = {f"laws.{spec.law}": spec.laws[spec.law], **{f"friction.{k}": g for k, g in spec.friction.items()}}
@@ -62,14 +60,14 @@ def braid(
         for key, number in group.items()
     ]
     table(spec.title, ["parameter", "value", "range", "from"], rows, right=[1])
-    makes = [error.make for error in next(iter(muscles.sleeve.muscles.sleeve.ERRORS.values()))]
+    makes = [error.make for error in next(iter(muscles.sleeve.ERRORS.values()))]
     shares = [
         [law, *(f"{100 * e.rms:.0f} % rms, {100 * e.largest:.0f} %" for e in known)]
-        for law, known in muscles.sleeve.muscles.sleeve.ERRORS.items()
+        for law, known in muscles.sleeve.ERRORS.items()
     ]
     typer.echo("")
     table("Errors on published muscles, of the largest tension: rms, largest", ["law", *makes], shares)
-    typer.echo(f"\n{muscles.sleeve.muscles.sleeve.TRUST}.")
+    typer.echo(f"\n{muscles.sleeve.TRUST}.")
     if out is not None:
         typer.echo(f"Written: {out}")
 

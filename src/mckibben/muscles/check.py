@@ -346,7 +346,7 @@ def _cycles(law: TensionLaw, lowest: float) -> list[Finding]:
 
 def declaration_findings(kind: type) -> list[Finding]:
     """What is wrong with how a law or a friction declares its parameters: units, bounds, what a fit varies."""
-    name, found = law_name(kind), []  # type: ignore[arg-type]
+    name, found = law_name(kind), []
     known = declared(kind)
     for f in dataclasses.fields(kind):
         plain = not f.metadata.get("static") and f.name not in known and "FrictionLimit" not in str(f.type)
@@ -383,10 +383,11 @@ def sample(kind: type[Any], given: Mapping[str, float] | None = None) -> Any:
     Raises:
         InputError: a parameter is unknown or out of its bounds.
     """
-    known, values = declared(kind), dict(given or {})
+    known = declared(kind)
+    values: dict[str, Any] = dict(given or {})
     for name in values:
         if name not in known:
-            raise InputError(name, "unknown", f"{law_name(kind)} has {', '.join(known)}")  # type: ignore[arg-type]
+            raise InputError(name, "unknown", f"{law_name(kind)} has {', '.join(known)}")
     for f in dataclasses.fields(kind):
         if f.name in values or f.default is not dataclasses.MISSING or f.default_factory is not dataclasses.MISSING:
             continue

@@ -235,7 +235,7 @@ def from_braid(
         sources=["gent1958", "chou1996"],
         law="linear_threshold",
         note=TRUST,
-        properties=_properties(at, float(upper), float(bore), shore is None),
+        properties=_properties(at, float(upper), float(bore), float(pull), shore is None),
         laws={law: _group(law, laws[law]) for law in ERRORS},
         friction={"maxwell_slip": _friction(float(pull), at["rest_length"])},
     )
@@ -336,9 +336,11 @@ _UNSEEN: dict[str, tuple[tuple[float, float] | None, str]] = {
 }
 
 
-def _properties(at: Mapping[str, float], upper: float, contracted: float, unknown: bool) -> dict[str, SpecimenNumber]:
+def _properties(
+    at: Mapping[str, float], upper: float, contracted: float, largest: float, unknown: bool
+) -> dict[str, SpecimenNumber]:
     wall = at["bladder_thickness"] + 2.0 * at["thread_diameter"]
-    hardness, share = INFERRED["shore"], INFERRED["length_share"]
+    hardness, share, friction = INFERRED["shore"], INFERRED["length_share"], INFERRED["friction_share"]
     longest = max(share.range[1] * at["rest_length"], upper)
     return {
         "rest_length": stated_number(at["rest_length"], "m", note=AS_READ),
@@ -361,6 +363,13 @@ def _properties(at: Mapping[str, float], upper: float, contracted: float, unknow
             source="chou1996",
             note=f"{share.note}; less for narrow braids",
             interval=(at["rest_length"], longest),
+        ),
+        "coulomb_friction": stated_number(
+            friction.value * largest,
+            "N",
+            source="chou1996",
+            note=f"at 5 bar; {friction.note}",
+            interval=(friction.range[0] * largest, friction.range[1] * largest),
         ),
         "diameter_shortened": stated_number(
             contracted,
