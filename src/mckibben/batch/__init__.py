@@ -1,4 +1,4 @@
-"""Many at once: variants of a protocol on a rig, in lanes of one compiled function, on one machine or on many."""
+"""Sweeps: variants of a protocol on a rig, in lanes of one compiled function, on one machine or a cluster."""
 
 from typing import TYPE_CHECKING
 

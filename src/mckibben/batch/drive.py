@@ -1,4 +1,4 @@
-"""A sweep from its first variant to its last: checked, stored block by block, and resumed where it stopped."""
+"""Execution of sweeps: checks, block-wise storage, and resumption."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def run_sweep(
     workers: Workers | None = None,
     progress: Progress = lambda done, total: None,
 ) -> SweepReport:
-    """Run what the store in a folder does not have yet.
+    """Run the variants that the store in a folder does not have yet.
 
     A keyboard interrupt leaves a store from which the next call goes on.
 

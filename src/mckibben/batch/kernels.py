@@ -106,7 +106,7 @@ class ChunkPhysics(NamedTuple):
 
 
 class LaneKernels:
-    """The compiled functions of one kind, in which lanes come first.
+    """Compiled functions of one kind, with lanes as the first axis.
 
     The chunk of samples runs in native kernels where it can be lowered; by XLA else. What is made of its samples, and the
     beginning of a part, always is XLA's.
@@ -129,7 +129,7 @@ class LaneKernels:
     def march(
         self, leaves: Sequence[Any], carry: Any, sums: Any, rows: Any, *, period: float, inner: int, stiff: bool
     ) -> tuple[Any, Any, ChunkResult]:
-        """A chunk of samples of every lane: the carry and the totals afterwards, and what was seen."""
+        """Compute a chunk of samples of every lane: the carry and the totals afterwards, and the result."""
         native = self._lowered(leaves, carry, rows, period, inner, stiff)
         if native is None:
             after, new, result = self._by_xla(tuple(leaves), carry, sums, rows, period, inner, stiff)
@@ -140,7 +140,7 @@ class LaneKernels:
         return jax.tree.map(np.asarray, after), jax.tree.map(np.array, new), jax.tree.map(np.asarray, result)
 
     def tree(self, leaves: Sequence[Any]) -> dict[str, Any]:
-        """A lane, or many, as the tree that it is."""
+        """Rebuild the tree of a lane, or of many."""
         return _tree(self.kind, leaves)
 
     def _lowered(
@@ -167,7 +167,7 @@ class LaneKernels:
     def _called(
         self, native: EngineFunction, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int
     ) -> ChunkPhysics:
-        """A chunk in native kernels, which have the lanes last."""
+        """Compute a chunk in native kernels, which have the lanes last."""
         last = [x if s else np.moveaxis(x, 0, -1) for x, s in zip(leaves, self.kind.shared, strict=True)]
         carried = jax.tree.map(lambda x: np.moveaxis(np.asarray(x), 0, -1), carry)
         columns = jax.tree.map(lambda x: np.moveaxis(x, 0, -1), rows) if self.kind.seeds else rows
@@ -188,7 +188,7 @@ class LaneKernels:
         return at_rest(tree["plant"], tree["software"], tree["pressure"], self.kind.depth, row)
 
     def _all(self, leaves: Any, carry: Any, sums: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> Any:
-        """Physics and counting of all lanes in one function of XLA's."""
+        """Compute physics and outputs of all lanes in one XLA function."""
 
         def one(own: Any, before: Any, so_far: Any, given: Any) -> Any:
             done = physics(self.kind, own, before, given, period, inner, stiff)
@@ -210,7 +210,7 @@ class LaneKernels:
 
 
 def physics(kind: KernelKey, leaves: Any, carry: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> ChunkPhysics:
-    """A chunk of samples of one lane, straight-line but for its counted loops."""
+    """Compute a chunk of samples of one lane, straight-line but for its counted loops."""
     tree = _tree(kind, leaves)
     sampled_ = (c for o in kind.outputs if o.sampled for c in (o.channel, o.over) if c)
     names = tuple(dict.fromkeys([*kind.kept, *sampled_]))
@@ -267,7 +267,7 @@ def _told(seen: sampled.SampleResult) -> dict[str, Any]:
 
 
 def named(seen: sampled.SampleResult, names: Sequence[str]) -> dict[str, Any]:
-    """Channels of one sample under the names that a recording has."""
+    """Channels of one sample by the names of a recording."""
     known = channels_of(seen)
     return {name: jnp.asarray(known[name], float) for name in names}
 

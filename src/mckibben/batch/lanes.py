@@ -52,7 +52,7 @@ class LaneStructure(NamedTuple):
 
 
 class BuiltVariant(NamedTuple):
-    """A variant that was built for real.
+    """A variant that was built individually.
 
     Attributes:
         bench: bench of it.
@@ -72,7 +72,7 @@ class BuiltVariant(NamedTuple):
 
 
 def build(factory: RunFactory, values: Mapping[str, Any]) -> BuiltVariant:
-    """A variant.
+    """Build a variant.
 
     Args:
         factory: factory of the batch.
@@ -154,7 +154,7 @@ def places(one: BuiltVariant, a: float, other: BuiltVariant, b: float) -> Places
 
 
 def same_leaves(one: tuple[tuple[np.ndarray, ...], ...], other: tuple[tuple[np.ndarray, ...], ...]) -> bool:
-    """Whether two variants are the same, bit for bit."""
+    """Whether two variants are equal, bit for bit."""
     pairs = [(x, y) for a, b in zip(one, other, strict=True) for x, y in zip(a, b, strict=True)]
     return all(_same(x, y) for x, y in pairs)
 
@@ -194,7 +194,7 @@ class VariantFamily:
         self.shared = [np.ones(len(part), bool) for part in fixed.shapes]
 
     def write(self, template: BuiltVariant, values: Mapping[str, float]) -> tuple[tuple[np.ndarray, ...], ...]:
-        """The arrays of a variant."""
+        """Arrays of a variant."""
         leaves = [list(part) for part in template.leaves]
         for path, value in values.items():
             for part, i in self.places[path]:
@@ -202,7 +202,7 @@ class VariantFamily:
         return tuple(tuple(part) for part in leaves)
 
     def stacked(self, lanes: Sequence[VariantLane], part: int) -> list[np.ndarray]:
-        """The arrays of a part of all lanes: those that are shared as they are, the others with the lanes first."""
+        """Arrays of a part of all lanes: shared ones unchanged, the others with the lanes first."""
         templates = list({id(lane.built): lane.built for lane in lanes}.values())
         number = {id(t): i for i, t in enumerate(templates)}
         which = np.array([number[id(lane.built)] for lane in lanes])
@@ -230,7 +230,7 @@ class VariantFamily:
 
 
 class LanePlanner:
-    """Makes lanes of the variants of a run_template; remembers what it found out."""
+    """Converts the variants of a template to lanes; results of the analysis are reused."""
 
     def __init__(self, run_template: RunTemplate, ranges: Mapping[str, tuple[float, float]]) -> None:
         self.run_template, self.ranges = run_template, ranges
@@ -267,7 +267,7 @@ class LanePlanner:
         return refused, list(groups.values())
 
     def _built(self, variants: Variants, rows: list[int], refused: dict[int, str]) -> BuiltVariant | None:
-        """A template for some rows, perhaps of an earlier block; rows of which none can be made are refused and go."""
+        """Find or build a template for some rows; rows that cannot be built are refused."""
         while rows:
             values = variants.row(rows[0])
             key = tuple(v for p, v in values.items() if isinstance(v, str) or p in self.apart)
@@ -285,11 +285,11 @@ class LanePlanner:
         return None
 
     def _free(self, variants: Variants) -> list[str]:
-        """Paths whose values are written into trees."""
+        """Paths whose values are written into arrays."""
         return [p for p, v in variants.columns.items() if v.dtype == float and p not in self.apart]
 
     def _alike(self, variants: Variants) -> Iterable[list[int]]:
-        """Rows that differ in written values only."""
+        """Groups of rows that differ in written values only."""
         fixed = [v for p, v in variants.columns.items() if v.dtype != float or p in self.apart]
         groups: dict[tuple[Any, ...], list[int]] = {}
         for row in range(len(variants)):
@@ -297,7 +297,7 @@ class LanePlanner:
         return groups.values()
 
     def _family(self, built: BuiltVariant, values: Mapping[str, Any]) -> VariantFamily:
-        """The family of a template; of a new one it is found out where its parameters stand."""
+        """Family of a template; for a new one the positions of its parameters are determined."""
         for family in self.families:
             if family.fixed == built.fixed:
                 break
@@ -324,7 +324,7 @@ class LanePlanner:
         return family
 
     def _check(self, family: VariantFamily, built: BuiltVariant, variants: Variants, rows: Sequence[int]) -> bool:
-        """Whether written trees are those of variants that are built; else all paths are set apart."""
+        """Check that written arrays equal those of built variants; otherwise no path is written."""
         free = self._free(variants)
         for row in rows[:: max(1, len(rows) // CHECKED)][:CHECKED] if free else ():
             values = variants.row(row)
@@ -369,7 +369,7 @@ class LanePlanner:
         return kept
 
     def _looked_at(self, lane: VariantLane, variants: Variants, refused: dict[int, str]) -> VariantLane | None:
-        """A lane that the dry run itself judged."""
+        """Check a lane by the dry run itself."""
         values = variants.row(lane.row)
         try:
             bench = self.factory.bench(values)

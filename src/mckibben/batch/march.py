@@ -30,7 +30,7 @@ class LaneFailure(NamedTuple):
 
 
 class MarchedPart(NamedTuple):
-    """A part of all lanes.
+    """Result of a part of all lanes.
 
     Attributes:
         begun: carries at its beginning.
@@ -54,7 +54,7 @@ class MarchedPart(NamedTuple):
 
 
 class NoiseRows:
-    """The noise of every sample: one for all lanes, or one for each."""
+    """Sensor noise of every sample: one for all lanes, or one for each."""
 
     def __init__(self, draws: Sequence[SensorNoise]) -> None:
         self.draws = draws
@@ -129,7 +129,7 @@ def _chunk(
     inner: int,
     failed: dict[int, LaneFailure],
 ) -> tuple[Any, Any, ChunkResult]:
-    """A chunk of all lanes, those that need it with shorter steps; what failed is added to `failed`."""
+    """Compute a chunk of all lanes, with shorter steps where needed; failures are added to `failed`."""
     after, new, result_of_chunk = kernels.march(leaves, carry, sums, row, period=period, inner=inner, stiff=False)
     todo = {Steps(): np.flatnonzero(sums.going)}
     result: ChunkResult = result_of_chunk
@@ -159,7 +159,7 @@ def _chunk(
 
 
 def _verdict(fastest: float, sound: bool, finite: bool, usual: float, steps: Steps) -> None | LaneFailure | Steps:
-    """Whether a chunk was done with steps that are short enough; else which ones to try."""
+    """Whether the steps of a chunk were short enough; else the steps to try next."""
     h = usual / steps.split
     if steps.short(fastest, usual):
         if sound:
@@ -194,5 +194,5 @@ def _put(all_: np.ndarray, lanes: np.ndarray, some: np.ndarray) -> np.ndarray:
 
 
 def after_stop(period: float) -> int:
-    """Samples that follow a stop."""
+    """Number of samples recorded after a stop."""
     return round(AFTER_STOP / period)

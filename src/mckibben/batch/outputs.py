@@ -65,7 +65,7 @@ class Output(NamedTuple):
 
     @property
     def sampled(self) -> bool:
-        """Whether it is made of samples, and not of the engine's integrals."""
+        """Whether the output is made from samples, not from the engine's integrals."""
         return self.reduce not in ("account", "balance")
 
 
@@ -77,7 +77,7 @@ USUAL = tuple(
 
 
 def read_outputs(top: FileTable) -> tuple[Output, ...]:
-    """The outputs of a sweep file, the usual ones where it names none.
+    """Read the outputs of a sweep file, the usual ones if it names none.
 
     Raises:
         InputError: names the dotted path and what is allowed.
@@ -132,7 +132,7 @@ def document(outputs: Iterable[Output]) -> dict[str, Mapping[str, Any]]:
 
 
 class VariantOutcome(enum.IntEnum):
-    """Result code of a lane; those of the engine, and what a bench adds to them."""
+    """Result code of a lane: those of the engine, and further ones of a bench."""
 
     NOT_RUN = -1
     DONE = 0
@@ -211,7 +211,7 @@ class CountedSamples(NamedTuple):
 
 
 def start_totals(outputs: tuple[Output, ...], after_stop: int) -> RunningTotals:
-    """Before the first sample; `after_stop` samples follow a stop."""
+    """Totals before the first sample; `after_stop` samples follow a stop."""
     zero, none = jnp.zeros(()), jnp.asarray(jnp.nan)
     empty = {
         "count": jnp.zeros((), int),
@@ -255,7 +255,7 @@ def add_samples(
     period: Any,
     every: int,
 ) -> RunningTotals:
-    """The running outputs with the samples of a chunk.
+    """Add the samples of a chunk to the running outputs.
 
     Args:
         totals: so far.
@@ -308,7 +308,7 @@ def _added(
 def _along(
     so_far: dict[str, Any], x: Any, over: Any, chosen: Any, last: Any, period: Any, every: int
 ) -> dict[str, Any]:
-    """The path of an integral or an area; samples of other steps in between break it."""
+    """Update the path of an integral or an area; samples of other steps in between break it."""
     size = x.shape[0]
     place, some = jnp.arange(size), jnp.any(chosen)
     # the sample that counted before each one
@@ -354,7 +354,7 @@ def time_to(one: Output, time: np.ndarray, values: np.ndarray) -> float:
 
 
 def drift(time: np.ndarray, values: np.ndarray) -> tuple[float, bool]:
-    """The change over the last fifth of the samples over the way from the first value to the last, and whether it is none.
+    """Change over the last fifth of the samples relative to the total change, and whether it is negligible.
 
     NaN, and settled, where the values end where they begin or are too few.
 

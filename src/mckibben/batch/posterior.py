@@ -1,4 +1,4 @@
-"""Variants drawn from what a fit knows: its intervals and correlations, or samples of another program's posterior."""
+"""Variants drawn from the result of a fit: its intervals and correlations, or posterior samples of another program."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def draws(
 
 
 def of_fit(fit: Fit, count: int, *, seed: int = 0, prefix: str = "muscle.law.") -> Variants:
-    """Variants of a muscle whose law was fitted, from the fit's intervals and correlations.
+    """Draw variants of a muscle from the intervals and correlations of its fit.
 
     Raises:
         InputError: if the data do not fix a parameter.
@@ -105,7 +105,7 @@ def of_json(
 def of_samples(
     path: str | os.PathLike[str], count: int | None, known: Callable[[str], Setting], *, seed: int = 0
 ) -> Variants:
-    """Rows of a table whose headers are ``path [unit]``, a sample each.
+    """Read variants from a table with headers ``path [unit]``, a sample per row.
 
     Args:
         path: path of a CSV file.

@@ -1,4 +1,4 @@
-"""Variants of a template, run in lanes: numbers, a result code and a sentence for each."""
+"""Runs of variants in lanes: numbers, a result code and a message for each."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Results(NamedTuple):
 
 
 class Runner:
-    """Runs variants of one template; remembers what it compiled and found out.
+    """Runs variants of one template; compiled functions are reused.
 
     Args:
         template: template of all variants.
@@ -88,7 +88,7 @@ class Runner:
         return Results(code, message, duration, outputs)
 
     def kernels(self, family: VariantFamily, part: int, seeds: bool) -> LaneKernels:
-        """The compiled functions of a part, for what is now known to be shared."""
+        """Compiled functions of a part, for the parameters known to be shared."""
         outputs = self.template.outputs
         kept = tuple(dict.fromkeys(o.channel for o in outputs if o.reduce in LATER))
         shared = tuple(bool(s) for s in family.shared[part])
@@ -242,7 +242,7 @@ class _Piece:
             )
 
     def _say_unsettled(self, one: Output, kept: Sequence[tuple[np.ndarray, ...]]) -> None:
-        """Tell of the lanes whose time is one to a value that the channel has not reached for good."""
+        """Add messages for lanes in which a channel left the value that an output waited for."""
         for lane, (time, values) in enumerate(kept):
             change, settled = drift(time, values)
             if self.code[lane] == 0 and not settled:
@@ -261,7 +261,7 @@ class _Ended(NamedTuple):
 
 
 def known_names(template: BuiltVariant) -> tuple[list[str], list[str]]:
-    """Channels and integrals that outputs can name, of a built variant."""
+    """Channels and integrals that outputs of a built variant can name."""
     fixed, leaves = template.fixed, template.leaves[0]
     kind = KernelKey(
         fixed.structures[0], (True,) * len(leaves), fixed.timing.depth, fixed.every, (), (), True, False, "auto"
@@ -299,7 +299,7 @@ def _after(before: float, total: float, tell: Tell) -> Tell:
 
 
 def _placed(so_far: np.ndarray | None, count: int, rows: Sequence[int], values: np.ndarray) -> np.ndarray:
-    """Values of some rows among those of all; whole channels as long as the longest."""
+    """Insert values of some rows among all; whole channels are padded to the longest."""
     shape = (count, *values.shape[1:])
     if so_far is None:
         so_far = np.full(shape, np.nan)

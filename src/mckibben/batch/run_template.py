@@ -68,12 +68,12 @@ class RunTemplate:
 
     @functools.cached_property
     def first_rig(self) -> Rig:
-        """The rig of variants that state no other."""
+        """Default rig of variants."""
         return read_rig(self.rigs[self.rig], where=_place(self.rig)) if self.rig in self.rigs else rig_of(self.rig)
 
     @functools.cached_property
     def first_unit(self) -> MuscleUnit:
-        """The muscle of variants that state no other."""
+        """Default muscle of variants."""
         return unit_from_specimen(self.specimens.get(self.muscle) or specimen(self.muscle))
 
     def words(self, values: Mapping[str, Any]) -> dict[str, str]:
@@ -82,7 +82,7 @@ class RunTemplate:
 
 
 class RunFactory:
-    """Prepares runs from a template, and remembers the parts that variants have in common."""
+    """Prepares runs from a template; common parts are reused."""
 
     def __init__(self, template: RunTemplate) -> None:
         self.template = template
@@ -91,7 +91,7 @@ class RunFactory:
         self._unit = _remembering(lambda name: unit_from_specimen(self._specimen(name)))
 
     def bench(self, values: Mapping[str, Any]) -> PreparedRun:
-        """The bench of one variant, the dry run included.
+        """Prepare the run of one variant, including the dry run.
 
         Args:
             values: by path, SI or words.
@@ -145,7 +145,7 @@ class RunFactory:
 
 
 def make_template(protocol: Protocol, muscle: str, rig: str = "paper", **more: Any) -> RunTemplate:
-    """Make a template with the files of its muscle and rig read.
+    """Make a template, and read the files of its muscle and rig.
 
     Raises:
         InputError: if there is no such muscle or rig, or a path of `given` is unknown.

@@ -70,13 +70,13 @@ class Setting(NamedTuple):
         return str(raw)
 
     def words(self, value: Any) -> str:
-        """A value as ``--set`` takes it; its float comes back bit for bit."""
+        """Format a value for ``--set``; it reads back bit for bit."""
         if isinstance(value, str):
             return value
         return repr(float(value)) if self.unit in ("", "1") else f"{float(value)!r} {self.unit}"
 
     def check(self, low: float, high: float, *, where: str | None = None) -> None:
-        """Refuse a range that leaves the bounds of the declaration [SI]."""
+        """Refuse a range beyond the bounds of the declaration [SI]."""
         for value in (low, high):
             if not math.isfinite(value):
                 raise InputError(self.path, value, "must be a finite number", where=where)
@@ -137,7 +137,7 @@ def _of_rig(rig: Rig, path: str) -> Quantity | None:
 
 
 def _owner(rig: Rig, names: list[str]) -> tuple[Any, str]:
-    """The part of a rig that a table of its file describes, and the unit of its channel."""
+    """Part of a rig that a table of its file describes, and the unit of its channel."""
     at: Any
     if names[0] == "sensors" and len(names) > 1 and names[1] in rig.sensors:
         at = rig.sensors[names[1]]

@@ -1,4 +1,4 @@
-"""Results of a sweep in a zarr group: every parameter, result code and sentence, and every output of every variant.
+"""Results of a sweep in a zarr group: parameters, result codes, messages and outputs of every variant.
 
     results.zarr/
       parameters/<path>     (variants,)          SI floats with a unit, or words
@@ -38,7 +38,7 @@ KEY = "mckibben"
 
 
 class ResultStore:
-    """The results of one sweep in a folder; made by `opened`."""
+    """Results of one sweep in a folder; created by `opened`."""
 
     def __init__(self, folder: Path, group: Any, count: int, block: int) -> None:
         self.folder, self.group, self.count, self.block = folder, group, count, block
@@ -59,7 +59,7 @@ class ResultStore:
         return [part for part in parts if (codes[part] == VariantOutcome.NOT_RUN).any()]
 
     def write(self, part: slice, results: Results) -> None:
-        """The results of a block.
+        """Write the results of a block.
 
         Raises:
             InputError: if the disk is full; what was written before stays.
@@ -194,7 +194,7 @@ def _create(group: Any, sweep: Sweep, block: int) -> None:
 
 
 def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
-    """The variants and results of a store, or of the folder that holds one; what is not there yet has the code -1.
+    """Read the variants and results of a store; missing ones have the code -1.
 
     Raises:
         InputError: if it is none.
@@ -219,7 +219,7 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
 
 
 def zarr_library() -> Any:
-    """The library that stores results.
+    """Load the library that stores results.
 
     Raises:
         MissingLibraryError: it is not installed.

@@ -1,4 +1,4 @@
-"""A sweep: a template and its variants, checked before anything runs, with one hash for one piece of work."""
+"""Sweeps: a template and its variants, checked before the run, identified by a hash."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Sweep:
 
     @functools.cached_property
     def digest(self) -> str:
-        """SHA-256 of all that decides the results; engine and blocks do not."""
+        """SHA-256 of everything that determines the results; engine and blocks do not."""
         digest = hashlib.sha256(json.dumps(self.document(), sort_keys=True, separators=(",", ":")).encode())
         for path, values in self.variants.columns.items():
             digest.update(path.encode())
@@ -106,7 +106,7 @@ class Sweep:
         return first
 
     def sized(self, workers: int, samples: int) -> int:
-        """Variants of a block: enough for every worker, within the memory.
+        """Number of variants per block: enough for every worker, within the memory.
 
         Args:
             workers: that share the work.
@@ -134,7 +134,7 @@ class Sweep:
             raise InputError(error.field, error.value, error.allowed, where=error.where or self.where) from None
 
     def _trials(self) -> Iterator[dict[str, Any]]:
-        """Variants at the ends of every range, with every word, and at the corners while they are few."""
+        """Variants at the ends of every range, with every text, and at the corners if they are few."""
         base = self.variants.row(0)
         for path, values in self.variants.columns.items():
             if values.dtype == object:
@@ -170,7 +170,7 @@ def run_batch(sweep: Sweep, *, progress: Callable[[float], None] = lambda _: Non
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:
-    """Variants one block after the other."""
+    """Split variants into blocks."""
     return (slice(i, min(i + size, count)) for i in range(0, count, size))
 
 

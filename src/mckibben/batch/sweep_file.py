@@ -1,4 +1,4 @@
-"""A sweep from a TOML file (schema 1); all errors by path.
+"""Sweep files in TOML (schema 1).
 
 A file of all sections:
 

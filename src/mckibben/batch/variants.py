@@ -58,7 +58,7 @@ def grid(axes: Mapping[str, Sequence[Any]]) -> Variants:
 
 
 def latin(ranges: Mapping[str, tuple[float, float, str]], count: int, *, seed: int = 0) -> Variants:
-    """A Latin hypercube: every path takes one value in each of `count` equal parts of its range.
+    """Draw a Latin hypercube: every path takes one value in each of `count` equal parts of its range.
 
     Args:
         ranges: low, high [SI] and spacing, ``linear`` or ``log``, of each path.
@@ -76,7 +76,7 @@ def latin(ranges: Mapping[str, tuple[float, float, str]], count: int, *, seed: i
 
 
 def between(path: str, low: float, high: float, spacing: str, share: np.ndarray) -> np.ndarray:
-    """Values at shares of a range, 0 to 1; both ends are met exactly [SI].
+    """Values at shares of a range, 0 to 1; both ends are exact [SI].
 
     Raises:
         InputError: as `latin`.
@@ -91,7 +91,7 @@ def between(path: str, low: float, high: float, spacing: str, share: np.ndarray)
 
 
 def listed(rows: Sequence[Mapping[str, Any]]) -> Variants:
-    """Variants one by one; all name the same paths.
+    """Make variants from a list; all name the same paths.
 
     Raises:
         InputError: if one lacks a path that another has.
@@ -130,5 +130,5 @@ def _few(count: int) -> None:
 
 
 def power(count: int) -> int:
-    """The power of two that is not below a count: sizes of calls and blocks, so that few are compiled."""
+    """Smallest power of two not below a count: sizes of calls and blocks, so that few are compiled."""
     return 1 << (max(count, 1) - 1).bit_length()

@@ -1,4 +1,4 @@
-"""Blocks of variants on one process, on several, or on a Dask cluster; whatever becomes of a worker, no block is lost.
+"""Execution of blocks in one process, in several, or on a Dask cluster; no block is lost when a worker fails.
 
 The caller gets results one after the other and writes them; workers write nothing, so that nothing is written twice. A
 block whose worker dies is given to another one, a few times: then it is the block that kills them.
@@ -34,7 +34,7 @@ class BlockWork(Protocol):
     """Work on a block of variants; it is sent with each block, since the worker may be a new one."""
 
     def run(self, block: VariantBlock, tell: Tell = ...) -> Results:
-        """The results of a block."""
+        """Compute the results of a block."""
 
     @property
     def name(self) -> str:
@@ -42,7 +42,7 @@ class BlockWork(Protocol):
 
 
 class SweepJob(NamedTuple):
-    """Blocks of a sweep.
+    """Computation of the blocks of a sweep.
 
     Attributes:
         name: hash of the sweep.
@@ -60,7 +60,7 @@ class SweepJob(NamedTuple):
 
     @classmethod
     def of(cls, sweep: Sweep, threads: int) -> SweepJob:
-        """The job of a sweep; a worker that shares a machine with others has one thread."""
+        """Job of a sweep; a worker that shares a machine with others has one thread."""
         return cls(sweep.digest, pickle.dumps(sweep.template), dict(sweep.ranges), sweep.engine, threads)
 
     def run(self, block: VariantBlock, tell: Tell = lambda _: None) -> Results:
@@ -75,7 +75,7 @@ class SweepJob(NamedTuple):
 
 
 class VariantBlock(NamedTuple):
-    """Some variants in a row."""
+    """A range of variants."""
 
     part: slice
     variants: Variants
@@ -108,7 +108,7 @@ class Workers:
         self.count = 1 if self.way == "serial" else self.count or cores()
 
     def check_libraries(self) -> None:
-        """Refuse, before anything is computed, a way whose libraries are not installed.
+        """Refuse a kind of worker whose libraries are not installed, before any computation.
 
         Raises:
             MissingLibraryError: one of them is not installed.
@@ -118,7 +118,7 @@ class Workers:
 
     @contextlib.contextmanager
     def open(self) -> Iterator[WorkerTeam]:
-        """A team that runs blocks.
+        """Open a team of workers.
 
         Raises:
             InputError: if a library is missing, or no scheduler answers.
@@ -133,7 +133,7 @@ class Workers:
 
 
 class WorkerTeam:
-    """Runs blocks."""
+    """A team of workers that computes blocks."""
 
     size = 1
 
@@ -198,7 +198,7 @@ class ProcessTeam(WorkerTeam):
 
 
 class DaskTeam(WorkerTeam):
-    """The workers of a Dask cluster."""
+    """Workers of a Dask cluster."""
 
     def __init__(self, client: Any) -> None:
         self.client = client
@@ -279,7 +279,7 @@ def _client(way: str, count: int) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _silent(name: str) -> Iterator[None]:
-    """Without what a library logs of workers that die, which is looked after here."""
+    """Suppress a library's log of failing workers, which are handled here."""
     logger = logging.getLogger(name)
     before = logger.level
     logger.setLevel(logging.CRITICAL + 1)

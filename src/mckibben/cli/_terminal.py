@@ -62,7 +62,7 @@ def pairs(words: Iterable[str] | None, option: str, example: str) -> dict[str, s
 
 
 def writable(option: str, path: Path | None, *endings: str) -> None:
-    """Refuse a place that cannot be written before any work is done."""
+    """Refuse a path that cannot be written, before any work is done."""
     if path is None:
         return
     if path.suffix not in endings:
@@ -100,7 +100,7 @@ def options_named(**more: str) -> Iterator[None]:
 
 
 def caution(*sentences: str | None) -> list[str]:
-    """Print what is to be minded, on standard error; None is nothing.
+    """Print cautions on standard error; None is skipped.
 
     Returns:
         The sentences, for the ``warnings`` of the JSON object.
@@ -131,7 +131,7 @@ def table(title: str, columns: list[str], rows: Iterable[list[str]], *, right: I
 
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Any]:
-    """A progress bar on standard error with time left, shown only to a person; yields ``advance(words, by=1)``."""
+    """Show a progress bar with remaining time on standard error, on a terminal only; yields ``advance(words, by=1)``."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 

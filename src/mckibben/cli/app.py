@@ -1,4 +1,4 @@
-"""The table of all commands, and the one place where an error becomes a line and an exit code."""
+"""Table of all commands, and conversion of errors to one line and an exit code."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class CommandTable(Mapping[str, Any]):
         return sum(1 for _ in self)
 
     def summaries(self) -> list[tuple[str, str]]:
-        """Each name with its line of help."""
+        """Names with their lines of help."""
         return [(name, COMMANDS[f"{self.group} {name}".strip()][1]) for name in self]
 
 
@@ -214,7 +214,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 @functools.cache
 def _command() -> Any:
-    """The table of all commands, which takes typer 40 ms."""
+    """Build the table of all commands, which takes typer 40 ms."""
     return typer.main.get_command(app)
 
 
@@ -234,7 +234,7 @@ def _safe_children() -> Iterator[None]:
 
 
 def _execute(command: Any, arguments: list[str] | None) -> Any:
-    """The exit code of a command, whatever happens in it."""
+    """Run a command and return its exit code."""
     _keep_compilations()
     try:
         code = command.main(args=arguments, prog_name="mckibben", standalone_mode=False)

@@ -215,7 +215,7 @@ def skew(
 
 
 class _Wanted(NamedTuple):
-    """The options that all sessions share."""
+    """Options common to all sessions."""
 
     rig: str
     change: list[str] | None
@@ -284,7 +284,7 @@ def _source(
 
 
 def ask_person(task: OperatorTask) -> float | None:
-    """Ask at the terminal, on standard error; what the reference shows is typed with its unit."""
+    """Ask at the terminal, on standard error; the user types the value of the reference with its unit."""
     if not task.gauge:
         typer.prompt(
             f"{task.sentence[0].upper()}{task.sentence[1:]}, then press Enter", "", show_default=False, err=True
@@ -305,7 +305,7 @@ def tell_person(error: InputError) -> None:
 
 
 def _done(wanted: _Wanted, session: calibrating.session.CalibrationSession, found: CalibrationOutcome) -> None:
-    """Keep and show what was found."""
+    """Save and show the result."""
     name = rig_file.rig(wanted.rig).name
     notes = []
     if wanted.out is None:
@@ -343,7 +343,7 @@ def _value(option: str, words: str | None, unit: str, low: float = 0.0, high: fl
 
 
 def _values(option: str, words: str, unit: str) -> Sequence[float]:
-    """Several values as SI."""
+    """Parse several values to SI."""
     values = [parse(word, unit, field=option) for word in split_values(words, field=option)]
     if not values:
         raise InputError(option, words, "allowed are two different ones or more, parted by commas")

@@ -1,4 +1,4 @@
-"""``calibrate show`` and ``calibrate apply``, and what is printed at the end of a calibration."""
+"""``calibrate show`` and ``calibrate apply``, and the output at the end of a calibration."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def _known(file: Path) -> Calibration:
 
 
 def _told(one: Correction, now: datetime.datetime) -> dict[str, Any]:
-    """A correction for a program: every term with its interval, its origin and whether it has expired."""
+    """Convert a correction to JSON: every term with its interval, its origin and whether it has expired."""
     over = one.expired(now)
     out: dict[str, Any] = {
         "unit": one.unit,

@@ -177,7 +177,7 @@ def _setter(protocol: Protocol, p: ProtocolParameter) -> str:
 
 
 def _by_inferred(protocol: Protocol, p: ProtocolParameter, value: Any) -> bool:
-    """Whether it stems from an option of a choice that no source prints."""
+    """Whether the entry depends on an option of a choice that no source prints."""
     return not p.values and any(
         c.sets(o).get(p.name) == value for c in protocol.choices for o in c.values if o in c.inferred
     )

@@ -124,7 +124,7 @@ def _cautions(plan: CircuitPlan, recording: Recording) -> list[str | None]:
 
 
 def planned(file: Path, change: list[str] | None) -> CircuitPlan:
-    """A circuit's file, with what ``--set`` replaces."""
+    """Read a circuit's file, with the replacements of ``--set``."""
     plan = circuit_file.read_circuit(file)
     return plan.change(pairs(change, "--set", "elements.tube.length='2 m'")) if change else plan
 
@@ -330,7 +330,7 @@ def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> di
 
 
 def circuit_fit_json(found: CircuitFit) -> dict[str, Any]:
-    """A fit as one object, SI."""
+    """Convert a fit to JSON, in SI units."""
     return {
         "parameters": {name: e._asdict() for name, e in found.parameters.items()},
         "errors": [e._asdict() for e in found.errors],
@@ -343,7 +343,7 @@ def circuit_fit_json(found: CircuitFit) -> dict[str, Any]:
 
 
 def show_circuit_fit(found: CircuitFit, title: str) -> None:
-    """Print parameters, the errors of every record, and what is to be noted."""
+    """Print parameters, the errors of every record, and cautions."""
     rows = [
         [name, with_unit(e.value, e.unit), f"{with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)}"]
         for name, e in found.parameters.items()

@@ -1,4 +1,4 @@
-"""``compare``: muscles side by side, braided and biological, from their laws, from recordings, and in the same protocols."""
+"""``compare``: braided and biological muscles, from their laws, from recordings, and in equal protocols."""
 
 from __future__ import annotations
 

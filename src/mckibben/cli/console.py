@@ -1,4 +1,4 @@
-"""``console``: the test machine at a prompt, by a script, or by what is piped into it."""
+"""``console``: the test machine at a prompt, from a script, or from a pipe."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def console(
 
 
 def _machine(words: str | None, rig: Rig, rate: float | None) -> AbstractContextManager[Hardware | None]:
-    """The machine that is meant, open for as long as this lasts; None for a simulated one."""
+    """Open the hardware of the options; None for a simulated machine."""
     return hardware_package.connect.connected(words, rig, rig.computer.period(rate or session_package.setup.RATE))
 
 
@@ -104,7 +104,7 @@ def _lines(script: Path) -> list[str]:
 
 @contextmanager
 def _ending() -> Iterator[None]:
-    """A wish of the system that the program ends vents first."""
+    """Vent first when the system asks the program to end."""
     names = [n for n in ("SIGTERM", "SIGHUP") if hasattr(signal, n)]
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -122,7 +122,7 @@ def _ending() -> Iterator[None]:
 
 
 def _by_script(console: prompt_module.Console, lines: Iterable[str], where: str) -> int:
-    """Command after command, echoed; the exit code, 2 after the first that is wrong, 1 if the machine stopped by itself."""
+    """Execute and echo commands; exit code 2 after the first error, 1 if the machine stopped by itself."""
     for number, line in enumerate(lines, 1):
         text = line.strip()
         if not text or text.startswith("#"):
@@ -254,7 +254,7 @@ def _echoed(console: prompt_module.Console) -> Iterator[None]:
 
 
 def _history() -> str | None:
-    """The file that keeps what was typed, if there is a place for it."""
+    """Path of the command history, if there is a place for it."""
     home = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
     if not os.path.isabs(home):
         return None

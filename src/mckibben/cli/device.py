@@ -1,4 +1,4 @@
-"""``device``: a simulated machine behind a serial line, to try a run on a real one without having it."""
+"""``device``: a simulated machine behind a serial line, to test runs on real ones."""
 
 from __future__ import annotations
 

@@ -154,7 +154,7 @@ def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Spec
 
 
 def _named_law(name: str, given: dict[str, float]) -> Any:
-    """A law by its name, with the parameters that were given; nothing is taken from any muscle."""
+    """Build a law by its name with given parameters, without any specimen."""
     missing = muscles.build.missing_parameters(name, given)
     if missing:
         words = " ".join(f"--set {key}={placeholder(q.unit)}" for key, q in missing)
@@ -183,7 +183,7 @@ def placeholder(unit: str) -> str:
 
 
 def _defaults(built: Any, change: list[str] | None, law: str) -> list[str]:
-    """The parameters of a law that were not given and have a value all the same."""
+    """Parameters of a law with default values."""
     stated = parameters(change, law)
     return [name for name in declared(type(built)) if name not in stated]
 

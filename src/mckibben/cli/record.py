@@ -105,7 +105,7 @@ def plot(
 
 
 def between(known: Recording, start: str | None, end: str | None) -> Recording:
-    """The samples between the times of ``--from`` and ``--to``."""
+    """Samples between the times of ``--from`` and ``--to``."""
     if start is None and end is None:
         return known
     first = None if start is None else parse(start, "s", field="--from", bare=True)
@@ -334,7 +334,7 @@ def repair(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Save what is left of the log of a process that was killed as a recording.
+    """Recover a recording from the log of a killed process.
 
     The log itself is not changed.
     """

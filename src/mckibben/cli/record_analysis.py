@@ -1,4 +1,4 @@
-"""``record energy``, ``frequency``, ``repeatability`` and ``report``: what is computed of recordings."""
+"""``record energy``, ``frequency``, ``repeatability`` and ``report``: analysis of recordings."""
 
 from __future__ import annotations
 

@@ -175,7 +175,7 @@ def prepared(
 
 
 def chosen_rig(name: str, changes: Mapping[str, str], calibration: Path | None = None) -> Rig:
-    """A rig with the values of ``--set rig.*``, and its calibration."""
+    """Load a rig with the values of ``--set rig.*``, and its calibration."""
     on = rig_file.rig(name, {k.removeprefix("rig."): v for k, v in changes.items() if k.startswith("rig.")})
     if calibration is None:
         return on

@@ -1,4 +1,4 @@
-"""``size``: which muscle, valve, tube and gas source do what is wanted."""
+"""``size``: selection of muscle, valve, tube and gas source for given requirements."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ _OPTIONS = {
 
 
 def _space(text: str | None) -> tuple[float | None, float | None]:
-    """Length and diameter of ``20 cm x 3 cm`` [m]; of the length alone where there is no x."""
+    """Parse length and diameter from ``20 cm x 3 cm`` [m]; the length alone if there is no x."""
     if text is None:
         return None, None
     parts = [part.strip() for part in text.replace("\N{MULTIPLICATION SIGN}", "x").split("x")]

@@ -424,7 +424,7 @@ def _step_json(s: StepCreep) -> dict[str, Any]:
 
 
 def _last(s: StepCreep) -> int:
-    """The band's place at the end of the record."""
+    """Range of the band at the end of the record."""
     return int(abs(s.at - s.fit.time[-1]).argmin())
 
 

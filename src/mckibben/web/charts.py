@@ -73,7 +73,7 @@ class ChartLine:
 
 @dataclass(frozen=True)
 class Mark:
-    """A note at a place: ``x`` (a line across), ``y`` (a line along), or a word at a point."""
+    """A mark: ``x`` (a vertical line), ``y`` (a horizontal line), or a text at a point."""
 
     text: str
     x: float | None = None
@@ -125,19 +125,19 @@ class Chart:
         return Element("div", markup=self.markup())
 
     def markup(self) -> str:
-        """The element that the browser draws into."""
+        """Element that the browser draws into."""
         spec = html.escape(json.dumps(self.document(), separators=(",", ":"), allow_nan=False))
         label = html.escape(f"{self.name}. {self.summary}")
         return f'<figure class="chart" role="group" aria-label="{label}" data-chart="{spec}"></figure>'
 
 
 def update(element: Element, chart: Chart) -> None:
-    """Draw another chart where one is."""
+    """Replace a chart."""
     element.put(chart.markup())
 
 
 def thinned(x: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[np.ndarray, np.ndarray]:
-    """A line with at most so many points: of every stretch the ends and the lowest and highest of x and y."""
+    """Thin a line to a number of points: of every section the ends and the extremes of x and y."""
     n = len(x)
     if n <= most:
         return x, y

@@ -28,7 +28,7 @@ class Watcher:
 
 
 class Control:
-    """The controls, handed from page to page; safe for use by several threads.
+    """The control token, passed between pages; safe for use by several threads.
 
     Args:
         clock: seconds that only go forward.
@@ -44,7 +44,7 @@ class Control:
         self.wanted: str | None = None  # who asked for the controls
 
     def join(self, page: str) -> None:
-        """A page connects; the first one, or the one in control that comes back, is in control."""
+        """Add a page; the first one, or the one in control that returns, gets control."""
         with self._lock:
             self._pages.setdefault(page, Watcher()).lines += 1
             if self.holder is None or (self.holder != page and self._free()):
@@ -70,7 +70,7 @@ class Control:
                 del self._pages[page]
 
     def ask(self, page: str) -> bool:
-        """Ask for the controls; whether they were free and are its own now."""
+        """Request control for a page; return whether it has control now."""
         with self._lock:
             if self.holder == page:
                 return True
@@ -81,7 +81,7 @@ class Control:
             return False
 
     def give(self, page: str) -> bool:
-        """The page in control hands over to who asked; whether that happened."""
+        """Hand control over to the page that requested it; return whether that happened."""
         with self._lock:
             if self.holder != page or self.wanted is None:
                 return False
@@ -96,7 +96,7 @@ class Control:
                 self._take(there[0])
 
     def keep(self, page: str) -> None:
-        """The page in control does not hand over."""
+        """Refuse the request for control."""
         with self._lock:
             if self.holder == page:
                 self.wanted = None

@@ -1,4 +1,4 @@
-"""Forms made from the declarations: label, unit, bounds and meaning stand in `quantities` and nowhere else.
+"""Forms from declarations: label, unit, bounds and meaning are those of `quantities`.
 
 A value that is refused stays in its field with the sentence of the command line below; the old one stays in use.
 """
@@ -55,7 +55,7 @@ def shown(value: float, quantity: Quantity) -> str:
 
 
 def fields(owner: Any, names: Mapping[str, str] | None = None) -> dict[str, Quantity]:
-    """The declared parameters of a type or an instance, or those of some names."""
+    """Declared parameters of a type or an instance, or those of some names."""
     known = declared(owner)
     return known if names is None else {n: known[n] for n in names}
 

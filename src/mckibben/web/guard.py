@@ -1,4 +1,4 @@
-"""Who may speak to the server: browsers that have opened the address with its token, and pages that it served itself.
+"""Access control of the server: browsers that opened the address with its token, and pages that it served itself.
 
 Every request and every socket is looked at here before anything else sees it. A name in ``Host`` that is not this server's
 is refused, so that a foreign site cannot let a name of its own point here; so is a foreign ``Origin``. A token is requested
@@ -41,7 +41,7 @@ FULL = "This server has {} open lines, and allows no more: close pages that are 
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches an address."""
+    """Whether an address can be reached from this machine only."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -49,7 +49,7 @@ def is_loopback(host: str) -> bool:
 
 
 class Guard:
-    """ASGI middleware.
+    """ASGI middleware that admits or refuses requests.
 
     Args:
         app: the application to guard.
@@ -160,7 +160,7 @@ class Guard:
 
 
 class _Safe:
-    """Sends an answer with the headers that keep a browser from trusting others; scripts of a page get a nonce.
+    """Sends an answer with security headers; scripts of a page get a nonce.
 
     A page is held back until all of it is there. What a user typed stands in it escaped (`elements`), so that a script in
     the page is one that this program wrote.
@@ -204,7 +204,7 @@ def _safe(nonce: str = "") -> list[tuple[bytes, bytes]]:
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, said: str, page: str = "") -> None:
-    """Refuse in a sentence; with the address of a page, as a page that leads there."""
+    """Answer with a refusal; with the address of a page, as a page that links to it."""
     if scope["type"] == "websocket":
         await receive()
         await send({"type": "websocket.close", "code": 1008, "reason": said[:120]})
@@ -220,7 +220,7 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, said:
 
 
 async def _close(receive: Receive, send: Send, code: int, said: str) -> None:
-    """Close a page's line with a sentence, which reaches it only through a line that was accepted."""
+    """Close a page's socket with a message, which is sent only over an accepted socket."""
     await receive()
     await send({"type": "websocket.accept"})
     await send({"type": "websocket.close", "code": code, "reason": said[:120]})

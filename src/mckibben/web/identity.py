@@ -1,4 +1,4 @@
-"""Identities of pages: a public name that everybody sees, and a secret that only the page itself and the server know.
+"""Identities of pages: a public name, and a secret that only the page itself and the server know.
 
 A page gets both when it connects, and shows the secret to be the same page again after a reload or a lost line. The secret
 is another one after every connection: the one before ends as soon as the page says that it has the new one, so that a copy
@@ -31,14 +31,14 @@ class Identity:
 
 
 class PageRegistry:
-    """The identities of all pages of a server; for one thread."""
+    """Identities of all pages of a server; for one thread."""
 
     def __init__(self) -> None:
         self._identities: OrderedDict[str, Identity] = OrderedDict()
         self._names: dict[bytes, str] = {}  # by the digest of a secret that is valid
 
     def admit(self, secret: str) -> tuple[str, str]:
-        """The identity that a secret belongs to, or a new one for a secret that is not valid.
+        """Identity of a secret, or a new one if the secret is not valid.
 
         Returns:
             Its public name, and the secret that it shows next time.
@@ -62,7 +62,7 @@ class PageRegistry:
         return identity.name, fresh
 
     def confirm(self, name: str) -> None:
-        """The page has its new secret: the one before is not valid any more."""
+        """Confirm that the page has its new secret, which invalidates the previous one."""
         identity = self._identities.get(name)
         if identity is not None and identity.next_digest:
             self._names.pop(identity.digest, None)
@@ -70,5 +70,5 @@ class PageRegistry:
 
 
 def _digest(secret: str) -> bytes:
-    """Compared instead of the secret itself, so that the time of a comparison tells nothing about it."""
+    """Digest of a secret, compared in its place so that the time of a comparison reveals nothing."""
     return hashlib.sha256(secret.encode("utf-8", "replace")).digest()

@@ -1,4 +1,4 @@
-"""The one state of a server: the machine, the folder of recordings, who is in control, and what can be undone.
+"""State of a server: the machine, the folder of recordings, the control token, and the actions to undo.
 
 Nothing in it knows of pages or sockets. A page says `act` with the name of an action and its words, and hears a sentence;
 `status` is what every page shows in its top bar.
@@ -32,7 +32,7 @@ class PageMachine(Protocol):
     stream: Stream
 
     def begin(self) -> None:
-        """Get ready, in threads of its own."""
+        """Prepare the machine, in separate threads."""
 
     def status(self) -> dict[str, Any]:
         """State, reason and times for the state block."""
@@ -41,7 +41,7 @@ class PageMachine(Protocol):
         """Rarely changing properties: muscle, rig, protocol, limits, dry run."""
 
     def log(self, after: int) -> list[dict[str, Any]]:
-        """Status messages later than that of a number."""
+        """Messages after the one with a number."""
 
     def actions(self) -> Mapping[str, Callable[..., Any]]:
         """Available actions by name."""
@@ -53,10 +53,10 @@ class PageMachine(Protocol):
         """Note how many samples the page in control has drawn."""
 
     def control_lost(self) -> None:
-        """Nobody is in control."""
+        """Note that no page is in control."""
 
     def control_back(self) -> None:
-        """Somebody is again."""
+        """Note that a page is in control again."""
 
     def close(self) -> None:
         """Vent, and release the machine."""
@@ -115,7 +115,7 @@ class Laboratory:
 
     @property
     def version(self) -> tuple[int, int]:
-        """Changes whenever `status` or a toast may have."""
+        """Version that changes whenever `status` or a notice may have changed."""
         return self._version, self.toasts.version
 
     def changed(self) -> None:
@@ -171,7 +171,7 @@ class Laboratory:
             self.changed()
 
     def shown(self, page: str, epoch: int, samples: int) -> None:
-        """A page has drawn so many samples of an epoch; it counts where it is in control."""
+        """Note how many samples of an epoch a page has drawn, if it is in control."""
         if self.control.holds(page):
             self.machine.shown(epoch, samples)
 
@@ -194,7 +194,7 @@ class Laboratory:
             self.changed()
 
     def close(self) -> None:
-        """Vent, and make final what can no longer be undone."""
+        """Vent, and commit all actions."""
         self.machine.close()
         self.toasts.finish()
 

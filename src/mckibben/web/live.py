@@ -1,4 +1,4 @@
-"""The socket of a page: actions go in; the state, messages and the samples come out, 60 times a second at most."""
+"""The socket of a page: it receives actions, and sends state, messages and samples, at most 60 times a second."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _ACTS = ThreadPoolExecutor(4, thread_name_prefix="act")
 
 
 class Lines:
-    """The lines of all pages; every page has an identity of its own, and one line.
+    """Sockets of all pages; every page has an identity, and one socket.
 
     Args:
         lab: state of the server.
@@ -41,7 +41,7 @@ class Lines:
         self._ending: set[asyncio.Task[None]] = set()
 
     async def run(self, socket: Any) -> None:
-        """Serve a socket that was accepted, until it ends."""
+        """Serve an accepted socket until it closes."""
         from starlette.websockets import WebSocketDisconnect
 
         try:
@@ -97,7 +97,7 @@ class PageConnection:
             self._told = _whole(hello.get("log"))
 
     async def run(self, hello: dict[str, Any]) -> None:
-        """Greet the page, and serve it until its line ends."""
+        """Greet the page, and serve it until its socket closes."""
         from starlette.websockets import WebSocketDisconnect
 
         await self._send({"type": "hello", "server": self.lab.server, **hello})
@@ -116,7 +116,7 @@ class PageConnection:
             self.lab.changed()
 
     async def end(self, code: int, reason: str) -> None:
-        """Close the line."""
+        """Close the socket."""
         from starlette.websockets import WebSocketDisconnect
 
         with contextlib.suppress(RuntimeError, WebSocketDisconnect):  # it is closed

@@ -1,4 +1,4 @@
-"""Large files are read in a process of their own, so that neither the emergency stop nor memory depends on them.
+"""Reading of large files in a separate process, so that neither the emergency stop nor memory depends on them.
 
 Whoever reads in the server holds its interpreter: a stop waits for it, and what a hundred megabytes of cells took is not
 given back. Here the server only waits at a pipe; the process ends with its answer, when somebody stops it, when it takes too
@@ -38,7 +38,7 @@ _one = threading.Lock()
 
 
 class ReadingStopped(MckibbenError):  # noqa: N818 - nothing went wrong
-    """Somebody did not want to wait for a file, or left the page."""
+    """The user stopped the reading of a file, or left the page."""
 
 
 class ReaderProcess:
@@ -146,12 +146,12 @@ def read_outside(function: Callable[..., Any], path: Path, *given: Any) -> Any:
 
 
 def is_small(path: Path) -> bool:
-    """Whether a file is read sooner than a process begins."""
+    """Whether reading a file takes less time than starting a process."""
     return path.stat().st_size <= (SMALL_ARRAYS if path.suffix.lower() == ".nc" else SMALL)
 
 
 def check_rows(path: Path, most: int, use: str) -> None:
-    """Refuse a text file with more than so many lines, without reading its cells.
+    """Refuse a text file with too many lines, without reading its cells.
 
     Args:
         path: a file; one that is no text has no lines.

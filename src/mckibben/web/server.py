@@ -65,7 +65,7 @@ async def _tick(lab: Laboratory) -> None:
 
 
 def _page_routes(lab: Laboratory, documents: Documents) -> list[Any]:
-    """The pages that are built of elements, their lines, and the files that they take and give."""
+    """Routes of the pages, their sockets, uploads and downloads."""
     from starlette.requests import Request
     from starlette.responses import HTMLResponse, PlainTextResponse, Response
     from starlette.routing import Route, WebSocketRoute
@@ -126,7 +126,7 @@ def _static(name: str) -> str:
 
 
 def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
-    """The bench page, the socket of every page, the emergency stop, the recordings, and the sheets and scripts."""
+    """Routes of the bench page, the socket of samples, the emergency stop, recordings, and static files."""
     from starlette.requests import Request
     from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse, Response
     from starlette.routing import Mount, Route, WebSocketRoute
@@ -169,7 +169,7 @@ def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket at an address; port 0 is a free one.
+    """Open a socket at an address; port 0 is a free one.
 
     Raises:
         InputError: if it is taken, or there is no such address here.
@@ -232,7 +232,7 @@ def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: 
 
 
 def leading_to(address: str, folder: Path) -> str:
-    """The address of a file that leads a browser to another address.
+    """Write a file that redirects a browser to an address; return its own address.
 
     A browser is opened by a command, and the words of a command are seen by everybody on the machine: so that the token is
     not among them, they name a file that nobody else may read.

@@ -1,4 +1,4 @@
-"""A folder of files that a page may name: plain names only, so that nothing outside it is read, written or shown."""
+"""Folders of files with plain names only, so that nothing outside them is read, written or shown."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Shelf:
         return self.folder / name
 
     def found(self, name: str) -> Path:
-        """The file of a name; refused where there is none."""
+        """Path of an existing file; refused if there is none."""
         path = self.path(name)
         if not path.is_file() or path.is_symlink():
             raise InputError("file", name, "no such file")
@@ -85,7 +85,7 @@ class Shelf:
         return path.name
 
     def store(self, name: str, data: bytes | Path, largest: int = LARGEST) -> Path:
-        """Keep what was uploaded, bytes or a file, under a name like its own; nothing is written over.
+        """Store an upload, bytes or a file, under a similar unused name.
 
         Raises:
             InputError: if the name is not allowed, or the file is empty or too large.
@@ -100,7 +100,7 @@ class Shelf:
         return write_whole(self.path(self.free(name)), write)
 
     def rename(self, name: str, to: str) -> Path:
-        """Give a file another name; the ending stays."""
+        """Rename a file; its suffix stays."""
         path, other = self.found(name), self.path(to)
         if other.exists():
             raise InputError("file", to, "it is there already")
@@ -119,13 +119,13 @@ class Shelf:
         return f"{word}{path.suffix}"
 
     def restore(self, word: str, name: str) -> Path:
-        """Bring a deleted file back, under its name or one like it."""
+        """Restore a deleted file, under its name or a similar one."""
         path = self.path(self.free(name))
         (self.folder / _TRASH / Path(word).name).rename(path)
         return path
 
     def forget(self, word: str) -> None:
-        """Delete for good."""
+        """Delete a file permanently."""
         (self.folder / _TRASH / Path(word).name).unlink(missing_ok=True)
         try:
             (self.folder / _TRASH).rmdir()
@@ -140,7 +140,7 @@ def plain(words: str, otherwise: str = "run") -> str:
 
 
 def plain_name(name: str) -> str:
-    """The name of a file from elsewhere as a shelf takes it: letters of any script stay, other signs become dashes."""
+    """Convert a name to a plain one: letters of any script stay, other characters become dashes."""
     path = Path(unicodedata.normalize("NFC", name))
     stem = re.sub(r"[^\w .()+-]|\.(?=\.)", "-", path.stem).strip(" .-_") or "file"
     while len(f"{stem}{path.suffix}") > 120 or len(f"{stem}{path.suffix}".encode()) > LONGEST:

@@ -42,7 +42,7 @@ HOME = "/static/lab"  # of the sheets and scripts; their modules name each other
 
 @functools.cache
 def piece(name: str) -> str:
-    """A file of `static` as text."""
+    """Text of a file of `static`."""
     return (resources.files(__package__) / "static" / name).read_text(encoding="utf-8")
 
 
@@ -59,7 +59,7 @@ def frame(page: Page, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] 
 
 
 def written(built: PageDocument) -> str:
-    """The whole HTML of a page that was built."""
+    """HTML of a page that was built."""
     (page,) = (p for p in PAGES if p.module == built.module)
     return document(page, built.html(), sheets=built.sheets, scripts=built.scripts, key=built.key)
 
@@ -67,7 +67,7 @@ def written(built: PageDocument) -> str:
 def document(
     page: Page, content: str, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = (), key: str = ""
 ) -> str:
-    """The HTML of a page.
+    """HTML of a page.
 
     Args:
         page: the page.

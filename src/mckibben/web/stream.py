@@ -1,4 +1,4 @@
-"""The newest samples of what is shown, for all pages at once, as frames of bytes that a page draws from as they are.
+"""The newest samples for all pages, as binary frames that a page draws directly.
 
 A frame is the identity of its server, four whole numbers and then the channels one after the other, little endian:
 
@@ -24,7 +24,7 @@ KEPT = 60_000  # samples that a page which lost the line gets again
 
 
 class Stream:
-    """The samples of the newest epoch; memory is bounded.
+    """Samples of the newest epoch; memory is bounded.
 
     Args:
         kept: samples.
@@ -42,14 +42,14 @@ class Stream:
         self._made: tuple[tuple[int, int, int], bytes] | None = None
 
     def begin(self, kind: str, name: str, period: float, start: int = 0) -> int:
-        """A new epoch: ``run`` or ``hand``, with its name, the time between two samples [s] and its first number."""
+        """Begin an epoch: ``run`` or ``hand``, with its name, the sample period [s] and its first number."""
         with self._lock:
             self.epoch, self.count, self.period, self._start = self.epoch + 1, start, period, start
             self.about = {"kind": kind, "name": name}
             return self.epoch
 
     def add(self, columns: Mapping[str, Any]) -> None:
-        """The next samples (n,) of every channel [SI]; one that is missing is NaN."""
+        """Add samples (n,) of every channel [SI]; a missing one is NaN."""
         n = len(next(iter(columns.values())))
         block = np.full((len(CHANNELS), n), np.nan, np.float32)
         for row, name in enumerate(CHANNELS):
@@ -86,14 +86,14 @@ class Stream:
             return self._made[1], self.epoch, self.count
 
     def newest(self, n: int) -> dict[str, np.ndarray]:
-        """The last n samples of every channel [SI], or all that there are."""
+        """Return the last n samples of every channel [SI], or all available ones."""
         with self._lock:
             n = min(n, self.count - self._start, self._size)
             at = (self.count - n + np.arange(n)) % self._size
             return {name: self._ring[i, at] for i, name in enumerate(CHANNELS)}
 
     def latest(self) -> dict[str, float]:
-        """The newest sample of every channel [SI]; empty before the first."""
+        """Return the newest sample of every channel [SI]; empty before the first."""
         with self._lock:
             if self.count == self._start:
                 return {}
@@ -102,7 +102,7 @@ class Stream:
 
 
 def unpacked(frame: bytes) -> tuple[int, int, dict[str, np.ndarray]]:
-    """A frame as epoch, number of its first sample and channels (n,), as a page reads it."""
+    """Decode a frame: epoch, number of its first sample and channels (n,)."""
     _, epoch, first, n, m = HEAD.unpack_from(frame)
     values = np.frombuffer(frame, "<f4", n * m, HEAD.size).reshape(m, n)
     return epoch, first, dict(zip(CHANNELS, values, strict=False))

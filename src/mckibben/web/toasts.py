@@ -60,7 +60,7 @@ class Toasts:
             return self._count
 
     def undo(self, number: int | None = None) -> str:
-        """Bring back the newest thing that can be, or a certain one; what was brought back.
+        """Undo the newest action, or a given one; return its description.
 
         Raises:
             InputError: if nothing can be undone any more.
@@ -89,7 +89,7 @@ class Toasts:
             self.version += 1
 
     def close(self, number: int) -> None:
-        """Somebody has read it: it is final at once."""
+        """Commit an action, since its notice was closed."""
         with self._lock:
             toast = self._kept.pop(number, None)
             self.version += 1

@@ -104,7 +104,7 @@ class IncomingFile:
 
 
 class UploadPlace:
-    """A place to drop a file, or to choose one.
+    """A place where files can be dropped or chosen.
 
     Args:
         words: that stand in it.

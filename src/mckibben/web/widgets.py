@@ -1,4 +1,4 @@
-"""The building blocks of the pages: panels, buttons, lists, dialogs, sentences; their look is in ``static/lab.css``."""
+"""Building blocks of the pages: panels, buttons, lists, dialogs, messages; styled by ``static/lab.css``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIGNS = {
 def page_frame(
     module: str, title: str = "", sub: str = "", *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = ()
 ) -> Iterator[Element]:
-    """A page in the shell, with its name in a bar; yields that bar's place for buttons.
+    """Build a page in the frame, with its name in a header; yields the header's place for buttons.
 
     Args:
         module: module of `pages`, which says which page it is.
@@ -46,12 +46,12 @@ def page_frame(
 
 
 def box(tag: str, classes: str = "") -> Element:
-    """An element that others are put into."""
+    """Build an element for others."""
     return Element(tag, classes)
 
 
 def text(tag: str, words: object, classes: str = "") -> Element:
-    """An element of text."""
+    """Build an element of text."""
     return Element(tag, classes, words=words)
 
 
@@ -62,7 +62,7 @@ def raw(markup: str, tag: str = "div", classes: str = "") -> Element:
 
 @contextmanager
 def panel(title: str = "", sub: str = "", step: int = 0) -> Iterator[Element]:
-    """A panel with a heading, and inside its body; yields the heading's place for buttons."""
+    """Build a panel with a heading; yields the heading's place for buttons, elements go into the body."""
     with box("section", "panel") as one:
         if title:
             one.set(aria_label=title)
@@ -137,7 +137,7 @@ def check(words: str, on: bool, change: Callable[[bool], object], more: str = ""
 
 
 def note(words: str, kind: str = "caution") -> Element:
-    """A caution (``caution``), or what stopped something (``stop``)."""
+    """Build a caution (``caution``), or the reason of a stop (``stop``)."""
     with box("div", "note stop" if kind == "stop" else "note").set(role="note") as one:
         raw(SIGNS[kind], "span")
         text("span", words)
@@ -176,7 +176,7 @@ def loading(words: str, share: float | None = None, classes: str = "") -> Iterat
 def table(
     columns: Sequence[str], rows: Sequence[Sequence[object]], *, right: Sequence[int] = (), name: str = ""
 ) -> Element:
-    """A table; `right` are the columns of numbers."""
+    """Build a table; `right` are the columns of numbers."""
     with box("div", "scroll-x") as one, box("table").set(aria_label=name):
         with box("thead"), box("tr"):
             for i, column in enumerate(columns):
@@ -220,12 +220,12 @@ class Dialog:
         self.body.__exit__(*error)
 
     def open(self) -> None:
-        """Show it."""
+        """Show the dialog."""
         self.answer("")
         call_script("openDialog", self._element.number)
 
     def close(self) -> None:
-        """Take it away."""
+        """Hide the dialog."""
         call_script("closeDialog", self._element.number)
         if self._once:
             self._element.delete()

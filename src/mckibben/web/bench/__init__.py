@@ -1,4 +1,4 @@
-"""The test machine of the laboratory's screen: selection, runs, manual operation and stops, in `machine.Bench`."""
+"""The test machine of the web interface: selection, runs, manual operation and stops, in `machine.Bench`."""
 
 from .machine import Bench
 from .manual import HardwareSpec

@@ -1,4 +1,4 @@
-"""The seven channels that the screen shows, computed from those of a run or a session."""
+"""Conversion of the channels of a run or a session to the seven of the web interface."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SHOWN = {"flow": "L/min", "valve": "%"}
 
 
 class Columns:
-    """Conversion of a rig's channels to those of the screen.
+    """Conversion of a rig's channels to those of the web interface.
 
     Args:
         rig: whose machine it is.
@@ -30,7 +30,7 @@ class Columns:
         self.density = float(AIR.density(room.pressure_abs, room.temperature))
 
     def of(self, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
-        """Return columns (n,) by the names of `stream.CHANNELS` [SI]; the flow is that of the room's air [m^3/s]."""
+        """Return columns (n,) by the names of `stream.CHANNELS` [SI]; the flow is in terms of ambient air [m^3/s]."""
         names = {
             "pressure": "pressure",
             "tension": "tension",
@@ -47,7 +47,7 @@ class Columns:
         return columns
 
     def _flow(self, arrays: Mapping[str, Any]) -> np.ndarray | None:
-        """Return the mass flow towards the muscle [kg/s]; None if no channel tells it."""
+        """Return the mass flow towards the muscle [kg/s]; None if no channel contains it."""
         if TUBE in arrays:
             return np.asarray(arrays[TUBE], float)
         into = [n for n in arrays if n.endswith("supply_to_outlet.mass_flow")]
@@ -58,7 +58,7 @@ class Columns:
 
 
 def factors() -> dict[str, dict[str, Any]]:
-    """Return unit of the screen and factor from SI of every quantity."""
+    """Return the displayed unit of every quantity, and its factor from SI."""
     units = {}
     for name, si in UNITS.items():
         unit = SHOWN.get(name, shown_unit(si))

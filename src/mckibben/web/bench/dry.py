@@ -54,7 +54,7 @@ class DryRun:
 
     @property
     def passed(self) -> bool:
-        """Whether it may start."""
+        """Whether the run may start."""
         return self.prepared is not None and not self.prepared.findings
 
     @property
@@ -172,7 +172,7 @@ def _drawable(bench: PreparedRun, curves: dict[str, np.ndarray]) -> dict[str, np
 
 
 def _flow(bench: PreparedRun, time: np.ndarray, span: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """Return the flow of the room's air into the muscle while its gas stays at the room's temperature [m^3/s]."""
+    """Return the flow of ambient air into the muscle while its gas stays at ambient temperature [m^3/s]."""
     law, room = bench.unit.law, float(bench.rig.environment.pressure_abs)
     if len(time) < 3 or not law.has_volume():
         return np.full(len(time), np.nan)

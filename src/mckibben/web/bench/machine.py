@@ -1,4 +1,4 @@
-"""The test machine of the screen: states, runs, stops and manual set-points for the page in control."""
+"""The test machine of the web interface: states, runs, stops and manual set-points for the page in control."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LAST = 10.0  # time for which the end of a server waits for a run to vent [s]
 
 
 class Bench:
-    """The bench of a laboratory, with one machine, simulated or real.
+    """The bench of a server, with one machine, simulated or real.
 
     Args:
         lab: its laboratory, for the shelves and for news.
@@ -258,7 +258,7 @@ class Bench:
     # ---- by hand
 
     def set(self, **wanted: Any) -> str:
-        """Change set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; in words or SI."""
+        """Change set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; as text or SI."""
         manual = self._require_manual("set", wanted)
         if not manual.moving:
             self.ended = {}

@@ -1,4 +1,4 @@
-"""Manual operation on the screen: a session that is opened in a thread, and whose samples go to the pages."""
+"""Manual operation in the web interface: a session opened in a thread, whose samples are sent to the pages."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class HardwareSpec(NamedTuple):
 
 
 class ManualControl:
-    """The session behind the pages; a simulated machine stands still while nothing is asked of it.
+    """The session behind the pages; a simulated machine is halted while no command is pending.
 
     Args:
         rig: whose machine it is.
@@ -139,12 +139,12 @@ class ManualControl:
             (self.session.control_back if there else self.session.control_lost)()
 
     def close(self) -> None:
-        """Vent, and let go of it; one that is being made ready is waited for, since nothing can end that."""
+        """Vent, and release the machine; one under preparation is waited for, since nothing can end that."""
         self._closed.set()
         self._thread.join(LONGEST)
 
     def closing(self) -> threading.Thread:
-        """Close it in a thread of its own."""
+        """Close the session in a separate thread."""
         thread = threading.Thread(target=self.close, name="close", daemon=True)
         thread.start()
         return thread

@@ -1,4 +1,4 @@
-"""Work, power and air of the last whole cycle of a run, from the samples on the screen."""
+"""Work, power and air of the last whole cycle of a run, from the displayed samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs on the screen, each in a thread of its own, from the start to the saved recording.
+"""Runs in the web interface, each in a separate thread, from the start to the saved recording.
 
 On the simulated machine the recording is that of ``mckibben run --real-time``, bit for bit: same preparation, same seed,
 same loop; only the pace differs, and paced or not a run is the same. On a real machine it is a run of the session that has
@@ -130,11 +130,11 @@ class RunController:
 
     @property
     def steps(self) -> list[dict[str, Any]]:
-        """The steps that have begun: label, start, end [s]."""
+        """Steps that have begun: label, start, end [s]."""
         return [] if self._run is None else list(self._run.steps)
 
     def save_result(self, why: str = "") -> dict[str, Any]:
-        """Save what was recorded, after the end, and say so in the log.
+        """Save the recording after the end, and report it in the log.
 
         Args:
             why: what stopped it, where the log knows that already.

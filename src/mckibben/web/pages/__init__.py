@@ -1,1 +1,1 @@
-"""The seven pages; each module has `build(lab, request)`, which fills the page that is being made."""
+"""The seven pages; each module has `build(lab, request)`, which builds the page."""

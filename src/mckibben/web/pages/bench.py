@@ -10,5 +10,5 @@ from ..shell import PAGES, document, piece
 
 
 def build() -> str:
-    """The whole page."""
+    """Build the page."""
     return document(PAGES[0], piece("bench.html"), sheets=("bench.css",), scripts=("js/bench.js",))

@@ -1,4 +1,4 @@
-"""Circuit: valve, tube, volume and muscle from parts, with the diagram and the step response of every change at once."""
+"""The Circuit page: valve, tube, volume and muscle from parts, with diagram and step response."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...shell import asked
 
 
 def build(lab: Laboratory, request: Any) -> None:
-    """The page."""
+    """Build the page."""
     from .document import read_text, starts, unpacked
     from .page import CircuitPage
 

@@ -1,4 +1,4 @@
-"""A circuit as the plumbing of a test machine: the paper's rig with these parts in place of its own."""
+"""A circuit as the plumbing of a test machine: the paper's rig with other pneumatic parts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ENDS = ("kind", "from", "to", "supply", "outlet", "exhaust", "command")
 
 
 def muscle_of(plan: CircuitPlan) -> str:
-    """The specimen of the circuit's muscle.
+    """Specimen of the circuit's muscle.
 
     Raises:
         InputError: it has none, or more than one.
@@ -28,7 +28,7 @@ def muscle_of(plan: CircuitPlan) -> str:
 
 
 def rig_text(plan: CircuitPlan, name: str) -> str:
-    """The text of a rig's file with the circuit as its plumbing.
+    """Text of a rig's file with the circuit as its plumbing.
 
     The bench joins a supply, a pressure regulator, one tube and one muscle, with a volume at either end of the tube and
     a leak. Fittings between them are left out.
@@ -80,7 +80,7 @@ def rig_text(plan: CircuitPlan, name: str) -> str:
 
 
 def _inside(words: Mapping[str, Any], nodes: Mapping[str, Any]) -> bool:
-    """Whether an orifice joins two chambers: a fitting, which a test machine counts to its volumes."""
+    """Whether an orifice joins two chambers: a fitting, which a test machine includes in its volumes."""
     return all(nodes[str(words[k])]["kind"] in ("volume", "muscle", "junction") for k in ("from", "to"))
 
 

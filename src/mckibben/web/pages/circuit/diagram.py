@@ -30,12 +30,12 @@ def nicely(name: str) -> str:
 
 
 def pressure_signs(sensors: Sequence[str]) -> dict[str, str]:
-    """The sign of each pressure sensor by its node."""
+    """Symbol of each pressure sensor by its node."""
     return {node: f"P{i + 1}".translate(SUBS) for i, node in enumerate(sensors)}
 
 
 def svg(plan: CircuitPlan, *, chosen: str, sensors: Sequence[str], flows: Sequence[str]) -> str:
-    """The diagram as SVG."""
+    """Draw the diagram as SVG."""
     room = float(plan.environment.pressure_abs)
     pressures = {name: start + room for name, start in plan.starts.items() if start}
     said = {
@@ -97,7 +97,7 @@ def _text(text: Any) -> str:
 
 
 def _nets(plan: CircuitPlan, drawn: DiagramPlan, chosen: str) -> list[str]:
-    """The lines of each node, with a wide one beneath that is easy to drop on."""
+    """Draw the lines of each node, with a wide one beneath as a drop target."""
     lines = []
     for name, net in drawn.nets.items():
         path = "".join("M" + "L".join(f"{x:.1f} {-y:.1f}" for x, y in run) for run in net.lines)
@@ -185,6 +185,6 @@ SYMBOLS = {
 
 
 def symbol(part: str, width: int = 44) -> str:
-    """The sign of a part of the palette."""
+    """Symbol of a part of the palette."""
     assert part in PARTS
     return f'<svg width="{width}" height="36" viewBox="-26 -21 52 42" aria-hidden="true">{SYMBOLS[part]}</svg>'

@@ -20,7 +20,7 @@ NAME = "circuit"  # of a rig, where the circuit has no name of its own
 
 
 def load(face: CircuitPage) -> None:
-    """Saved circuits, those to begin with, and a place for a file."""
+    """Build the dialog of saved circuits, examples, and a place for a file."""
     dialog = Dialog("Load a circuit", "circuit-dialog", "bd circuits", once=True)
 
     def take(document: Any, name: str = "") -> None:
@@ -66,7 +66,7 @@ def _read(face: CircuitPage, file: str, take: Any, said: Any) -> None:
 
 
 def save(face: CircuitPage) -> None:
-    """Keep the circuit under a name, or download it."""
+    """Build the dialog to save or download the circuit."""
     dialog = Dialog("Save the circuit", "circuit-dialog", "bd", once=True)
     with dialog:
         with box("div", "f"):
@@ -110,7 +110,7 @@ def _store(shelf: Shelf, name: str, words: str) -> None:
 
 
 def waveform(face: CircuitPage) -> None:
-    """The signals as text."""
+    """Build the dialog of the signals as text."""
     signals = face.desk.document.get("signals")
     if not signals:
         text(
@@ -141,7 +141,7 @@ def waveform(face: CircuitPage) -> None:
 
 
 def to_bench(face: CircuitPage) -> None:
-    """The circuit as a rig of the bench, with its muscle; then the bench's page.
+    """Build the dialog that takes the circuit and its muscle to the bench.
 
     Raises:
         InputError: the bench has no place for a part, or somebody else is in control.

@@ -1,4 +1,4 @@
-"""The circuit that a page holds: the tables of its file, as text, as a link, and the ones to begin with."""
+"""Documents of circuits: the tables of a file, as text, as a link, and examples."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _tube(to: str, length: str) -> Document:
 
 
 def starts() -> dict[str, Document]:
-    """The circuits that a page can begin with, by title."""
+    """Example circuits, by title."""
     port = {"kind": "junction", "volume": "2 cm^3"}
     muscle = {
         "schema": 1,
@@ -91,14 +91,14 @@ def planned(document: Mapping[str, Any]) -> CircuitPlan:
 
 
 def text_of(document: Mapping[str, Any]) -> str:
-    """A document as the text of a file."""
+    """Format a document as the text of a file."""
     import tomlkit
 
     return tomlkit.dumps(document)
 
 
 def read_text(text: str) -> Document:
-    """A document from the text of a file; what it names must stand in it, for a page reads no other file.
+    """Read a document from the text of a file; it must be self-contained, since a page reads no other file.
 
     Raises:
         InputError: it is too long, no TOML, no circuit, or names a table in another file.
@@ -124,7 +124,7 @@ def _keys(value: Any) -> set[str]:
 
 
 def _specimens(document: Mapping[str, Any]) -> None:
-    """A page names specimens by id: a path would read another file."""
+    """Check that specimens are named by id, since a path would read another file."""
     for section in ("nodes", "elements"):
         parts = document.get(section, {})
         for name, part in parts.items() if isinstance(parts, Mapping) else ():
@@ -134,13 +134,13 @@ def _specimens(document: Mapping[str, Any]) -> None:
 
 
 def packed(document: Mapping[str, Any]) -> str:
-    """A document as a word of a link."""
+    """Encode a document for a link."""
     squeezed = zlib.compress(text_of(document).encode(), 9)
     return base64.urlsafe_b64encode(squeezed).decode().rstrip("=")
 
 
 def unpacked(word: str) -> Document:
-    """The document of a link.
+    """Decode the document of a link.
 
     Raises:
         InputError: the word was cut or changed, or holds no circuit.
@@ -158,7 +158,7 @@ def unpacked(word: str) -> Document:
 
 
 def worded(value: float, quantity: Quantity) -> Any:
-    """A value [SI] as a file has it: in the unit that a field shows, with as many digits as it takes to give it again."""
+    """Format a value [SI] for a file: in the unit of its field, with enough digits to restore it."""
     if quantity.unit == "1":
         return value
     unit = shown_unit(quantity.unit)

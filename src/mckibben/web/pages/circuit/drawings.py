@@ -1,4 +1,4 @@
-"""The charts and numbers of a response."""
+"""Charts and numbers of a response."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _ms(record: Recording) -> np.ndarray:
 
 
 def pressure_chart(desk: CircuitState, answer: CircuitAnswer) -> Chart:
-    """Pressures at the sensors, the same with other tube models, and where 90 % is reached."""
+    """Chart of pressures at the sensors, with other tube models, and the time at which 90 % is reached."""
     record, numbers = answer.record, answer.numbers
     time, signs = _ms(record), pressure_signs(desk.sensors)
     lines = [
@@ -58,7 +58,7 @@ def pressure_chart(desk: CircuitState, answer: CircuitAnswer) -> Chart:
 
 
 def flow_chart(desk: CircuitState, record: Recording) -> Chart:
-    """Flows of the elements that have a flow sensor."""
+    """Chart of the flows at flow sensors."""
     lines = []
     for i, name in enumerate(desk.flows):
         sign = "q" if len(desk.flows) == 1 else f"q{i + 1}"
@@ -79,7 +79,7 @@ def ending(desk: CircuitState, found: response.ResponseNumbers) -> str:
 
 
 def numbers(desk: CircuitState, found: response.ResponseNumbers) -> None:
-    """The numbers of the response and of the selected part."""
+    """Show the numbers of the response and of the selected part."""
     rows: list[tuple[str, str]] = []
     node = found.channel.removesuffix(".pressure").capitalize()
     if found.settled:
@@ -103,7 +103,7 @@ def numbers(desk: CircuitState, found: response.ResponseNumbers) -> None:
 
 
 def sweep_chart(found: response.ValueSweep) -> None:
-    """The rise if a value of the part were another."""
+    """Chart of the rise time over values of the part."""
     unit = shown_unit(found.unit)
     x = from_si(1.0, found.unit, unit) * found.values
     y = from_si(1.0, "s", "ms") * found.rises
@@ -128,7 +128,7 @@ def sweep_chart(found: response.ValueSweep) -> None:
 
 
 def palette() -> None:
-    """The parts that can be put in."""
+    """Build the palette of parts."""
     with box("div", "hd"), box("h2"):
         text("span", "Parts")
     with box("div", "palette"):

@@ -214,7 +214,7 @@ def _without(document: Document, elements: set[str]) -> Document:
 
 
 def _tidy(new: Document) -> Document:
-    """Without the nodes that nothing joins, and the signals that drive nothing."""
+    """Remove nodes without elements, and unused signals."""
     joined = {
         v for words in new["elements"].values() for k, v in words.items() if isinstance(v, str) and k != "command"
     }
@@ -275,5 +275,5 @@ def input_of(document: Document, plan: CircuitPlan) -> str:
 
 
 def regulated(plan: CircuitPlan, name: str) -> bool:
-    """Whether an element takes a pressure as its command."""
+    """Whether an element's command is a pressure."""
     return isinstance(plan.circuit.elements.get(name), PressureRegulator)

@@ -35,13 +35,13 @@ FLOW_PRESSURE_WORDS = "6 bar"  # at which `size_as` states a flow into the room
 
 
 def gauge(plan: CircuitPlan) -> Quantity:
-    """Gauge pressures of nodes: those of a regulator's set-point, down to vacuum."""
+    """Permitted gauge pressures of nodes: those of a regulator's set-point, down to vacuum."""
     known = declared(PressureRegulator)["set_pressure"]
     return known._replace(bounds=(-float(plan.environment.pressure_abs), known.bounds[1]), doc="gauge pressure")
 
 
 def show(document: Document, plan: CircuitPlan, name: str, put: Put, model: Callable[[str], None]) -> None:
-    """The fields of a node, of an element, or of the run where nothing is selected."""
+    """Show the fields of a node, of an element, or of the run if nothing is selected."""
     if name in plan.nodes:
         _node(document, plan, name, put)
     elif name in plan.circuit.elements:

@@ -1,4 +1,4 @@
-"""The circuit page's elements: palette, diagram, response, inspector."""
+"""Elements of the Circuit page: palette, diagram, response, inspector."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TICK = (
 
 
 class CircuitPage:
-    """The page of one visitor.
+    """The Circuit page of one visitor.
 
     Args:
         lab: state of the server.
@@ -139,7 +139,7 @@ class CircuitPage:
         self.remove(str(given.get("part", ""))[:80] or self.desk.chosen)
 
     def remove(self, name: str) -> None:
-        """Take a part out."""
+        """Remove a part."""
         if name and self._guarded(lambda: self.desk.take(edit.remove(self.desk.document, self.desk.plan, name), "")):
             self.select(self.desk.chosen, moved=False)
             self.renew()
@@ -160,7 +160,7 @@ class CircuitPage:
         self.renew()
 
     def change(self, make: Callable[[Document], Document]) -> None:
-        """A value of a field; raises what speaks against it."""
+        """Set the value of a field; raises an error if it is not permitted."""
         if self.desk.take(make(self.desk.document)):
             self.select(self.desk.chosen, moved=False)
         self.refusal.clear()
@@ -173,13 +173,13 @@ class CircuitPage:
             self.renew()
 
     def to_bench(self) -> None:
-        """The circuit becomes the plumbing of the bench's rig, and its muscle the bench's muscle."""
+        """Take the circuit as the plumbing of the bench's rig, and its muscle as the bench's muscle."""
         self._guarded(lambda: dialogs.to_bench(self))
 
     # ---- what is shown
 
     def select(self, name: str, moved: bool = True) -> None:
-        """Show a part's fields."""
+        """Select a part and show its fields."""
         desk = self.desk
         desk.chosen = name if name in desk.parts() else ""
         self.inspector.clear()
@@ -210,7 +210,7 @@ class CircuitPage:
             self.renew(quiet=True)
 
     def renew(self, quiet: bool = False) -> None:
-        """Draw what changed, and answer it."""
+        """Redraw after a change, and compute the response."""
         desk = self.desk
         if quiet:
             desk.number += 1
@@ -303,5 +303,5 @@ class CircuitPage:
             refused(words)
 
     def toml(self) -> str:
-        """The circuit as a file."""
+        """Circuit as the text of a file."""
         return text_of(self.desk.document)

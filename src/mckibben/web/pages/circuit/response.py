@@ -55,7 +55,7 @@ class IntegrationMethod(NamedTuple):
 
 
 def method_of(rate: float, step: float, stiff: bool = False) -> IntegrationMethod:
-    """The method that the engine chooses at a rate [1/s] and a step [s]."""
+    """Method that the engine chooses at a rate [1/s] and a step [s]."""
     if not stiff and rate * step <= RK4_LIMIT:
         return IntegrationMethod()
     return IntegrationMethod(
@@ -64,7 +64,7 @@ def method_of(rate: float, step: float, stiff: bool = False) -> IntegrationMetho
 
 
 class WatchedCircuit(System):
-    """A circuit that also tells its steepest rate at every sample, by which the method is chosen."""
+    """A circuit with its fastest rate as an output, by which the method is chosen."""
 
     circuit: Circuit
 
@@ -91,7 +91,7 @@ class WatchedCircuit(System):
 
 
 class CircuitResponse(NamedTuple):
-    """The outputs of a circuit by name, each (samples + 1,), pressures absolute; the method, and what the accounts need."""
+    """Outputs of a circuit by name, each (samples + 1,), pressures absolute; the method, and data of the accounts."""
 
     outputs: dict[str, np.ndarray]
     method: IntegrationMethod
@@ -228,7 +228,7 @@ class ResponseNumbers(NamedTuple):
 
 
 def recording(plan: CircuitPlan, outputs: dict[str, np.ndarray]) -> Recording:
-    """The channels of a quick response: gauge pressures, mass flows and signals, as `bench.circuit_run` names them."""
+    """Channels of a quick response: gauge pressures, mass flows and signals, named as in `bench.circuit_run`."""
     room = float(plan.environment.pressure_abs)
     channels = {
         f"{n}.pressure": Channel(outputs[f"{n}.pressure_abs"] - room, "Pa", "true", f"gauge pressure of {n}")
@@ -242,19 +242,19 @@ def recording(plan: CircuitPlan, outputs: dict[str, np.ndarray]) -> Recording:
 
 
 def flow_channel(plan: CircuitPlan, element: str) -> str:
-    """The channel of an element's first path."""
+    """Name of the channel of an element's first path."""
     one = plan.circuit.elements[element]
     return f"{path_name(one, element, one.paths[0])}.mass_flow"
 
 
 def litres(mass_flow: Any) -> Any:
-    """A mass flow [kg/s] as that of reference air [L/min]."""
+    """Convert a mass flow [kg/s] to that of reference air [L/min]."""
     density = float(AIR.density(REFERENCE_PRESSURE, REFERENCE_TEMPERATURE))
     return from_si(1.0, "m^3/s", "l/min") * np.asarray(mass_flow) / density
 
 
 def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> ResponseNumbers:
-    """Delay and rise of a node's pressure by `analysis.steps`, and the largest flow of an element."""
+    """Determine delay and rise of a node's pressure by `analysis.steps`, and the largest flow of an element."""
     channel = f"{node}.pressure"
     stepping = [n for n, s in plan.signals.items() if s.unit != "m" and s.waveform.kind == "steps"]
     flow = record[flow_channel(plan, element)] if element else np.zeros(1)
@@ -295,7 +295,7 @@ def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> R
 def settled(
     plan: CircuitPlan, found: ResponseNumbers, node: str, method: IntegrationMethod | None, wait: bool = True
 ) -> tuple[ResponseNumbers, bool]:
-    """Numbers of a response that has settled: from a longer run, where the plan's own is too short.
+    """Numbers of a settled response, from a longer run if the plan's own is too short.
 
     Args:
         plan: plan of the circuit.
@@ -322,14 +322,14 @@ def settled(
 
 
 def last_chamber(plan: CircuitPlan) -> str:
-    """The node whose pressure is read: the last muscle, or the last volume."""
+    """Node whose pressure is evaluated: the last muscle, or the last volume."""
     inner = [n for n, p in plan.nodes.items() if p.kind not in ("reservoir", *OUTSIDE)]
     muscles = [n for n in inner if plan.nodes[n].law is not None]
     return (muscles or [n for n in inner if plan.nodes[n].kind != "junction"] or inner)[-1]
 
 
 def first_tube(plan: CircuitPlan, chosen: str = "") -> str:
-    """The chosen tube, or the first; else the first element."""
+    """Name of the chosen tube, or the first; else of the first element."""
     elements = plan.document["elements"]
     tubes = [n for n, words in elements.items() if words["kind"] in TUBES]
     return chosen if chosen in tubes else (tubes or list(elements))[0]
@@ -399,7 +399,7 @@ def grows(plan: CircuitPlan, name: str) -> str:
 def sweep(
     document: Document, plan: CircuitPlan, name: str, node: str, method: IntegrationMethod | None
 ) -> ValueSweep | None:
-    """The rise of a node's pressure if a part were smaller or larger."""
+    """Rise time of a node's pressure over sizes of a part."""
     key = grows(plan, name)
     if not key:
         return None

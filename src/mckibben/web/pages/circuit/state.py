@@ -22,7 +22,7 @@ SAMPLES = 20_000  # of a response, more than which this page does not draw
 
 
 class CircuitAnswer(NamedTuple):
-    """A response: its recording, numbers, and the same node's pressure with other tube models [Pa]."""
+    """A response: its recording, numbers, and the pressure of the same node with other tube models [Pa]."""
 
     record: Recording
     numbers: response.ResponseNumbers
@@ -72,7 +72,7 @@ class CircuitState:
         return self._now(new, plan, self.chosen if chosen is None else chosen)
 
     def undo(self) -> bool:
-        """The document before the last change; False where there is none."""
+        """Restore the document before the last change; return False if there is none."""
         if not self._undo:
             return False
         document, chosen = self._undo.pop()
@@ -109,7 +109,7 @@ class CircuitState:
 
     @property
     def read(self) -> str:
-        """The node whose rise is read: the one that is selected, or the last that is drawn."""
+        """Node whose rise is evaluated: the selected one, or the last shown."""
         if self.chosen in self.sensors:
             return self.chosen
         last = response.last_chamber(self.plan)
@@ -126,7 +126,7 @@ class CircuitState:
         }
 
     def leave(self) -> None:
-        """Nobody looks any more: what is still computed is thrown away."""
+        """Discard running computations when the page is closed."""
         self.number += 1
 
     # ---- in another thread
@@ -143,7 +143,7 @@ class CircuitState:
         return CircuitAnswer(record, numbers, others, waits or later, done)
 
     def compiled(self) -> bool:
-        """Whether the response takes no compilation."""
+        """Whether the response needs no compilation."""
         return ready(self.plan, self.method)
 
     def _others(
@@ -168,13 +168,13 @@ class CircuitState:
         return pressures, waits
 
     def sweep(self) -> response.ValueSweep | None:
-        """The rise over a value of the selected part."""
+        """Rise time over values of the selected part."""
         name = self.chosen or response.first_tube(self.plan)
         return response.sweep(self.document, self.plan, name, self.read, self.method)
 
 
 def check_size(plan: CircuitPlan) -> None:
-    """Refuse a run that a page could not draw at once."""
+    """Refuse a run that is too long for immediate display."""
     if plan.samples > SAMPLES or plan.duration / plan.inner_step > 4e6:
         allowed = (
             f"this page draws up to {SAMPLES} samples and 4000000 steps; run longer ones with mckibben circuit run"
@@ -194,7 +194,7 @@ async def follow(
     check: Callable[[Any, Any], None],
     failed: Callable[[str], None],
 ) -> None:
-    """Answer a change at once, then, once the page is quiet, balance its accounts and vary the selected part."""
+    """Compute the response at once; when the page is quiet, close its balances and vary the selected part."""
     number = desk.number
     try:
         answer = await asyncio.to_thread(desk.quick)

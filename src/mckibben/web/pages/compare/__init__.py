@@ -1,4 +1,4 @@
-"""Compare: muscles side by side by Table 1 of the paper, braided and biological, from their laws or from recordings."""
+"""The Compare page: braided and biological muscles by Table 1 of the paper, from laws or recordings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...shell import asked
 
 
 def build(lab: Laboratory, request: Any) -> None:
-    """The page."""
+    """Build the page."""
     from .page import ComparePage
 
     ComparePage(lab, asked(request, "muscles", "values", "recordings", "pressure")).build()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def add(face: ComparePage) -> None:
-    """A list of what is not shown yet; a click on one adds it."""
+    """Build the list of muscles that are not shown; a click adds one."""
     dialog = Dialog("Add a column", "compare-dialog", "bd list", once=True)
 
     def take(name: str) -> None:
@@ -49,7 +49,7 @@ def add(face: ComparePage) -> None:
 
 
 def runs(face: ComparePage) -> None:
-    """The isometric step of the muscles that ran it, or the button that runs it."""
+    """Show the isometric steps of the muscles, or a button that runs them."""
     face.step.clear()
     face.running.clear()
     if not face.shown:
@@ -74,7 +74,7 @@ def runs(face: ComparePage) -> None:
 
 
 def begin(face: ComparePage) -> None:
-    """Run what is missing, one protocol after the other; it ends after the one that runs when it is cancelled."""
+    """Run the missing protocols one after the other; when cancelled, the running one is completed."""
     face.cancelled = False
     face.document.spawn(_run(face))
 

@@ -20,7 +20,7 @@ DASH = "\N{EN DASH}"
 
 
 def number(value: float | None) -> str:
-    """A value with three digits that count, as the command line prints it."""
+    """Format a value with three significant digits, as the command line does."""
     if value is None or value != value:
         return DASH
     shown = f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
@@ -74,7 +74,7 @@ def published(row: PropertyRow) -> str:
 
 
 def range_bar(one: MuscleColumn, low: float, high: float, paper: float | None) -> str:
-    """The dynamic range as a bar from the shortest to the longest length."""
+    """Draw the dynamic range as a bar from the shortest to the longest length."""
     ends = [jobs.value_of(one, n) for n in ("shortest", "longest")]
     if ends[0] is None or ends[1] is None:
         return f'<b class="none">{DASH}</b>'
@@ -93,7 +93,7 @@ def range_bar(one: MuscleColumn, low: float, high: float, paper: float | None) -
 
 
 def largest_of(row: PropertyRow, papers: Sequence[float | None]) -> float:
-    """The end of a row's scale."""
+    """End of a row's scale."""
     ends = row.shown_range()
     known = [v for v in (*row.shown(), *papers) if v is not None and v == v]
     largest = max(known, default=0.0)
@@ -101,7 +101,7 @@ def largest_of(row: PropertyRow, papers: Sequence[float | None]) -> float:
 
 
 def surface_markup(one: ComparedMuscle, letter: str, found: jobs.Surface | None, scale: dict[str, float]) -> str:
-    """The place of a surface, which the browser draws."""
+    """Element for a surface, which the browser draws."""
     if found is None:
         return '<p class="small dim">Nothing tells its section: no tension per section.</p>'
     unit = "%" if one.fibre is not None else "bar"
@@ -125,7 +125,7 @@ def surface_markup(one: ComparedMuscle, letter: str, found: jobs.Surface | None,
 
 
 def velocity_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart:
-    """Tension over its largest against shortening velocity; circles are runs of the machine."""
+    """Chart of relative tension against shortening velocity; circles are runs of the machine."""
     lines = []
     for letter, one in muscles:
         x, y = jobs.over_velocity(one)
@@ -192,7 +192,7 @@ SWITCH = 0.15  # after the command at which the drawing goes on with the fall [s
 
 
 def _joined(rise: jobs.Any, fall: jobs.Any) -> tuple[np.ndarray, np.ndarray]:
-    """Rise and fall behind each other; the machine holds the full drive for longer in between."""
+    """Concatenate rise and fall; the machine holds the full drive for longer in between."""
     up, down = rise[0] <= SWITCH, fall[0] <= SWITCH
     up &= rise[0] >= 0.0
     down &= fall[0] >= 0.0
@@ -200,7 +200,7 @@ def _joined(rise: jobs.Any, fall: jobs.Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def loops_chart(loops: Sequence[tuple[str, tuple[np.ndarray, np.ndarray]]]) -> Chart:
-    """Tension over length of recordings."""
+    """Chart of tension over length of recordings."""
     lines = [
         ChartLine(from_si(1.0, "m", "cm") * x, y, name, "tension", dash=DASHES.get(name[:1], ""))
         for name, (x, y) in loops
@@ -216,7 +216,7 @@ def loops_chart(loops: Sequence[tuple[str, tuple[np.ndarray, np.ndarray]]]) -> C
 
 
 def efficiencies(found: MuscleTable, letters: Sequence[str], ours: bool) -> str:
-    """Bars of the efficiencies with what is published, and the misprint where its muscle is shown."""
+    """Draw bars of the efficiencies with published values, and the misprint if its muscle is shown."""
     rows: list[tuple[str, float, float]] = []
     for letter, one in zip(letters, found.columns, strict=True):
         for key, words in (("efficiency", "surroundings"), ("efficiency_accumulator", "accumulator")):

@@ -1,4 +1,4 @@
-"""The table of the comparison: a column per muscle with its drawing, its surface and Table 1."""
+"""Table of the comparison: a column per muscle with its drawing, its surface and Table 1."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class ComparisonGrid:
-    """The table of one page.
+    """Table of one page.
 
     Args:
         face: the page, which moves and drops columns.
@@ -128,7 +128,7 @@ class ComparisonGrid:
 
 
 def _short(title: str) -> str:
-    """The beginning of a title, up to its first comma or of-phrase."""
+    """Start of a title, up to its first comma or of-phrase."""
     for stop in (",", " of ", " with "):
         title = title.split(stop)[0]
     return title.removesuffix(" muscle") if len(title) > 18 else title

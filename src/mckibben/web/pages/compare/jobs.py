@@ -54,13 +54,13 @@ def subject_of(what: str | Path, pressure: float) -> ComparedMuscle:
 
 
 def column(one: ComparedMuscle) -> MuscleColumn:
-    """Table 1 of a muscle by its law."""
+    """Compute Table 1 of a muscle by its law."""
     result: MuscleColumn = _once(("column", one.spec.where, one.id, one.full), lambda: law_column(one))
     return result
 
 
 def recorded(path: Path) -> MuscleColumn:
-    """Table 1 of a recording."""
+    """Compute Table 1 of a recording."""
     result: MuscleColumn = _once(("recording", str(path), path.stat().st_mtime_ns), lambda: column_of(path))
     return result
 
@@ -115,7 +115,7 @@ def surface(one: ComparedMuscle) -> Surface | None:
 
 
 def over_velocity(one: ComparedMuscle) -> tuple[np.ndarray, np.ndarray]:
-    """Tension over F0 at the rest length while shortening steadily [L0/s], by the law with friction and viscosity."""
+    """Relative tension at the rest length during steady shortening [L0/s], by the law with friction and viscosity."""
     speeds = np.linspace(0.0, FASTEST, 101)
     if one.fibre is not None:
         tension = np.asarray(one.fibre.tension(one.rest_length, 1.0, -speeds * one.rest_length))
@@ -142,7 +142,7 @@ def paper_values(identifier: str) -> dict[str, float]:
 
 
 def misprint() -> Any:
-    """The row of the efficiency with an accumulator, whose printed value is wrong."""
+    """Row of the efficiency with an accumulator, whose printed value is wrong."""
     from ....reproduction.rows import all_rows
 
     return next(r for r in all_rows() if r.id == MISPRINT)
@@ -163,7 +163,7 @@ def loop_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def exported(found: MuscleTable) -> bytes:
-    """The table as CSV, every digit; the published range of biological muscle at the end."""
+    """Format the table as CSV with all digits; the published range of biological muscle is at the end."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     # A spreadsheet takes what begins with =, + or @ for a formula.
@@ -191,11 +191,11 @@ def shown_rows(found: MuscleTable) -> list[PropertyRow]:
 
 
 def value_of(one: MuscleColumn, name: str) -> float | None:
-    """A value of a column in the unit of its property."""
+    """Value of a column in the unit of its property."""
     value = one.values.get(name)
     return None if value is None or value != value else PROPERTIES[name].shown(value)
 
 
 def plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Arrays as lists with as many digits as a drawing needs."""
+    """Convert arrays to lists with as many digits as a drawing needs."""
     return {k: np.round(v, 5).tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}

@@ -1,4 +1,4 @@
-"""The comparison page's elements: a column per muscle, charts at the side."""
+"""Elements of the Compare page: a column per muscle, charts at the side."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PRESSURE = Quantity(
 
 
 class ComparePage:
-    """The page of one visitor.
+    """The Compare page of one visitor.
 
     Args:
         lab: state of the server.
@@ -138,7 +138,7 @@ class ComparePage:
         self.renew()
 
     def move(self, name: str, by: int) -> None:
-        """A column further left or right."""
+        """Move a column left or right."""
         chosen = self.recordings if name in self.recordings else self.muscles
         i = chosen.index(name)
         j = min(max(i + by, 0), len(chosen) - 1)
@@ -166,7 +166,7 @@ class ComparePage:
         return {n: jobs.subject_of(self.path(n), pressure) for n in self.muscles}
 
     def renew(self) -> None:
-        """Compute what is shown, and show it."""
+        """Compute and show the present columns."""
         self.number += 1
         number = self.number
         link(
@@ -264,7 +264,7 @@ class ComparePage:
         self.side(more["loops"], columns)
 
     def side(self, loops: Any = (), columns: Any = None) -> None:
-        """The charts."""
+        """Build the charts."""
         self.velocity.clear()
         with self.velocity:
             if loops:

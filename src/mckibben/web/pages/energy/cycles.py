@@ -1,4 +1,4 @@
-"""The cycles of Part IV as the page shows them: numbers, both loops, and the efficiency over the supply's pressure.
+"""Cycles of Part IV for the Energy page: numbers, both loops, and the efficiency over supply pressure.
 
 Values are those of `analysis.energy`, in the units of the axes; the browser draws and computes nothing.
 """
@@ -190,7 +190,7 @@ def _say(choice: EnergyChoice, main: CycleLoops, other: CycleLoops | None, betwe
 
 
 def _more(choice: EnergyChoice, main: CycleLoops, between: Conditions, overstretched: bool) -> list[str]:
-    """Sentences on what the numbers rest on."""
+    """Sentences about the assumptions of the numbers."""
     caution = pressure_caution(between.pressure, resolved(choice).spec)
     said = [] if caution is None else [f"{caution[0].upper()}{caution[1:]}."]
     if choice.cycle != "maximal" and between.friction:
@@ -225,7 +225,7 @@ def _volumes(all_: Mapping[str, CycleMuscle], cycle: str, between: Conditions) -
 
 @functools.lru_cache(maxsize=16)
 def curves(choice: EnergyChoice) -> dict[str, Any]:
-    """Efficiency over the supply's pressure, with each exchange, with and without friction."""
+    """Efficiency over supply pressure, with each exchange, with and without friction."""
     muscle = next(iter(resolved(choice).muscles.values()))
     highest = max(CURVE_TOP, choice.pressure)
     lines = []
@@ -253,7 +253,7 @@ def curves(choice: EnergyChoice) -> dict[str, Any]:
 
 
 def curves_key(choice: EnergyChoice) -> EnergyChoice:
-    """The choice without what its curves do not depend on."""
+    """Choices on which the curves depend."""
     return replace(choice, pressure=max(CURVE_TOP, choice.pressure), exchange="atmosphere")
 
 

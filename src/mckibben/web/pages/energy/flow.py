@@ -58,7 +58,7 @@ def account(path: Path, kind: str = "", muscle: str = "") -> tuple[EnergyAccount
 
 
 def stretch(found: EnergyAccount, part: str) -> tuple[EnergyAccount, CycleEnergy | None]:
-    """The account of the whole (an empty word), or of a cycle by its number from 1."""
+    """Account of the whole recording (empty text), or of a cycle by its number from 1."""
     if not part:
         return found, None
     if not part.isdigit() or not 1 <= int(part) <= len(found.cycles):

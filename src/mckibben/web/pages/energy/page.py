@@ -1,4 +1,4 @@
-"""The page Energy of one visitor: its bar, its panels, and the newest of its wishes computed in a thread."""
+"""The Energy page of one visitor: header, panels, and the newest choice, computed in a thread."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .state import LINKED, EnergyChoice, conditions, from_link, muscles, resolve
 
 
 async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
-    """Load what computes, then fill the page."""
+    """Load the computing modules, then build the page."""
     loaded = await run_in_thread(place, "Loading the muscles", _loaded, words)
     if loaded is not None:
         await EnergyPage(lab, words, bar, place, *loaded).show()
@@ -89,7 +89,7 @@ class EnergyPage:
         await self.draw()
 
     def changed(self, **what: Any) -> None:
-        """A visitor chose something; it is computed and shown in a task of its own."""
+        """Take a changed choice, and compute and show it in a task."""
         self.choice = replace(self.choice, **what)
         self.controls.under.clear()
         page_document().spawn(self.draw())
@@ -134,7 +134,7 @@ class EnergyPage:
         self.recorded.accumulator_changed()
 
     async def report(self) -> None:
-        """Download the report of the cycle that is shown."""
+        """Download the report of the shown cycle."""
         page = await run_in_thread(self.controls.under, "Writing the report", cycle_report, self.good)
         if page is not None:
             download(f"energy-{self.good.muscle}-{self.good.cycle}.html", page)
@@ -160,7 +160,7 @@ class CycleControls:
         self.rebuild()
 
     def rebuild(self) -> None:
-        """Show the choice as it is."""
+        """Rebuild the controls from the choice."""
         self.again = self.refused = False
         self.bar.clear()
         self.more.clear()
@@ -216,7 +216,7 @@ class CycleControls:
         self.typed.on_value("change", self.entered)
 
     def dragged(self, given: object) -> None:
-        """The slider was moved."""
+        """Take the position of the slider."""
         value = float(str(given))
         if self.refused:  # else the browser has the number already
             self.refusal("", f"{value:.6g}")
@@ -349,7 +349,7 @@ class RecordedFlow:
         return [n for n in self.view.lab.recordings.names() if n.lower().endswith(ENDINGS)][:MOST]
 
     def begin(self) -> None:
-        """Show the lists, and the recording that the link names or the newest one."""
+        """Show the lists, and the recording of the link or the newest one."""
         names = self.names()
         if not self.name and names:
             self.name = names[0]
@@ -369,7 +369,7 @@ class RecordedFlow:
         await self.load()
 
     def lists(self) -> None:
-        """Recording, stretch and kind of account, in the heading."""
+        """Build the lists of recordings, sections and kinds of account."""
         self.head.clear()
         names = self.names()
         shown = {n: n for n in ([] if self.name in names or not self.name else [self.name]) + names}
@@ -397,7 +397,7 @@ class RecordedFlow:
         self.draw()
 
     async def load(self) -> None:
-        """Make the account and draw it."""
+        """Compute the account and draw it."""
         with self.view.bar:  # the list that was chosen from is made anew
             name, kind = self.name, self.kind
             link(recording=name, account=kind or None, part=self.part or None)
@@ -439,11 +439,11 @@ class RecordedFlow:
             box("div", "e-flow").data("spec", document)
 
     def accumulator(self) -> float | None:
-        """Gauge pressure of the accumulator that is chosen above [Pa]."""
+        """Gauge pressure of the accumulator chosen for the cycle [Pa]."""
         choice = self.view.good
         return conditions(choice).exchange_pressure if choice.exchange == "accumulator" else None
 
     def accumulator_changed(self) -> None:
-        """Tell another saving where the accumulator above has changed."""
+        """Update the saving after a change of the accumulator."""
         if self.account is not None and self.accumulator() != self.told:
             self.draw()

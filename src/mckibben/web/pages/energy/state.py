@@ -119,7 +119,7 @@ class ResolvedMuscle(NamedTuple):
 
 
 def resolved(choice: EnergyChoice) -> ResolvedMuscle:
-    """The muscle of a choice.
+    """Resolve the muscle of a choice.
 
     Raises:
         InputError: there is none, or it is of another kind.
@@ -135,7 +135,7 @@ def _resolved(name: str, law: str, volume: str) -> ResolvedMuscle:
 
 
 def conditions(choice: EnergyChoice, exchange: str | None = None) -> Conditions:
-    """Between what the cycle runs; with the other exchange, where it is named."""
+    """Conditions of the cycle; with the other exchange, if it is named."""
     spec, law, all_ = resolved(choice)
     muscle = next(iter(all_.values()))
     own = choice.stretched_length

@@ -1,4 +1,4 @@
-"""The page Fit: tension laws to a table of length, pressure and tension."""
+"""The Fit page: tension laws for a table of length, pressure and tension."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ...widgets import page_frame
 
 
 def build(lab: Laboratory, request: Any) -> None:
-    """Fill it."""
+    """Build the page."""
     from .page import FitPage
     from .state import LINK
 

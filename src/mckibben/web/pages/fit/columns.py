@@ -32,7 +32,7 @@ Change = Callable[[FitRequest], Any]
 
 
 def mapping(asked: FitRequest, look: TablePreview, change: Change, wrong: InputError | None) -> None:
-    """The table of columns with a preview; a column that is to blame is marked.
+    """Build the table of columns with a preview; a column with an error is marked.
 
     Args:
         asked: how the file is read now.
@@ -82,7 +82,7 @@ def mapping(asked: FitRequest, look: TablePreview, change: Change, wrong: InputE
 
 
 def _telling(rows: list[list[str]], pull: int) -> list[list[str]]:
-    """A few of the first rows, with one that is slack among them where there are any."""
+    """Select some of the first rows, with a slack one among them if there is any."""
     slack = [row for row in rows if pull >= 0 and _slack(row[pull])]
     kept = [row for row in rows if not any(row is s for s in slack[1:])]
     return kept[:SHOWN] or rows[:SHOWN]
@@ -246,7 +246,7 @@ def _more(asked: Callable[[], FitRequest], change: Change, branches: list[str], 
 
 
 def maps(take: Change) -> None:
-    """Tables that are there already: those of specimens that ship with one."""
+    """Build the list of available tables: those of specimens that ship with one."""
     text("p", "Or take a map that was measured by others:", "small dim")
     with box("div", "row wrap"):
         for spec in specimens():
@@ -255,7 +255,7 @@ def maps(take: Change) -> None:
 
 
 def _like(asked: Callable[[], FitRequest], change: Change) -> None:
-    """Whose dimensions are known."""
+    """Build the choice of a specimen with the same dimensions."""
     if asked().kind == "map":
         return
 

@@ -30,11 +30,11 @@ _lock = threading.Lock()
 
 
 class _StoppedError(Exception):
-    """A person did not want to wait for it."""
+    """The user stopped the work."""
 
 
 class FitJob:
-    """The fits of one page.
+    """Fits of one page.
 
     Args:
         lab: whose tables are fitted.
@@ -62,12 +62,12 @@ class FitJob:
 
     @property
     def left(self) -> float | None:
-        """Time that it will still take [s], once that can be said."""
+        """Remaining time [s], as soon as it can be estimated."""
         gone = time.monotonic() - self._began
         return gone * (1.0 - self.share) / self.share if self.share > 0.05 and gone > 1.0 else None
 
     def start(self, asked: FitRequest, points: ForceMap, laws: Sequence[str]) -> None:
-        """Fit what is not yet there; what is no longer wanted is stopped."""
+        """Fit the requested laws that are missing, and stop others."""
         self.stop()
         path = state.file_of(self._lab, asked)
         key = (str(path), path.stat().st_mtime_ns, asked)
@@ -86,13 +86,13 @@ class FitJob:
             _pool.submit(self._go, self._stop, key, asked, points, missing)
 
     def stop(self) -> None:
-        """Take what is there; the rest is not done."""
+        """Stop fitting, and keep the results so far."""
         self._stop.set()
         self.running = False
         self.version += 1
 
     def end(self) -> None:
-        """The page is gone, or the server ends."""
+        """End the work, when the page is closed or the server ends."""
         self.ended = True
         self.stop()
 
@@ -206,7 +206,7 @@ def read(path: Path, asked: FitRequest) -> TableReading:
 
 
 def _of_recording(path: Path, asked: FitRequest, look: Any) -> FitRequest:
-    """A recording says its rest length, and a real machine's span stands for the length, where nothing else is said."""
+    """Complete a request from a recording: its rest length, and a real machine's span for the length."""
     from ....recordings import read_any
 
     spans = [c for c in look.header if c.split(" [")[0] in ("span", "muscle.span")]

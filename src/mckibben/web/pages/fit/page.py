@@ -1,4 +1,4 @@
-"""The page Fit of one visitor: what is asked, what came of it, where it stands, and what is taken home."""
+"""The Fit page of one visitor: request, results, their display, and downloads."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class FitPage:
     # ---- the page
 
     def build(self, bar: Element) -> None:
-        """Make the places, empty as yet."""
+        """Build the empty page."""
         with bar:
             _buttons(self)
         with box("div", "fit"):
@@ -95,7 +95,7 @@ class FitPage:
         self._places[name] = box("div", classes)
 
     async def begin(self) -> None:
-        """Do what the link asks for."""
+        """Execute the request of the link."""
         self._show_laws()
         await self.load(fresh=True)
 
@@ -108,7 +108,7 @@ class FitPage:
         await self.ask(FitRequest("table", path.name), fresh=True)
 
     async def ask(self, asked: FitRequest, *, fresh: bool = False) -> None:
-        """Read a table, or read it otherwise, and fit the laws to it."""
+        """Read a table, or read it differently, and fit the laws to it."""
         self.asked = asked
         self._link()
         await self.load(fresh=fresh)
@@ -134,7 +134,7 @@ class FitPage:
         self._fit()
 
     async def pick(self, law: str) -> None:
-        """Show another law's curves."""
+        """Show the curves of another law."""
         self.law = law
         self._link()
         await self._results()
@@ -159,7 +159,7 @@ class FitPage:
     # ---- file and columns
 
     async def load(self, *, fresh: bool = False) -> None:
-        """Read what is asked; what is wrong stands beside the columns, and nothing else changes."""
+        """Read the requested table; an error is shown beside the columns, and nothing else changes."""
         self._loading += 1
         mine, asked = self._loading, self.asked
         if asked is None:
@@ -250,7 +250,7 @@ class FitPage:
         self._timer.active = True
 
     async def look(self) -> None:
-        """Show what the work has come to."""
+        """Show the progress of the work."""
         if self.work.version == self._seen or self.work.ended:
             return
         self._seen, running = self.work.version, self.work.running
@@ -260,7 +260,7 @@ class FitPage:
             self._timer.active = False
 
     async def stop(self) -> None:
-        """Keep what is there."""
+        """Stop the work, and keep the results so far."""
         self.work.stop()
         await self.look()
 
@@ -308,7 +308,7 @@ class FitPage:
 
 
 class FitProgress:
-    """The line below the ranking. It is made once for all of a work, so that a click on its button meets it.
+    """Progress line below the ranking. It is built once per job, so that clicks reach its button.
 
     Args:
         place: where it stands while there is something to say.

@@ -1,4 +1,4 @@
-"""The page The paper: every printed number and figure, theirs and ours."""
+"""The page The paper: every printed number and figure, with our values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LINKED = ("row", "figure", "form")  # what the server has to know; the browser k
 
 
 def build(lab: Laboratory, request: Any) -> None:
-    """Fill it; what is heavy comes once the page stands."""
+    """Build the page; slow parts follow when it is displayed."""
     words = asked(request, *LINKED)
     with page_frame(
         "paper",

@@ -41,7 +41,7 @@ LATER = 5  # less pressing than whatever else the machine does
 
 
 def work(line: Connection, place: str) -> None:
-    """Do jobs until the pipe ends.
+    """Execute jobs until the pipe is closed.
 
     Args:
         line: jobs come and answers go through it.
@@ -65,7 +65,7 @@ def work(line: Connection, place: str) -> None:
 
 
 class _Teller:
-    """Passes words on, but not more often than a person reads."""
+    """Forwards messages at a readable rate."""
 
     def __init__(self, line: Connection) -> None:
         self.line, self.last = line, 0.0
@@ -78,7 +78,7 @@ class _Teller:
 
 
 def _rows(line: Connection, said: _Teller, names: Sequence[str]) -> None:
-    """Compute rows; one that cannot be computed does not keep the others from it."""
+    """Compute rows; one that fails does not stop the others."""
     known = {row.id: row for row in all_rows()}
     for name in names:
         line.send(("row", name))
@@ -147,13 +147,13 @@ class WorkerProcess:
                 self._thread.start()
 
     def hurry(self, job: tuple[Any, ...]) -> None:
-        """Do a job that waits before others that do."""
+        """Execute a queued job before others."""
         with self._lock:
             self._jobs = [(0, *one[1:]) if one[2] == job else one for one in self._jobs]
             heapq.heapify(self._jobs)
 
     def stop(self, job: tuple[Any, ...]) -> None:
-        """Stop a job; one that is done now ends with its process, others go on in a new one."""
+        """Stop a job; if it is running, its process ends and the others continue in a new one."""
         with self._lock:
             waiting = [one for one in self._jobs if one[2] == job]
             self._jobs = [one for one in self._jobs if one[2] != job]
@@ -221,7 +221,7 @@ YOUNG = 5.0  # age of a claim without a name in it that may still be written [s]
 
 
 class RecordingCache(Folder):
-    """Recordings by key; whoever asks for one that another makes waits for it.
+    """Recordings by key; concurrent requests for a key share one computation.
 
     Args:
         place: place of the folder.
@@ -233,7 +233,7 @@ class RecordingCache(Folder):
         self.tell = tell
 
     def one(self, key: str, make: Callable[[], Recording]) -> Recording:
-        """The recording with a key: as it was left here, or made now and left here."""
+        """Return the recording of a key, from the cache or computed now."""
         name = hashlib.sha256(key.encode()).hexdigest()[:24]
         file, claim = self.place / f"{name}.nc", self.place / f"{name}.claim"
         while not file.exists():
@@ -262,7 +262,7 @@ class RecordingCache(Folder):
 
 
 def _left(claim: Path) -> bool:
-    """Whether the process that made a claim is gone."""
+    """Whether the process of a claim has ended."""
     try:
         owner = claim.read_text()
         if not owner:

@@ -22,7 +22,7 @@ FORMS = {"form": "In the paper\u2019s form", "numbers": "Its numbers"}
 
 
 async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
-    """Load what computes, then fill the page."""
+    """Load the computing modules, then build the page."""
     loaded = await run_in_thread(place, "Loading the rows", _loaded, lab)
     if loaded is not None:
         PaperPage(lab, words, bar, place, loaded).show()
@@ -95,7 +95,7 @@ class PaperPage:
     # ---- what a visitor does
 
     def run(self, *, recordings: bool = True, names: list[str] | None = None) -> None:
-        """Compute what is to come."""
+        """Compute the missing rows."""
         try:
             self.all.run(names, recordings=recordings)
         except MckibbenError as error:
@@ -105,7 +105,7 @@ class PaperPage:
         self.look()
 
     def picked(self, given: object) -> None:
-        """A row or a figure was chosen in the browser."""
+        """Take the row or figure that was chosen in the browser."""
         choice = given if isinstance(given, dict) else {}
         row, figure = str(choice.get("row") or ""), str(choice.get("figure") or "")
         if row and row in self.all.rows:
@@ -120,7 +120,7 @@ class PaperPage:
         self.chosen()
 
     def again(self, name: str) -> None:
-        """Draw a figure that was stopped or refused."""
+        """Retry a figure that was stopped or refused."""
         self.all.draw(name)
         self.chosen()
 
@@ -151,7 +151,7 @@ class PaperPage:
     # ---- what is shown
 
     def look(self) -> None:
-        """Show what has changed since the last look."""
+        """Show the changes since the last call."""
         for line, messages in self.writing:
             line.say(messages[0])
         if not self.calm and time.monotonic() - self.began > CALM:
@@ -202,7 +202,7 @@ class PaperPage:
         self.drawn()
 
     def drawn(self) -> None:
-        """The body of the chosen figure, as far as it is."""
+        """Content of the chosen figure, as far as it exists."""
         all_, name = self.all, self.figure
         outcome = all_.outcomes.get(self.row)
         key = (

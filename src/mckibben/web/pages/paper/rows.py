@@ -1,4 +1,4 @@
-"""Rows and figures of the papers as the browser shows them; numbers, units and verdicts are worded as in the report."""
+"""Rows and figures of the papers for the browser; numbers, units and verdicts are worded as in the report."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def outcome_document(outcome: RowOutcome) -> dict[str, Any]:
 
 
 def said(note: str) -> str:
-    """A note in type."""
+    """Format a note as HTML."""
     return minus(note.replace("+-", "\u00b1").replace("`", ""))
 
 

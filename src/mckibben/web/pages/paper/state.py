@@ -23,14 +23,14 @@ LEFT_OUT = "What is computed of recordings of the simulated test machine was lef
 
 
 class PaperPicture(NamedTuple):
-    """A figure as the page shows it: SVG in the page's colours, and a small PNG as a data address."""
+    """A figure for the page: SVG in the page's colours, and a small PNG as a data URL."""
 
     svg: str
     small: str
 
 
 class Reproduction:
-    """Rows, figures and reports; safe for use by several threads."""
+    """State of rows, figures and reports; safe for use by several threads."""
 
     def __init__(self) -> None:
         place = tempfile.mkdtemp(prefix="mckibben-paper-")
@@ -51,11 +51,11 @@ class Reproduction:
 
     @property
     def running(self) -> bool:
-        """Whether rows are computed."""
+        """Whether rows are being computed."""
         return bool(self.wanted)
 
     def run(self, names: Sequence[str] | None = None, *, recordings: bool = True) -> None:
-        """Compute rows that are still to come: the quick ones first.
+        """Compute the missing rows, quick ones first.
 
         Args:
             names: names of rows; all by default.
@@ -87,11 +87,11 @@ class Reproduction:
             self._rows.ask(self._job, self._hear_rows)
 
     def stop(self) -> None:
-        """Stop the run; what was computed stays."""
+        """Stop the computation; results are kept."""
         self._rows.stop(self._job)
 
     def left(self) -> float | None:
-        """About the time that the run still takes [s]; None while that is not known."""
+        """Estimated remaining time of the computation [s]; None if unknown."""
         if not self.running or self._done < TOLD_FROM * self._weight:
             return None
         return (time.monotonic() - self._began) * (self._weight - self._done) / self._done
@@ -148,7 +148,7 @@ class Reproduction:
         self._draws.stop(("figure", name))
 
     def ready(self, of: PaperFigure) -> bool:
-        """Whether a figure can be drawn without making recordings that take minutes."""
+        """Whether a figure can be drawn without minutes of computation."""
         return not of.recordings or bool(of.rows) and all(r in self.outcomes for r in of.rows)
 
     def _hear_figure(self, of: PaperFigure, kind: str, *more: Any) -> None:

@@ -1,4 +1,4 @@
-"""The page Recordings: list, search, overlay of two, notes, export, delete with a way back."""
+"""The Recordings page: list, search, overlay of two, notes, export, deletion with Undo."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ...widgets import page_frame
 
 
 def build(lab: Laboratory, request: Any) -> None:
-    """Fill it."""
+    """Build the page."""
     from .page import LINK, RecordingsPage
 
     words = asked(request, *LINK)

@@ -38,7 +38,7 @@ class ImportedFile(NamedTuple):
 def imported(
     path: Path, name: str, target: Path, columns: Mapping[str, str], units: Mapping[str, str], period: str
 ) -> ImportedFile:
-    """Make a recording of a file, in a process of its own where the file is large.
+    """Make a recording of a file, in a separate process if the file is large.
 
     Args:
         path: the file.
@@ -92,7 +92,7 @@ def _hint(error: MckibbenError) -> str:
 
 
 def exported(path: Path, suffix: str) -> tuple[str, bytes, list[str]]:
-    """A recording as another kind of file: its name, the bytes, and what that format holds otherwise."""
+    """Convert a recording to another format: file name, content, and remarks on differences."""
     from ....recordings import read_any, write
 
     if path.suffix.lower() == suffix:
@@ -104,7 +104,7 @@ def exported(path: Path, suffix: str) -> tuple[str, bytes, list[str]]:
 
 
 def repaired(lab: Laboratory, name: str) -> tuple[str, list[str]]:
-    """Save as a recording what is left of a log that was cut off; the log stays. Its name, and what was lost."""
+    """Recover a recording from an incomplete log, which is kept; return its name, and what was lost."""
     from ....recordings.mcap import read_log
 
     path = lab.recordings.found(name)
@@ -120,7 +120,7 @@ def repaired(lab: Laboratory, name: str) -> tuple[str, list[str]]:
 
 
 def rewritten(path: Path, record: object) -> None:
-    """Write a recording over its file; the list keeps its order, for the date of the file stays, but for a millisecond."""
+    """Overwrite a recording's file, but keep its date, so that the list keeps its order."""
     from ....recordings import write
     from ....recordings.recording import Recording
 
@@ -131,7 +131,7 @@ def rewritten(path: Path, record: object) -> None:
 
 
 def report(path: Path) -> tuple[str, bytes]:
-    """The report of a recording as a PDF file."""
+    """Write the report of a recording as a PDF file."""
     from ....recordings import read_any
     from ....report.recording_report import recording_report
 

@@ -1,4 +1,4 @@
-"""The list of recordings: search, three filters, and lines of which two are chosen."""
+"""The list of recordings: search, three filters, and lines of which up to two are chosen."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class RecordingLines:
         self._shown, self._made = {}, {}
 
     def show(self, entries: Sequence[RecordingEntry], chosen: Sequence[str]) -> None:
-        """These, with letters for the chosen ones."""
+        """Show the entries, with letters for the chosen ones."""
         now = {e.name: (e, LETTERS[chosen.index(e.name)] if e.name in chosen else "") for e in entries}
         if [*now] != [*self._made]:
             self.clear()
@@ -134,7 +134,7 @@ def when(seconds: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A duration with about three digits [s]."""
+    """Format a duration with about three digits [s]."""
     if not seconds or not math.isfinite(seconds):
         return "\u2013"
     return f"{seconds:.{1 if seconds >= 2.0 else 2}f}{THIN}s" if seconds < 1000.0 else f"{seconds / 60.0:.0f}{THIN}min"

@@ -75,7 +75,7 @@ def steps(record: Recording) -> list[tuple[str, Recording]]:
 
 
 def begins(record: Recording) -> float:
-    """The time of the first reversal of the length [s], from where two can be compared; the first sample otherwise."""
+    """Time of the first reversal of the length [s], at which recordings are aligned; else of the first sample."""
     name = places(record).get("length")
     cycle = last_cycle(record)
     if name is None or cycle is None:
@@ -97,7 +97,7 @@ def last_cycle(record: Recording) -> slice | None:
 
 
 def charts(parts: Sequence[OverlaidPart], view: str) -> list[Chart | str]:
-    """The charts of a view; a sentence where there is nothing to draw."""
+    """Charts of a view; a message if there is nothing to draw."""
     if view == "channels":
         shown: list[Chart | str] = [c for quantity in NAMES if (c := over_time(parts, quantity, LOW)) is not None]
         return shown or [_others(parts)]
@@ -108,7 +108,7 @@ def charts(parts: Sequence[OverlaidPart], view: str) -> list[Chart | str]:
 
 
 def over_length(parts: Sequence[OverlaidPart]) -> Chart | None:
-    """Tension over length, of the last full cycle where there are cycles."""
+    """Chart of tension over length, of the last full cycle if there are cycles."""
     lines = []
     for part in parts:
         x, y = part.values("length"), part.values("tension")
@@ -141,7 +141,7 @@ def less_the_law(parts: Sequence[OverlaidPart]) -> Chart | str:
 
 
 def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
-    """Length [cm], and tension less the law at the recorded length and pressure [N]."""
+    """Length [cm], and tension minus the law's at the recorded length and pressure [N]."""
     from ....muscles.build import law_from_specimen
     from ....report.origins import known_specimen
 
@@ -162,7 +162,7 @@ def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
 
 
 def over_time(parts: Sequence[OverlaidPart], what: str, height: int) -> Chart | None:
-    """A quantity over the time, both from their first reversal, with the notes."""
+    """Chart of a quantity over time, aligned at the first reversals, with the notes."""
     lines, marks = [], []
     for part in parts:
         y = part.values(what)

@@ -1,4 +1,4 @@
-"""The page Recordings of one visitor: what is searched, which two are chosen, and what is done with them."""
+"""The Recordings page of one visitor: search, choice of two recordings, and actions on them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class RecordingsPage:
         self._reading = False
 
     def build(self, bar: Element) -> None:
-        """Make the places."""
+        """Build the empty page."""
         with bar:
             self._told = text("span", "", "small dim")
             self.actions.buttons()
@@ -157,7 +157,7 @@ class RecordingsPage:
     # ---- choice
 
     async def pick(self, name: str) -> None:
-        """Choose one, or let it go; a third takes the place of the second."""
+        """Toggle the choice of a recording; a third one replaces the second."""
         if name in self.chosen:
             self.chosen.remove(name)
         else:
@@ -165,7 +165,7 @@ class RecordingsPage:
         await self._chosen()
 
     async def choose(self, names: list[str]) -> None:
-        """Choose these."""
+        """Choose some recordings."""
         self.chosen = names[:2]
         await self._chosen()
 
@@ -206,7 +206,7 @@ class RecordingActions:
         button("Repair", self._repair)
 
     def build(self) -> None:
-        """The dialogs, which are closed."""
+        """Build the closed dialogs."""
         self._renaming = Dialog("Rename a recording")
         with self._renaming:
             self._name = TypedField("Name", done=self._renamed)
@@ -293,11 +293,11 @@ class RecordingActions:
     # ---- export
 
     async def export(self) -> None:
-        """Download the chosen ones as the chosen kind of file."""
+        """Download the chosen recordings in the chosen format."""
         await self._each(jobs.exported, self.format)
 
     async def report(self) -> None:
-        """Download the reports of the chosen ones."""
+        """Download the reports of the chosen recordings."""
 
         def made(path: Path) -> tuple[str, bytes, list[str]]:
             return *jobs.report(path), []

@@ -1,4 +1,4 @@
-"""The right side: the chosen recordings over each other, their notes, and what is measured on both."""
+"""The right side: overlay of the chosen recordings, their notes, and measured properties."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class OverlayPane:
         self._asking = 0
 
     def build(self) -> None:
-        """Make the places."""
+        """Build the empty pane."""
         with box("div", "right"):
             with panel("Overlay") as head:
                 with head:
@@ -251,7 +251,7 @@ def _disc(letter: str, words: str) -> None:
 
 
 def _measured(found: Sequence[overlay.Measure], letters: Sequence[str]) -> None:
-    """The table of properties, with their ratio where there are two."""
+    """Show the table of properties, with ratios if there are two recordings."""
     two = len(letters) > 1
     with box("table").set(aria_label="Measured properties"):
         with box("thead"), box("tr"):

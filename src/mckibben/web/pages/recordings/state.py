@@ -120,7 +120,7 @@ def known(path: Path) -> RecordingEntry | None:
 
 
 def entry(path: Path) -> RecordingEntry:
-    """The line of a file; where it cannot be read, why."""
+    """Entry of a file, or the reason why it cannot be read."""
     line = known(path)
     if line is not None:
         return line
@@ -212,7 +212,7 @@ def channel(record: Recording, names: Sequence[str]) -> str:
 
 
 def places(record: Recording) -> dict[str, str]:
-    """The channels of length, pressure and tension that it has, those that were measured first."""
+    """Channels of length, pressure and tension, measured ones first."""
     from ....report.recording_report import LENGTHS, PRESSURES, TENSIONS
 
     named = {"length": LENGTHS, "pressure": PRESSURES, "tension": TENSIONS}
@@ -221,7 +221,7 @@ def places(record: Recording) -> dict[str, str]:
 
 
 def thumbnail(record: Recording) -> str:
-    """Pressure, length and tension over the time, each in its own range, and the tension over the length."""
+    """Draw pressure, length and tension over time, each in its own range, and tension over length."""
     there, lines = places(record), []
     moves = "length" in there and float(np.nanstd(record[there["length"]])) > STILL * float(
         np.nanmax(record[there["length"]])
@@ -252,7 +252,7 @@ def _last_cycle(record: Recording, name: str) -> slice:
 
 
 def _within(values: np.ndarray) -> np.ndarray:
-    """Values as heights of a thumbnail [px], the largest on top."""
+    """Convert values to heights of a thumbnail [px], the largest on top."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     return HIGH - 4.0 - 26.0 * (values - low) / ((high - low) or 1.0)
 
