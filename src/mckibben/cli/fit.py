@@ -1,4 +1,4 @@
-"""``fit``: from a measured table to laws, ranked, with intervals and predictions; or from printed constraints."""
+"""``fit``: ranking of laws on a measured table, with intervals and predictions; or fits to printed constraints."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def _share(largest: float, newton: float | None) -> str:
 
 
 def show_ranking(study: Ranking) -> None:
-    """Print the ranking of one table, the best law's parameters, and what is to be noted."""
+    """Print the ranking of one table, the best law's parameters, and cautions."""
     largest = study.points.largest
     n = int(study.points.taut.sum())
     share = functools.partial(_share, largest)

@@ -1,4 +1,4 @@
-"""Figures and reports: what people would rather see than read. Only `report.figures` draws."""
+"""Figures and reports. Only `report.figures` draws."""
 
 from .._lazy import lazy_submodules
 

@@ -20,7 +20,7 @@ Text = Union[str, "Span", "Cite", "Link", tuple[Any, ...]]
 
 @dataclass(frozen=True)
 class Span:
-    """A piece of text that looks different."""
+    """A piece of text with a style."""
 
     text: str
     look: Look
@@ -35,7 +35,7 @@ class Cite:
 
 @dataclass(frozen=True)
 class Link:
-    """A piece of text that leads to an anchor of the document."""
+    """A piece of text that links to an anchor of the document."""
 
     text: str
     to: str
@@ -108,7 +108,7 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class KeyValues:
-    """Names and what they are."""
+    """A list of names and values."""
 
     pairs: tuple[tuple[str, Text], ...]
 
@@ -148,7 +148,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class NoteBox:
-    """A box that is not to be overlooked: a heading, then a sentence or several."""
+    """A highlighted box: a heading, then one or several sentences."""
 
     title: str
     items: tuple[Text, ...]
@@ -164,7 +164,7 @@ class Listing:
 
 @dataclass(frozen=True)
 class Fold:
-    """Blocks that a reader opens, unless they are `opened`; printed, and in a PDF file, they are open."""
+    """A collapsible group of blocks; open in print and in PDF files."""
 
     title: Text
     blocks: tuple[Block, ...]
@@ -184,7 +184,7 @@ Block = Heading | Paragraph | KeyValues | ReportTable | Figure | NoteBox | Listi
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a document; its anchor is what links lead to."""
+    """A section of a document, with an anchor for links."""
 
     title: str
     blocks: tuple[Block, ...]
@@ -192,7 +192,7 @@ class Section:
 
 
 def pieces(text: Text) -> Iterator[str | Span | Cite | Link]:
-    """The pieces of a text in their order."""
+    """Pieces of a text in their order."""
     if isinstance(text, tuple):
         for part in text:
             yield from pieces(part)
@@ -201,12 +201,12 @@ def pieces(text: Text) -> Iterator[str | Span | Cite | Link]:
 
 
 def plain(text: Text) -> str:
-    """A text without looks; of citations nothing is left."""
+    """Text without styles and citations."""
     return "".join(p if isinstance(p, str) else "" if isinstance(p, Cite) else p.text for p in pieces(text))
 
 
 def printable(text: str) -> str:
-    """The text with a replacement sign for what no file may hold: control signs, and halves of a pair."""
+    """Text in which invalid characters, such as control characters, are replaced."""
     return "".join(c if c in "\n\t" or not _unfit(ord(c)) else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
@@ -215,7 +215,7 @@ def _unfit(code: int) -> bool:
 
 
 def walk(blocks: tuple[Block, ...]) -> Iterator[Block]:
-    """Every block in its order, those inside folds after their fold."""
+    """Iterate over all blocks in order, those inside folds after their fold."""
     for block in blocks:
         yield block
         if isinstance(block, Fold):
@@ -223,7 +223,7 @@ def walk(blocks: tuple[Block, ...]) -> Iterator[Block]:
 
 
 def texts_of(block: Block) -> Iterator[Text]:
-    """Every text of a block that may hold links and citations."""
+    """Iterate over all texts of a block that may contain links and citations."""
     if isinstance(block, Paragraph):
         yield block.text
     elif isinstance(block, KeyValues):

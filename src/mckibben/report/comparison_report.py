@@ -1,4 +1,4 @@
-"""The report of a comparison: tables and figures side by side, remarks, and the papers that the numbers rest on.
+"""Report of a comparison: tables, figures, remarks, and references.
 
 `comparison_report` takes any tables and figures; `muscle_comparison` makes them of the comparison of muscles.
 """
@@ -43,7 +43,7 @@ def comparison_report(
     details: Sequence[Block] = (),
     keys: Sequence[str] = (),
 ) -> Document:
-    """A report of tables and figures.
+    """Build a report of tables and figures.
 
     Args:
         title: title of the report.
@@ -64,7 +64,7 @@ def comparison_report(
 
 
 def muscle_comparison(found: MuscleTable, drawn: Any = None, matches: Sequence[Match] = ()) -> Document:
-    """The report of a comparison of muscles.
+    """Build the report of a comparison of muscles.
 
     Args:
         found: the table.

@@ -1,4 +1,4 @@
-"""A report as an immutable tree of blocks; it becomes one HTML file that needs nothing else, or a PDF file alike.
+"""Reports as immutable trees of blocks, written as one self-contained HTML file or as PDF.
 
 Nothing here looks at a clock: the same document gives the same file.
 """
@@ -50,15 +50,15 @@ class Document:
         object.__setattr__(self, "references", keys)
 
     def anchors(self) -> list[str]:
-        """Where the sections stand, in their order."""
+        """Anchors of the sections, in order."""
         return [s.anchor or f"section{i}" for i, s in enumerate(self.sections, 1)]
 
     def html(self) -> str:
-        """The page: styles and pictures are in it, it runs no script and loads nothing."""
+        """Return the page: styles and figures are included, without scripts and external files."""
         return document_html.page(self)
 
     def pdf(self) -> bytes:
-        """The PDF file, tagged for readers who cannot see it.
+        """Return the PDF file, tagged for screen readers.
 
         Raises:
             InputError: typst, which sets it, is not installed.
@@ -77,7 +77,7 @@ class Document:
 
 
 def checked_place(path: str | Path, *, field: str = "report") -> Path:
-    """A place to which a report can be written; asked before the work is done.
+    """Check that a report can be written to a path, before the work is done.
 
     Raises:
         InputError: as `Document.write`; `field` is what it calls the place.

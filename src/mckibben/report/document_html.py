@@ -1,4 +1,4 @@
-"""A gauge of a table's cell as a small SVG picture."""
+"""HTML output of documents, and the drawing of gauges."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ WIDTH, HEIGHT, HALF = 120, 14, 48  # of the picture, and of its scale from 0 to 
 
 
 def gauge_svg(gauge: Gauge, *, recoloured: bool = False) -> str:
-    """The picture as an SVG element.
+    """Draw a gauge as an SVG element.
 
     Args:
         gauge: the gauge.
@@ -110,7 +110,7 @@ _MARKS = {"caution": "▲", "stop": "■"}  # before a cell of that look: colour
 
 
 def page(document: Document) -> str:
-    """The document as the text of an HTML file."""
+    """Return the document as the text of an HTML file."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -158,7 +158,7 @@ class _Writer:
         return Markup("<{0}{1}>{2}</{0}>").format(Markup(tag), named, printable(piece.text))
 
     def blocks(self, blocks: Sequence[Block]) -> Markup:
-        """Blocks one after another; neighbouring figures share a row where they fit."""
+        """Write blocks in order; neighbouring figures share a row if they fit."""
         out = []
         for pictures, some in itertools.groupby(blocks, lambda b: isinstance(b, Figure)):
             written = Markup("\n").join(self._block(b) for b in some)
@@ -286,7 +286,7 @@ class _Writer:
 
 
 def _kinds(table: ReportTable) -> Iterator[Markup]:
-    """The class of the cells of each column."""
+    """CSS class of the cells of each column."""
     before = ""
     for column in table.columns:
         words = ["n"] * column.number + ["w"] * column.wide + ["g"] * (column.group not in ("", before))

@@ -52,7 +52,7 @@ FOOT = 90  # signs of the title at the foot of a page
 
 
 def pdf(document: Document) -> bytes:
-    """The document as a PDF file.
+    """Return the document as a PDF file.
 
     Raises:
         MissingLibraryError: typst is not installed.
@@ -72,7 +72,7 @@ def compiler(instead: str = "HTML reports do without it") -> Any:
 
 
 def sources(document: Document) -> dict[str, bytes]:
-    """What typst is given: the text under ``main``, and the pictures by their names."""
+    """Input files of typst: the text under ``main``, and the figures by their names."""
     return _Writer(document).files
 
 
@@ -97,7 +97,7 @@ def _label(anchor: str) -> str:
 
 
 def _very_wide(block: Block) -> bool:
-    """Whether a figure's type would be too small to read across an upright page."""
+    """Whether a figure's type would be too small across an upright page."""
     if not isinstance(block, Figure) or isinstance(block.picture, bytes):
         return False
     return bool(block.picture.get_figwidth() > WIDEST)
@@ -111,7 +111,7 @@ def _fonts() -> list[str]:
 
 
 class _Writer:
-    """Writes one document; `files` holds the text and the pictures."""
+    """Writes one document; `files` holds the text and the figures."""
 
     def __init__(self, document: Document) -> None:
         self.numbers = {key: i for i, key in enumerate(document.references, 1)}
@@ -141,7 +141,7 @@ class _Writer:
     # ---- words
 
     def text(self, text: Text) -> str:
-        """A text as content of typst."""
+        """Text as typst content."""
         return "[" + "".join(f"#{self._piece(p)};" for p in pieces(text)) + "]"
 
     def _piece(self, piece: str | Span | Cite | Link) -> str:
@@ -161,7 +161,7 @@ class _Writer:
     # ---- blocks
 
     def blocks(self, blocks: Sequence[Block]) -> Iterator[str]:
-        """Blocks one after another; neighbouring figures that are very wide go on pages that lie on their side."""
+        """Write blocks in order; neighbouring very wide figures go on landscape pages."""
         for lying, some in itertools.groupby(blocks, _very_wide):
             yield from ["#page(flipped: true)["] * lying
             for block in some:

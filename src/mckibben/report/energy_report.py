@@ -29,7 +29,7 @@ def energy_report(
     curves: Sequence[tuple[str, EnergyCurve]],
     numbers: Mapping[tuple[str, str], EnergyCycle],
 ) -> Document:
-    """The document.
+    """Build the report.
 
     Args:
         title: title of the muscle.

@@ -1,4 +1,4 @@
-"""The report of an identification: for people who want to trust a law or not.
+"""Report of an identification.
 
 It holds the data and their source, the ranking, figures, parameters with intervals, cautions in plain words, versions
 and the papers. The same studies give the same file: it carries no date.
@@ -101,12 +101,12 @@ def write_fit_report(studies: Iterable[Ranking], path: str | Path) -> Path:
 
 
 def fit_report(studies: Iterable[Ranking]) -> str:
-    """The report of one or more studies as HTML text; arguments as for `write_fit_report`."""
+    """Return the report of one or more studies as HTML text; arguments as for `write_fit_report`."""
     return fit_document(studies).html()
 
 
 def fit_document(studies: Iterable[Ranking]) -> Document:
-    """The report of one or more studies; arguments as for `write_fit_report`."""
+    """Build the report of one or more studies; arguments as for `write_fit_report`."""
     shown = list(studies)
     these = "this muscle" if len(shown) == 1 else "these muscles"
     lead = f"Which law describes {these}, how well it predicts what it was not shown, and what its parameters are."
@@ -395,7 +395,7 @@ def _whisker(value: float, half: float) -> Gauge | str:
 
 
 def value_and_half(value: float, half: float) -> tuple[str, str]:
-    """A value and its half-width with the same power of ten, the half-width to two digits."""
+    """Format a value and its half-width with the same power of ten, the half-width to two digits."""
     if not math.isfinite(value):
         return "–", "–"
     size = max(abs(value), half if math.isfinite(half) else 0.0, 1e-300)
@@ -488,7 +488,7 @@ def _percent(value: float, size: float) -> str:
 
 
 def _readable(text: str) -> str:
-    """A value with its unit in type: a true minus, and a space that does not break."""
+    """Format a value with its unit: a typographic minus, and a non-breaking space."""
     return text.replace("-", "\N{MINUS SIGN}").replace(" deg", "°").replace(" ", "\N{NO-BREAK SPACE}")
 
 

@@ -48,7 +48,7 @@ class InferredInput(NamedTuple):
 
 
 def known_specimen(meta: Mapping[str, Any]) -> Specimen | None:
-    """The specimen that a recording names, where this installation knows it."""
+    """Specimen that a recording names, if this installation knows it."""
     try:
         return specimen(str(meta["specimen"]))
     except (KeyError, InputError):
@@ -164,7 +164,7 @@ def _laws(meta: Mapping[str, Any], spec: Specimen | None) -> list[str]:
 
 
 def _frictions(spec: Specimen | None) -> list[str]:
-    """The one that a run takes, see `assembly.build.unit_from_specimen`."""
+    """Names of the friction that a run uses, see `assembly.build.unit_from_specimen`."""
     stated = [*spec.friction] if spec else []
     return ["maxwell_slip"] if "maxwell_slip" in stated else stated[:1]
 

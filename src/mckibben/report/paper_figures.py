@@ -48,7 +48,7 @@ class PaperFigure(NamedTuple):
 
 
 def later(module: str, function: str, *arguments: str) -> Callable[[], Figure]:
-    """A drawing function of `report.figures.paper`, loaded when it is called, for drawing takes a second to load."""
+    """Drawing function of `report.figures.paper`, loaded at the call, since matplotlib takes a second to load."""
 
     def draw() -> Figure:
         figure: Figure = getattr(importlib.import_module(f"{__package__}.figures.paper.{module}"), function)(*arguments)
@@ -202,7 +202,7 @@ def _all() -> tuple[PaperFigure, ...]:
 
 
 def _static() -> tuple[PaperFigure, ...]:
-    """Part I."""
+    """Figures of Part I."""
 
     def one(
         key: str, title: str, caption: str, rows: tuple[str, ...], at: tuple[str, ...], *, recordings: bool = False
@@ -278,7 +278,7 @@ def _static() -> tuple[PaperFigure, ...]:
 
 
 def _circuits() -> tuple[PaperFigure, ...]:
-    """Part II."""
+    """Figures of Part II."""
 
     def one(key: str, title: str, caption: str, rows: tuple[str, ...]) -> PaperFigure:
         return PaperFigure(key, JOURNAL, "II", title, caption, rows, later("machine", f"figure_{key}"))
@@ -333,7 +333,7 @@ def _circuits() -> tuple[PaperFigure, ...]:
 
 
 def _shortening() -> tuple[PaperFigure, ...]:
-    """Part III."""
+    """Figures of Part III."""
     isometric = (
         "valve_delay",
         "pressure_to_tension",
@@ -379,7 +379,7 @@ def _shortening() -> tuple[PaperFigure, ...]:
 
 
 def _energy() -> tuple[PaperFigure, ...]:
-    """Part IV."""
+    """Figures of Part IV."""
 
     def one(key: str, title: str, caption: str, rows: tuple[str, ...]) -> PaperFigure:
         names = tuple(f"energy.{name}" for name in rows)

@@ -104,7 +104,7 @@ def channels(record: Recording) -> ReportTable:
 
 
 def saturation(meta: Mapping[str, Any]) -> list[str]:
-    """A sentence for each channel that was at an end of its range."""
+    """One sentence for each saturated channel."""
     sentences = []
     for name, said in mapping(meta.get("saturation")).items():
         entry = mapping(said)
@@ -121,7 +121,7 @@ def saturation(meta: Mapping[str, Any]) -> list[str]:
 
 
 def steps(record: Recording) -> list[Block]:
-    """The steps as they were done."""
+    """Show the executed steps."""
     try:
         listed, names = steps_of(record), [*varied(record)]
     except InputError:
@@ -234,7 +234,7 @@ def _part(name: str, words: str, joule: float, whole: float) -> TableRow:
 
 
 def calibration(meta: Mapping[str, Any]) -> list[Block]:
-    """The corrections of every channel with uncertainty, method and dates."""
+    """Show the corrections of every channel with uncertainty, method and dates."""
     if not meta.get("calibration"):
         return []
     try:
@@ -376,7 +376,7 @@ def _word(name: str) -> str:
 
 
 def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) -> list[Block]:
-    """Width, height, work and stiffness of the mean loop of each part."""
+    """Show width, height, work and stiffness of the mean loop of each part."""
     rows = []
     for part in parts:
         try:
@@ -439,7 +439,7 @@ _TOLD = frozenset(
 
 
 def recording_report(record: Recording, *, name: str = "") -> Document:
-    """The report of a recording.
+    """Build the report of a recording.
 
     Args:
         record: any recording.

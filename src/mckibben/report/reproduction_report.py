@@ -65,7 +65,7 @@ _ENDS = 0.5  # place on a gauge where the tolerance ends
 
 
 class Drawn(NamedTuple):
-    """A figure of the papers, and what it became: a matplotlib figure."""
+    """A figure of the papers, with its matplotlib figure."""
 
     of: PaperFigure
     picture: Any
@@ -79,7 +79,7 @@ def chosen_figures(
     recordings: bool = True,
     known: Mapping[str, PaperFigure] = FIGURES,
 ) -> list[PaperFigure]:
-    """Figures by their identifiers, or those that show one of the rows; of one part, where it is given.
+    """Find figures by their identifiers, or those that show one of the rows; of one part, if it is given.
 
     Args:
         ids: such as ``3a``; a number alone stands for all its panels.
@@ -112,7 +112,7 @@ def chosen_figures(
 
 
 def draw(figures: Iterable[PaperFigure], tell: Callable[[PaperFigure], None] | None = None) -> list[Drawn]:
-    """Draw figures, one after the other; `tell` is called with each before."""
+    """Draw figures; `tell` is called before each."""
     drawings = []
     for figure in figures:
         if tell:
@@ -122,7 +122,7 @@ def draw(figures: Iterable[PaperFigure], tell: Callable[[PaperFigure], None] | N
 
 
 def reproduction_report(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn] = (), *, left_out: str = "") -> Document:
-    """The report of rows and figures.
+    """Build the report of rows and figures.
 
     Args:
         outcomes: judged rows.
@@ -150,7 +150,7 @@ def reproduction_report(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn] =
 
 
 def printed(value: float | tuple[float, float]) -> str:
-    """A printed value, or the interval that is printed."""
+    """Format a printed value or interval."""
     if isinstance(value, tuple):
         return " to ".join(significant(v, 6) for v in value)
     return significant(value, 6)
@@ -216,7 +216,7 @@ def _verdict(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn], left_out: s
 
 
 def _range(tally: Tally) -> str:
-    """The smallest and the largest difference of a kind, in per cent."""
+    """Smallest and largest difference of a kind, in per cent."""
     if tally.lowest is None or tally.highest is None:
         return ""
     ends = dict.fromkeys(percent(end, 1) for end in (tally.lowest, tally.highest))

@@ -1,4 +1,4 @@
-"""Numbers, units and flat tables as a report writes them, and what computed it."""
+"""Formatting of numbers, units and flat tables for reports, and versions of the software."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def person_unit(si_unit: str) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """A unit in type: ``m^3/(s*Pa)`` becomes m³/(s·Pa); nothing for a pure number."""
+    """Format a unit: ``m^3/(s*Pa)`` becomes m³/(s·Pa); empty for a pure number."""
     text = _UNITS.get(unit, unit) if unit not in _SCALED else unit
     text = text.replace("^0.5", "⁰·⁵")
     text = re.sub(r"\^(-?\d+)", lambda m: m[1].translate(_RAISED), text)
@@ -32,7 +32,7 @@ def unit_text(unit: str) -> str:
 
 
 def significant(value: float, digits: int = 4) -> str:
-    """A number with some significant digits, grouped, with a true minus; powers of ten where it is very large or small."""
+    """Format a number with significant digits, grouped; with powers of ten if it is very large or small."""
     if not math.isfinite(value):
         return "\N{EN DASH}" if math.isnan(value) else "∞" if value > 0 else "\N{MINUS SIGN}∞"
     size = abs(float(f"{value:.{digits}g}"))
@@ -47,12 +47,12 @@ def significant(value: float, digits: int = 4) -> str:
 
 
 def power_text(power: int) -> str:
-    """``× 10`` to a power, as it follows a number."""
+    """Format a power of ten: ``× 10`` and the exponent."""
     return f"\N{THIN SPACE}×\N{THIN SPACE}10{str(power).translate(_RAISED)}"
 
 
 def minus(text: str) -> str:
-    """A hyphen before a digit as a true minus."""
+    """Replace a hyphen before a digit by a typographic minus."""
     return re.sub(r"(?<![\w.\]])-(?=[\d.])", "\N{MINUS SIGN}", text)
 
 
@@ -63,7 +63,7 @@ def amount(value: float, si_unit: str, digits: int = 4) -> str:
 
 
 def tied(text: str, unit: str) -> str:
-    """A number's text and its unit, that no line's end parts."""
+    """Join a number and its unit by a non-breaking space."""
     words = unit_text(unit)
     return f"{text}{TIED if words != '°' else ''}{words}" if words else text
 
@@ -75,12 +75,12 @@ def listed(words: Iterable[str]) -> str:
 
 
 def mapping(value: Any) -> Mapping[str, Any]:
-    """The value if it is a table, else an empty one: what others wrote into a recording may be anything."""
+    """Return the value if it is a table, else an empty one, since recordings may contain anything."""
     return value if isinstance(value, Mapping) else {}
 
 
 def is_number(value: Any) -> bool:
-    """Whether the value is a number, and not a truth."""
+    """Whether the value is a number, and not a truth value."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

@@ -60,7 +60,7 @@ def reproduce(
 
 @contextlib.contextmanager
 def helped(identifiers: list[str]) -> Iterator[None]:
-    """While inside, a second process makes recordings for these rows, where that is worth its start."""
+    """Let a second process make recordings for these rows, within the context, if that saves time."""
     wanted = [row.id for row in select(None, identifiers) if needs_recording(row)] if identifiers else []
     if len(wanted) < WORTH or (os.cpu_count() or 1) < 2 or multiprocessing.parent_process() is not None:
         yield

@@ -1,4 +1,6 @@
-"""Fig. 3 of the paper: loops of tension over length at constant pressure, from recordings of the three muscles.
+"""Figs.
+
+3, 4 and 6b of the paper: loops at constant pressure, sines of twelve frequencies, the fit to ten points, lubricants.
 
 Triangles at 5 bar where a row does not say otherwise; a loop is the mean of the recorded cycles, of the measured tension
 over the measured span. Rows are raw as the paper's are; where the lag of the cell's filter matters, the note gives the
@@ -67,12 +69,12 @@ def triangle(
 
 @functools.cache
 def measured_loop(muscle: str = "nylon", *, stroke: str = "large") -> TensionLoop:
-    """The loop at 5 bar as measured."""
+    """Measured loop at 5 bar."""
     return loop(triangle(muscle, stroke=stroke), length=SPAN, tension=TENSION)
 
 
 def without_lag(record: Recording, on: str = "paper") -> CorrectedLoop:
-    """The loop raw, and with the lag of a rig's cell taken out: its filter, less its turn after the sample."""
+    """Loop as measured, and without the lag of the cell: its filter, and its delay within the sample."""
     cell = rig(on).sensors["tension"]
     return corrected_loop(
         record, cutoff=float(cell.cutoff), lag=-float(cell.converter.skew), length=SPAN, tension=TENSION
@@ -90,7 +92,7 @@ def width() -> ComputedValue:
 
 @reproduces("loop.height", "N")
 def height() -> ComputedValue:
-    """Height of the same loop."""
+    """Height of the nylon muscle's loop."""
     lagless = without_lag(triangle()).corrected
     return ComputedValue(measured_loop().height, f"raw; {lagless.height:.2f} N without the lag of the cell's filter")
 
@@ -104,7 +106,7 @@ def _friction(record: Recording, on: str = "paper") -> ComputedValue:
 
 @reproduces("friction.nylon", "N")
 def friction_nylon() -> ComputedValue:
-    """Half the height."""
+    """Friction of the nylon muscle: half the loop's height."""
     return _friction(triangle())
 
 
@@ -116,7 +118,7 @@ def width_fiberglass() -> float:
 
 @reproduces("friction.fiberglass", "N")
 def friction_fiberglass() -> ComputedValue:
-    """Half its height."""
+    """Friction of the fiberglass muscle: half the loop's height."""
     return _friction(triangle("fiberglass", stroke="fiberglass"))
 
 
@@ -124,7 +126,7 @@ MODERN = "modern"  # the rig whose cell reaches as far as the Bridgestone muscle
 
 
 def bridgestone() -> Recording:
-    """The Bridgestone muscle's cycles, 0.78 to 1.02 L0, on that rig."""
+    """Recorded cycles of the Bridgestone muscle, 0.78 to 1.02 L0, on a rig."""
     return triangle("bridgestone", stroke="bridgestone", rig=MODERN)
 
 
@@ -144,7 +146,7 @@ def width_bridgestone() -> ComputedValue:
 
 @reproduces("friction.bridgestone", "N")
 def friction_bridgestone() -> ComputedValue:
-    """Half its height."""
+    """Friction of the Bridgestone muscle: half the loop's height."""
     friction = _friction(bridgestone(), MODERN)
     return friction._replace(note=f"{friction.note}; {_bridgestone_note()}")
 
@@ -156,7 +158,7 @@ def pressure_variation(record: Recording) -> Variation:
 
 @reproduces("loop.pressure_variation", "Pa")
 def largest_pressure_variation() -> ComputedValue:
-    """Largest less smallest within a cycle, the worst of the six pressures."""
+    """Largest variation of the pressure within a cycle, the worst of the six pressures."""
     worst = max(pressure_variation(triangle(pressure=p)).largest for p in PRESSURES)
     counts = worst / float(rig("paper").sensors["pressure"].resolution)
     bare = recording("preconditioning", plumbing="direct", pressure=FIVE_BAR, frequency="1 Hz", cycles=4)
@@ -169,7 +171,7 @@ def largest_pressure_variation() -> ComputedValue:
 
 @reproduces("loop.rate_ratio", "1")
 def rate_ratio() -> ComputedValue:
-    """Area at 0.25 Hz over that at 1 Hz."""
+    """Ratio of the loop's areas at 0.25 Hz and at 1 Hz."""
     slow, fast = triangle(frequency="0.25 Hz"), triangle()
     ratio = loop_ratio(loop(slow, length=SPAN, tension=TENSION), loop(fast, length=SPAN, tension=TENSION))
     lagless = loop_ratio(without_lag(slow).corrected, without_lag(fast).corrected)
@@ -178,13 +180,13 @@ def rate_ratio() -> ComputedValue:
 
 @reproduces("loop.small_range_ratio", "1")
 def small_range_ratio() -> ComputedValue:
-    """Width at half the range over that at the full one."""
+    """Ratio of the loop's widths at half and at the full range."""
     ratio = loop_ratio(measured_loop(stroke="small"), measured_loop())
     return ComputedValue(ratio.width, f"at {ratio.range:.2f} of the range; heights {ratio.height:.2f}")
 
 
 def rising_and_falling(stroke: str) -> tuple[TensionPath, TensionPath]:
-    """The two paths of the nylon muscle over a range."""
+    """Both paths of the nylon muscle over a range."""
     return paths(triangle(stroke=stroke), length=SPAN, tension=TENSION)
 
 
@@ -224,7 +226,7 @@ def _words(frequency: float) -> str:
 
 
 def recorded_sines(frequency: float) -> Recording:
-    """The sine of a frequency [Hz] with about the amplitude of the figure.
+    """Recording of the sine of a frequency [Hz] with about the amplitude of the figure.
 
     Raises:
         ConvergenceError: no amplitude that was requested gave it.
@@ -251,7 +253,7 @@ def recorded_sines(frequency: float) -> Recording:
 
 
 def _precondition(frequency: float) -> int:
-    """Cycles before the recorded ones, a second or more: the gas has to find its mean."""
+    """Number of cycles before the recorded ones, a second or more, in which the mean pressure settles."""
     return max(2, math.ceil(frequency))
 
 
@@ -261,14 +263,14 @@ def _rest_length() -> float:
 
 @functools.cache
 def sine(frequency: float) -> SineLoop:
-    """The loop at a frequency [Hz]."""
+    """Loop at a frequency [Hz]."""
     record = recorded_sines(frequency)
     gas = loop(record, length=SPAN, tension="pressure")
     return SineLoop(without_lag(record), peak_velocity(record, length=SPAN) / _rest_length(), gas.height)
 
 
 def spread(values: list[float]) -> float:
-    """Largest less smallest over the mean [1]."""
+    """Largest minus smallest over the mean [1]."""
     return (max(values) - min(values)) * len(values) / sum(values)
 
 
@@ -292,7 +294,7 @@ def sine_width_spread() -> ComputedValue:
 
 
 def widening(frequency: float) -> float:
-    """Width that the height of the raw loop at a frequency [Hz], less that of the slowest sine, makes [m].
+    """Width due to the additional height of the raw loop at a frequency [Hz] above that of the slowest sine [m].
 
     Taken at the stiffness of the slowest sine: the inertia of the fittings turns a fast loop flatter, and so makes it wider
     across without any loss.
@@ -302,13 +304,13 @@ def widening(frequency: float) -> float:
 
 
 def measurable() -> float:
-    """Width that one count of the cell makes at the stiffness of the slowest sine [m]."""
+    """Width equivalent to one count of the cell, at the stiffness of the slowest sine [m]."""
     return float(rig("paper").sensors["tension"].resolution) / sine(FIGURE[0]).loop.raw.stiffness
 
 
 @reproduces("loop.max_velocity", "1/s", CALIBRATED)
 def max_velocity() -> ComputedValue:
-    """Largest peak velocity of the sines whose raw loop is not wider than the slowest by what a count of the cell makes."""
+    """Largest peak velocity of the sines whose raw loop is not measurably wider than the slowest."""
     narrow = [f for f in (*FIGURE, FASTEST) if widening(f) < measurable()]
     fast, slow = sine(FASTEST).loop, sine(FIGURE[0]).loop
     return ComputedValue(
@@ -340,7 +342,7 @@ class Fits(NamedTuple):
 
 
 def stiff(record: Recording) -> Recording:
-    """The recording with a channel ``length``: the measured span less the stretch of cord and frame [m]."""
+    """Recording with a channel ``length``: the measured span minus the stretch of cord and frame [m]."""
     known = record.meta["parameters"]
     cord, toe, frame = (
         known[name]["value"]
@@ -408,7 +410,7 @@ LUBRICANT_CYCLES = {"precondition": 2, "cycles": 3}
 
 
 def treated(lubricant: str) -> TensionLoop:
-    """The loop with a lubricant on the muscle."""
+    """Loop with a lubricant on the muscle."""
     return loop(
         step_of(recording("lubricant-test", lubricant=lubricant, **LUBRICANT_CYCLES), "loops"),
         length=SPAN,
@@ -422,5 +424,5 @@ def treated(lubricant: str) -> TensionLoop:
     "with WD-40: the rig takes a tenth off the friction, so this tests the measurement, not the lubricant",
 )
 def lubricated() -> float:
-    """Height of the loop with WD-40 over that without."""
+    """Ratio of the loop's height with WD-40 to that without."""
     return loop_ratio(treated("WD-40"), treated("no lubricant")).height

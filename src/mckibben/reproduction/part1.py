@@ -1,4 +1,4 @@
-"""Part I of the paper: the static numbers and Table 1, each from a law and never from the printed value."""
+"""Part I of the paper: the static numbers and Table 1, computed from laws, never from printed values."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _nylon() -> LinearThreshold:
 
 @functools.cache
 def table1(name: str) -> StaticCharacteristics:
-    """The column of Table 1 for one of the three muscles, from its law and its measured diameter."""
+    """Compute the column of Table 1 for one of the three muscles, from its law and its measured diameter."""
     spec = specimen(name)
     return static_characteristics(
         law_from_specimen(spec),
@@ -102,7 +102,7 @@ def zero_tension_length() -> float:
 
 @reproduces("static.work_per_cycle", "N")
 def work_per_cycle() -> float:
-    """Work from 1.1 to 0.75 L0 over L0; below the free length the muscle hangs slack and does none."""
+    """Work from 1.1 to 0.75 L0 over L0; none below the free length, where the muscle is slack."""
     rest = float(_nylon().rest_length)
     return work_of_shortening(_nylon(), pressure=PRESSURE, longest=1.1 * rest, shortest=_shorter_end(rest)) / rest
 
@@ -142,7 +142,7 @@ FASTEST = 20.0  # maximum shortening velocity of fast muscle that it takes from 
 
 
 def muscle() -> BiologicalMuscle:
-    """The muscle that the paper's discussion computes with; its size cancels."""
+    """Muscle of the paper's discussion; its size cancels."""
     return BiologicalMuscle(
         rest_length=0.14, section_area=0.95e-4, maximum_tension_intensity=INTENSITY, maximum_velocity=FASTEST
     )
@@ -174,5 +174,5 @@ def dynamic_range() -> float:
 
 @reproduces("biology.peak_power_density", "W/m^3")
 def peak_power_density() -> float:
-    """A tenth of maximum intensity times maximum velocity."""
+    """Peak power density: a tenth of maximum intensity times maximum velocity."""
     return characteristics.peak_power_density(muscle(), fraction=0.1)

@@ -1,4 +1,4 @@
-"""Part II of the paper: what its accumulators and its tube are, and what its valves take."""
+"""Part II of the paper: accumulators, tube and its models, and power of the valves."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ def capacitance(volume: float) -> float:
 
 @reproduces("tube.capacitance_10in3", "kg/Pa", "at 300 K, which both printed values imply")
 def capacitance_10in3() -> float:
-    """The large accumulator."""
+    """Capacitance of the large accumulator."""
     return capacitance(ACCUMULATORS[LARGE])
 
 
 @reproduces("tube.capacitance_3in3", "kg/Pa", "at 300 K, which both printed values imply")
 def capacitance_3in3() -> float:
-    """The small accumulator."""
+    """Capacitance of the small accumulator."""
     return capacitance(ACCUMULATORS[SMALL])
 
 
 @reproduces("tube.inertance", "1/m")
 def tube_inertance() -> float:
-    """l/A of the tube; 1/m is Pa s2/kg."""
+    """Inertance l/A of the tube; 1/m is Pa s2/kg."""
     return float(inertance(length=LENGTH, area=circle_area(DIAMETER)))
 
 
@@ -48,7 +48,7 @@ def tube_inertance_per_cm() -> float:
 
 @functools.cache
 def tube_fits() -> TubeStudy:
-    """The paper's three models on synthetic records, for its pressures are not published."""
+    """Fit the paper's three models to synthetic records, since its pressures are not published."""
     return tube_study(seeds=QUICK_SEEDS, thermals=QUICK_THERMALS, keys=PAPERS)
 
 
@@ -58,7 +58,7 @@ def _fit(model: str, accumulator: str = LARGE, *, refitted: bool = False) -> Tub
 
 @reproduces("tube.linear_cutoff", "rad/s", SYNTHETIC)
 def linear_cutoff() -> float:
-    """1/(R C) over pi."""
+    """Cut-off frequency of the linear model, 1/(R C) over pi."""
     return 1.0 / (math.pi * _fit("linear").value("resistance") * capacity(ACCUMULATORS[LARGE]))
 
 
@@ -115,18 +115,18 @@ def turbulent_coefficient() -> float:
 
 
 def electrical_power(valve: str) -> float:
-    """Power that a valve takes [W]."""
+    """Electrical power of a valve [W]."""
     spec = specimen(valve)
     return spec.property_si("current", "A") * spec.property_si("voltage", "V")
 
 
 @reproduces("valve.festo_power", "W")
 def festo_power() -> float:
-    """Festo MPP-3-1/8."""
+    """Electrical power of the Festo MPP-3-1/8."""
     return electrical_power("MPP-3-1-8")
 
 
 @reproduces("valve.sarcos_power", "W")
 def sarcos_power() -> float:
-    """SARCOS C100P/80."""
+    """Electrical power of the SARCOS C100P/80."""
     return electrical_power("C100P-80")

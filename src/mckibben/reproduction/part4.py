@@ -1,4 +1,4 @@
-"""Part IV of the paper: input, output and efficiency of the nylon muscle's cycles, from the muscle and never from the print.
+"""Part IV of the paper: input, output and efficiency of the nylon muscle's cycles, computed from the muscle only.
 
 As the paper does it: the line of eq. 13, the volume of eq. 38b, surroundings of 1.0336 bar, friction off the output only.
 """
@@ -33,7 +33,7 @@ READING = "friction in the output only, as the printed joules have it; V0 and L2
 
 
 def muscle(volume: str = "paper") -> CycleMuscle:
-    """The muscle of Part IV: eq. 13 as printed, with a volume of `VOLUMES`."""
+    """Muscle of Part IV: eq. 13 as printed, with a volume of `VOLUMES`."""
     law = law_from_specimen(specimen(MUSCLE))
     line = {
         "stiffness_per_pressure": part1.KG,
@@ -45,12 +45,12 @@ def muscle(volume: str = "paper") -> CycleMuscle:
 
 
 def stretched_length() -> float:
-    """L2, where the cycles begin [m]."""
+    """Length L2 at the start of the cycles [m]."""
     return specimen(MUSCLE).property_si("stretched_length", "m")
 
 
 def conditions(*, accumulator: bool = False, friction: bool = True, reading: str = "printed") -> Conditions:
-    """Between what Part IV runs its cycles, at 5 bar; the accumulator is at the threshold."""
+    """Conditions of the cycles of Part IV, at 5 bar; the accumulator is at the threshold."""
     return Conditions(
         pressure=PRESSURE,
         stretched_length=stretched_length(),
@@ -111,14 +111,14 @@ def maximal_output() -> ComputedValue:
 
 @reproduces("energy.maximal.efficiency", "1", INFERRED)
 def maximal_efficiency() -> ComputedValue:
-    """Ea."""
+    """Efficiency Ea of maximal shortening."""
     efficiency = cycle("maximal").efficiency
     return ComputedValue(efficiency, f"{efficiency:.4f} unrounded; {_beside('maximal', 'efficiency')}")
 
 
 @reproduces("energy.maximal.efficiency_accumulator", "1", INFERRED)
 def maximal_efficiency_accumulator() -> ComputedValue:
-    """Ea with the accumulator."""
+    """Efficiency Ea of maximal shortening with the accumulator."""
     smooth = cycle("maximal", accumulator=True, friction=False).efficiency
     words = f"{smooth:.3f} without friction, which is what is printed"
     efficiency = cycle("maximal", accumulator=True).efficiency
@@ -141,7 +141,7 @@ def maximal_zero_pressure() -> float:
 
 @reproduces("energy.maximal.output_below_W12", "1")
 def maximal_output_below_delivery() -> ComputedValue:
-    """Largest Wa/W12."""
+    """Largest ratio Wa/W12 of maximal shortening."""
     cycles = energy_curve(muscle(), "maximal", PRESSURES, conditions()).cycles
     share = cycles.output / cycles.delivery
     return ComputedValue(float(np.nanmax(share)), f"at {1e-5 * PRESSURES[int(np.nanargmax(share))]:.1f} bar")
@@ -152,13 +152,13 @@ def maximal_output_below_delivery() -> ComputedValue:
 
 @reproduces("energy.isotonic.input", "J", READING)
 def isotonic_input() -> ComputedValue:
-    """Area EFGH."""
+    """Input of the isotonic cycle, area EFGH."""
     return ComputedValue(cycle("isotonic").input, _beside("isotonic", "input", " J"))
 
 
 @reproduces("energy.isotonic.input_accumulator", "J", READING)
 def isotonic_input_accumulator() -> ComputedValue:
-    """Area E'FGH'."""
+    """Input of the isotonic cycle with the accumulator, area E'FGH'."""
     return ComputedValue(
         cycle("isotonic", accumulator=True).input, _beside("isotonic", "input", " J", accumulator=True)
     )
@@ -166,7 +166,7 @@ def isotonic_input_accumulator() -> ComputedValue:
 
 @reproduces("energy.isotonic.output", "J", READING)
 def isotonic_output() -> ComputedValue:
-    """Work given by both isotonic cycles."""
+    """Output of both isotonic cycles."""
     one = cycle("isotonic")
     words = f"tendon at {one.load:.1f} N down to {100 * one.shortened_length:.3f} cm"
     return ComputedValue(one.output, f"{words}; {_beside('isotonic', 'output', ' J')}")
@@ -174,13 +174,13 @@ def isotonic_output() -> ComputedValue:
 
 @reproduces("energy.isotonic.efficiency", "1", READING)
 def isotonic_efficiency() -> ComputedValue:
-    """Eb."""
+    """Efficiency Eb of the isotonic cycle."""
     return ComputedValue(cycle("isotonic").efficiency, _beside("isotonic", "efficiency"))
 
 
 @reproduces("energy.isotonic.efficiency_accumulator", "1", READING)
 def isotonic_efficiency_accumulator() -> ComputedValue:
-    """Eb with the accumulator."""
+    """Efficiency Eb of the isotonic cycle with the accumulator."""
     return ComputedValue(
         cycle("isotonic", accumulator=True).efficiency, _beside("isotonic", "efficiency", accumulator=True)
     )
@@ -188,7 +188,7 @@ def isotonic_efficiency_accumulator() -> ComputedValue:
 
 @reproduces("energy.valve.input", "J", READING)
 def valve_input() -> ComputedValue:
-    """Area EF'GH."""
+    """Input of the valve-controlled isotonic cycle, area EF'GH."""
     one = cycle("valve")
     return ComputedValue(
         one.input, f"{one.throttling:.2f} J of it, area FF'G, throttled; {_beside('valve', 'input', ' J')}"
@@ -197,17 +197,17 @@ def valve_input() -> ComputedValue:
 
 @reproduces("energy.valve.input_accumulator", "J", READING)
 def valve_input_accumulator() -> ComputedValue:
-    """Area E'F'GH'."""
+    """Input of the valve-controlled isotonic cycle with the accumulator, area E'F'GH'."""
     return ComputedValue(cycle("valve", accumulator=True).input, _beside("valve", "input", " J", accumulator=True))
 
 
 @reproduces("energy.valve.efficiency", "1", READING)
 def valve_efficiency() -> ComputedValue:
-    """Ec."""
+    """Efficiency Ec of the valve-controlled isotonic cycle."""
     return ComputedValue(cycle("valve").efficiency, _beside("valve", "efficiency"))
 
 
 @reproduces("energy.valve.efficiency_accumulator", "1", READING)
 def valve_efficiency_accumulator() -> ComputedValue:
-    """Ec with the accumulator."""
+    """Efficiency Ec of the valve-controlled isotonic cycle with the accumulator."""
     return ComputedValue(cycle("valve", accumulator=True).efficiency, _beside("valve", "efficiency", accumulator=True))

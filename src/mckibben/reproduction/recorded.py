@@ -1,4 +1,4 @@
-"""Recordings of the simulated test machine, of which rows are computed: each is made once and shared by its rows.
+"""Recordings of the simulated test machine for rows, each made once and shared.
 
 Two processes may make them for the same rows, through a folder: what one of them has begun, the other does not begin again.
 A recording that is read there is the one that was made, bit for bit.
@@ -27,7 +27,7 @@ PAUSE = 0.05  # between two looks at what the other process has done [s]
 
 
 class ElsewhereError(MckibbenError):
-    """The other process is at this recording already."""
+    """The other process is already making this recording."""
 
 
 class Folder:
@@ -42,7 +42,7 @@ class Folder:
         self.place, self.alive = place, alive
 
     def one(self, key: str, make: Callable[[], Recording]) -> Recording:
-        """The recording with a key: as the other process left it, or made here.
+        """Recording of a key: from the other process, or made here.
 
         Raises:
             ElsewhereError: the other process makes it, and it is not waited for.
@@ -74,13 +74,13 @@ _folders: list[Folder] = []
 
 
 def shared(key: str, make: Callable[[], Recording]) -> Recording:
-    """The recording with a key, made here unless another process does."""
+    """Recording of a key, made here unless another process does."""
     return _folders[-1].one(key, make) if _folders else make()
 
 
 @contextlib.contextmanager
 def kept_in(folder: Folder) -> Iterator[None]:
-    """While inside, recordings come from a folder and go there."""
+    """Read and write recordings in a folder, within the context."""
     _folders.append(folder)
     try:
         yield
@@ -96,7 +96,7 @@ _tellers: list[Callable[[str], None]] = []
 
 @contextmanager
 def told(tell: Callable[[str], None] | None) -> Iterator[None]:
-    """While inside, `tell` hears which recording is made and how far it is."""
+    """Report which recording is being made and its progress to `tell`, within the context."""
     if tell is None:
         yield
         return
@@ -160,7 +160,7 @@ def _made(
 
 
 def step_of(record: Recording, label: str, **case: Any) -> Recording:
-    """The one recorded step with a label, and a case where several have it."""
+    """Recorded step with a label, and a case if several have it."""
     (step,) = segments(record, label, **case)
     return step
 

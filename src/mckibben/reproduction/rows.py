@@ -55,7 +55,7 @@ class RowOutcome(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """The verdict in one word or two."""
+        """Verdict in one or two words."""
         if self.ours is None:
             return "to come"
         if self.row.expect in ("open", "synthetic"):
@@ -132,7 +132,7 @@ def select(part: str | None = None, identifiers: list[str] | None = None) -> lis
 
 
 def reproduce_row(row: PrintedRow) -> RowOutcome:
-    """Compute one row and judge it."""
+    """Compute one row and its verdict."""
     if row.id not in _WAYS:
         return RowOutcome(row, None, None, said_of(row))
     way = _WAYS[row.id]
@@ -157,7 +157,7 @@ def _reasoned(row: PrintedRow) -> str:
 
 
 def needs_recording(row: PrintedRow) -> bool:
-    """Whether a row is computed of recordings of the simulated test machine, which take their time to make."""
+    """Whether a row needs recordings of the simulated test machine, which take time to make."""
     return row.id in _WAYS and _WAYS[row.id].recordings
 
 
@@ -177,12 +177,12 @@ def judge(row: PrintedRow, ours: float) -> bool | None:
 
 
 def rounds_to(ours: float, printed: float, decimals: int) -> bool:
-    """Whether a value rounds to a printed one at so many decimals."""
+    """Whether a value rounds to a printed one with a number of decimals."""
     return Decimal(repr(ours)).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP) == Decimal(repr(printed))
 
 
 def decimals_of(row: PrintedRow) -> int:
-    """Decimals of a row's value in print."""
+    """Number of decimals in print."""
     if row.decimals is not None:
         return row.decimals
     exponent = Decimal(repr(row.paper).removesuffix(".0")).as_tuple().exponent  # a TOML integer has become a float
@@ -209,7 +209,7 @@ def _row(entry: dict[str, Any]) -> PrintedRow:
 
 
 def _plain_unit(unit: str) -> str:
-    """The unit of a row without the muscle's own length unit L0, which the computing function has divided out."""
+    """Unit of a row without the muscle's rest length L0, by which the computing function has divided."""
     plain = unit.replace("(L0 cm2)", "cm2").replace("/L0", "").replace(" L0", "").replace("L0", "1")
     return plain.replace("cm2", "cm^2").replace("cm3", "cm^3").replace("s2", "s^2").replace(" ", "*")
 
@@ -285,7 +285,7 @@ class Tally(NamedTuple):
 
 
 def kind_of(outcome: RowOutcome) -> VerdictKind:
-    """The kind of verdict of a row."""
+    """Kind of a row's verdict."""
     return KINDS[outcome.verdict]
 
 
@@ -311,7 +311,7 @@ def relative_tolerance(row: PrintedRow) -> float | None:
 
 
 def tallies(outcomes: Iterable[RowOutcome]) -> list[Tally]:
-    """The kinds that occur, in their order."""
+    """Kinds that occur, in order."""
     listed = list(outcomes)
     counts = []
     for kind in KINDS.values():
@@ -342,6 +342,6 @@ def _between(tally: Tally) -> str:
 
 
 def percent(share: float, digits: int = 0) -> str:
-    """A relative difference in per cent, with its sign and without the per cent sign."""
+    """Format a relative difference in per cent, with its sign and without the per cent sign."""
     words = f"{100.0 * share:+.{digits}f}"
     return "0" if float(words) == 0.0 else words.replace("-", "\N{MINUS SIGN}")

@@ -1,4 +1,4 @@
-"""Fig. 10 of the paper: tension after steps of the valve's command, both ends of the muscle fixed.
+"""Part III of the paper: timing of isometric tension after valve steps, and power of isotonic shortening.
 
 Delays are those of the rising steps of the full range; every number is the mean over the recorded steps of its kind.
 """
@@ -87,13 +87,13 @@ def cycles(case: tuple[str, str]) -> Recording:
 
 @functools.cache
 def power(case: tuple[str, str]) -> ShorteningPower:
-    """Work and power of these cycles."""
+    """Work and power of the cycles at one load and frequency."""
     return shortening_power(cycles(case), length=SPAN, tension=TENSION, skip=SKIP)
 
 
 @functools.cache
 def error(case: tuple[str, str]) -> TensionError:
-    """Error of the controlled tension."""
+    """Error of the controlled tension at one load and frequency."""
     return tension_error(cycles(case), set_point=LOADS[case], length=SPAN, tension=TENSION, skip=SKIP)
 
 
@@ -154,7 +154,7 @@ def peak_power_fast() -> ComputedValue:
 
 
 def density(watts: float) -> float:
-    """Power over the volume that the muscle takes, its section when short times its rest length [W/m^3]."""
+    """Power over the muscle's volume, its shortened section times its rest length [W/m^3]."""
     spec = specimen("nylon")
     area = circle_area(spec.property_si("diameter_shortened", "m"))
     return power_density(watts, section_area=area, rest_length=spec.property_si("rest_length", "m"))
@@ -168,7 +168,7 @@ def mean_power_density() -> float:
 
 @reproduces("isotonic.peak_power_density", "W/m^3", "goes with the peak power, whose note says why it differs")
 def peak_power_density() -> float:
-    """Peak power over the same volume."""
+    """Peak power at 50 N, 5 Hz, over the muscle's volume."""
     return density(power(FAST).peak_power)
 
 

@@ -1,4 +1,4 @@
-"""The Pareto front: what nothing else beats in every respect."""
+"""Design studies: sweeps over muscle, valve and tube, and their Pareto front."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class DesignStudy:
 
     @property
     def front(self) -> tuple[Design, ...]:
-        """The best ones, the fastest first."""
+        """Pareto-optimal designs, the fastest first."""
         return tuple(sorted((d for d in self.designs if d.best), key=lambda d: d.response))
 
 
@@ -123,7 +123,7 @@ def design_sweep(
     rig: str = "modern",
     **values: Any,
 ) -> Sweep:
-    """The sweep over all combinations, which `drive.run_sweep` can run on many machines.
+    """Make the sweep over all combinations, which `drive.run_sweep` can run on many machines.
 
     Args:
         muscles: ids of specimens.
@@ -156,7 +156,7 @@ def design_study(
     progress: Callable[[float], None] = lambda _: None,
     **values: Any,
 ) -> DesignStudy:
-    """Run every combination in this process and judge it; see `design_sweep`.
+    """Run every combination in this process and evaluate it; see `design_sweep`.
 
     Designs whose tension has not settled after the step run again, with four and sixteen times the wait.
     """
@@ -184,7 +184,7 @@ def design_study(
 def judged(
     sweep: Sweep, variants: Variants, code: np.ndarray, message: Sequence[str], outputs: Mapping[str, np.ndarray]
 ) -> DesignStudy:
-    """The study from results in memory, or from those of a store (`store.read_results`).
+    """Evaluate results in memory, or those of a store (`store.read_results`).
 
     Args:
         sweep: sweep of `design_sweep`.

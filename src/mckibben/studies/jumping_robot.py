@@ -26,7 +26,7 @@ PRESSURES, VALVES, ANGLES, FRAMES = "pres_filt.txt", "t_valve.txt", "angle_pre.t
 
 
 def robot_plan() -> CircuitPlan:
-    """The robot's air as a circuit, with first guesses and what is free."""
+    """Circuit of the robot's air, with first guesses and free parameters."""
     with resources.as_file(resources.files(__package__) / "jumping_robot.toml") as path:
         return read_circuit(path)
 
@@ -66,7 +66,7 @@ def read_trial(folder: str | Path) -> Recording:
 
 
 def robot_trial(folder: str | Path, plan: CircuitPlan) -> Trial:
-    """A trial's folder, ready to be compared; valves' lines begin at the pressure of their muscles."""
+    """Read a trial's folder for comparison; valves' lines begin at the pressure of their muscles."""
     record = read_trial(folder)
     lines = {f"line_{m}": f"muscle_{m}" for m in MUSCLES}
     trial = trial_from_record(plan, record, name=Path(folder).name)

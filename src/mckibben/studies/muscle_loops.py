@@ -1,4 +1,6 @@
-"""The records of the loops' study: a slow loop of pressure and stroke, and two steps of pressure with creep.
+"""Study of a muscle's loop and creep: friction fitted to one half predicts the other.
+
+Creep fitted to part of a hold predicts the rest.
 
 They are those of a Festo DMSP-10-250 (tbazina/pam_lqi_pid; no licence stated, not shipped): a folder with
 ``pressure_stroke_loop.csv`` (``branch`` up or down, ``p_sensor_V``, ``stroke_mm``, ``p_bar_gauge``) and
@@ -29,7 +31,7 @@ AGREES = 1e-3  # between the volts and the table's own pressures, four decimals 
 
 
 def read_loop(folder: str | Path) -> PathRecord:
-    """The loop of a folder, pressures from the sensor's volts.
+    """Read the loop of a folder, pressures from the sensor's volts.
 
     Raises:
         MissingDataError: if the file is not there.
@@ -56,7 +58,10 @@ def read_loop(folder: str | Path) -> PathRecord:
 
 
 def read_steps(folder: str | Path) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Time since the step [s], stroke [m] and gauge pressure [Pa] of each segment of a folder; raises as `read_loop`."""
+    """Read time since the step [s], stroke [m] and gauge pressure [Pa] of each segment of a folder.
+
+    Raises as `read_loop`.
+    """
     path = _file(folder, STEPS)
     words, numbers = _columns(path, "segment", ("t_since_segment_start_s", "stroke_mm", "p_bar_sensor"))
     _only(words, SEGMENTS, "segment", path)
@@ -116,7 +121,7 @@ class Width(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Predicted over measured, less one."""
+        """Relative error of the prediction."""
         return self.predicted / self.measured - 1.0 if self.measured else float("nan")
 
 
@@ -168,7 +173,7 @@ class LoopStudy:
 
     @property
     def worst(self) -> Width:
-        """The mid-range width that is predicted worst."""
+        """Mid-range width with the largest error of prediction."""
         return max((w for w in self.widths if w.middle), key=lambda w: abs(w.error))
 
     def branch_errors(self) -> dict[str, float]:
@@ -240,7 +245,7 @@ def loop_study(
 
 
 def compared(record: PathRecord, unseen: PathRecord) -> tuple[Width, ...]:
-    """Widths of a measured and a predicted loop at every multiple of `SPACING` above zero that both branches reach."""
+    """Compare widths of a measured and a predicted loop at every multiple of `SPACING` above zero within both branches."""
     top = from_si(float(record.pressure.max()), "Pa", "bar")
     at = to_si(1.0, "bar", "Pa", field="pressure") * SPACING * np.arange(int(max(top, 0.0) / SPACING) + 1)
     measured, predicted = record.width(at), unseen.width(at)
@@ -271,7 +276,7 @@ def _hold(segment: str, rows: Segment, where: str) -> Segment:
 
 
 def _creep(segment: str, rows: Segment, after: Segment | None, record: PathRecord, draws: int) -> StepCreep:
-    """The creep of a held step; `after` is the segment whose first sample ends the hold."""
+    """Fit the creep of a held step; `after` is the segment whose first sample ends the hold."""
     start, (time, stroke, pressure) = HELD_FROM[segment], rows
     half = creep_half(time)
     fit = min((fit_creep(time, stroke, train=half, law=law) for law in LAWS), key=lambda f: f.aicc)
@@ -287,7 +292,7 @@ def _creep(segment: str, rows: Segment, after: Segment | None, record: PathRecor
 
 
 def _band(fit: CreepFit, at: np.ndarray, longest: float, draws: int) -> tuple[np.ndarray, np.ndarray]:
-    """Between which strokes 95 % of the samples to come should lie, from what the fit saw alone.
+    """Range that should contain 95 % of the coming strokes, from the fitted samples alone.
 
     Its errors are drawn again in runs of a quarter of the record, for they follow one another, and the fit is repeated;
     once with its own elements and once with slower ones, up to `longest` [s], which the seen half cannot exclude. The

@@ -1,4 +1,4 @@
-"""The tube study's fixed waveforms, and the distributed tube's answer to them, which stands in for the measured pressures.
+"""Tube models, records and cases of the tube study, the reference of the distributed tube, fits and predictions.
 
 100 cm of 1/8 in tube from a given pressure into an accumulator of 10 in3 or 3 in3. The paper does not say which pressures
 its valve gave, so the study has its own: all between 0 and 5 bar gauge, on a clock of 1 kHz, 3 s long, straight between
@@ -83,7 +83,7 @@ def clock() -> np.ndarray:
 
 
 def records(seeds: tuple[int, ...] = SEEDS) -> list[Record]:
-    """The records of some seeds: noise first, then steps."""
+    """Records of some seeds: noise first, then steps."""
     return [
         *(Record(f"noise {seed}", "noise", seed, noise(seed)) for seed in seeds),
         *(Record(f"steps {seed}", "steps", seed, steps(seed)) for seed in seeds),
@@ -91,7 +91,7 @@ def records(seeds: tuple[int, ...] = SEEDS) -> list[Record]:
 
 
 def noise(seed: int) -> MultiSine:
-    """Band-limited noise between 0 and `TOP` gauge [Pa]."""
+    """Band-limited noise between 0 and `TOP`, gauge [Pa]."""
     count = round(NOISE_CUTOFF * DURATION)
     wave = MultiSine(
         amplitude=1.0,
@@ -165,7 +165,7 @@ R1, R2, CUTOFF = 49.1, 20.7, 4.0 * np.pi  # [Pa s/m, Pa s2/m2, 1/s]
 
 @dataclass(frozen=True)
 class TubeModel:
-    """A tube model before a vessel: dotted paths of what is free, and first guesses beyond the element's own values [SI].
+    """A tube model before a vessel: free dotted paths, and first guesses beyond the element's own values [SI].
 
     The fit begins from each of the guesses, and the best end counts.
     """
@@ -221,7 +221,7 @@ class Case(NamedTuple):
         return ACCUMULATORS[self.accumulator]
 
     def trial(self, element: TwoPort, heat: HeatModel) -> Trial:
-        """The record as something to fit."""
+        """Record as a trial of a fit."""
         circuit = Circuit.of(
             {"supply": Reservoir(signal="supply"), "vessel": FixedVolume(size=self.volume, heat=heat)},
             {"tube": Branch(element, ("supply", "vessel"))},
@@ -232,7 +232,7 @@ class Case(NamedTuple):
 
 
 class RecordError(NamedTuple):
-    """A model against the reference on one record: rms error [Pa], lead of the model [s], its pressure [Pa]."""
+    """Error of a model on one record: rms error [Pa], lead of the model [s], its pressure [Pa]."""
 
     record: str
     rms: float
@@ -242,7 +242,7 @@ class RecordError(NamedTuple):
 
 @dataclass(frozen=True)
 class TubeModelResult:
-    """A model on one accumulator: fitted there, or with what another one gave.
+    """Result of a model on one accumulator: fitted there, or with parameters from another one.
 
     `vessel` is ``isothermal`` or ``wall_heat``; `changes` are the values by dotted path [SI], the conductance as on the
     large accumulator.
@@ -259,16 +259,16 @@ class TubeModelResult:
 
     @property
     def rms(self) -> float:
-        """Over all records [Pa]."""
+        """Rms error over all records [Pa]."""
         return float(np.sqrt(np.mean([c.rms**2 for c in self.comparisons])))
 
     @property
     def lead(self) -> float:
-        """Mean over the records [s]."""
+        """Mean lead over the records [s]."""
         return float(np.mean([c.lead for c in self.comparisons]))
 
     def value(self, name: str) -> float:
-        """A fitted value by its short name [SI]."""
+        """Fitted value by its short name [SI]."""
         return self.parameters[name].value
 
 
@@ -308,7 +308,7 @@ def _judged(model: TubeModel, heat: HeatModel, cases: Sequence[Case], changes: M
 
 
 def predict(model: TubeModel, heat: HeatModel, case: Case, changes: Mapping[str, float]) -> np.ndarray:
-    """Pressure in the vessel [Pa]; a conductance in `changes` is that of the large accumulator."""
+    """Predict the pressure in the vessel [Pa]; a conductance in `changes` is that of the large accumulator."""
     share = surface_share(case.volume)
     parameters = {path: value * share if path == HEAT else value for path, value in changes.items()}
     return np.asarray(case.trial(model.element, heat).run(parameters, step=STEP).outputs[CHANNEL])

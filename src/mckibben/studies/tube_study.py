@@ -1,4 +1,4 @@
-"""The tube study: lumped models of a tube against the distributed one, with everything fixed and printed.
+"""Tube study: lumped models of a tube compared with the distributed one; results, costs and claims.
 
 Chou and Hannaford compared three models with measured pressures in front of and behind 100 cm of tube into two accumulators.
 Their pressures are not published. Here the distributed tube takes the place of the measurement, under three assumptions
@@ -60,7 +60,7 @@ class TubeStudy:
 
     @property
     def thermals(self) -> tuple[str, ...]:
-        """The references, in order."""
+        """Thermal references, in order."""
         return tuple(self.results)
 
     def result(self, thermal: str, model: str, accumulator: str, *, refitted: bool = False) -> TubeModelResult:
@@ -95,7 +95,7 @@ def tube_study(
     keys: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> TubeStudy:
-    """Run it.
+    """Run the study.
 
     Args:
         seeds: one noise and one steps record each.
@@ -163,7 +163,7 @@ REPEATS = 25
 
 
 class Cost(NamedTuple):
-    """Least processor times of one run [s], which other work disturbs least, and their ratios, improved over inertial.
+    """Least processor time of one run of each model [s], and the ratio of improved to inertial.
 
     `ratio` is that of the two tubes on one isothermal vessel; the other has the vessel that the improved model was fitted
     with.
@@ -242,7 +242,7 @@ Numbers = dict[str, Any]
 
 
 class Claim(NamedTuple):
-    """A claim, whose it is (``paper``, ``target`` or ``erratum``), its verdict, and numbers by thermal reference [SI]."""
+    """A claim with its origin (``paper``, ``target`` or ``erratum``), verdict, and numbers by thermal reference [SI]."""
 
     claim: str
     source: str
@@ -305,7 +305,7 @@ def _graded(ratio: float) -> str:
 
 
 def rising_speeds(study: TubeStudy, thermal: str) -> Numbers:
-    """Speed of the fitted linear model over the reference's, at the reference's own pressures, while it rises.
+    """Ratio of flow velocities of the fitted linear model and the reference, at the reference's pressures, while rising.
 
     Sums over all samples of the large accumulator whose pressure is in the lower or the upper third. And the lead there:
     the error's share in step with the reference's rate of change [s].
@@ -346,7 +346,7 @@ def _quadratic(study: TubeStudy, thermal: str) -> tuple[str, Numbers]:
 
 
 def _shifts(study: TubeStudy, thermal: str, model: str) -> Numbers:
-    """Share by which parameters move when refitted on the small accumulator, and what keeping them costs."""
+    """Relative change of parameters when refitted on the small accumulator, and the cost of keeping them."""
     large = study.result(thermal, model, LARGE)
     small, kept = (study.result(thermal, model, SMALL, refitted=r) for r in (True, False))
     moved = {

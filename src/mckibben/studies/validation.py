@@ -1,4 +1,4 @@
-"""The static data sets that every law is held against: where they are, what is known of the muscles, who measured them.
+"""Validation of all laws: static data sets, loops and jumps, fits and predictions, and their errors.
 
 Two force maps ship with the package. The others ship with nothing, for their licences do not say that they may: they are
 looked for below a folder of measured data, which the environment variable ``MCKIBBEN_DATA`` names.
@@ -60,7 +60,7 @@ class StaticSet(NamedTuple):
     note: str = ""
 
     def read(self, folder: Path | None) -> ForceMap:
-        """The points.
+        """Read the points.
 
         Raises:
             MissingDataError: if the file is not there.
@@ -98,7 +98,7 @@ def static_sets() -> tuple[StaticSet, ...]:
 
 
 def measured_data(folder: str | Path | None = None) -> Path | None:
-    """The folder of measured data: the one given, else the one that the environment names, else none.
+    """Folder of measured data: the given one, else that of the environment variable, else none.
 
     Raises:
         InputError: if the folder is not there.
@@ -176,7 +176,7 @@ def _dimensions(name: str) -> dict[str, float]:
 
 
 def was_fitted(name: str, law: str) -> bool:
-    """Whether the numbers of a specimen's law were found by a fit of this project, and not printed by its source."""
+    """Whether the numbers of a specimen's law were fitted by this project, not printed by its source."""
     return any(p.note.startswith("fitted") for p in specimen(name).laws[law].values())
 
 
@@ -217,7 +217,7 @@ class StaticResult:
     apart: tuple[float, float] | None
 
     def predicted(self, law: str) -> float | None:
-        """Rms error of a law with one pressure left out [N], infinite where a fold failed; None if not fitted."""
+        """Rms error of a law with one pressure left out [N], infinite if a fold failed; None if not fitted."""
         for f in self.fits:
             if f.law == law:
                 return f.cv_rmse if f.cv_rmse is not None else f.rmse
@@ -279,7 +279,7 @@ def validation(
     evaluations: int = EVALUATIONS,
     progress: Callable[[str], None] | None = None,
 ) -> Validation:
-    """Hold the laws against the data sets.
+    """Compare the laws with the data sets.
 
     Args:
         folder: of measured data; the one that MCKIBBEN_DATA names where left out. Without either, only what ships is used.
@@ -346,7 +346,7 @@ def _static(
 
 
 def _by_prediction(fits: Iterable[Fit]) -> list[Fit]:
-    """Best first: by the error of points predicted with their pressure left out, which is what this study asks."""
+    """Sort fits by the error of points predicted with their pressure left out, best first."""
     return sorted(fits, key=lambda f: (not f.converged, f.cv_rmse if f.cv_rmse is not None else f.rmse))
 
 
@@ -357,7 +357,7 @@ def _told(schemes: Sequence[str], points: ForceMap) -> tuple[str, ...]:
 
 
 def _applied(applied: Applied, one: StaticSet, points: ForceMap) -> Unfitted:
-    """A law of a specimen on the points of a data set, muscle by muscle where it takes their rest lengths."""
+    """Errors of a specimen's law on the points of a data set, muscle by muscle if it is scaled."""
     spec = specimen(applied.specimen)
     rests = np.unique(points.rest_length) if applied.scaled and points.rest_length is not None else [None]
     parts = []
@@ -374,7 +374,7 @@ def _applied(applied: Applied, one: StaticSet, points: ForceMap) -> Unfitted:
 
 
 def _jumps(folder: Path, evaluations: int, tell: Callable[[str], None]) -> tuple[Jump, ...]:
-    """Each jump by a fit to the others."""
+    """Predict each jump by a fit to the others."""
     jumps = []
     for name in JUMPS:
         tell(f"{ROBOT}, {name} from the others")

@@ -1,4 +1,4 @@
-"""The page of validation: what `validation` found, as Markdown for the documentation."""
+"""Markdown page of the validation for the documentation."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ was held against a muscle that had worn, or that was warm."""
 
 
 def page(found: Validation, *, figure: str = "", version: str = "") -> str:
-    """The page.
+    """Compose the page.
 
     Args:
         found: the results.
@@ -88,7 +88,7 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def share(newton: float | None, largest: float) -> str:
-    """An error as a share of the largest tension."""
+    """Format an error as a share of the largest tension."""
     if newton is None or math.isnan(newton):
         return DASH
     part = newton / largest

@@ -1,4 +1,4 @@
-"""The only place that draws: figures from values, in the colours of the quantities."""
+"""Figures, in the colours of the quantities; no other package draws."""
 
 from ..._lazy import lazy_submodules
 

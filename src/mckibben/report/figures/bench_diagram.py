@@ -1,4 +1,4 @@
-"""The signal path of a test machine: supply, muscle and motor above, converters between, the software below.
+"""Diagram of a test machine's signal path: supply, muscle and motor above, converters between, the software below.
 
 Signals go round: down through the sensors on the one side, up through the outputs on the other. What is measured or told is
 dashed, what holds gas or pulls is not. A star marks numbers that the rig infers.
@@ -42,7 +42,7 @@ HEAD = 4.0  # of a lead's arrow [pt]
 
 @style.styled()
 def draw(rig: Rig, *, layout: str | None = None, sample_rate: float = 1000.0, title: str = "") -> Figure:
-    """Draw the way of the signals through a rig, with its numbers.
+    """Draw the signal path of a rig, with its numbers.
 
     Args:
         rig: the rig to draw.
@@ -103,7 +103,7 @@ class _Drawing:
             self.write([Words(note, SMALL, False, INK_3)], LEFT + 66.0, top - 1.0, "left")
 
     def machine(self) -> None:
-        """Supply, valve, tube, muscle, cord and motor, from left to right."""
+        """Draw supply, valve, tube, muscle, cord and motor, from left to right."""
         p, near, far = self.plumbing, TAPS["valve_pressure"], TAPS["pressure"]
         self.put(source().marks, 52.0, TOP)
         supply = self.of("supply_pressure", with_unit(_si(p.supply_pressure), "Pa", 3))
@@ -148,14 +148,14 @@ class _Drawing:
         return [Words("tube", SMALL, True, INK), *([Words(", ".join(words))] if words else [])]
 
     def anchor(self, x: float) -> None:
-        """The frame at the end of the muscle that does not move, hatched as a ground."""
+        """Draw the frame at the fixed end of the muscle, hatched as a ground."""
         y = TOP - 17.0
         self.marks += [line((x, TOP - 5.0), (x, y)), line((x - 6.0, y), (x + 18.0, y))]
         self.marks += [line((x - 4.0 + 5.5 * i, y), (x - 8.0 + 5.5 * i, y - 5.0), width=0.7) for i in range(5)]
         self.write([Words("frame")], x + 23.0, y + 7.0, "left")
 
     def channels(self) -> None:
-        """Sensors with their filters and converters, and the outputs at the sides."""
+        """Draw sensors with their filters and converters, and the outputs at the sides."""
         sensors = {**self.rig.sensors, **({"span": self.rig.encoder} if self.rig.encoder is not None else {})}
         pulled = ("tension", "span") if self.plumbing.has_muscle else ()
         names = [n for n in (*TAPS, *sensors) if n in sensors and (n in pulled or n not in ("tension", "span"))]
@@ -200,7 +200,7 @@ class _Drawing:
         return [head, Words(f"{out.bits} bits, {each}"), Words("holds until the next")]
 
     def output(self, x: float, to: float, words: list[Words]) -> None:
-        """A converter of a command, and the ways to it and from it."""
+        """Draw the converter of a command, and its connections."""
         self.box(x - 50.0, BORDER + 8.0, 100.0, 42.0, words)
         self.lead([(WATCH, COMMANDS), (x, COMMANDS), (x, BORDER - 34.0)], COLOURS["valve"])
         self.lead([(x, BORDER + 8.0), (x, to)], COLOURS["valve"])
@@ -230,7 +230,7 @@ class _Drawing:
         return words + ("*" if any(path == p or path.startswith(f"{p}.") for p in self.rig.inferred) else "")
 
     def put(self, marks: Iterable[Stroke], x: float, y: float) -> None:
-        """A symbol at its place."""
+        """Add a symbol at its place."""
         self.marks += [m.placed(x, y) for m in marks]
 
     def box(self, x: float, top: float, wide: float, high: float, words: list[Words]) -> None:
@@ -240,7 +240,7 @@ class _Drawing:
         self.write(words, x + wide / 2, top - (high - block) / 2, "center")
 
     def lead(self, points: list[Point], colour: str) -> None:
-        """A dashed way of a signal with a head at its end."""
+        """Draw a dashed signal line with an arrowhead."""
         head = arrow(points[-2], points[-1])[1]
         (x, y), (near_x, near_y) = points[-1], points[-2]
         far = math.hypot(x - near_x, y - near_y)

@@ -28,7 +28,7 @@ TITLE = 12.0
 
 
 class DiagramPlan(NamedTuple):
-    """A diagram before it is drawn: all strokes, texts and lines at their places [pt], and what fills which rectangle."""
+    """A diagram before drawing: all strokes, texts and lines [pt], and the occupied rectangles."""
 
     box: Box
     symbols: dict[str, Box]

@@ -1,4 +1,4 @@
-"""A run of a circuit: pressures, flows, tensions, lengths and commands over one time."""
+"""Figures of circuit runs: pressures, flows, tensions, lengths and commands over time."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _short(name: str) -> str:
-    """A channel's name without the quantity that its panel states."""
+    """Name of a channel without the quantity of its panel."""
     for ending in (".pressure", ".mass_flow", ".tension", ".length"):
         name = name.removesuffix(ending)
     return name.replace("_", " ").replace(".", " ")
@@ -272,7 +272,7 @@ def _told(pressure: float) -> str:
 
 
 def _key(ax: Axes, channels: Sequence[str], *, grey: bool) -> None:
-    """Channels in the looks of their lines, right of the axes."""
+    """Draw a key of the channels, right of the axes."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -311,7 +311,7 @@ def _dash(i: int) -> Any:
 
 
 def _levels(found: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) -> tuple[float, float]:
-    """Ends of the axes of pressure [bar]: what was measured, and of what was predicted what is not far beyond."""
+    """Limits of the pressure axis [bar]: all measured values, and predicted ones not far beyond."""
     known = np.concatenate([np.asarray(t.measured[c]) for t in trials for c in channels if c in t.channels])
     low, high = float(known.min()), float(known.max())
     room = 0.6 * max(high - low, 0.01 * high, 1.0)
@@ -325,7 +325,7 @@ def _levels(found: CircuitFit, trials: Sequence[Trial], channels: Sequence[str])
 
 
 def _limit(found: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) -> float:
-    """End of the axes of differences [Pa]: the largest one, but not more than was measured at all."""
+    """Limit of the axes of differences [Pa]: the largest one, but not more than the largest measured value."""
     pairs = [
         (found.predicted[t.name][c], np.asarray(t.measured[c])) for t in trials for c in channels if c in t.channels
     ]

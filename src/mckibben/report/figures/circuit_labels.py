@@ -77,12 +77,12 @@ def stacked(lines: list[Words], x: float, top: float, align: str) -> list[Text]:
 
 
 def is_atmosphere(node: Any) -> bool:
-    """Whether a node is the air outside: a reservoir of constant pressure near the standard atmosphere."""
+    """Whether a node is the atmosphere: a reservoir of constant pressure near the standard atmosphere."""
     return isinstance(node, Reservoir) and node.signal is None and abs(float(node.pressure_abs) - STANDARD) < NEAR
 
 
 def ambient(circuit: Circuit) -> float:
-    """Absolute pressure outside [Pa], over which the diagram states gauge pressures."""
+    """Ambient absolute pressure [Pa], to which gauge pressures of the diagram refer."""
     for node in circuit.nodes.values():
         if is_atmosphere(node):
             return float(node.pressure_abs)  # type: ignore[union-attr]
@@ -93,7 +93,7 @@ def ambient(circuit: Circuit) -> float:
 
 
 def bar(pressure_abs: float, outside: float) -> str:
-    """A gauge pressure [bar] from an absolute one [Pa]."""
+    """Convert an absolute pressure [Pa] to gauge [bar]."""
     value = float(f"{from_si(pressure_abs - outside, 'Pa', 'bar'):.3g}")
     return f"{number(value)}\N{NO-BREAK SPACE}bar"
 
@@ -101,7 +101,7 @@ def bar(pressure_abs: float, outside: float) -> str:
 def node_words(
     name: str, circuit: Circuit, pressures: Mapping[str, float], subtitles: Mapping[str, str]
 ) -> list[Words]:
-    """The label of a node: its name, its volume or what was given instead, and its pressure at the start."""
+    """Label of a node: its name, its volume or given subtitle, and its initial pressure."""
     node = circuit.nodes[name]
     lines = [Words(name, NORMAL, True, INK)]
     if name in subtitles:
@@ -119,7 +119,7 @@ def node_words(
 
 
 def element_words(name: str, circuit: Circuit, subtitles: Mapping[str, str]) -> list[Words]:
-    """The label of an element: its name and its main values or what was given instead."""
+    """Label of an element: its name and its main values or given subtitle."""
     lines = subtitles[name].splitlines() if name in subtitles else main_values(circuit.elements[name])
     return [Words(name, NORMAL, True, INK), *map(Words, lines)]
 
@@ -152,7 +152,7 @@ def _conductance(passage: Orifice) -> str:
 
 
 def reading(value: float, unit: str) -> str:
-    """A value as people read it, a length in the unit that suits it."""
+    """Format a value, a length in a suitable unit."""
     shown = _UNITS.get(unit, shown_unit(unit))
     if unit == "m" and value:
         shown = "m" if abs(value) >= 1.0 else "cm" if abs(value) >= 0.05 else "mm"

@@ -57,7 +57,7 @@ class SymbolCell(NamedTuple):
 
 
 def symbol_of(element: FlowElement, driven: bool) -> tuple[Symbol, str]:
-    """The symbol of an element, and the name to write into it where it has none of its own."""
+    """Symbol of an element, and the name to write into it if it has no symbol of its own."""
     ports = element.ports
     if element.symbol in SYMBOLS and _suits(element.symbol, ports):
         return SYMBOLS[element.symbol](ports, driven), ""
@@ -66,7 +66,7 @@ def symbol_of(element: FlowElement, driven: bool) -> tuple[Symbol, str]:
 
 
 def _suits(symbol: str, ports: Sequence[str]) -> bool:
-    """Whether a symbol has places for these ports."""
+    """Whether a symbol has these ports."""
     role = roles(ports)
     if symbol in ("on_off_valve", "proportional_valve"):
         return role.count("in") == 1 and 1 <= role.count("out") <= 2 and role.count("exhaust") <= 2
@@ -76,7 +76,7 @@ def _suits(symbol: str, ports: Sequence[str]) -> bool:
 
 
 def node_cell(node: Any, words: list[Words], *, leads_on: bool) -> SymbolCell:
-    """The cell of a node, its dot or the tip of its triangle at the origin."""
+    """Cell of a node, its dot or the tip of its triangle at the origin."""
     if isinstance(node, Reservoir):
         symbol = source()
         texts = stacked(words, -10.5, symbol.box.y0 - NEAR, "center")
@@ -105,7 +105,7 @@ def node_cell(node: Any, words: list[Words], *, leads_on: bool) -> SymbolCell:
 def element_cell(
     element: FlowElement, words: list[Words], ends: Sequence[str], sides: Sequence[int], command: str | None
 ) -> SymbolCell:
-    """The cell of an element.
+    """Cell of an element.
 
     Args:
         element: the part.
@@ -139,7 +139,7 @@ def _along(points: Sequence[Point]) -> Box:
 
 
 def _routes(symbol: Symbol, ends: Sequence[str], sides: Sequence[int]) -> tuple[list[Route], float]:
-    """The lines from the ports to their sides, around the symbol where they leave on the other one; and their lowest."""
+    """Lines from the ports to their sides, around the symbol if necessary; and their lowest point."""
     routes, low, turned = [], symbol.box.y0, 0
     for port, end, side in zip(symbol.ports, ends, sides, strict=True):
         if side == 0:
@@ -195,14 +195,14 @@ GAP, CHANNEL, TRACK = 16.0, 18.0, 11.0
 
 
 class DiagramWiring(NamedTuple):
-    """A circuit as the layout sees it, without the air outside: the nodes left and right of each element."""
+    """A circuit for the layout, without atmosphere: the nodes left and right of each element."""
 
     order: tuple[str, ...]  # of the nodes, supplies first
     left: dict[str, tuple[str, ...]]
     right: dict[str, tuple[str, ...]]
 
     def leaving(self, node: str) -> list[str]:
-        """Elements right of a node, those that lead on before those that only vent."""
+        """Elements right of a node, continuing ones before those that only vent."""
         elements = [e for e, ends in self.left.items() if node in ends]
         return sorted(elements, key=lambda e: not self.right[e])
 
@@ -214,7 +214,7 @@ class DiagramWiring(NamedTuple):
 def wiring(
     supplies: Sequence[str], nodes: Sequence[str], ends: Mapping[str, tuple[str, ...]], starts: set[str]
 ) -> DiagramWiring:
-    """Order the nodes by their distance from a supply, and turn every element from the earlier to the later.
+    """Order the nodes by their distance from a supply, and orient every element from the earlier to the later.
 
     Args:
         supplies: nodes of given pressure.
@@ -245,7 +245,7 @@ def wiring(
 
 
 def columns(wires: DiagramWiring) -> dict[tuple[str, str], int]:
-    """The column of each node ("node", name) and element ("element", name): one after the last that feeds it."""
+    """Column of each node ("node", name) and element ("element", name): one after the last that feeds it."""
     places: dict[tuple[str, str], int] = {}
     for node in wires.order:
         before = [max((places["node", n] for n in wires.left[e]), default=-2) + 1 for e in wires.arriving(node)]
@@ -295,7 +295,7 @@ class _Board:
         return all((c, r) not in self.taken and self.nodes.get((c, r), net) == net for (c, r, _), net in claims.items())
 
     def _reach(self, name: str, row: int) -> tuple[set[tuple[int, int]], dict[tuple[int, int, int], str]]:
-        """The cells that an element keeps free, and the nodes that may stand at the two ends of its row."""
+        """Cells that an element keeps free, and the nodes that may be at the two ends of its row."""
         at = self.column["element", name]
         start, end = at, at
         claims = {}
@@ -349,7 +349,7 @@ class DiagramGrid(NamedTuple):
 
 
 class _Bus(NamedTuple):
-    """The ends that a node's line along one column joins, and its own height."""
+    """Ends that a node's line along one column connects, and its own height."""
 
     node: str
     side: int
@@ -359,7 +359,7 @@ class _Bus(NamedTuple):
 
 
 def arrange(wires: DiagramWiring, cells: Mapping[tuple[str, str], SymbolCell]) -> DiagramGrid:
-    """Place all cells and run all lines."""
+    """Place all cells and route all lines."""
     column = columns(wires)
     row = rows(wires, column, cells)
     y = _heights(row, cells)
@@ -391,7 +391,7 @@ def _most(
 
 
 def _heights(row: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], SymbolCell]) -> dict[int, float]:
-    """The height of each row's line, the first at 0."""
+    """Height of each row's line, the first at 0."""
     heights = {0: 0.0}
     for r in range(1, max(row.values()) + 1):
         heights[r] = heights[r - 1] - _most(cells, row, r - 1, -1) - GAP - _most(cells, row, r, 1)
@@ -416,7 +416,7 @@ def _buses(
 
 
 def _tracks(buses: Sequence[_Bus], column: Mapping[tuple[str, str], int]) -> dict[tuple[str, int], tuple[int, int]]:
-    """The track of each line along a column and the channel it lies in, none for a line that runs straight on."""
+    """Track of each line along a column and the channel of the track, none for a straight line."""
     tracks: dict[tuple[str, int], tuple[int, int]] = {}
     used: dict[int, list[list[_Bus]]] = {}
     for bus in sorted(buses, key=lambda b: (b.low - b.high, b.node, b.side)):

@@ -1,4 +1,4 @@
-"""Symbols of pneumatic parts as ISO 1219-1 draws them, as strokes around the place where the line enters.
+"""Symbols of pneumatic parts by ISO 1219-1, as strokes around the origin on the line.
 
 All lengths are points. A symbol stands on its line, which runs along y = 0 from left to right; y points up. A part
 without a symbol of its own is a box with the name of its type.
@@ -41,7 +41,7 @@ class Box(NamedTuple):
 
 
 def around(boxes: Iterable[Box]) -> Box:
-    """The smallest rectangle around some."""
+    """Smallest rectangle around some others."""
     corners = np.array(list(boxes), float)
     return Box(*map(float, (*corners[:, :2].min(axis=0), *corners[:, 2:].max(axis=0))))
 
@@ -70,7 +70,7 @@ class Port(NamedTuple):
 
 
 class Symbol(NamedTuple):
-    """Strokes, the rectangle around them, a port for each of the part's in its order, and where a command arrives."""
+    """Strokes with their bounding rectangle, ports in the part's order, and the point of the command."""
 
     marks: tuple[Stroke, ...]
     box: Box
@@ -78,7 +78,7 @@ class Symbol(NamedTuple):
     top: Point
 
     def mirrored(self) -> Symbol:
-        """Left and right exchanged."""
+        """Return the symbol with left and right exchanged."""
         box = Box(-self.box.x1, self.box.y0, -self.box.x0, self.box.y1)
         ports = tuple(Port(-p.x, p.y, -p.side) for p in self.ports)
         return Symbol(
@@ -92,7 +92,7 @@ MOVETO, LINETO, CURVE4, CLOSEPOLY = 1, 2, 4, 79  # codes of matplotlib's paths
 
 
 def _path(vertices: Any, codes: Any = None, *, closed: bool = False) -> Path:
-    """A path; drawing is loaded when the first one is made."""
+    """Create a path; matplotlib is loaded with the first one."""
     from matplotlib.path import Path
 
     return Path(vertices, codes, closed=closed)
@@ -284,7 +284,7 @@ def compressor(ports: Sequence[str], driven: bool) -> Symbol:
 
 
 def plain_box(name: str, width: float) -> Callable[[Sequence[str], bool], Symbol]:
-    """A box for a part without symbol, `width` wide [pt]; its name is written into it by who lays it out."""
+    """A box for a part without symbol, `width` wide [pt]; the layout writes its name into it."""
 
     def box(ports: Sequence[str], driven: bool) -> Symbol:
         half = max(width / 2.0 + 6.0, 16.0)
@@ -325,7 +325,7 @@ def _by_role(ports: Sequence[str], at: dict[str, Port]) -> tuple[Port, ...]:
 
 
 def check_valve(ports: Sequence[str], driven: bool) -> Symbol:
-    """A ball in its seat; gas lifts it from left to right."""
+    """A ball in its seat, opened by flow from left to right."""
     seat = line((3.0, 11.0), (-8.5, 0.0), (3.0, -11.0))
     marks = (line((-11.0, 0.0), (-8.5, 0.0)), seat, circle(0.0, 0.0, 5.9), line((5.9, 0.0), (11.0, 0.0)))
     return Symbol(marks, Box(-11.0, -12.0, 11.0, 12.0), level_ports(11.0), (0.0, 12.0))
@@ -358,7 +358,7 @@ def on_off_valve(ports: Sequence[str], driven: bool) -> Symbol:
 
 
 def proportional_valve(ports: Sequence[str], driven: bool) -> Symbol:
-    """Three positions with all between them: two lines along the boxes, an arrow across the solenoid."""
+    """Three positions with continuous transitions: two lines along the boxes, an arrow across the solenoid."""
     return _valve(ports, positions=3, proportional=True)
 
 

@@ -1,4 +1,4 @@
-"""Muscles side by side, normalised: static curves above, the same protocols below, and how close elements come.
+"""Figures of muscles side by side, normalised: static curves above, protocols below, and matches.
 
 McKibben muscles are drawn in the colour of tension, biological ones in ink; several of a kind differ by their dashes, and
 each line ends in its letter, so that the figure reads in greyscale too.
@@ -32,7 +32,7 @@ Panel = tuple[str, str, str, tuple[str, str | None], tuple[str, str | None], Cal
 
 @style.styled()
 def comparison_figure(muscles: Sequence[Trials], matches: Sequence[Match] = ()) -> Figure:
-    """Panels of what was computed: a row of static curves, a row of protocols where they were run, a row per match.
+    """Draw a row of static curves, a row of protocols if they were run, and a row per match.
 
     Raises:
         InputError: nothing to draw, or more muscles of a kind than there are dashes.
@@ -127,7 +127,7 @@ def _panel(ax: Axes, panel: Panel, muscles: Sequence[Trials], lines: Sequence[_L
 
 
 def _letters(ax: Axes, ends: Sequence[tuple[np.ndarray, np.ndarray, _Line]]) -> None:
-    """Each line's letter where it leaves the axes; lines that end together share a place."""
+    """Draw the letter of each line at its end; lines that end together share a place."""
     low, high = ax.get_xlim()
     bottom, top = ax.get_ylim()
     marks: list[tuple[float, float, str, bool]] = []

@@ -1,4 +1,4 @@
-"""Working cycles: pressure over volume, tension over length, and efficiency over pressure (Figs. 12 and 13 of the paper)."""
+"""Figures of working cycles: pressure over volume, tension over length, and efficiency (Figs. 12 and 13 of the paper)."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class PrintedEfficiency(NamedTuple):
 
 @style.styled()
 def loops_figure(loops: Sequence[CycleLoops], *, title: str, printed: Printed | None = None) -> Figure:
-    """Cycles as closed paths, piston on the left and tendon on the right; the maximal above, the isotonic ones below.
+    """Draw cycles as closed paths, piston on the left and tendon on the right; maximal above, isotonic below.
 
     Args:
         loops: from `cycle_loops`; those of one muscle with and without an accumulator may be given together.
@@ -100,7 +100,7 @@ def loops_figure(loops: Sequence[CycleLoops], *, title: str, printed: Printed | 
 def efficiency_figure(
     lines: Sequence[EfficiencyLine], *, title: str, marks: Sequence[PrintedEfficiency] = (), note: str = ""
 ) -> Figure:
-    """Efficiency over the gauge pressure of the supply, one line per curve, the printed values as marks."""
+    """Draw efficiency over supply pressure, one line per curve, printed values as marks."""
     fig = style.figure(style.MIDDLE, HEIGHT)
     ax = fig.add_axes((0.07, FOOT / HEIGHT, 0.77, (HEIGHT - FOOT - TOP) / HEIGHT))
     draw_efficiency(ax, lines, marks, note=note)
@@ -161,7 +161,7 @@ def efficiency_lines() -> list[EfficiencyLine]:
 
 
 def printed_marks() -> list[PrintedEfficiency]:
-    """The printed efficiencies of the maximal cycle at 5 bar."""
+    """Printed efficiencies of the maximal cycle at 5 bar."""
     right, wrong = (part4.printed(f"maximal.efficiency{more}") for more in ("", "_accumulator"))
     joules = part4.printed("maximal.output") / part4.printed("maximal.input_accumulator")
     return [
@@ -193,7 +193,7 @@ def _row(fig: Figure, shares: tuple[float, ...], above: float, right: float = 0.
 
 
 def draw_piston(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, letter: str = "") -> None:
-    """Absolute pressure over the volume of the piston and of the stretched muscle; the filled area is the input."""
+    """Draw absolute pressure over the volume of piston and stretched muscle; the filled area is the input."""
     ml, bar = from_si(1.0, "m^3", "cm^3"), from_si(1.0, "Pa", "bar")
     first = loops[0]
     paths = [(p, p.piston.x * ml, p.piston.y * bar) for p in loops]
@@ -219,7 +219,7 @@ def draw_piston(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, lett
 
 
 def draw_tendon(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, letter: str = "") -> None:
-    """Tension over length; the filled area is the output."""
+    """Draw tension over length; the filled area is the output."""
     cm, first = from_si(1.0, "m", "cm"), loops[0]
     x, y = first.tendon.x * cm, first.tendon.y
     room = 0.07 * float(np.ptp(x))
@@ -243,7 +243,7 @@ def draw_tendon(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, lett
 def draw_efficiency(
     ax: Axes, lines: Sequence[EfficiencyLine], marks: Sequence[PrintedEfficiency], *, letter: str = "", note: str = ""
 ) -> None:
-    """Efficiency over the gauge pressure of the supply, where it is not negative."""
+    """Draw efficiency over supply pressure, where it is not negative."""
     bar = from_si(1.0, "Pa", "bar")
     top = max(float(np.nanmax(line.curve.cycles.efficiency)) for line in lines)
     top = 100.0 * max([top, *(m.efficiency for m in marks)])
@@ -282,14 +282,14 @@ def _key(loop: CycleLoops) -> tuple[str, bool]:
 
 
 def _word(path: CyclePath) -> str:
-    """The corners as one word."""
+    """Name of the path by its corners."""
     return "".join(path.corners).replace("'", "′")
 
 
 def _corners(
     ax: Axes, paths: Sequence[CyclePath], scale: tuple[float, float], beside: Mapping[str, tuple[int, int]]
 ) -> None:
-    """A dot and a letter at each corner."""
+    """Draw a dot and a letter at each corner."""
     drawn: list[str] = []
     for path in paths:
         for letter, i in path.corners.items():
@@ -314,7 +314,7 @@ def _corners(
 
 
 def _parts(ax: Axes, loop: CycleLoops, ml: float, bar: float) -> None:
-    """The line at V1 that divides the input into compressing and shortening (eqs. 34 and 39)."""
+    """Draw the line at V1 that divides the input into compression and shortening (eqs. 34 and 39)."""
     i, low = loop.piston.corners["B"], float(loop.piston.y.min()) * bar
     x, high = float(loop.piston.x[i]) * ml, float(loop.piston.y[i]) * bar
     ax.plot([x, x], [low, high], color=INK_2, lw=0.8, ls=(0, (4, 2)), zorder=2)
@@ -463,7 +463,7 @@ def streams(account: EnergyAccount) -> tuple[Streams, Streams]:
 
 @style.styled()
 def energy_flow_figure(account: EnergyAccount, *, title: str = "Where the exergy went") -> Figure:
-    """Streams of an account.
+    """Draw the streams of an account.
 
     Args:
         account: account of `analysis.energy_accounts`.
@@ -533,7 +533,7 @@ def _draw(ax: Axes, found: Streams, supply: float) -> float:
 
 
 def _ribbon(ax: Axes, ends: tuple[float, float, float, float], one: DrawnStream) -> None:
-    """A stream from (x, y) to (x, y), its lower edge."""
+    """Draw a stream from (x, y) to (x, y), its lower edge."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 

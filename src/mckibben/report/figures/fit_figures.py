@@ -1,4 +1,4 @@
-"""Figures of an identification: curves over points, residuals, ranking, correlation, and prediction beyond the training.
+"""Figures of an identification: curves over points, residuals, ranking, correlation, and extrapolation.
 
 Points are measured, lines are the law. Tension and its errors are in the colour of tension, pressures written at the
 line ends in theirs.
@@ -34,7 +34,7 @@ KEY = "▲ measured\N{EM SPACE}○ measured, slack\N{EM SPACE}— law"
 
 
 def law_title(fit: Fit) -> str:
-    """The name of a fit's law as people write it."""
+    """Title of a fit's law."""
     return str(law_type(fit.law).title)
 
 
@@ -43,7 +43,7 @@ def law_title(fit: Fit) -> str:
 
 @style.styled()
 def tension_curves(fit: Fit, points: ForceMap) -> Figure:
-    """Measured tension over length and the fitted law through it, one line per pressure, one panel per rest length.
+    """Draw measured tension over length and the fitted law, one line per pressure, one panel per rest length.
 
     Args:
         fit: the fitted law.
@@ -88,7 +88,7 @@ def _tension_function() -> Callable[[TensionLaw, Any, Any], Any]:
 
 
 def tension_grid(law: TensionLaw, lengths: np.ndarray, pressures: Iterable[float]) -> np.ndarray:
-    """Signed force of the braid [N], negative where the muscle hangs slack.
+    """Signed force of the braid [N], negative where the muscle is slack.
 
     Args:
         law: the law.
@@ -110,7 +110,7 @@ def draw_fit(ax: Axes, fit: Fit, points: ForceMap) -> None:
 
 
 def draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, room: float = 10.5) -> None:
-    """Points and lines into axes; labels right of them, which need about 45 pt."""
+    """Draw points and lines into axes; labels right of them need about 45 pt."""
     taut = points.select(points.taut)
     levels, near = levels_of(points)
     low, high = float(points.length.min()), float(points.length.max())
@@ -155,7 +155,7 @@ def draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, room
 
 
 def pulling(lengths: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The part of a curve on which the braid pulls, from its free length on; lengths [m], signed forces [N].
+    """Part of a curve with positive tension, from its free length on; lengths [m], signed forces [N].
 
     Only the stretch that ends at the longest length is drawn: a law may pull again far below its range.
     """
@@ -170,7 +170,7 @@ def pulling(lengths: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def levels_of(points: ForceMap) -> tuple[np.ndarray, np.ndarray]:
-    """Pressures to draw lines for [Pa], and which points lie on them; a few of a table without common pressures."""
+    """Pressures of the lines [Pa], and the points on each; a selection for a table without common pressures."""
     taut = points.pressure[points.taut]
     distinct = np.unique(np.round(taut, 3))
     if len(distinct) <= MOST_LINES:
@@ -181,7 +181,7 @@ def levels_of(points: ForceMap) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _apart(ax: Axes, ends: np.ndarray, room: float) -> list[int]:
-    """Lines to label: from the highest down, each at least 1.6 labels below the one before."""
+    """Lines to label: from the highest down, each at least 1.6 labels below the previous one."""
     height = ax.get_window_extent().height * 72.0 / ax.figure.dpi
     low, high = ax.get_ylim()
     points = (ends - low) / (high - low) * height
@@ -199,7 +199,7 @@ def _apart(ax: Axes, ends: np.ndarray, room: float) -> list[int]:
 
 @style.styled()
 def residuals(fit: Fit) -> Figure:
-    """Errors over pressure: of the fit, and of points predicted with their pressure and their length left out.
+    """Draw errors over pressure: of the fit, and of points predicted with their pressure and their length left out.
 
     The band is 1 % of the largest tension either way. What lies outside the frame is drawn on its edge and counted.
     """
@@ -307,7 +307,7 @@ class _Row(NamedTuple):
 
 @style.styled()
 def ranking(study: Ranking) -> Figure:
-    """Laws in the order of their ranking with their errors of prediction, in % of the largest tension on a logarithmic axis.
+    """Draw laws in their ranking with errors of prediction, in % of the largest tension on a logarithmic axis.
 
     Root mean square and largest error of points whose pressure was left out; dashed, those above the training pressures.
     """
@@ -444,7 +444,7 @@ def _trained(study: Ranking) -> str:
 
 
 def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool) -> None:
-    """Numbers at the right of the ranking; their heads are the key to the markers."""
+    """Write numbers at the right of the ranking; their heads are the key to the markers."""
     predicted: list[Callable[[_Row], float | None]] = [
         lambda r: r.predicted[0] if r.predicted else None,
         lambda r: r.predicted[1] if r.predicted else None,
@@ -498,7 +498,7 @@ def _percent(share: float) -> str:
 
 @style.styled()
 def correlation(fit: Fit) -> Figure | None:
-    """Correlation of the estimates, written into cells whose grey is its size; near one, the data cannot tell two apart.
+    """Draw the correlation of the estimates in a matrix; near one, the data cannot separate two.
 
     Returns:
         None for a single parameter.
@@ -553,7 +553,7 @@ def _cell(ax: Axes, i: int, j: int, value: float, side: float) -> None:
 
 @style.styled()
 def hold_out(fit: Fit) -> Figure | None:
-    """Tension over pressure per length: measured, and predicted above the pressures that a separate fit was shown.
+    """Draw tension over pressure per length: measured, and predicted above the training pressures.
 
     Returns:
         None if the fit has no hold-out.

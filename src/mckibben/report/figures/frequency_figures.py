@@ -1,4 +1,4 @@
-"""Frequency responses over frequency, with the coherence of measured ones; and the repetitions of a course."""
+"""Figures of frequency responses, with the coherence of measured ones; and of repeatability."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class BodeTitles(NamedTuple):
 
 @style.styled()
 def bode_figure(response: FrequencyResponse, titles: BodeTitles, *, cutoff: float = float("nan")) -> Figure:
-    """Magnitude and phase over frequency, with the coherence where it is less than one somewhere.
+    """Draw magnitude and phase over frequency, with the coherence if it is below one somewhere.
 
     Args:
         response: at frequencies in rising order.

@@ -1,4 +1,4 @@
-"""A joint with two muscles over time: angle and stiffness with their set-points, the pressures that make them, the push."""
+"""Figures of a joint with two muscles over time: angle, stiffness, set-points, pressures, and external moment."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _LOOKS: dict[str, dict[str, Any]] = {
 
 @style.styled()
 def joint_figure(record: Recording, *, title: str | None = None) -> Figure:
-    """Angle, stiffness and pressures over time, and the outside moment where there is one; grey while the loop is off.
+    """Draw angle, stiffness, pressures, and external moment over time; grey while the loop is off.
 
     Args:
         record: such as `bench.joint_run.run_joint` gives.

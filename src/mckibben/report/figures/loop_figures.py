@@ -1,4 +1,4 @@
-"""The loops' study in one picture: the loop with what its unseen half predicts, its width, and creep with its band."""
+"""Figure of the loop study: the loop with the prediction of its other half, its width, and creep with its band."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LINE: dict[str, Any] = {"color": COLOURS["length"], "lw": style.LINE + 0.2}
 
 @style.styled()
 def loops_figure(study: LoopStudy) -> Figure:
-    """Loop and width above, measured and predicted where the fit did not look; creep and its band below."""
+    """Draw loop and width above, measured and predicted outside the fit; creep and its band below."""
     fig = style.figure(style.WIDE, HEIGHT)
     across = (style.WIDE - LEFT - GAP_X - 0.35) / 2.0
     places = [(LEFT + i * (across + GAP_X), FOOT + (1 - j) * (TALL + GAP_Y)) for j in range(2) for i in range(2)]

@@ -69,7 +69,7 @@ def working_lengths(law: TensionLaw, highest: float) -> tuple[float, float]:
 
 
 def draw_tension(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures: np.ndarray) -> None:
-    """Tension over length, one line per gauge pressure [Pa]; the muscle hangs slack left of each free length."""
+    """Draw tension over length, one line per gauge pressure [Pa]; the muscle is slack left of each free length."""
     cm = from_si(1.0, "m", "cm")
     lengths = np.linspace(*span, FINE)
     force = tension_grid(law, lengths, pressures)
@@ -100,7 +100,7 @@ def draw_tension(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures
 
 
 def draw_free_length(ax: Axes, law: TensionLaw, highest: float) -> None:
-    """Length of the unloaded muscle over gauge pressure, up to `highest` [Pa]."""
+    """Draw length of the unloaded muscle over gauge pressure, up to `highest` [Pa]."""
     pressures = np.linspace(0.0, highest, FINE)
     free = np.asarray(law.free_length(pressures))
     ax.plot(
@@ -114,7 +114,7 @@ def draw_free_length(ax: Axes, law: TensionLaw, highest: float) -> None:
 
 
 def draw_volume(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures: np.ndarray) -> None:
-    """Gas volume over length at the lowest and the highest gauge pressure [Pa]; ink, for it is derived."""
+    """Draw gas volume over length at the lowest and the highest gauge pressure [Pa], in ink as a derived quantity."""
     cm, ml = from_si(1.0, "m", "cm"), from_si(1.0, "m^3", "cm^3")
     lengths = np.linspace(*span, FINE)
     shown = [float(pressures[-1])] if len(pressures) == 1 else [float(pressures[0]), float(pressures[-1])]
@@ -140,7 +140,7 @@ def draw_volume(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures:
 def muscle_drawing(
     shape: BraidShape, lengths: Sequence[float], *, title: str, remarks: Sequence[str] = (), threads: int = 10
 ) -> Figure:
-    """A muscle at a few lengths, drawn to scale: its diameter and braid angle move with the length, cos(theta) = L/b.
+    """Draw a muscle at a few lengths to scale: diameter and braid angle follow the length, cos(theta) = L/b.
 
     Args:
         shape: the braid.
@@ -262,7 +262,7 @@ def _draw_muscle(
 
 
 def _runs(line: np.ndarray, keep: np.ndarray) -> list[np.ndarray]:
-    """Pieces of a line on which `keep` holds, with one point more at their end so that they meet."""
+    """Pieces of a line on which `keep` holds, extended by one point so that they meet."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]]).astype(int)))
     return [line[a : b + 1] for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 0]
 
@@ -328,7 +328,7 @@ class DrawnLoop(NamedTuple):
 def loop_figure(
     first: DrawnLoop, second: DrawnLoop | None = None, *, title: str, note: str = "", zero: bool = True
 ) -> Figure:
-    """Force over displacement with arrows along the path; a second loop is dashed.
+    """Draw force over displacement with arrows along the path; a second loop is dashed.
 
     Args:
         first: drawn solid.
@@ -370,7 +370,7 @@ def loop_figure(
 
 
 def _arrows(ax: Axes, x: np.ndarray, y: np.ndarray, count: int = 3) -> None:
-    """Heads along a path, at equal shares of its drawn length after the first quarter."""
+    """Draw arrowheads along a path, at equal shares of its drawn length after the first quarter."""
     from matplotlib.markers import MarkerStyle
     from matplotlib.path import Path
     from matplotlib.transforms import Affine2D

@@ -57,7 +57,7 @@ class ChannelPanel(NamedTuple):
 
     @property
     def heading(self) -> str:
-        """Title and unit, as they stand at an axis."""
+        """Title and unit of an axis."""
         return self.title if self.unit == "1" else f"{self.title}, {_SIGNS.get(self.unit, self.unit)}"
 
     def scale(self) -> float:
@@ -66,14 +66,14 @@ class ChannelPanel(NamedTuple):
 
 
 class ChannelFamily(NamedTuple):
-    """Parts of a recording that belong together, and what tells them from the others."""
+    """Parts of a recording that belong together, and the label that distinguishes them."""
 
     words: str
     parts: list[Recording]
 
 
 def panels(record: Recording, names: Sequence[str]) -> list[ChannelPanel]:
-    """Channels by quantity and unit, in the order in which each is first named."""
+    """Channels by quantity and unit, in order of appearance."""
     grouped: dict[tuple[str, str | None, str, str], list[str]] = {}
     for name in names:
         grouped.setdefault(_axes(name, record.unit(name)), []).append(name)
@@ -81,7 +81,7 @@ def panels(record: Recording, names: Sequence[str]) -> list[ChannelPanel]:
 
 
 def checked_names(record: Recording, names: Iterable[str], *, field: str = "--channels") -> list[str]:
-    """Names of channels, each once, or `InputError` with the nearest one that there is."""
+    """Names of channels without repetition, or `InputError` with the nearest known name."""
     wanted = list(dict.fromkeys(names))
     for name in wanted:
         if name not in record:
@@ -137,7 +137,7 @@ def told_apart(parts: Sequence[Recording]) -> list[ChannelFamily]:
 
 
 def lane_steps(parts: Sequence[Recording]) -> list[tuple[float, float, list[str]]]:
-    """Beginning and end [s] of the steps that are drawn, and what may stand on them, the longest first."""
+    """Start and end [s] of the drawn steps, and possible labels, the longest first."""
     if not parts[0].meta.get("steps"):
         return []
     listed = [s for p in parts for s in steps_of(p)] if "step" in parts[0].meta else steps_of(parts[0])
@@ -158,7 +158,7 @@ def lane_steps(parts: Sequence[Recording]) -> list[tuple[float, float, list[str]
 
 
 def envelope(time: np.ndarray, values: np.ndarray, columns: int = COLUMNS) -> tuple[np.ndarray, np.ndarray]:
-    """A line over time as it is drawn: of many samples the first, least, greatest and last of every column.
+    """Thin a line over time: of many samples the first, least, greatest and last of every pixel column.
 
     The picture is that of all samples. A NaN stands between samples that are more than `GAP` usual intervals apart, and
     where values are not known.
@@ -182,7 +182,7 @@ def envelope(time: np.ndarray, values: np.ndarray, columns: int = COLUMNS) -> tu
 
 
 def path(time: np.ndarray, x: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[np.ndarray, np.ndarray]:
-    """A curve of y over x as it is drawn: of many samples the extremes of both in every stretch; gaps are not bridged."""
+    """Thin a curve of y over x: of many samples the extremes of both in every section; gaps are not bridged."""
     usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     at = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     t, x, y = time[at], x[at], y[at]
@@ -213,7 +213,7 @@ def _extremes(t: np.ndarray, v: np.ndarray, begins: np.ndarray, columns: int) ->
 
 
 def _axes(name: str, unit: str) -> tuple[str, str | None, str, str]:
-    """Title, quantity, unit that is read, and SI unit of the axes of a channel."""
+    """Title, quantity, displayed unit and SI unit of the axes of a channel."""
     if unit == "Pa" and name.endswith("_abs"):
         return "Absolute pressure", "pressure", "bar", unit
     if unit in _KNOWN:
@@ -245,7 +245,7 @@ _UNITS = {"Pa": "pressure", "N": "tension", "m": "length"}
 def time_figure(
     parts: Recording | Sequence[Recording], *, channels: Sequence[str] | None = None, title: str | None = None
 ) -> Figure:
-    """Channels over time, one pair of axes per quantity and unit.
+    """Draw channels over time, one pair of axes per quantity and unit.
 
     Args:
         parts: a recording, or parts of one, by time, such as `analysis.segments.segments` gives.
@@ -287,7 +287,7 @@ def time_figure(
 def against_figure(
     parts: Sequence[Recording], against: str, *, channels: Sequence[str] | None = None, title: str | None = None
 ) -> Figure:
-    """Channels over another channel, the parts of each case in a shade of their own.
+    """Draw channels over another channel, the parts of each case in a separate shade.
 
     Args:
         parts: parts of one recording, as for `time_figure`.
@@ -521,7 +521,7 @@ def _cut(text: str, most: int) -> str:
 
 
 def _note(record: Recording) -> str:
-    """Muscle and rig, an end that was none, and sensors that were at their limit."""
+    """Compose a note: muscle and rig, an unusual end, and saturated sensors."""
     meta = record.meta
     words = {"specimen": "", "rig": "rig "}
     said = [f"{before}{meta[key]}" for key, before in words.items() if isinstance(meta.get(key), str)]

@@ -1,4 +1,4 @@
-"""A design map: what muscles promise over the stroke, the wish among them, and the valves and tubes of the chosen one."""
+"""Design map: forces of muscles over the stroke with the requirements, and valves and tubes of the chosen one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DASHES = ("-", (0, (8, 2)), (0, (4, 2.3)), (0, (1.2, 1.8)), (0, (5, 1.7, 1.2, 1
 
 @style.styled()
 def design_map(found: Sizing, *, law: str = "linear_threshold") -> Figure:
-    """Force over stroke at the wished pressure, and the time over the mass of the lines.
+    """Draw force over stroke at the required pressure, and response time over the mass of the lines.
 
     Args:
         found: the result.
@@ -48,7 +48,7 @@ def design_map(found: Sizing, *, law: str = "linear_threshold") -> Figure:
 
 
 def _shown(found: Sizing) -> list[Judged]:
-    """The best of each kind first, then the next ones that do it."""
+    """Select the best of each kind first, then further sufficient ones."""
     order = list(found.muscles)
     first = [next((m for m in order if m.muscle.kind == k), None) for k in ("braid", "specimen", "size")]
     chosen = [m for m in first if m is not None]
@@ -63,7 +63,7 @@ def _shown(found: Sizing) -> list[Judged]:
 
 
 def _alike(a: Judged, b: Judged) -> bool:
-    """Whether two lines would lie on each other."""
+    """Whether two lines would coincide."""
     return bool(
         abs(a.largest_force / b.largest_force - 1.0) < 0.02 and abs(a.promised_force / b.promised_force - 1.0) < 0.02
     )
@@ -240,7 +240,7 @@ LISTED, ROWS = 12, 4  # designs of the front that are told, from the fastest on;
 
 @style.styled()
 def design_front(study: DesignStudy) -> Figure:
-    """Air per cycle and efficiency over the response; filled are the designs that no other beats in all three."""
+    """Draw air per cycle and efficiency over response time; filled are the Pareto-optimal designs."""
     fig = style.figure(style.WIDE, 5.2)
     grid = fig.add_gridspec(1, 2, left=0.07, right=0.975, bottom=0.29, top=0.80, wspace=0.24)
     done = [d for d in study.designs if np.isfinite(d.response)]

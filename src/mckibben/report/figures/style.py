@@ -97,7 +97,7 @@ _RC: dict[str, Any] = {
 
 @contextlib.contextmanager
 def styled() -> Iterator[None]:
-    """The settings of all figures, as a context or a decorator; a user's own matplotlib settings are left out."""
+    """Apply the settings of all figures, as a context or a decorator; a user's own matplotlib settings are ignored."""
     import matplotlib
 
     with matplotlib.rc_context(_settings()):
@@ -114,7 +114,7 @@ def _settings() -> Any:
 
 
 def figure(width: float, height: float) -> Figure:
-    """An empty figure of a width and height [inch]."""
+    """Create an empty figure of a width and height [inch]."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -124,7 +124,7 @@ def figure(width: float, height: float) -> Figure:
 
 
 def quantity_axes(ax: Axes, *, x: tuple[str, str | None], y: tuple[str, str | None]) -> None:
-    """Title both axes in the colour of what they show.
+    """Title both axes in the colour of their quantity.
 
     Args:
         ax: the axes.
@@ -143,7 +143,7 @@ def quantity_axes(ax: Axes, *, x: tuple[str, str | None], y: tuple[str, str | No
 
 
 def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None:
-    """A heading in ink over a pair of axes, `above` their top [pt], with a quieter note after it."""
+    """Write a heading over a pair of axes, `above` their top [pt], with a smaller note after it."""
     anchor = ax.transAxes + shift(ax, 0, above)
     head = ax.text(0.0, 1.0, text, transform=anchor, fontsize=NORMAL, fontweight="bold", va="bottom", color=INK)
     if note:
@@ -161,12 +161,12 @@ def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None
 
 
 def colour(quantity: str | None) -> str:
-    """The colour of a quantity; ink for what is derived."""
+    """Colour of a quantity; ink for derived ones."""
     return COLOURS[quantity] if quantity else INK
 
 
 def number(value: float, digits: int | None = None, *, sign: bool = False) -> str:
-    """A number as text: grouped by thin spaces, with a true minus, a dash where there is none.
+    """Format a number: grouped by thin spaces, with a typographic minus, a dash for none.
 
     Args:
         value: the number.
@@ -196,7 +196,7 @@ _LOW = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
 def symbol_text(symbol: str, name: str = "") -> str:
-    """A declared symbol in type: ``theta0`` becomes θ₀; the name where a parameter has no symbol."""
+    """Format a declared symbol: ``theta0`` becomes θ₀; the name for a parameter without symbol."""
     match = re.fullmatch(r"([A-Za-z]+?)_?(\d*)", symbol)
     if not match:
         return symbol or name
@@ -269,7 +269,7 @@ def graded(count: int, least: float = 0.4) -> list[float]:
 def note(
     ax: Axes, text: str, *, x: float = 0.0, y: float = 1.0, dx: float = 0.0, dy: float = 0.0, **options: Any
 ) -> Text:
-    """A quiet remark at a place of the axes [share of their size], shifted by points."""
+    """Write a remark at a place of the axes [share of their size], shifted by points."""
     style: dict[str, Any] = {"fontsize": SMALL, "color": INK_3, "va": "center", "ha": "left"} | options
     return ax.text(x, y, text, transform=ax.transAxes + shift(ax, dx, dy), **style)
 
@@ -286,7 +286,7 @@ def rule(ax: Axes, start: float, end: float, above: float) -> None:
 
 
 def shift(ax: Axes, x: float, y: float) -> Any:
-    """A transform that moves by points, to add to another."""
+    """Transform that moves by points, to add to another."""
     from matplotlib.transforms import ScaledTranslation
 
     return ScaledTranslation(x / 72.0, y / 72.0, ax.figure.dpi_scale_trans)
@@ -296,7 +296,7 @@ def shift(ax: Axes, x: float, y: float) -> Any:
 
 
 def to_svg(fig: Figure) -> str:
-    """The figure as an SVG document: the same text for the same figure, without a date."""
+    """Convert the figure to an SVG document: reproducible, without a date."""
     stream = io.StringIO()
     with styled():
         fig.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
@@ -323,7 +323,7 @@ def _hundredth(match: re.Match[str]) -> str:
 
 
 def inline_svg(fig: Figure, name: str, label: str) -> str:
-    """The figure as an element of a page, in the page's colours, with ids of its own.
+    """Convert the figure to an element of a page, in the page's colours, with unique ids.
 
     Args:
         fig: the figure.

@@ -30,7 +30,7 @@ LEFT, ACROSS, BETWEEN, BARS = 0.5, (3.55, 2.15), 0.5, 2.0  # [inch]
 
 @style.styled()
 def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
-    """Reference and models on one noise record and on the highest step, their errors, and the rms errors of all records.
+    """Draw reference and models on one noise record and on the highest step, their errors, and all rms errors.
 
     Args:
         study: with the paper's three models and the improved one.
@@ -69,7 +69,7 @@ def _inches(accumulator: str) -> str:
 
 
 def _column(fig: Figure, left: float, width: float) -> list[Axes]:
-    """The pressures' axes and one strip per model below, [inch] from the left."""
+    """Create the axes of the pressures and one strip per model below, [inch] from the left."""
     foot, axes = FOOT, []
     for _ in SHOWN:
         axes.append(_axes(fig, left, foot, width, STRIP))
@@ -84,7 +84,7 @@ def _axes(fig: Figure, left: float, foot: float, width: float, height: float) ->
 
 
 def _highest(case: Case) -> tuple[float, float]:
-    """Time around the rise of the highest step [s]."""
+    """Time range of the highest step [s]."""
     rise = int(np.argmax(case.supply == case.supply.max()))
     start = rise * PERIOD - BEFORE
     return start, start + AFTER
@@ -174,7 +174,7 @@ def _error(
 
 
 def _rms(fig: Figure, study: TubeStudy, left: float) -> None:
-    """Bars of the rms error over all records, one pair per reference and model."""
+    """Draw bars of the rms error over all records, one pair per reference and model."""
     ax = _axes(fig, left, FOOT, style.WIDE - left - 0.45, HEIGHT - TOP - FOOT)
     count = len(study.thermals)
     each, pause = 1.0, 0.9

@@ -26,7 +26,7 @@ LANE = 0.16  # between the two marks of a law [rows]
 
 @style.styled()
 def errors_figure(found: Validation) -> Figure:
-    """Errors of all laws, best on average first: one pressure left out, above 4 bar, and with numbers from elsewhere.
+    """Draw errors of all laws, best first: one pressure left out, above 4 bar, and with published numbers.
 
     Raises:
         InputError: if there is no static data set.
@@ -89,7 +89,7 @@ def _row(ax: Axes, y: int, law: str, one: StaticResult) -> None:
 
 
 def _pair(ax: Axes, y: float, pair: Sequence[float], *, beyond: bool) -> None:
-    """An rms and a largest error [share]; what is off the axis is an arrow at its end."""
+    """Draw an rms and a largest error [share]; an arrow marks a value beyond the axis."""
     rms, largest = (100.0 * v if math.isfinite(v) else math.inf for v in pair)
     ends = [max(min(v, HIGH), LOW) for v in (rms, largest)]
     ax.plot(ends, [y, y], color=SHADE, lw=1.0, ls=(0, (2.5, 1.6)) if beyond else "-", zorder=2)

@@ -1,4 +1,4 @@
-"""McKibben and biological muscles side by side: Table 1, the same protocols on both, and how close elements can bring them.
+"""Comparison of McKibben and biological muscles: Table 1, equal protocols, and matching by added elements.
 
 Everything is relative to the muscle: lengths to its rest length L0, tensions to F0, what it pulls at L0 fully driven, and
 the drive to the full one. A pressure set-point over the full pressure is what an activation is to a biological muscle.

@@ -1,4 +1,4 @@
-"""A biological muscle through the same protocol as a McKibben muscle on a test machine.
+"""Protocols on a biological muscle, as on a McKibben muscle in a test machine.
 
 The mapping: the set-point of the pressure over the full pressure is the excitation, span is span, and a tension that the
 motor holds is a load. There is no valve and no tube: the way from excitation to activation is the muscle's own. While the
@@ -95,7 +95,7 @@ class LoadedFibre(_Fibre):
 
 
 def fibre_run(muscle: BiologicalMuscle, protocol: Protocol, *, full_pressure: float, name: str = "") -> Recording:
-    """The recording of a protocol on a biological muscle.
+    """Run a protocol on a biological muscle and record it.
 
     Args:
         muscle: the tested muscle; its rest length is the protocol's ``L0``.
@@ -175,7 +175,7 @@ def _motor(step: PlannedStep, length: float, pulled: float, period: float) -> np
 
 
 def _following(steps: Sequence[PlannedStep], last: PlannedStep, value: float) -> float:
-    """Set-point at the end of a group: where the next step of the same kind begins."""
+    """Set-point at the end of a group: the start of the next step of the same kind."""
     after = steps[last.index] if last.index < len(steps) else None
     if after is None or after.mode != last.mode or not isinstance(after.motor, np.ndarray):
         return float(value)
@@ -183,7 +183,7 @@ def _following(steps: Sequence[PlannedStep], last: PlannedStep, value: float) ->
 
 
 def _ends(step: PlannedStep, seen: dict[str, Any], rest: float, period: float) -> int:
-    """Sample at which the test of a step ends it; the last one where it never does."""
+    """Sample at which the condition of a step ends it; the last one if it never does."""
     test = step.until
     assert test is not None
     if test.channel not in seen:

@@ -49,12 +49,12 @@ class Accompanied(TensionLaw):
         return self.law.length_range()
 
     def has_volume(self) -> bool:
-        """Whether the law does."""
+        """Whether the law has a known volume."""
         return self.law.has_volume()
 
 
 class Assisted(Module):
-    """A muscle with its elements; the span that counts as its rest length; and a pure delay of its command."""
+    """A muscle with added elements; its span at rest; and a pure delay of its command."""
 
     unit: MuscleUnit
     rest_span: Scalar = quantity("m", (1e-3, 100.0), "span that counts as the rest length", symbol="X0")
@@ -125,7 +125,7 @@ class Mounted(System):
         return ()
 
     def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
-        """Friction along the piece of path."""
+        """Advance the friction along the path."""
         pull = self.unit.tension(end.state, self.span, 0.0)
         moved = end.state.length - start.state.length
         pressures = start.inputs["pressure"].value, end.inputs["pressure"].value
@@ -137,7 +137,7 @@ class Mounted(System):
 
 
 def twitch_of(muscle: Assisted, pressure: Any, period: float) -> Any:
-    """Tension [N] between fixed ends at the rest span while the pressure takes a course, by the stiff method.
+    """Compute the tension [N] between fixed ends at the rest span for a course of pressure, by the stiff method.
 
     The pressure is that of a muscle that was recorded before; that it would change a little with the length is left out,
     and a run on the test machine shows how little.

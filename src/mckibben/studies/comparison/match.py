@@ -60,7 +60,7 @@ class Tuned(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """The target's curves, and what the muscle is driven with."""
+    """Curves of the target, and the drive of the muscle."""
 
     curves: Mapping[str, Curve]
     pressure: np.ndarray  # course in the twitch [Pa]
@@ -69,7 +69,7 @@ class Goal(NamedTuple):
 
 
 def curves_of(muscle: Assisted, goal: Goal) -> dict[str, Any]:
-    """The muscle's curves at the places of the target's, over its own tension at the rest span [1]."""
+    """Curves of the muscle at the abscissae of the target's, over its own tension at the rest span [1]."""
     unit, rest = muscle.unit, muscle.rest_span
     pull, _ = steady(unit, rest, goal.full)
     pull = jnp.maximum(pull, 1e-3)  # a search may pass where nothing pulls
@@ -97,7 +97,7 @@ class Search:
         self._curves = jax.jit(lambda u: curves_of(self.muscle(u), self.goal))
 
     def muscle(self, u: Any) -> Assisted:
-        """The muscle at a point."""
+        """Muscle at a point of the search."""
         values = jnp.asarray(self.sizes) * jnp.expm1(jnp.asarray(u))
         changed: Assisted = paths.put(self.before, {path: values[i] for i, path in enumerate(self.free)})
         return changed
@@ -112,11 +112,11 @@ class Search:
         return np.nan_to_num(np.asarray(self._residuals(u)), nan=10.0, posinf=10.0, neginf=-10.0)
 
     def slopes(self, u: Any) -> np.ndarray:
-        """Their derivatives."""
+        """Derivatives of the residuals."""
         return np.nan_to_num(np.asarray(self._slopes(u)), nan=0.0, posinf=0.0, neginf=0.0)
 
     def run(self, draws: int, evaluations: int, tell: Callable[[str], None]) -> np.ndarray:
-        """The best point of all starts."""
+        """Search from all starts; return the best point."""
         from scipy.optimize import least_squares
 
         inside = 1e-6 * (self.high - self.low)
@@ -139,7 +139,7 @@ class Search:
         return best
 
     def _drawn(self, draws: int) -> list[np.ndarray]:
-        """Points within the usual ranges; where none is declared, near the muscle as built."""
+        """Draw points within the usual ranges, or near the muscle as built."""
         chance, low, high = np.random.default_rng(SEED), [], []
         for i, path in enumerate(self.free):
             q = paths.declaration(self.before, path)
@@ -160,7 +160,7 @@ class Search:
         return errors | {"all": float(np.sqrt(np.mean(np.square(list(errors.values())))))}
 
     def tuned(self, u: np.ndarray) -> tuple[Tuned, ...]:
-        """The parameters at a point."""
+        """Parameters at a point."""
         parameters, near = [], HIT * (self.high - self.low)
         for i, path in enumerate(self.free):
             low, high = self.bounds[path]
@@ -225,7 +225,7 @@ def match(
     simulate: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> Match:
-    """Search the elements' parameters with which a McKibben muscle comes closest to a biological one.
+    """Search the parameters of added elements with which a McKibben muscle comes closest to a biological one.
 
     The search begins at the muscle as built and at `draws` points within the usual ranges; the best result counts, and the
     muscle as built where nothing is better.

@@ -112,7 +112,7 @@ def _twitch() -> Protocol:
 
 
 def _settling(wanted: Protocol, within: float) -> Protocol:
-    """The release, which waits until the tension has settled within an amount [N].
+    """Change the release to wait until the tension has settled within an amount [N].
 
     The shipped half newton is much to one muscle, and little more than a count of its cell to another.
     """
@@ -124,7 +124,7 @@ def _settling(wanted: Protocol, within: float) -> Protocol:
 
 
 def rig_for(muscles: Sequence[ComparedMuscle], names: Sequence[str] = NAMES) -> str:
-    """The first of `RIGS` on which the dry run finds nothing for any McKibben muscle; the last where none is."""
+    """First of `RIGS` on which the dry run passes for every McKibben muscle; the last if there is none."""
     braided = [m for m in muscles if m.unit is not None]
     for name in RIGS[:-1]:
         benches = (prepare(normalised(n, m), muscle=m.spec, unit=m.unit, rig=name) for m in braided for n in names)
@@ -136,7 +136,7 @@ def rig_for(muscles: Sequence[ComparedMuscle], names: Sequence[str] = NAMES) -> 
 def record_of(
     muscle: ComparedMuscle, wanted: Protocol, *, rig: Rig | str = RIGS[0], unit: MuscleUnit | None = None
 ) -> Recording:
-    """A protocol done by a muscle, with the channels ``span``, ``tension`` and ``drive``.
+    """Run a protocol on a muscle and record it, with the channels ``span``, ``tension`` and ``drive``.
 
     Args:
         muscle: which.
@@ -259,7 +259,7 @@ def _read_step(muscle: ComparedMuscle, record: Recording) -> Read:
 
 
 def _against_time(muscle: ComparedMuscle, record: Recording, start: float, end: float) -> Curve:
-    """Tension over F0 from shortly before a command on; counts and noise of a real cell are averaged a little."""
+    """Relative tension from shortly before a command on; counts and noise of a real cell are averaged slightly."""
     part = record.select(start - 0.02, end)
     pull = smoothed(part["tension"], period=part.period, window=_QUICK)
     return part.time - start, pull / muscle.full_tension
@@ -280,7 +280,7 @@ def _read_release(muscle: ComparedMuscle, record: Recording) -> Read:
 
 
 def _read_velocity(muscle: ComparedMuscle, record: Recording) -> Read:
-    """Tension against velocity where the same length is passed, over the static tension there."""
+    """Tension against velocity at one length, over the static tension there."""
     isometric = float(muscle.tension(AT)) * muscle.full_tension
     parts = segments(record, "shorten")
     at = AT * muscle.rest_length

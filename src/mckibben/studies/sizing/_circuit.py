@@ -1,4 +1,4 @@
-"""Muscles held behind a valve until their tension has settled."""
+"""Simulation of muscles held behind a valve until their tension has settled."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LONGER = (4.0, 16.0)  # times a lane's time constants of filling, for a tension 
 
 
 def settled_courses(lanes: Sequence[Lane], done: Sequence[Course]) -> list[Course]:
-    """Courses of held muscles of which the tension settles before the turn.
+    """Repeat courses until the tension of held muscles settles before the turn.
 
     Args:
         lanes: lanes of the courses.
@@ -105,7 +105,7 @@ class Course:
 
     @property
     def settled(self) -> bool:
-        """Whether the tension of a held muscle is at rest before the turn, as `analysis.steps` has it."""
+        """Whether the tension of a held muscle settles before the turn, by the criterion of `analysis.steps`."""
         late = (self.time < self.turn) & (self.time >= (1.0 - LAST) * self.turn)
         return settling(self.time[late], self.tension[late], self.top - float(self.tension[0]))[1]
 
@@ -144,7 +144,7 @@ class _Watched(System):
 
 
 def line_conductance(valve: FlowElement, tube: LumpedTube) -> float:
-    """A rough sonic conductance of filling, valve and tube in a row, to choose time scales with [m^3/(s Pa)]."""
+    """Approximate sonic conductance of filling, valve and tube in series, for time scales [m^3/(s Pa)]."""
     slender = float(tube.length / tube.diameter)
     pipe = Orifice.of_hole(float(tube.diameter), discharge=(1.0 + float(tube.ends) + 0.02 * slender) ** -0.5)
     fill = float(getattr(valve, "fill").conductance)  # noqa: B009
@@ -175,7 +175,7 @@ def courses(lanes: Sequence[Lane]) -> list[Course]:
 
 
 def _prepared(lane: Lane) -> tuple[Any, float]:
-    """Circuit, signals, period and pressures of a lane, and the steps that a sample will need."""
+    """Circuit, signals, period and pressures of a lane, and the steps per sample."""
     regulated = isinstance(lane.valve, PressureRegulator)
     valve: Any = lane.valve if regulated else (lane.valve.fill, lane.valve.vent)  # type: ignore[attr-defined]
     circuit = circuit_for(
@@ -212,7 +212,7 @@ def _prepared(lane: Lane) -> tuple[Any, float]:
 
 
 def _stiffest(watched: _Watched, signals: dict[str, Signal], period: float, lane: Lane) -> float:
-    """A first guess of the fastest mode: the port alone, at the supply's pressure [1/s]."""
+    """First guess of the fastest rate: the port alone, at supply pressure [1/s]."""
     valve = lane.valve
     band, conductance = float(valve.fill.linear_band), float(valve.fill.conductance)  # type: ignore[attr-defined]
     p = lane.supply + float(lane.environment.pressure_abs)
@@ -281,13 +281,13 @@ def _valve_time(valve: FlowElement) -> float:
 
 
 def _openings(valve: FlowElement, command: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times after a command [s], and the shares of fill and vent that are open."""
+    """Times after a command [s], and openings of fill and vent."""
     key = tuple(float(x) for x in jax.tree.leaves(valve))
     return _opening_course(_Same(valve, key), command)
 
 
 class _Same:
-    """A valve that is equal to another with the same numbers, so that its motion is computed once."""
+    """A valve that equals another with the same numbers, so that its motion is computed once."""
 
     def __init__(self, valve: FlowElement, key: tuple[float, ...]) -> None:
         self.valve, self.key = valve, (type(valve), *key)
@@ -311,7 +311,7 @@ def _opening_course(same: _Same, command: float) -> tuple[np.ndarray, np.ndarray
 
 @jit_arrays
 def _moved(valve: Any, command: Any, h: Any) -> tuple[Scalar, Scalar]:
-    """Openings of fill and vent over `OPENINGS` steps, from the rest at the other end of the stroke (midpoint rule)."""
+    """Openings of fill and vent over `OPENINGS` steps, from the other end of the stroke (midpoint rule)."""
     rising = command > 0.5
 
     def start(at: Any) -> Any:

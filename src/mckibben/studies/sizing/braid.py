@@ -1,4 +1,4 @@
-"""The smallest braid for a wish: angle, thread length, turns, diameter and rest length.
+"""Smallest braid for given requirements: angle, thread length, turns, diameter and rest length.
 
 For a braid angle and a contraction the stroke fixes the thread length, and since every force of a braid's law goes with the
 square of its diameter, the wished force fixes the diameter:
@@ -50,7 +50,7 @@ class Shapes(NamedTuple):
 
 
 class Sizes(NamedTuple):
-    """Braids of a wish: diameter at 90 degrees, thread, contracted diameter, overall length [m], mass and air [kg]."""
+    """Sizes of braids: diameter at 90 degrees, thread, contracted diameter, overall length [m], mass and air [kg]."""
 
     diameter: np.ndarray
     thread: np.ndarray
@@ -100,7 +100,7 @@ def design(
 
 
 def _around(grid: np.ndarray, at: Any) -> np.ndarray:
-    """A finer grid around a point of a grid, which keeps the point itself."""
+    """Finer grid around a point of a grid, including the point itself."""
     low, high = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
     fine = np.linspace(low, high, GRID - 1)
     return np.sort(np.append(fine, grid[at]))
@@ -148,7 +148,7 @@ def sizes_of(shapes: Shapes, wish: Requirements, error: LawError) -> Sizes:
 
 
 def _strength(shapes: Shapes, error: LawError) -> np.ndarray:
-    """Promised force at the end of the stroke over D0^2 [N/m^2]."""
+    """Guaranteed force at the end of the stroke over D0^2 [N/m^2]."""
     return shapes.short_force - (error.share + usual("friction_share")) * shapes.long_force
 
 
@@ -234,7 +234,7 @@ def _misses(wish: Requirements, law: str, error: LawError) -> tuple[Shortfall, .
 
 
 def _most_force(shapes: Shapes, wish: Requirements, error: LawError) -> float | None:
-    """Largest force in the space, with the stroke and the pressure as wished [N]."""
+    """Largest force within the space, at the required stroke and pressure [N]."""
     unit = _sized(shapes, wish, np.ones_like(shapes.angle), shapes.sound)
     longest = unit.thread * np.cos(shapes.angle)
     widest = (longest - wish.stroke) / usual("slenderness")  # contracted diameter [m]
@@ -249,14 +249,14 @@ def _most_force(shapes: Shapes, wish: Requirements, error: LawError) -> float | 
 
 
 def frontier(wish: Requirements, strokes: np.ndarray, *, law: str = BRAID_LAWS[0]) -> np.ndarray:
-    """Largest force that a braid in the wished space promises, over strokes (n,) [m] [N]; zero where none does."""
+    """Largest guaranteed force of a braid within the space, over strokes (n,) [m] [N]; zero if there is none."""
     angles, contractions = np.linspace(*ANGLES, GRID), np.linspace(*CONTRACTIONS, GRID)
     shapes, error = shapes_of(law, wish.pressure, angles, contractions), error_of_braid(law, wish.pressure)
     return np.array([_most_force(shapes, replace(wish, stroke=float(s)), error) or 0.0 for s in strokes])
 
 
 def _edge(wish: Requirements, law: str, part: str, far: float) -> float | None:
-    """The value of a part nearest to the wished one with which a braid does it, up to `far` times that; or None."""
+    """Nearest value of a requirement that a braid meets, up to `far` times that; or None."""
 
     def does(value: float) -> bool:
         parts: dict[str, Any] = {part: value}

@@ -47,12 +47,12 @@ INFERRED: dict[str, InferredDimension] = {
 
 
 def usual(name: str) -> float:
-    """The value of an inferred number [SI]."""
+    """Value of an inferred number [SI]."""
     return INFERRED[name].value
 
 
 def braid_law(name: str, *, thread_length: Any, diameter: Any, longest: Any, shortest: Any) -> TensionLaw:
-    """The law of a braid; arrays broadcast.
+    """Build the law of a braid; arrays broadcast.
 
     Args:
         name: name of `BRAID_LAWS`.
@@ -103,7 +103,7 @@ TRIED = (2e5, 5e5)  # gauge pressures in which its line was measured with a tens
 
 
 class LawError(NamedTuple):
-    """Largest error over the largest force [1], what kind of number that is, and where it comes from."""
+    """Largest error over the largest force [1], its kind, and its source."""
 
     share: float
     kind: str
@@ -119,7 +119,7 @@ def _on_map(id_: str, law: str) -> LawError:
 
 
 def error_of_specimen(spec: Specimen, law: str) -> LawError:
-    """The error of a law for a specimen."""
+    """Error of a law for a specimen."""
     if spec.map is not None:
         return _on_map(spec.id, law)
     if "bladder_thickness" in spec.properties and law in sleeve.ERRORS:
@@ -129,7 +129,7 @@ def error_of_specimen(spec: Specimen, law: str) -> LawError:
 
 
 def error_of_size(spec: Specimen, law: str, *, same_bore: bool) -> LawError:
-    """The error of a law of a specimen taken to another length, or also to another bore."""
+    """Error of a specimen's law at another length, or also another bore."""
     error = error_of_specimen(spec, law)
     if not same_bore:
         return LawError(error.share + OTHER_BORE, "inferred", f"{spec.id} scaled to another bore and length")

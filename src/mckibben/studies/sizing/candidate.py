@@ -1,4 +1,4 @@
-"""A muscle that may do it: its law, its ends, and by how much it does better or worse than was wished.
+"""Candidates of sizing: law, values at both ends of the stroke, and margins to the requirements.
 
 promised force = tension of the law at the end of the stroke - friction - error of the law x largest tension
 margin = (what it has over what is needed) - 1      of the force, the stroke, the diameter, the length, the pressure
@@ -27,7 +27,7 @@ POINTS, REFINED = 256, 4  # lengths among which an end of a stroke is sought, an
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A muscle for a wish.
+    """A muscle as a candidate.
 
     Attributes:
         id: short name.
@@ -66,7 +66,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A candidate against a wish.
+    """A candidate with its margins to the requirements.
 
     Attributes:
         muscle: the candidate.
@@ -104,7 +104,7 @@ class Judged:
 
     @property
     def worst(self) -> tuple[str, float]:
-        """The part of the wish with the least margin, and that margin."""
+        """Requirement with the smallest margin, and that margin."""
         name = min(self.margins, key=lambda n: self.margins[n])
         return name, self.margins[name]
 
@@ -132,11 +132,11 @@ class Ends:
         return self.tension(length) - self.passive(length)
 
     def volume(self, length: Any, pressure: float | None = None) -> float:
-        """Gas volume at a length [m^3]; at another gauge pressure where it is given [Pa]."""
+        """Gas volume at a length [m^3], optionally at another gauge pressure [Pa]."""
         return float(self.probe.volume(length, self.pressure if pressure is None else pressure))
 
     def last_below(self, force: float, longest: float) -> float:
-        """Longest length up to `longest` at which the gas adds no more than a force [m]; the shortest of its law if none."""
+        """Longest length up to `longest` at which the gas adds at most a force [m]; the law's shortest if none."""
         low, high = float(self.law.length_range()[0]), longest
         for _ in range(REFINED):
             grid = np.linspace(low, high, POINTS)
@@ -149,7 +149,7 @@ class Ends:
         return low
 
     def free_length(self, longest: float) -> float:
-        """Length at which it pulls no more [m]."""
+        """Length at which the tension ends [m]."""
         return self.last_below(0.0, longest)
 
 
@@ -216,7 +216,7 @@ def air_of_cycle(muscle: Candidate, wish: Requirements, dead: float = 0.0) -> fl
 
 
 def unit_of(muscle: Candidate, **mechanics: Any) -> MuscleUnit:
-    """The candidate as part of a machine, with the usual tendon and end mass."""
+    """Candidate as part of a machine, with the usual tendon and end mass."""
     names = ("stiffness", "toe_length", "loss")
     keys = ("tendon_stiffness", "tendon_toe", "tendon_loss")
     cord = Tendon(**{n: ASSEMBLED[k].value for n, k in zip(names, keys, strict=True)})

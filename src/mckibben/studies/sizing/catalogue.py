@@ -1,4 +1,4 @@
-"""Muscles that can be had: the shipped specimens as they are, and fluidic muscles cut to the length that the wish needs."""
+"""Available muscles: shipped specimens unchanged, and fluidic muscles cut to the required length."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def _cut(part: CataloguePart, length: float, wish: Requirements) -> Candidate:
 
 
 def _resized(law: Any, bore: float, length: float) -> tuple[TensionLaw, float]:
-    """A law taken to another rest length and bore; what scales with the bore, and by how much."""
+    """Scale a law to another rest length and bore; return the scaled parameters and factors."""
     scale = bore / float(law.rest_diameter)
     changed = {"rest_length": length, "upper_length": length}
     changed |= {n: scale * float(getattr(law, n)) for n in BORES}
@@ -152,7 +152,7 @@ def _resized(law: Any, bore: float, length: float) -> tuple[TensionLaw, float]:
 
 
 def outer_diameter(law: TensionLaw, wish: Requirements, longest: float, wall: float) -> float:
-    """Outer diameter at the end of the stroke, of a cylinder of the law's volume and a wall [m]."""
+    """Outer diameter at the end of the stroke, of a cylinder with the law's volume and a wall [m]."""
     ends = Ends(law, wish.pressure)
     end = max(longest - wish.stroke, ends.free_length(longest))
     volume = ends.volume(end)
@@ -162,14 +162,14 @@ def outer_diameter(law: TensionLaw, wish: Requirements, longest: float, wall: fl
 def friction_of(
     spec: Specimen, law: TensionLaw, longest: float, wish: Requirements, range_: CataloguePart | None
 ) -> float:
-    """Friction that the promised force is less [N]: stated, or a usual share of the largest tension."""
+    """Friction that reduces the guaranteed force [N]: stated, or a usual share of the largest tension."""
     if "coulomb_friction" in spec.properties and range_ is None:
         return spec.property_si("coulomb_friction", "N")
     return usual("friction_share") * float(Ends(law, wish.pressure).tension(longest))
 
 
 def _range_of(spec: Specimen) -> CataloguePart | None:
-    """The fluidic muscles of which a specimen is one."""
+    """Series of fluidic muscles to which a specimen belongs."""
     if "rest_inner_diameter" not in spec.properties or "bladder_thickness" in spec.properties:
         return None  # a sleeve over a bladder is none, whatever its bore
     bore = spec.property_si("rest_inner_diameter", "m")

@@ -1,4 +1,4 @@
-"""Valves and tubes for a muscle: how fast, how heavy, how hungry, how stiff, weighed as the paper's discussion does.
+"""Valves and tubes for a muscle: speed, mass, air consumption and stiffness, weighted as in the paper's discussion.
 
 A larger valve answers faster and is heavier and hungrier, often heavier than the muscle; a wider tube is less viscous and
 stiffer, and holds more air. Times come from runs of the circuit with the muscle's own moving volume (`circuit`), at the
@@ -182,7 +182,7 @@ def _found(
 
 
 def _transitions(course: Course, rest: Course) -> tuple[float | None, float | None]:
-    """Times from 10 to 90 % of the tension at rest, rising and falling [s]; by the longer course where it has to be."""
+    """Times from 10 to 90 % of the settled tension, rising and falling [s]; from the longer course if necessary."""
     top = rest.top
     if not top > 0.0:
         return None, None
@@ -214,7 +214,10 @@ def _reached(course: Course, wanted: float) -> float | None:
 
 
 def speeds_of(muscle: Judged, wish: Requirements, lines: Sequence[LineResult]) -> list[float]:
-    """Speed up to which each line keeps the wished force at the end of the stroke [m/s]; at most eight times the wished."""
+    """Speed up to which each line keeps the required force at the end of the stroke [m/s].
+
+    At most eight times the required.
+    """
     assert wish.speed is not None
     known = {p.id: p for p in parts("tube")}
     tried = [s * wish.speed for s in SPEEDS]
@@ -251,12 +254,12 @@ def speeds_of(muscle: Judged, wish: Requirements, lines: Sequence[LineResult]) -
 
 
 def _at_end(course: Course, end: float) -> float:
-    """Tension when the end of the stroke is reached [N]."""
+    """Tension at the end of the stroke [N]."""
     return float(course.tension[int(np.argmax(course.length <= end + 1e-9 + 1e-6 * end))])
 
 
 def rank(lines: Sequence[LineResult]) -> list[LineResult]:
-    """Pareto marks, scores, and the order: what does it and keeps up first, then by score."""
+    """Sort lines: sufficient and fast enough ones first, then by score; with Pareto marks."""
     able = [line for line in lines if line.to_force is not None]
     if not able:
         return list(lines)

@@ -49,7 +49,7 @@ class Requirements:
     environment: Environment = Environment()
 
     def __post_init__(self) -> None:
-        """Refuse what is no number, or out of reason."""
+        """Refuse values that are not finite, or unreasonable."""
         for name, (unit, low, high) in ALLOWED.items():
             value = getattr(self, name)
             if value is None:

@@ -1,4 +1,4 @@
-"""Gas sources for a muscle: energy of a cycle, and how long a filling or a battery lasts.
+"""Sizing: candidates of muscles, their lines, and gas sources with the number of cycles per filling or battery.
 
     bottle       work of filling it for the gas that a cycle takes; what is left below the supply's pressure is lost
     compressor   isothermal R T ln r at best; adiabatic, and with its efficiency, as the compressor of the circuits
@@ -290,13 +290,13 @@ class Sizing:
 
     @property
     def reached(self) -> bool:
-        """Whether some muscle does it, beyond the error of its law or by its law; with a speed, one that was run."""
+        """Whether some muscle is sufficient, beyond the error of its law or by its law; with a speed, one that was run."""
         lined = self.wish.speed is None or not self.lines
         return any(m.verdict != VERDICTS[2] for m in self.muscles if lined or m.speed is not None)
 
     @property
     def nearest(self) -> Judged:
-        """The candidate that comes nearest."""
+        """Candidate that comes nearest to the requirements."""
         return self.chosen if "speed" in self.chosen.margins else self.muscles[0]
 
     def sentence(self) -> str:
@@ -413,7 +413,7 @@ def _requirements(**values: float | str | None) -> Requirements:
 def _with_lines(
     order: list[Judged], chosen: Judged, free: bool, wish: Requirements, tell: Progress
 ) -> tuple[list[Judged], Judged, list[LineResult]]:
-    """Lines of the chosen muscle; where a speed is wished that it does not reach, and we are free, of the next ones."""
+    """Lines of the chosen muscle; if it does not reach the required speed, and none was given, also of the next ones."""
     tried = [m for m in order if m.verdict != VERDICTS[2]][:MOST_TRIED] if free else [chosen]
     fastest, best = chosen, list[LineResult]()
     for one in tried:

@@ -50,7 +50,7 @@ def stack(
     gap: float = 0.34,
     columns: Sequence[float] = (1.0,),
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with axes below each other, row by row where there are several columns.
+    """Create a figure with axes below each other, row by row if there are several columns.
 
     Args:
         shares: heights relative to each other, from the top.
@@ -75,7 +75,7 @@ def stack(
 
 
 def title(ax: Axes, figure: str, words: str, *, above: float = 26.0) -> None:
-    """The number of the figure in the paper, and what it shows, `above` the axes [pt]."""
+    """Write the number of the figure in the paper, and its title, `above` the axes [pt]."""
     style.heading(ax, label(figure), words, above=above)
 
 
@@ -87,7 +87,7 @@ def label(figure: str) -> str:
 
 
 def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
-    """A second upright axis, its title above it at the right."""
+    """Add a second vertical axis, its title above it at the right."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
     other = ax.twinx()
@@ -118,12 +118,12 @@ def outcome(identifier: str) -> RowOutcome:
 
 
 def row(identifier: str) -> PrintedRow:
-    """A row by its name."""
+    """Find a row by its name."""
     return next(r for r in all_rows() if r.id == identifier)
 
 
 def printed(identifier: str) -> float:
-    """The one value that the paper prints for a row, in the row's unit."""
+    """Value that the paper prints for a row, in the row's unit."""
     value = row(identifier).paper
     assert isinstance(value, float)
     return value
@@ -160,7 +160,7 @@ def mark(of: PrintedRow) -> str:
 
 
 def unit_words(unit: str) -> str:
-    """A unit of a row in type; empty for a pure number."""
+    """Format the unit of a row; empty for a pure number."""
     for plain, typed in (("cm2", "cm²"), ("cm3", "cm³"), ("in3", "in³"), ("s2", "s²"), ("L0", "L₀"), ("deg", "°")):
         unit = unit.replace(plain, typed)
     return "" if unit == "-" else unit.replace("- ", "")
@@ -175,7 +175,7 @@ def as_printed(value: Value) -> str:
 
 
 def shown(value: float, digits: int = 3) -> str:
-    """A value with so many significant digits; very small and very large ones with a power of ten."""
+    """Format a value with significant digits; very small and very large ones with a power of ten."""
     if value == 0.0 or not math.isfinite(value):
         return number(value)
     power = math.floor(math.log10(abs(value)))
@@ -185,7 +185,7 @@ def shown(value: float, digits: int = 3) -> str:
 
 
 def numbers(ax: Axes, entries: Sequence[NumberEntry], *, dx: float = 20.0, remarks: Sequence[str] = ()) -> float:
-    """Ours and the paper's right of the axes, from their top; returns where they end, below the top [pt].
+    """List our numbers and the paper's right of the axes; return the lower end, below the top [pt].
 
     Args:
         ax: the axes.

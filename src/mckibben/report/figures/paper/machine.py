@@ -34,7 +34,7 @@ CM = from_si(1.0, "m", "cm")
 
 @style.styled()
 def geometry(figure: str) -> Figure:
-    """The nylon muscle at rest and shortened, to scale, and its thread unrolled: a triangle of b, L and n pi D."""
+    """Draw the nylon muscle at rest and shortened, and its thread unrolled: a triangle of b, L and n pi D."""
     spec = specimen("nylon")
     law, rest = law_from_specimen(spec, "thick_wall"), spec.property_si("rest_length", "m")
     shape = braid_of(law)
@@ -104,7 +104,7 @@ def _triangle(ax: Axes, shape: BraidShape, length: float, strength: float) -> No
 
 @style.styled()
 def machine(figure: str) -> Figure:
-    """Hardware and software of the simulated test machine."""
+    """Draw hardware and software of the simulated test machine."""
     return bench_diagram.draw(rig("paper"), title=f"{label(figure)}  Dynamic testing machine")
 
 
@@ -124,7 +124,7 @@ TITLES = {LARGE: "10 in³ accumulator", SMALL: "3 in³ accumulator"}
 
 @style.styled()
 def figure_7a() -> Figure:
-    """The circuit as the simulated machine has it."""
+    """Draw the circuit as in the simulated machine."""
     bench = rig("paper")
     plumbing = bench.plumbing["10 in3"]
     circuit = plumbing.circuit({}, bench.environment)
@@ -261,7 +261,7 @@ def figure_9b() -> Figure:
 
 
 def _responses(figure: str, shows: Pressures, words: str, entries: list[NumberEntry]) -> Figure:
-    """Pressure in front of the tube, behind it, and as the model has it, on a record of noise and one of steps."""
+    """Draw pressure before and behind the tube, and of the model, on a record of noise and one of steps."""
     fig, axes = stack([1.0, 1.0], 5.6, wide=style.WIDE, beside=3.0, gap=0.5)
     result = shows.result()
     cases = part2.tube_fits().cases[QUICK_THERMALS[0], shows.accumulator]
@@ -302,7 +302,7 @@ REMARKS = (
 
 
 def _resistances(figure: str, shows: Pressures) -> list[NumberEntry]:
-    """R1, R2 and L as fitted; where nothing was fitted, those of the large accumulator."""
+    """Entries of R1, R2 and L as fitted, or those of the large accumulator."""
     fitted = shows if shows.refitted or shows.accumulator == LARGE else shows._replace(accumulator=LARGE)
     result = fitted.result()
     r1 = from_si(result.value("viscous"), "Pa*s/m", "bar*s/cm")

@@ -69,7 +69,7 @@ FIBERGLASS, BRIDGESTONE = (
 
 
 def loops_of(subject: RecordedMuscle, pressure: str) -> Recording:
-    """Recorded cycles at a pressure; those that a row needs are the row's."""
+    """Recorded cycles at a pressure; the same that rows use."""
     if pressure == FIVE_BAR or subject == NYLON:
         return loops.triangle(subject.muscle, stroke=subject.stroke, rig=subject.rig, pressure=pressure)
     whole = recording(
@@ -228,7 +228,7 @@ def _quasi_static(
 
 
 def _name(ax: Axes, record: Recording, subject: RecordedMuscle, pressure: str) -> None:
-    """The pressure just above the loop, near its right end."""
+    """Label the loop with its pressure, near its right end."""
     x, y = _curve(record, subject)
     near = x > np.quantile(x, 0.9)
     if y[near].max() < 1.0:
@@ -249,7 +249,7 @@ def _name(ax: Axes, record: Recording, subject: RecordedMuscle, pressure: str) -
 
 
 def _printed_lines(ax: Axes, subject: RecordedMuscle) -> None:
-    """The linear law with its printed numbers, above the rounded threshold."""
+    """Draw the linear law with its printed numbers, above the rounded threshold."""
     law = law_from_specimen(specimen(subject.muscle))
     span = np.linspace(0.75, 1.1, 2) * rest_length(subject.muscle)
     for pressure in (2e5, 3e5, 4e5, 5e5):
@@ -403,7 +403,7 @@ def steps_of(name: str) -> Recording:
 
 
 def window(record: Recording, rising: bool) -> tuple[CommandStep, Recording]:
-    """The second step that rises or falls, and what was recorded around it, its time counted from the step."""
+    """The second rising or falling step with the record around it, time counted from the step."""
     step = [s for s in find_steps(record, "valve.command") if (s.after > s.before) == rising][1]
     near = (record.time >= step.time - BEFORE) & (record.time <= step.time + AFTER)
     kept = {n: c.with_values(c.values[near]) for n, c in record.channels.items()}

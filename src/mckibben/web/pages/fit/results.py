@@ -25,7 +25,7 @@ HALF = 0.5  # of the value, that the scale of the intervals shows to either side
 
 
 def number(value: float | None, places: int = 2) -> str:
-    """A number with a fixed count of places, in groups of three, with a true minus."""
+    """Format a number with fixed decimals, in groups of three, with a typographic minus."""
     if value is None or not math.isfinite(value):
         return "\u2013"
     text_ = f"{abs(value):,.{places}f}".replace(",", "\u2009")
@@ -33,7 +33,7 @@ def number(value: float | None, places: int = 2) -> str:
 
 
 def ranking(study: Ranking, chosen: str, pick: Callable[[str], Any]) -> None:
-    """The table of laws, best first, and the published ones below; a row that is clicked or entered is picked."""
+    """Build the table of laws, best first, and published ones below; a click or Enter picks a row."""
     rows = _rows(study)
     widest = max((r["rmse"] for r in rows if math.isfinite(r["rmse"])), default=1.0)
     held = next((f.holdout.what for f in study.fits if f.holdout), "")
@@ -127,7 +127,7 @@ def _row(
 
 
 def formula(law: str) -> str:
-    """The equations of a law as its module states them: the indented lines of its description."""
+    """Equations of a law as its module states them: the indented lines of its docstring."""
     import inspect
 
     from ....muscles.laws import law_type
@@ -138,7 +138,7 @@ def formula(law: str) -> str:
 
 
 def parameters(fit: Fit) -> None:
-    """Each parameter with its half-width and unit, and a whisker over a scale of half its value to either side."""
+    """Show each parameter with its half-width and unit, and a whisker over a scale of half its value to either side."""
     from ....muscles.laws import law_type
     from ....report.fit_report import value_and_half
 
@@ -263,7 +263,7 @@ def drawn(fit: Fit, study: Ranking, rest: float | None) -> dict[str, Any]:
 
 
 def figure(kind: str, data: dict[str, Any], name: str, height: int) -> str:
-    """The element that the browser draws into."""
+    """Element that the browser draws into."""
     needed = {
         "tension": "points slack curves labelled x top rest source",
         "errors": "points x percent",
@@ -279,7 +279,7 @@ def figure(kind: str, data: dict[str, Any], name: str, height: int) -> str:
 
 
 def _pull(lengths: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The part of a curve on which the braid pulls, up to the longest length that the law knows; [m], [N]."""
+    """Part of a curve with positive tension, up to the longest length of the law; [m], [N]."""
     from ....report.figures.fit_figures import pulling
 
     last = np.flatnonzero(force > 0.0)
@@ -288,7 +288,7 @@ def _pull(lengths: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _law(fit: Fit, taut: np.ndarray) -> Any:
-    """The law of the muscles whose taut points are chosen, bool (n,): what is known of each may differ."""
+    """Law of the muscles whose taut points are chosen, bool (n,); their known parameters may differ."""
     own = {k: float(np.asarray(v)[taut].max()) for k, v in fit.known.items() if np.ndim(v) and taut.any()}
     return fit.build(**own)
 
@@ -305,7 +305,7 @@ def _points(fit: Fit, taut: np.ndarray, cm: float, bar: float) -> list[dict[str,
 
 
 def _left(fit: Fit, taut: np.ndarray, cm: float, bar: float) -> list[dict[str, float]]:
-    """For every pressure the largest error of its points when it was left out, measured less predicted [N]."""
+    """Largest error of the points of every pressure when it was left out, measured less predicted [N]."""
     if "pressure" not in fit.cross:
         return []
     error, errors = -fit.cross["pressure"].error, []
@@ -328,7 +328,7 @@ def _rounded(values: np.ndarray) -> list[float]:
 
 
 def values(data: dict[str, Any]) -> None:
-    """The points as a table, for who cannot see them."""
+    """Table of the points, for screen readers."""
     rows = [[number(p["L"], 2), number(p["P"], 3), number(p["F"], 1), number(p["e"], 2)] for p in data["points"][:400]]
     with box("details", "values"):
         text("summary", "Table of values")

@@ -91,7 +91,7 @@ def _pairs(text: str) -> tuple[tuple[str, str], ...]:
 
 
 def stored(lab: Laboratory, name: str, data: Path) -> Path:
-    """Keep an uploaded file; one that is there already, byte for byte, is taken as it is.
+    """Store an uploaded file; an identical one is reused.
 
     Raises:
         InputError: if it has more rows than a fit takes, or the name is not allowed; nothing is stored then.
@@ -102,7 +102,7 @@ def stored(lab: Laboratory, name: str, data: Path) -> Path:
 
 
 def specimen_of(asked: FitRequest) -> Specimen | None:
-    """The specimen whose map it is, or whose dimensions are known."""
+    """Specimen of the map, or the one with the known dimensions."""
     name = asked.name if asked.kind == "map" else asked.like
     return specimen(name) if name else None
 
@@ -115,7 +115,7 @@ def file_of(lab: Laboratory, asked: FitRequest) -> Path:
 
 
 def read(path: Path, asked: FitRequest) -> ForceMap:
-    """The table of a file as a force map, as the command ``fit`` reads it.
+    """Read the table of a file as a force map, as the command ``fit`` does.
 
     Raises:
         InputError: names file, column, value and what is allowed.
@@ -141,7 +141,7 @@ def read(path: Path, asked: FitRequest) -> ForceMap:
 
 
 def known(asked: FitRequest) -> dict[str, float]:
-    """Parameters that are not fitted [SI]: of the specimen, then those that were said."""
+    """Parameters that are not fitted [SI]: of the specimen, then stated ones."""
     from ....identification.ranking import known_of
 
     dimensions_known, fields = known_of(specimen_of(asked)), dimensions()
@@ -154,7 +154,7 @@ def known(asked: FitRequest) -> dict[str, float]:
 
 
 def dimensions() -> dict[str, Any]:
-    """Dimensions of a muscle that a fit may be told: declared by laws, and stated by specimens."""
+    """Dimensions of a muscle that can be stated for a fit: declared by laws, and stated by specimens."""
     from ....muscles.laws import LAWS, law_type
 
     names = ("rest_diameter", "wall_thickness")
