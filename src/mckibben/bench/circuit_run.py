@@ -1,4 +1,4 @@
-"""A planned circuit becomes a run, and the run a recording."""
+"""Runs of circuits, from the plan to the recording."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def _muscles(
 
 
 def citations(plan: CircuitPlan) -> list[str]:
-    """Keys of the papers that the parts of a circuit and their specimens rest on."""
+    """Citation keys of the parts of a circuit and their specimens."""
     keys = [key for planned in plan.nodes.values() if planned.law is not None for key in planned.law.cites]
     keys += ["chou1996" for e in plan.circuit.elements.values() if isinstance(e, OF_THE_PAPER)]
     parts = [part for section in ("nodes", "elements") for part in plan.document[section].values()]

@@ -1,4 +1,4 @@
-"""Angle and stiffness of an antagonist pair on the clock of a rig's computer: set-points over time become a recording."""
+"""Control of angle and stiffness of an antagonist pair by a rig's computer, from set-points to a recording."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class JointStand:
     control: JointControl
 
     def plant(self, angle: float) -> RiggedJoint:
-        """The pair behind its converters, at rest at an angle [rad]."""
+        """Build the pair with its converters, at rest at an angle [rad]."""
         load = self.machine.load.replace(start=jnp.asarray(angle, float))
         sensor = self.rig.sensors["pressure"]
         return RiggedJoint(
@@ -82,7 +82,7 @@ def joint_stand(
     angles: tuple[float, float] = (-0.5, 0.5),
     gains: Mapping[str, float] | None = None,
 ) -> JointStand:
-    """A pair on a joint, with computer, sensors of pressure, valves and tubes of a rig; the map of the pair is made here.
+    """Build a pair on a joint, with computer, pressure sensors, valves and tubes of a rig, and the map of the pair.
 
     Args:
         flexor: turns to positive angles.
@@ -207,7 +207,7 @@ def run_joint(
 
 
 def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Times of the samples, and every course at them."""
+    """Sample times, and every course at them."""
     if not (math.isfinite(duration) and duration >= period):
         raise InputError("duration", duration, f"allowed is a time of at least one sample, {period:g} s")
     time = period * np.arange(round(duration / period) + 1)
@@ -263,7 +263,7 @@ RENAMED = {"load.angle": "joint.angle", "load.angular_velocity": "joint.velocity
 
 
 def _channels(seen: Any, count: int) -> dict[str, Channel]:
-    """The channels of a recording from what was seen."""
+    """Convert the results to channels of a recording."""
     arrays = {n: v for n, v in seen.measured.items() if not n.endswith(".code")} | dict(seen.shown)
     arrays |= {f"{n}.command": v for n, v in seen.commands.items()}
     arrays |= {RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(CONSTANT)}

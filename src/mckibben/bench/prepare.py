@@ -68,7 +68,7 @@ class RunSegment(NamedTuple):
 
     @property
     def start_span(self) -> float:
-        """Span at which the segment begins [m]."""
+        """Span at the start of the segment [m]."""
         first = self.steps[0]
         if not self.moves and isinstance(first.motor, np.ndarray):
             return float(first.motor[0])
@@ -76,7 +76,7 @@ class RunSegment(NamedTuple):
 
     @property
     def start_pressure(self) -> float:
-        """Gauge pressure at which the segment begins [Pa]; zero if it is not known in advance."""
+        """Gauge pressure at the start of the segment [Pa]; zero if it is not known in advance."""
         before = self.steps[0].pressure_before
         return float(before.low) if before.known else 0.0
 

@@ -91,7 +91,7 @@ class Rig:
         return next((h for h in self.hands if h.ask == ask), None)
 
     def layout(self, protocol: Protocol, name: str | None = None) -> str:
-        """The plumbing that a protocol runs on: the one named, else the first that has all it needs.
+        """Plumbing of a protocol: the named one, else the first with all required parts.
 
         Raises:
             InputError: if there is none of that name.
@@ -143,7 +143,7 @@ class Rig:
         return resolutions if self.encoder is None else resolutions | {"span": float(self.encoder.resolution)}
 
     def _pressure_rate(self, plumbing: Plumbing) -> float:
-        """Steepest change of a set-point that the gas can follow [Pa/s]: the open valve into what has to be filled."""
+        """Largest rate of a set-point that the gas can follow [Pa/s]: by the open valve into the volumes."""
         room = self.environment
         supply = GasState(plumbing.supply_pressure + room.pressure_abs, room.temperature)
         flow = plumbing.valve.fill.mass_flow(supply, GasState(room.pressure_abs, room.temperature))

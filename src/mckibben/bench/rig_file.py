@@ -69,7 +69,7 @@ def rig_names() -> list[str]:
 
 
 def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) -> Rig:
-    """A rig by its name or by the path of a ``.toml`` file.
+    """Load a rig by its name or by the path of a ``.toml`` file.
 
     Args:
         name: ``paper``, ``modern``, or a path.
@@ -95,7 +95,7 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
 
 
 def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
-    """A rig from the tables of its file.
+    """Read a rig from the tables of its file.
 
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.
@@ -182,7 +182,7 @@ def _controller(table: FileTable, usual: type[T]) -> T:
 
 
 def _interlocks(entry: FileTable, bounds: Sequence[float]) -> Interlocks:
-    """Limits of the interlocks; what follows from the other parts is not stated again."""
+    """Read the limits of the interlocks; those that follow from other parts are not stated again."""
     entry.only([k for k in declared(Interlocks) if k not in FOLLOWS], "they have")
     return read_table(Interlocks, entry, shortest=bounds[0], longest=bounds[1])
 
@@ -239,7 +239,7 @@ def _element(entry: FileTable, kind: str) -> Any:
 
 
 def _heat(entry: FileTable, room: Environment) -> HeatModel:
-    """``isothermal``, ``adiabatic``, or the conductance to the walls of each volume."""
+    """Read ``isothermal``, ``adiabatic``, or the conductance to the walls of each volume."""
     word = entry.word("heat", "0.2 W/K")
     if word == "isothermal":
         return Isothermal()

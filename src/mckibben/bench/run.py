@@ -38,7 +38,7 @@ def run(
     log: str | Path | None = None,
     **options: Any,
 ) -> Recording:
-    """Run a protocol on a rig; a keyboard interrupt ends the run and keeps what there is.
+    """Run a protocol on a rig; a keyboard interrupt ends the run and keeps the samples so far.
 
     Args:
         protocol: a protocol, the name of a shipped one, a ``.toml`` file, or what `prepare` made.

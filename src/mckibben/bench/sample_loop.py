@@ -61,7 +61,7 @@ class Lateness(NamedTuple):
 
 
 class Setpoints:
-    """The set-points of manual operation as a loop reads them at every sample, in the order of `manual.ROW`.
+    """Set-points of manual operation, read by a loop at every sample, in the order of `manual.ROW`.
 
     Pressure [Pa], open 1 or 0, the motor's mode and its value [m, m/s or N; NaN: stay], alone 1 or 0.
     """
@@ -73,7 +73,7 @@ class Setpoints:
         self.change(motor=np.nan, open=1.0)
 
     def __call__(self) -> np.ndarray:
-        """The values of this moment."""
+        """Return the present values."""
         return self._values
 
     def change(self, **values: float) -> None:
@@ -89,7 +89,7 @@ class Setpoints:
 
 
 class SampledMachine:
-    """A machine that is sampled without a gap, while one loop after the other has it.
+    """A machine that is sampled without gaps, also between successive loops.
 
     Args:
         hardware: the machine.
@@ -114,7 +114,7 @@ class SampledMachine:
             self.hardware.start(self.period)
 
     def wait(self) -> tuple[int, float]:
-        """Wait for the next sample; its number, and how late it is [s]."""
+        """Wait for the next sample; return its number and lateness [s]."""
         mark, self.mark = self.mark, None
         if mark is not None:
             mark(self.number)
@@ -124,7 +124,7 @@ class SampledMachine:
 
 
 class SampleLoop:
-    """One segment of a run on one machine, or its operation by hand.
+    """A loop of samples on one machine, for a segment of a run or for manual operation.
 
     Args:
         machine: that is sampled.
@@ -196,7 +196,7 @@ class SampleLoop:
     # ---- its thread
 
     def start(self, after: SampleLoop | None = None) -> None:
-        """Begin in a thread of its own; an endless loop may go on after another, where its set-points were."""
+        """Start the loop in a thread; an endless loop may continue at the set-points of another."""
         if after is not None and after.state is not None and self.state is not None:
             self.state = self._following(after)
         self._leaving.clear()
@@ -219,7 +219,7 @@ class SampleLoop:
 
     @property
     def alive(self) -> bool:
-        """Whether its thread is at work."""
+        """Whether the thread of the loop is alive."""
         return self._thread is not None and self._thread.is_alive()
 
     def renew(self) -> None:
@@ -287,7 +287,7 @@ class SampleLoop:
         self.kept.append((number, late, hardware.look(), measured, self.held, self.shown))
 
     def _first(self, counts: np.ndarray) -> np.ndarray:
-        """The software's state before the first sample, with what a loop before it hands on."""
+        """State of the software before the first sample, continued from the loop before."""
         (state,) = self._begin(counts)
         return state if self.before is None else self._carried(self.before, state)
 
@@ -311,7 +311,7 @@ class SampleLoop:
 
     @property
     def opened(self) -> bool:
-        """Whether the shut-off, where there is one, was asked to be open at the newest sample."""
+        """Whether the shut-off, if there is one, was commanded open at the newest sample."""
         return "open" not in self._outputs or self.held[self._think.index(3, "open")] > 0.5
 
     @property
@@ -343,7 +343,7 @@ class SampleLoop:
     # ---- from loop to loop
 
     def _carried(self, before: SampleLoop, state: np.ndarray) -> np.ndarray:
-        """A state with all that is not its own set-points as another loop left it."""
+        """Take over the state of another loop, except for its set-points."""
         if before.state is None:
             return state
         carried = np.array(state)
@@ -354,7 +354,7 @@ class SampleLoop:
         return [int(i) for i in jax.tree.leaves({k: v for k, v in self.places.items() if k != OWN})]
 
     def _following(self, after: SampleLoop) -> np.ndarray:
-        """The state after a protocol: its last set-points are held; a velocity is not, but the span that it led to."""
+        """State after a protocol: its last set-points are held; after a velocity, the reached span."""
         assert self.state is not None and after.state is not None
         following = self._carried(after, self.state)
         place, (mode, value) = self.places[OWN], after.motor
@@ -420,7 +420,7 @@ def _think(
     pressed: Any,
     *setpoints: Any,
 ) -> tuple[Any, ...]:
-    """The software's step: state, counts of the outputs, measured channels, held outputs, and what is shown."""
+    """Compute the software's step: state, counts of the outputs, measured channels, held outputs, and reported values."""
     measured, row = _measured(converters, inputs, counts), {name: setpoints[0][i] for i, name in enumerate(names)}
     state, commands, shown = software.step(state, measured, {"stop": pressed, **row}, period)
     out = converters.write(commands)

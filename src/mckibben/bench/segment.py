@@ -109,7 +109,7 @@ class SegmentMachine:
 
     @functools.cached_property
     def rested(self) -> sampled.Carry:
-        """The machine at rest where the segment begins, without software."""
+        """Return the machine at rest at the start of the segment, without software."""
         carry: sampled.Carry = call_compiled(
             sampled.rest, self.plant, self.start, self.commands, depth=self.timing.depth
         )

@@ -2,6 +2,8 @@
 
 3, 4 and 6b of the paper: loops at constant pressure, sines of twelve frequencies, the fit to ten points, lubricants.
 
+3, 4 and 6b of the paper: loops at constant pressure, sines of twelve frequencies, the fit to ten points, lubricants.
+
 Triangles at 5 bar where a row does not say otherwise; a loop is the mean of the recorded cycles, of the measured tension
 over the measured span. Rows are raw as the paper's are; where the lag of the cell's filter matters, the note gives the
 corrected number beside it.

@@ -2,6 +2,8 @@
 
 Creep fitted to part of a hold predicts the rest.
 
+Creep fitted to part of a hold predicts the rest.
+
 They are those of a Festo DMSP-10-250 (tbazina/pam_lqi_pid; no licence stated, not shipped): a folder with
 ``pressure_stroke_loop.csv`` (``branch`` up or down, ``p_sensor_V``, ``stroke_mm``, ``p_bar_gauge``) and
 ``step_response_100hz.csv`` (``segment`` step_up or step_down, ``t_since_segment_start_s``, ``stroke_mm``,
@@ -58,7 +60,7 @@ def read_loop(folder: str | Path) -> PathRecord:
 
 
 def read_steps(folder: str | Path) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Read time since the step [s], stroke [m] and gauge pressure [Pa] of each segment of a folder.
+    """Read time since the step [s], stroke [m] and gauge pressure [Pa] of each segment of a folder; raises as `read_loop`.
 
     Raises as `read_loop`.
     """
@@ -126,7 +128,7 @@ class Width(NamedTuple):
 
 
 class Late(NamedTuple):
-    """The end of the hold: seconds after the first fitted sample, strokes [m], and what the pressure's drift adds [m]."""
+    """End of the hold: seconds after the first fitted sample, strokes [m], and the share due to drifting pressure [m]."""
 
     time: float
     predicted: float

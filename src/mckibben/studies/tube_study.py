@@ -305,7 +305,7 @@ def _graded(ratio: float) -> str:
 
 
 def rising_speeds(study: TubeStudy, thermal: str) -> Numbers:
-    """Ratio of flow velocities of the fitted linear model and the reference, at the reference's pressures, while rising.
+    """Ratio of the rates of rise of the fitted linear model and the reference, at the reference's pressures.
 
     Sums over all samples of the large accumulator whose pressure is in the lower or the upper third. And the lead there:
     the error's share in step with the reference's rate of change [s].

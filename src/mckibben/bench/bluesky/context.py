@@ -1,4 +1,4 @@
-"""What all devices of one session share: names and descriptions of its channels, its clock, and how it is let down.
+"""Common context of a session's devices: names and descriptions of channels, clock, and safe ending.
 
 A key is a channel's name with ``-`` for every dot, since documents do not hold dots: ``command-pressure``. Values are SI, as
 in recordings. Time stamps are seconds since 1970: the time of the session's sample after that of its first one, so that of a
@@ -27,7 +27,7 @@ from ..session.status import IDLE, MANUAL
 
 
 class DeviceContext:
-    """A session as its devices see it.
+    """A session, as seen by its devices.
 
     Args:
         session: the machine, in this process or in another one.
@@ -97,7 +97,7 @@ class DeviceContext:
         return found
 
     def require_manual(self, what: str) -> None:
-        """Refuse at once what a session would let wait: something while a protocol runs, and after a stop.
+        """Refuse an action during a protocol, and after a stop.
 
         Raises:
             InputError: says what the machine does instead.
@@ -165,7 +165,7 @@ class ChannelBackend(SignalBackend[float]):
         return await self.get_value()
 
     def set_callback(self, callback: Callback[Reading[float]] | None) -> None:
-        """Tell a function of the newest reading, and of new ones, some 20 a second: what a display needs."""
+        """Set a function that is called with new readings, some 20 a second, enough for a display."""
         if self._follower is not None:
             self._follower.cancel()
         self._follower = None if callback is None else asyncio.get_running_loop().create_task(self._follow(callback))

@@ -70,7 +70,7 @@ class ChannelDevice(StandardReadable, Triggerable, Subscribable):
     subscribe = subscribe_reading
 
     def clear_sub(self, function: Any) -> None:
-        """Tell it no more."""
+        """Remove a subscription."""
         self.value.clear_sub(function)
 
     async def read_configuration(self) -> dict[str, Reading[Any]]:
@@ -107,7 +107,7 @@ class SetPoint(ChannelDevice, Locatable[float], Checkable[float | str], Stoppabl
         self._ended: asyncio.Future[None] | None = None
 
     def check_value(self, value: float | str) -> None:
-        """Refuse what the rig does not allow.
+        """Refuse a value that the rig does not permit.
 
         Raises:
             InputError: names what is allowed.
@@ -175,7 +175,7 @@ class SetPoint(ChannelDevice, Locatable[float], Checkable[float | str], Stoppabl
         return {"setpoint": measured if math.isnan(asked) else asked, "readback": measured}
 
     def stop(self, success: bool = True) -> None:
-        """End a move; the RunEngine asks for it after every plan, and where it pauses, for all that the plan has moved.
+        """End a move; the RunEngine calls it after every plan, and at a pause, for all moved devices.
 
         A pressure on its way is let down, a motor on its way stops where it is, and whatever is there is held.
 
@@ -216,7 +216,7 @@ class SetPoint(ChannelDevice, Locatable[float], Checkable[float | str], Stoppabl
 
 
 class Devices:
-    """What `bench_devices` gives.
+    """Devices of a session, from `bench_devices`.
 
     Attributes:
         pressure, span, velocity, tension: set-points; without a motor there is only the pressure.
@@ -244,7 +244,7 @@ class Devices:
         return ProtocolFlyer(self.context, protocol, **options)
 
     def guard(self, name: str, document: Mapping[str, Any]) -> None:
-        """For ``RE.subscribe``: where a run of a plan was aborted or failed, stop what runs, or vent."""
+        """Subscriber for ``RE.subscribe``: after an aborted or failed run, stop the machine, or vent."""
         if name == "stop" and document.get("exit_status") != "success":
             why = document.get("reason") or document.get("exit_status")
             self.context.let_down(f"the plan did not end as planned: {why}")

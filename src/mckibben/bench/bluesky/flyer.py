@@ -1,4 +1,4 @@
-"""A protocol that the RunEngine lets go: it runs on the session's loop, and its recording becomes a stream of events."""
+"""Protocols as Bluesky flyers: a protocol runs in the session's loop, and its recording becomes a stream of events."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ ENDS = 10.0  # time for which the end of a stopped run is waited for [s]
 class ProtocolFlyer(
     Device, Flyable, EventPageCollectable, Configurable[Any], Stageable, Stoppable, Pausable, HasHints
 ):  # fmt: skip
-    """One protocol on the machine of a session, as often as it is wanted.
+    """A protocol on the machine of a session, run as often as requested.
 
     A protocol cannot wait in its midst: a pause stops it, and `resume` is refused. One that
     wants a person is refused.
@@ -76,13 +76,13 @@ class ProtocolFlyer(
 
     @property
     def hints(self) -> Any:
-        """What to plot: what is measured."""
+        """Channels to plot: the measured ones."""
         context = self.context
         return {"fields": [context.key(n) for n in context.names if context.kinds[n][1] == "measured"]}
 
     @property
     def running(self) -> bool:
-        """Whether a run goes on, from its kickoff to its end."""
+        """Whether a run is in progress, from its kickoff to its end."""
         return self._run is not None and not self._run.done()
 
     @AsyncStatus.wrap
@@ -98,7 +98,7 @@ class ProtocolFlyer(
         return AsyncStatus(self._over(), self.name)
 
     def kickoff(self) -> AsyncStatus[None]:
-        """Let it go; done with its first sample. The machine goes by hand to where it begins, which takes its time.
+        """Start the protocol; done with its first sample. The machine first moves to the start of the protocol.
 
         Raises:
             InputError: if it is not staged, or the machine is not in manual mode.

@@ -37,7 +37,7 @@ HARMONICS = 12  # of the error of counts over its period, a count
 
 
 class ReferenceReading(NamedTuple):
-    """The samples of a channel at one point [unit of the channel].
+    """Samples of a channel at one point [unit of the channel].
 
     Attributes:
         mean: mean of all samples.
@@ -97,7 +97,7 @@ class CalibrationLine(NamedTuple):
 
     @property
     def linearity(self) -> float:
-        """Largest departure of a point from the line [unit]."""
+        """Largest deviation of a point from the line [unit]."""
         return float(np.abs(self.residuals).max())
 
 
@@ -112,7 +112,7 @@ def reading(samples: np.ndarray) -> ReferenceReading:
 
 
 def of_counts(scatter: float, resolution: float) -> float:
-    """Standard uncertainty that whole counts leave in the mean of many samples [unit].
+    """Standard uncertainty due to whole counts in the mean of many samples [unit].
 
     q/sqrt 12 for a signal without noise; noise of half a count and more lets averaging see between the counts. For a true
     value evenly anywhere on a count, sum over k of q^2/(2 pi^2 k^2) exp(-4 pi^2 k^2 s^2/q^2), with the noise s before the
@@ -162,7 +162,7 @@ def dead_weights(
     gravity: float = GRAVITY,
     gravity_uncertainty: float = 0.0,
 ) -> CalibrationLine:
-    """A load cell from masses.
+    """Calibrate a load cell from masses.
 
     Args:
         masses: each mass [kg] with its reading [N]; up and down again shows hysteresis.
@@ -181,12 +181,12 @@ def dead_weights(
 
 
 def pressure_reference(points: Sequence[Point], *, resolution: float, reference: Reference) -> CalibrationLine:
-    """A pressure sensor from a reference gauge; points in gauge pressures, resolution [Pa]."""
+    """Calibrate a pressure sensor from a reference gauge; points in gauge pressures, resolution [Pa]."""
     return line(points, resolution=resolution, reference=reference, what="pressures")
 
 
 def encoder(travels: Sequence[Point], *, resolution: float, reference: Reference) -> CalibrationLine:
-    """An encoder from known travels: the gain is metres per count against nominal ones.
+    """Calibrate an encoder from known travels: the gain is metres per count over the nominal ones.
 
     The zero is where the counter stood in this session, and says nothing about the next one. Points and resolution [m].
     """
@@ -194,7 +194,7 @@ def encoder(travels: Sequence[Point], *, resolution: float, reference: Reference
 
 
 def line(points: Sequence[Point], *, resolution: float, reference: Reference, what: str = "points") -> CalibrationLine:
-    """The line through points, for any sensor.
+    """Fit a line through points, for any sensor.
 
     Args:
         points: two different settings or more.
@@ -250,7 +250,7 @@ def line(points: Sequence[Point], *, resolution: float, reference: Reference, wh
 def _variances(
     points: Sequence[Point], apart: np.ndarray, times: np.ndarray, resolution: float, by_reference: np.ndarray
 ) -> list[tuple[np.ndarray, float]]:
-    """Variances of the settings' means by reading, by hysteresis and by counts and reference, each with its degrees."""
+    """Variances of the settings' means due to reading, hysteresis, and counts and reference, with their degrees."""
     read = float(np.mean([p.reading.error**2 for p in points]))
     scatter = math.sqrt(np.mean([p.reading.scatter**2 for p in points]))
     again = int((times - 1).sum())
@@ -263,6 +263,6 @@ def _variances(
 
 
 def _degrees(*parts: tuple[float, float], total: float) -> float:
-    """Welch and Satterthwaite: parts are a variance and its degrees of freedom; the rest has infinitely many."""
+    """Effective degrees of freedom by Welch and Satterthwaite: parts are variances with finite degrees of freedom."""
     known = sum(variance**2 / degrees for variance, degrees in parts if degrees > 0.0)
     return math.inf if known <= total**2 / MOST_DEGREES else max(float(total**2 / known), 1.0)

@@ -69,7 +69,7 @@ def merged(path: Path, rig: str, found: Mapping[str, Correction], date: str) -> 
 
 
 def document(calibration: Calibration) -> dict[str, Any]:
-    """The tables of a file."""
+    """Tables of a calibration file."""
     channels = {name: correction_table(one, bare=False) for name, one in calibration.corrections.items()}
     for table in channels.values():
         for term in TERMS:

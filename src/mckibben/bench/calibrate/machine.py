@@ -1,4 +1,4 @@
-"""Readings of a machine behind the hardware border, at rest, for its calibration."""
+"""Readings of a machine at rest, for its calibration."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PATIENCE = 5.0  # beyond the time that the samples take [s]
 
 
 class HardwareReadings:
-    """A machine behind the hardware border, vented and without force of the motor, sampled all the while in its own thread.
+    """A machine, vented and without motor force, sampled continuously in a thread.
 
     It is sampled between the readings too, since a machine that is told nothing takes its line for lost. The encoder is
     zeroed once, at the beginning. To be used in a ``with``.
@@ -33,7 +33,7 @@ class HardwareReadings:
         period: float = PERIOD,
         scales: Mapping[str, ChannelScale] | None = None,
     ) -> None:
-        """A machine that is not started yet, and what its counts stand for.
+        """Prepare the readings of a machine that is not started yet, with the scales of its counts.
 
         Args:
             hardware: the machine.
@@ -74,7 +74,7 @@ class HardwareReadings:
         self._hardware.close()
 
     def read(self, samples: int) -> dict[str, np.ndarray]:
-        """The next samples.
+        """Return the next samples.
 
         Raises:
             LineLostError: if the machine does not give them.

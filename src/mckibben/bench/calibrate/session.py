@@ -93,7 +93,7 @@ class CalibrationSession:
         name: str = "",
         channel: str = "tension",
     ) -> CalibrationOutcome:
-        """A load cell: masses [kg], hung up and down again; uncertainties standard, of each mass [kg] and of gravity."""
+        """Calibrate a load cell by masses [kg], up and down; standard uncertainties of each mass [kg] and of gravity."""
         _different("masses", masses, "kg", least=0.0)
         asked = [
             OperatorTask(f"hang {_mass(m)} on the cell" if m else "hang nothing on the cell", {channel: m * gravity})
@@ -126,7 +126,7 @@ class CalibrationSession:
         return self._outcome("pressure", reference, lines, points)
 
     def encoder(self, travels: Sequence[float], reference: Reference) -> CalibrationOutcome:
-        """The encoder from known travels [m], such as of gauge blocks; only the gain is found."""
+        """Calibrate the encoder by known travels [m], such as of gauge blocks; only the gain is determined."""
         _different("travels", travels, "m")
         asked = {x: OperatorTask(f"move the end to the travel {with_unit(x, 'm', 6)}", {SPAN: x}) for x in travels}
         points = self._points(asked, [SPAN])
@@ -178,7 +178,7 @@ class CalibrationSession:
     def _read(
         self, task: OperatorTask, channels: Sequence[str], before: Mapping[str, Point]
     ) -> tuple[dict[str, ReferenceReading], float | None]:
-        """A point's readings that are fit for use, and what the reference showed."""
+        """Valid readings of a point, and the value shown by the reference."""
         while True:
             shown = self.ask(task)
             try:

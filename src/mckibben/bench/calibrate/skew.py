@@ -28,7 +28,7 @@ MOST_LEFT = 0.5  # of a channel's rms value that the sine may leave unexplained
 
 
 class SkewModel(NamedTuple):
-    """The times of the samples, and how many channels there are; its parameters are a flat vector, see `parts`."""
+    """Model of channels at sample times; its parameters are a flat vector, see `parts`."""
 
     time: np.ndarray
     channels: int
@@ -41,7 +41,7 @@ class SkewModel(NamedTuple):
         return float(p[0]), float(p[1]), float(p[2]), float(p[3]), *phases
 
     def both(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Channels (channels, n), and their derivatives to the parameters (channels, n, parameters)."""
+        """Channels (channels, n), and their derivatives by the parameters (channels, n, parameters)."""
         f, k, a, b, c, g, lag = self.parts(p)
         n = self.channels
         t = self.time[None, :] - lag[:, None]

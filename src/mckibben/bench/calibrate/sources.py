@@ -30,7 +30,7 @@ LEAD = 0.5  # time for which a filter has seen a waveform before the first sampl
 
 
 class ChannelScale(NamedTuple):
-    """The nominal scale of a channel [unit].
+    """Nominal scale of a channel [unit].
 
     Attributes:
         low: lowest value that its converter shows; minus infinity for an encoder.
@@ -83,14 +83,14 @@ class Source(Protocol):
 
     @property
     def grids(self) -> Mapping[str, ChannelScale]:
-        """The nominal scales of the channels."""
+        """Nominal scales of the channels."""
 
     def read(self, samples: int) -> Mapping[str, np.ndarray]:
-        """The next samples of every channel (n,), indicated [unit]."""
+        """Return the next samples of every channel (n,), indicated [unit]."""
 
 
 def grids(rig: Rig) -> dict[str, ChannelScale]:
-    """The nominal scales of a rig's channels; of the encoder that of its travel."""
+    """Nominal scales of a rig's channels; of the encoder that of its travel."""
     scales = {}
     for name, sensor in rig.sensors.items():
         at = sensor.converter
@@ -127,7 +127,7 @@ class SimulatedSensors:
         self.wave = None
 
     def read(self, samples: int) -> dict[str, np.ndarray]:
-        """The next samples; where a waveform is on, from its beginning."""
+        """Return the next samples; of a waveform from its start."""
         draws = {n: self._draw.standard_normal(samples) for n in self._sensors}
         rest = {n: np.float64(self.true[n]) for n in self._sensors}
         y, x = (None, rest) if self.wave is None else self._waved(self.wave, samples)
@@ -183,7 +183,7 @@ class SimulatedPerson:
 
 
 class _Filters(System):
-    """Sensors that see signals, for their filters."""
+    """Sensors with input signals, for their filters."""
 
     sensors: dict[str, Sensor]
 
@@ -202,6 +202,6 @@ class _Filters(System):
 
 @jit
 def _readings(sensors: Any, y: Any, x: Any, draws: Any) -> dict[str, Any]:
-    """Readings (n,) at filtered signals y, settled where there are none, and true values x."""
+    """Compute readings (n,) from filtered signals y, settled if there are none, and true values x."""
     y = {n: s.initial(x[n]) for n, s in sensors.items()} if y is None else y
     return {n: s.reading(y[n], x[n], draws[n])[0] + jnp.zeros_like(draws[n]) for n, s in sensors.items()}

@@ -1,4 +1,4 @@
-"""The parts of a test machine, one file each: computer, converters and sensors, motor and encoder, frame."""
+"""Parts of a test machine, one file each: computer, converters and sensors, motor and encoder, frame."""
 
 from typing import TYPE_CHECKING
 

@@ -27,14 +27,14 @@ LARGEST = 1e9  # of the ranges below, which are in the unit of their channel, SI
 
 
 class Scale(Module):
-    """Whole counts for a range of values; low and high in the unit of the channel."""
+    """Scale of integer counts; low and high in the unit of the channel."""
 
     bits: int = field(static=True, kw_only=True, default=8)
     low: Scalar = quantity("1", (-LARGEST, LARGEST), "value of count zero, in the unit of the channel")
     high: Scalar = quantity("1", (-LARGEST, LARGEST), "one count above the highest, in the unit of the channel")
 
     def __check_init__(self) -> None:
-        """Refuse a number of bits that no converter has, and a range upside down."""
+        """Refuse an invalid number of bits, and a reversed range."""
         kind = type(self).__name__
         if type(self.bits) is not int or not BITS[0] <= self.bits <= BITS[1]:
             raise InputError(
@@ -54,11 +54,11 @@ class Scale(Module):
 
     @property
     def top(self) -> Scalar:
-        """The highest value it can show [unit of the channel]."""
+        """Highest value of the scale [unit of the channel]."""
         return self.value(self.counts - 1.0)
 
     def code(self, value: Any) -> Scalar:
-        """The count nearest to a value, a whole number as a float; at the rail beyond the range. NaN stays NaN."""
+        """Nearest count to a value, a whole number as a float, limited to the range. NaN stays NaN."""
         count = jnp.floor((value - self.low) / self.resolution + 0.5)
         last = self.counts - 1.0
         return jnp.where(count < 0.0, 0.0, jnp.where(count > last, last, count))
@@ -73,20 +73,20 @@ class Scale(Module):
 
 
 class Converter(Scale):
-    """Analogue to digital."""
+    """Analogue-to-digital converter."""
 
     skew: Scalar = quantity("s", (0.0, 1e-2), "time after the sample at which this channel converts", default=0.0)
 
 
 class AnalogOut(Scale):
-    """Digital to analogue: holds its value until the next one."""
+    """Digital-to-analogue converter, which holds its value until the next one."""
 
     def count(self, command: Any) -> Scalar:
-        """The count for a command [unit of the channel]; of one that is no number, that of what is nearest to zero."""
+        """Count for a command [unit of the channel]; for NaN the count nearest to zero."""
         return self.code(jnp.where(jnp.isfinite(command), command, 0.0))
 
     def output(self, command: Any) -> Scalar:
-        """The value held for a command [unit of the channel]."""
+        """Held value for a command [unit of the channel]."""
         return self.value(self.count(command))
 
 
@@ -110,7 +110,7 @@ class Sensor(Module):
     )
 
     def __check_init__(self) -> None:
-        """Refuse a range upside down."""
+        """Refuse a reversed range."""
         _rising(self.low, self.high, "Sensor")
 
     @property
@@ -123,7 +123,7 @@ class Sensor(Module):
         return jnp.where(x < self.low, self.low, jnp.where(x > self.high, self.high, x))
 
     def initial(self, x: Any) -> Scalar:
-        """The filtered signal, settled at a true value."""
+        """Filtered signal, settled at a true value."""
         return self.seen(x)
 
     def rate(self, y: Any, x: Any) -> Scalar:

@@ -16,7 +16,7 @@ PATIENCE = 2.0  # time for which it waits for a viewer that says nothing [s]
 
 
 class Clock:
-    """The time of one simulated machine; it may be changed from any thread at any time.
+    """Clock of one simulated machine; it may be changed from any thread at any time.
 
     A clock may have one viewer, such as a page: while that says how much of the machine it has seen (`viewed`), the machine
     is at most `LEAD` ahead. Who sees something and presses the stop so stops the machine near what was seen, however fast it
@@ -63,7 +63,7 @@ class Clock:
         return self._halted
 
     def halt(self, halted: bool = True) -> None:
-        """Halt the machine, or let it go on."""
+        """Halt the machine, or let it continue."""
         with self._changed:
             self._halted, self._until, self._due = halted, self._count, None
             self._changed.notify_all()
@@ -150,7 +150,7 @@ class Clock:
 
 
 def wait_until(deadline: float) -> float:
-    """Wait for a time of `time.perf_counter` [s]; how much later it is then [s]."""
+    """Wait until a time of `time.perf_counter` [s]; return the lateness [s]."""
     ahead = deadline - perf_counter()
     if ahead > SPIN:
         time.sleep(ahead - SPIN)

@@ -1,4 +1,4 @@
-"""The computer's clock: a timer interrupts it once per sample, and its outputs change a latency later.
+"""Timing of the computer: a timer triggers each sample, and its outputs change a latency later.
 
     dt = n dt0,   n the whole number nearest to 1/(f dt0)
 
@@ -29,7 +29,7 @@ class Computer(Module):
     latency: Scalar = quantity("s", (0.0, 1.0), "from sampling to new outputs", typical=(1e-4, 1e-2), default=1e-3)
 
     def __check_init__(self) -> None:
-        """Refuse a clock that has no rate it can run at."""
+        """Refuse a clock without a usable rate."""
         low, high, tick = float(self.lowest_rate), float(self.highest_rate), float(self.timer_resolution)
         if low > high:
             raise InputError(
@@ -44,7 +44,7 @@ class Computer(Module):
             )
 
     def period(self, sample_rate: float) -> float:
-        """The time between samples that the timer makes of a rate [1/s], s.
+        """Sample period of the timer for a rate [1/s] [s].
 
         Raises:
             InputError: if the computer cannot run at this rate.
@@ -58,7 +58,7 @@ class Computer(Module):
         return max(round(1.0 / (sample_rate * tick)), fewest, 1) * tick
 
     def steps(self, sample_rate: float, largest_step: float) -> int:
-        """Whole steps of the physics in a period, so that none is longer than a time [s].
+        """Number of integration steps in a period, so that none is longer than a time [s].
 
         Raises:
             InputError: if the computer cannot run at this rate, or the step is no time.

@@ -1,4 +1,4 @@
-"""Hardware backends by name: ``serial:/dev/ttyACM0``, ``daq``, ``simulated``, and those that other packages bring.
+"""Hardware backends by name: ``serial:/dev/ttyACM0``, ``daq``, ``simulated``, and those of other packages.
 
 A backend is a function of a `HardwareRequest` that returns an open `interface.Hardware`. A package adds one by an entry
 point of the group `GROUP`, whose name is what stands before the colon; ours are listed here, so that a checkout needs no

@@ -1,4 +1,4 @@
-"""The meaning of the counts of a machine: nominal scales of the converters, and their calibration.
+"""Conversion of counts of a machine: nominal scales of the converters, and their calibration.
 
     measured = gain (low + n q - zero)        a channel without a calibration has gain 1 and zero 0
     span = mounted + n r                      with gain: mounted + gain n r, since the encoder is zeroed where it is mounted
@@ -43,7 +43,7 @@ class Converters(Module):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The analogue channels in the order of their counts."""
+        """Analogue channels in the order of their counts."""
         return tuple(sorted(self.analog))
 
     def read(self, counts: Mapping[str, Any]) -> dict[str, Scalar]:

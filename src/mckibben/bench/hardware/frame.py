@@ -58,18 +58,18 @@ class TestStand(Load):
     signal: str | None = field(static=True, kw_only=True, default="motor")
 
     def __check_init__(self) -> None:
-        """Refuse more muscles than one, and a motor that nothing drives."""
+        """Refuse more than one muscle, and a motor without a signal."""
         if len(self.held) > 1:
             raise InputError("held", ", ".join(self.held), "allowed is one muscle or none", where="TestStand")
         if self.motor is not None and self.signal is None:
             raise InputError("signal", "none", "a motor needs the name of one", where="TestStand")
 
     def muscles(self) -> tuple[str, ...]:
-        """The one it holds, or none."""
+        """Names of the muscles, one or none."""
         return self.held
 
     def signals(self) -> tuple[str, ...]:
-        """The motor's, where there is one."""
+        """Signals of the motor, if there is one."""
         return () if self.motor is None or self.signal is None else (self.signal,)
 
     def initial(self) -> StandState | FrameState:
@@ -84,13 +84,13 @@ class TestStand(Load):
         return self.start if self.motor is None else state.position
 
     def spans(self, state: Any, inputs: Any) -> dict[str, SpanState]:
-        """Less what the frame yields."""
+        """Span of the muscle, reduced by the frame's deflection."""
         velocity = jnp.zeros(()) if self.motor is None else state.velocity
         span = SpanState(self.position(state) - state.deflection, velocity - state.deflection_velocity)
         return {name: span for name in self.held}
 
     def asked_current(self, inputs: Any) -> Scalar:
-        """Set-point of the motor's current loop [A]; nothing without a motor."""
+        """Set-point of the motor's current loop [A]; empty without a motor."""
         if self.motor is None or self.signal is None:
             return jnp.zeros(())
         return self.motor.force_to_current(inputs[self.signal].value)
@@ -108,7 +108,10 @@ class TestStand(Load):
         return StandState(state.velocity, push, current, *frame)
 
     def stored_energy(self, state: Any) -> Scalar:
-        """Kinetic of frame and motor, elastic of the frame [J]; the coil's is before the border of `powers`."""
+        """Kinetic energy of frame and motor, elastic energy of the frame [J].
+
+        That of the coil is excluded, see `powers`.
+        """
         own = self.frame
         frame = 0.5 * own.mass * state.deflection_velocity**2 + 0.5 * own.stiffness * state.deflection**2
         return frame if self.motor is None else frame + 0.5 * self.motor.mass * state.velocity**2

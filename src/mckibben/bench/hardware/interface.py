@@ -1,4 +1,4 @@
-"""The interface between the sample loop and a machine, in whole counts of its converters.
+"""Interface between the sample loop and a machine, in integer counts of its converters.
 
     wait(k) -> counts, edges -> the software -> write(valve, motor, opened)
 
@@ -89,7 +89,7 @@ class Hardware(abc.ABC):
         """
 
     def vent(self) -> None:
-        """Vent at once, whatever is written later; may be called from any thread."""
+        """Vent at once, overriding later writes; may be called from any thread."""
         self.venting = True
         self._vent_now()
 
@@ -99,7 +99,7 @@ class Hardware(abc.ABC):
 
     @abc.abstractmethod
     def close(self) -> None:
-        """Vent, and let go of the machine; may be called twice."""
+        """Vent, and release the machine; may be called twice."""
 
     def interrupt(self) -> None:
         """Interrupt every `wait` that may last longer than a sample, also in another thread, until `proceed`."""
@@ -132,13 +132,13 @@ class CountedMachine(Protocol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The analogue channels, in the order of the counts of a sample."""
+        """Analogue channels, in the order of the counts of a sample."""
 
     def sample(self) -> tuple[Sequence[int], int]:
-        """Counts of the channels, and of the encoder (0 where there is none)."""
+        """Counts of the channels, and of the encoder (0 if there is none)."""
 
     def advance(self, valve: int, motor: int, opened: bool) -> None:
-        """The physics of one period with these counts of the outputs, and whether the shut-off is open."""
+        """Compute the physics of one period for given counts of the outputs and state of the shut-off."""
 
 
 def _count(field: str, value: int) -> int:

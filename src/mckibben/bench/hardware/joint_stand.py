@@ -1,4 +1,4 @@
-"""An antagonist pair on a joint behind its converters: all that the software sees is an angle and two pressures.
+"""An antagonist pair on a joint with its converters; the software sees an angle and two pressures.
 
 Measured are ``angle`` [rad] by an encoder on the joint's axis, and ``flexor_pressure`` and ``extensor_pressure`` (gauge)
 [Pa] at the muscles. The software commands ``flexor`` and ``extensor`` [Pa], one valve each. An outside ``moment`` [N m]

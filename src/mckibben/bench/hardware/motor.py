@@ -1,4 +1,4 @@
-"""The motor that moves the end of a muscle: current loop, voltage ceiling, pulley, friction, and its encoder.
+"""Motor at the end of a muscle: current loop, voltage limit, pulley, friction, and encoder.
 
     L di/dt = V - R i - k w,   V = clip(R i + k w + 2 pi fb L (i* - i), -U, U),   w = v/r
     m dv/dt = k i/r - c v - Fc v/sqrt(v^2 + vs^2) - T,   m = J/r^2
@@ -42,7 +42,7 @@ class Encoder(Module):
     pulley_radius: Scalar = _radius()
 
     def __check_init__(self) -> None:
-        """Refuse numbers that no encoder has."""
+        """Refuse invalid numbers of an encoder."""
         for name, ok, allowed in (
             ("steps_per_turn", lambda n: 1 <= n <= 10_000_000, "a whole number from 1 to 10000000"),
             ("edges", lambda n: n in (1, 2, 4), "1, 2 or 4 counts per step"),
@@ -58,11 +58,11 @@ class Encoder(Module):
         return 2.0 * math.pi * self.pulley_radius / (self.steps_per_turn * self.edges)
 
     def travel(self) -> Scalar:
-        """Largest travel from the zero, either way, before the counter wraps [m]."""
+        """Largest travel from the zero, in either direction, before the counter wraps [m]."""
         return 2.0 ** (self.counter_bits - 1) * self.resolution
 
     def count(self, position: Any, zero: Any) -> Scalar:
-        """The counter at a position, set to nothing at another [m]: signed whole number, two's complement, as a float."""
+        """Counter at a position, zeroed at another [m]: signed whole number, two's complement, as a float."""
         counted = jnp.floor((position - zero) / self.resolution + 0.5)
         size = 2.0**self.counter_bits
         return counted - size * jnp.floor(counted / size + 0.5)
@@ -137,7 +137,7 @@ class Motor(Module):
         return jnp.where(free < self.speed_limit, free, self.speed_limit)
 
     def force_to_current(self, force: Any) -> Scalar:
-        """The current that a force at the pulley asks for [A], within the amplifier's limit; friction is not made up."""
+        """Current for a force at the pulley [A], within the amplifier's limit; friction is not compensated."""
         return _within(force / self.force_per_current, self.current_limit)
 
     def allowed_current(self, velocity: Any, asked_current: Any) -> Scalar:
@@ -155,7 +155,7 @@ class Motor(Module):
         return _within(wanted + self._standing(current, velocity), self.supply_voltage)
 
     def rates(self, current: Any, velocity: Any, asked_current: Any) -> Scalar:
-        """di/dt [A/s].
+        """Rate of the current, di/dt [A/s].
 
         Args:
             current: in the coil [A].
@@ -166,7 +166,7 @@ class Motor(Module):
         return spare / self.inductance
 
     def _standing(self, current: Any, velocity: Any) -> Scalar:
-        """Voltage that a constant current needs [V]: k w is (k/r) v."""
+        """Voltage for a constant current [V]: k w is (k/r) v."""
         return self.resistance * current + self.force_per_current * velocity
 
     def friction(self, velocity: Any) -> Scalar:
@@ -175,7 +175,7 @@ class Motor(Module):
         return self.viscous * velocity + self.coulomb * dry
 
     def pull(self, current: Any, velocity: Any) -> Scalar:
-        """Force of the pulley on its cord and its own inertia, less friction [N]."""
+        """Force of the pulley on its cord and its own inertia, minus friction [N]."""
         return self.force_per_current * current - self.friction(velocity)
 
     def powers(self, current: Any, velocity: Any, asked_current: Any) -> MotorPowers:

@@ -24,7 +24,7 @@ from .frame import TestStand
 
 
 class MeasuredPlant(Plant):
-    """A machine whose analogue sensors have a state of their own: the filters before the converters.
+    """A machine with analogue sensors whose filters have states.
 
     Its state holds the machine's and the conditioned signal of every analogue sensor. A row of a sample has ``draws``, a
     normal draw per analogue sensor, and may have ``lost``, 1 where its wire is open.
@@ -44,7 +44,7 @@ class MeasuredPlant(Plant):
         return {"machine": state, "sensors": {n: s.initial(signals[n]) for n, s in self.sensors.items()}}, memory
 
     def at_rest(self, commands: Mapping[str, float], pressures: Mapping[str, float]) -> tuple[Any, Any]:
-        """State and memory at rest, where commands [SI] have lasted, at gauge pressures of all volumes [Pa]."""
+        """State and memory at rest after commands [SI] have lasted, at gauge pressures of all volumes [Pa]."""
         held = {n: Signal(jnp.full((2,), v)) for n, v in self.convert(commands).items()}
         inputs = {n: Value(s.values[0], jnp.zeros(())) for n, s in self.commands(held).items()}
         room = float(self.machine.environment.pressure_abs)
@@ -99,7 +99,7 @@ class MeasuredPlant(Plant):
 
 
 class InstrumentedPlant(MeasuredPlant):
-    """A machine with sensors, and converters that its software knows; the encoder has an entry of its own in ``lost``."""
+    """A machine with sensors and converters; the encoder has a separate entry in ``lost``."""
 
     tested: str = field(static=True)
     converters: Converters

@@ -1,4 +1,4 @@
-"""The pneumatic parts of a rig: supply, valve, tube, accumulators, shut-off and leak, joined to a muscle or to a vessel.
+"""Pneumatic parts of a rig: supply, valve, tube, accumulators, shut-off and leak, connected to a muscle or a vessel.
 
     supply - valve - port - [shut-off - line] - tube - muscle
                       |                                  |
@@ -27,7 +27,7 @@ LINE_VOLUME = 1e-6  # between shut-off and tube [m^3]
 
 
 class Plumbing(Module):
-    """One way to join the parts.
+    """A way to connect the parts.
 
     The valve is the electro-valve, or a regulator set by hand; the signal ``valve`` is the gauge pressure asked of either.
     """
@@ -45,7 +45,7 @@ class Plumbing(Module):
 
     @property
     def tested(self) -> str:
-        """Name of the node that is tested."""
+        """Name of the tested node."""
         return MUSCLE if self.has_muscle else VESSEL
 
     def parts(self) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""The simulated machine behind its converters: in the same process, or as what a simulated device has around it.
+"""The simulated machine with converters: in the same process, or within a simulated device.
 
 It takes and gives counts only, like a real one, and is advanced by one compiled function wherever it stands. So a loop that
 drives it through a serial line gets the same counts as one that drives it here.
@@ -104,7 +104,7 @@ class SimulatedMachine:
         return [int(measured[i]) for i in self._places], count - self._zero
 
     def advance(self, valve: int, motor: int, opened: bool) -> None:
-        """The physics until the next sample, with counts of the outputs."""
+        """Compute the physics until the next sample, for counts of the outputs."""
         (self._physics,) = self._act(self._physics, np.array([valve, motor, opened], float))
 
     def state(self) -> np.ndarray:
@@ -112,7 +112,7 @@ class SimulatedMachine:
         return self._physics
 
     def carry(self, state: np.ndarray | None = None) -> sampled.Carry:
-        """A state that `state` gave, or the present one, for the accounts."""
+        """Convert a vector of `state`, or the present one, for the accounts."""
         carry: sampled.Carry = self._act.tree(0, self._physics if state is None else state)
         return carry
 
@@ -126,14 +126,14 @@ class SimulatedMachine:
 def _observe(
     plant: InstrumentedPlant, period: float, latency: float, carry: sampled.Carry, row: Any
 ) -> tuple[Any, ...]:
-    """Counts of the inputs, and what is true at a sample."""
+    """Compute counts of the inputs, and true values at a sample."""
     return sampled.observe(plant, carry, row, period=period, latency=latency)
 
 
 def _act(
     plant: InstrumentedPlant, period: float, inner: int, latency: float, carry: sampled.Carry, counts: Any
 ) -> tuple[sampled.Carry, ...]:
-    """The machine at the next sample, with counts of the outputs ``valve``, ``motor`` and ``open``."""
+    """Advance the machine to the next sample, with counts of the outputs ``valve``, ``motor`` and ``open``."""
     commands = plant.converters.held({"valve": counts[0], "motor": counts[1], "open": counts[2]})
     return sampled.act(plant, carry, commands, period=period, inner=inner, latency=latency, stiff=False)[:1]
 
@@ -157,7 +157,7 @@ class SimulatedHardware(Hardware):
         self._period = period
 
     def wait(self, sample: int) -> float:
-        """Wait until the clock lets the next sample through; how late it is [s]."""
+        """Wait until the clock permits the next sample; return its lateness [s]."""
         late = 0.0 if self.clock is None else self.clock.wait(self._period)
         self.counts, self.edges = self.machine.sample()
         return late
@@ -172,7 +172,7 @@ class SimulatedHardware(Hardware):
         return  # the next sample does
 
     def close(self) -> None:
-        """Vent; there is nothing to let go of."""
+        """Vent; nothing else is to be released."""
         self.vent()
 
     def interrupt(self) -> None:

@@ -1,4 +1,4 @@
-"""A machine and its clock in somebody's hands: by hand, through protocols, and seen by whoever looks."""
+"""Sessions: a machine with its clock, operated manually and by protocols, observed by any number of clients."""
 
 from ..._lazy import lazy_submodules
 from .interface import MachineSession

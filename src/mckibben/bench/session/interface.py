@@ -57,12 +57,12 @@ class MachineSession(abc.ABC):
     @property
     @abc.abstractmethod
     def why(self) -> str:
-        """What stopped the machine; nothing while it is not stopped."""
+        """Reason for which the machine is stopped; empty while it is not stopped."""
 
     @property
     @abc.abstractmethod
     def busy(self) -> bool:
-        """Whether something is asked of the machine by hand, or it holds a pressure."""
+        """Whether manual commands are pending, or the machine is under pressure."""
 
     @abc.abstractmethod
     def status(self) -> Status:
@@ -159,7 +159,7 @@ class MachineSession(abc.ABC):
 
     @abc.abstractmethod
     def close(self) -> None:
-        """Stop what runs, vent, and let go of the machine; may be called twice."""
+        """Stop runs, vent, and release the machine; may be called twice."""
 
     def prepare(self, protocol: Protocol | str, accept_saturation: bool = False) -> PreparedRun:
         """Make the dry run of a protocol for this machine, in this process; nothing moves."""

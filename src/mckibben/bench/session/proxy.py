@@ -205,19 +205,19 @@ class SessionProxy(MachineSession):
 
     @property
     def gone(self) -> str:
-        """Whether the machine is lost or closed; nothing while it is there."""
+        """Reason for which the machine is lost or closed; empty while it is available."""
         if self._lost:
             return CLOSED if self._closed else LOST
         return str(self._or(LOST, "get", "gone"))
 
     @property
     def why(self) -> str:
-        """What stopped the machine; nothing while it is not stopped."""
+        """Reason for which the machine is stopped; empty while it is not stopped."""
         return self._lost or str(self._or(ENDED, "get", "why"))
 
     @property
     def busy(self) -> bool:
-        """Whether something is asked of the machine by hand, or it holds a pressure."""
+        """Whether manual commands are pending, or the machine is under pressure."""
         return bool(self._or(False, "get", "busy"))
 
     def _or(self, otherwise: Any, what: str, *given: Any) -> Any:
@@ -338,7 +338,7 @@ class SessionProxy(MachineSession):
                 progress(min(run.time, longest), longest)
 
     def close(self) -> None:
-        """Vent and let go of the machine; may be called twice."""
+        """Vent and release the machine; may be called twice."""
         self._closed = True
         self._or(None, "close")
         self._process.join(LONGEST)
@@ -349,7 +349,7 @@ class SessionProxy(MachineSession):
 
 
 class SessionServer:
-    """The server in the process that has the machine: a session, and a pipe to its client."""
+    """Server in the process that owns the machine: a session, and a pipe to its client."""
 
     def __init__(self, line: Connection) -> None:
         self.line = line
@@ -379,7 +379,7 @@ class SessionServer:
             self.session.button.press("the program that operated the machine ended")
 
     def say(self, number: int, *said: Any) -> None:
-        """Send something about the request with a number."""
+        """Send a message about the request with a number."""
         with self._sending, contextlib.suppress(OSError):
             self.line.send((number, *said))
 

@@ -151,18 +151,18 @@ class Session(MachineSession):
 
     @property
     def why(self) -> str:
-        """What stopped the machine, or is about to; nothing while it is not stopped."""
+        """Reason for which the machine is stopped; empty while it is not stopped."""
         pressed = self.button() and not self.button.ordinary
         return self._why or (self.button.reason if pressed else "")
 
     @property
     def gone(self) -> str:
-        """Whether the machine is lost or closed; nothing while it is there."""
+        """Reason for which the machine is lost or closed; empty while it is available."""
         return self._gone
 
     @property
     def busy(self) -> bool:
-        """Whether something is asked of the machine by hand, or it holds a pressure."""
+        """Whether manual commands are pending, or the machine is under pressure."""
         return self._state() == MANUAL or self.latest().get("pressure", 0.0) > VENTED
 
     @property
@@ -287,7 +287,7 @@ class Session(MachineSession):
         self._used = False
 
     def _wake(self) -> None:
-        """Wake a machine that stands still while nothing is asked of it."""
+        """Wake a machine that is halted while no commands are pending."""
         if self._rests and self.clock.halted:
             self.clock.halt(False)
 
@@ -324,7 +324,7 @@ class Session(MachineSession):
             self._collect()
 
     def _until(self, true: Callable[[], bool], longest: float) -> None:
-        """Wait for something by the wall clock, for a time at most [s]."""
+        """Wait for a condition in real time, at most for a time [s]."""
         end = time.monotonic() + longest
         self._collect()
         while not true() and time.monotonic() < end:
@@ -613,7 +613,7 @@ class Session(MachineSession):
     # ---- its end
 
     def close(self) -> None:
-        """Stop what runs, vent, and let go of the machine; may be called twice."""
+        """Stop runs, vent, and release the machine; may be called twice."""
         if self._run is not None:
             self.button.press("the session was closed")
         with self._acting:

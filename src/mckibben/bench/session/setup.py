@@ -81,13 +81,13 @@ class ManualSetup:
         self._simulated: SimulatedHardware | None = None
 
     def simulated(self, clock: Clock | None) -> SimulatedHardware:
-        """Set up the simulated machine, vented where the muscle is mounted."""
+        """Set up the simulated machine, vented, with the muscle mounted."""
         self._own = SegmentMachine(self.prepared, 0, self.segment, self.timing)
         self._simulated = SimulatedHardware(self._own.at_interface(), clock)
         return self._simulated
 
     def software(self) -> BenchSoftware:
-        """Build the software of manual operation; it begins vented, where the machine is."""
+        """Build the software of manual operation; it begins vented, at the present span."""
         software = software_of(self.prepared, self.segment, self.timing)
         return software.replace(sequencer=self.manual, start_motor=jnp.asarray(jnp.nan))
 
@@ -131,7 +131,7 @@ class ManualSetup:
 
 
 def _manual_operation(span: str, rate: float) -> dict[str, Any]:
-    """Return the document of the protocol that stands for manual operation, vented at a span."""
+    """Return the protocol document of manual operation, vented at a span."""
     return {
         "schema": 1, "name": "manual", "title": "Manual operation", "sample_rate": f"{rate!r} Hz",
         "note": "Set-points were given by hand; the events tell which, and when.",

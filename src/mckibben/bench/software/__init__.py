@@ -1,4 +1,4 @@
-"""The five software parts of the test machine: what acts on measured samples, watches, shows and stores them."""
+"""Software of the test machine: set-points, controllers, interlocks, and processing of samples."""
 
 from ..._lazy import lazy_submodules
 

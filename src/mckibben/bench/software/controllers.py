@@ -1,4 +1,4 @@
-"""Feedback on the sample clock: pressure by the valve, span or tension by the motor, and the velocity that they need.
+"""Controllers on the sample clock: pressure by the valve, span or tension by the motor, and the velocity estimate.
 
 Each controller has `initial() -> state` and a pure `step(state, .., dt, active) -> (state, output)`. While `active` is 0 the
 trim is held where a beginning controller asks for what the muscle pulls, so that a change of mode does not jump; the output
@@ -27,14 +27,14 @@ def first_trim(trim: Any = 0.0) -> TrimState:
 
 
 def bounded(x: Any, low: Any, high: Any) -> Scalar:
-    """The nearest value within low..high."""
+    """Limit a value to low..high."""
     return jnp.where(x > high, high, jnp.where(x < low, low, x))
 
 
 def next_trim(
     state: TrimState, growth: Any, active: Any, *, wanted: Any, low: Any, high: Any, limit: Any, rest: Any = 0.0
 ) -> TrimState:
-    """The trim one sample later.
+    """Compute the trim at the next sample.
 
     Args:
         state: the trim of this sample.
@@ -52,14 +52,14 @@ def next_trim(
 
 
 class MotionState(NamedTuple):
-    """Span of the sample before [m] and the velocity [m/s]."""
+    """Span of the previous sample [m] and the velocity [m/s]."""
 
     span: Scalar
     velocity: Scalar
 
 
 class MotionEstimate(Module):
-    """Velocity from a span that an encoder counts: the difference over a sample, through one pole.
+    """Velocity estimate from a counted span: the difference over a sample, filtered by one pole.
 
         raw_k = (x_k - x_{k-1})/dt,   v_k = v_{k-1} + (1 - exp(-2 pi f dt)) (raw_k - v_{k-1})
 
@@ -75,7 +75,7 @@ class MotionEstimate(Module):
         return MotionState(start, jnp.zeros_like(start))
 
     def step(self, state: MotionState, span: Any, dt: Any) -> tuple[MotionState, Scalar]:
-        """One sample later: the new state and the velocity [m/s], positive lengthening.
+        """Advance by one sample; return the new state and the velocity [m/s], positive lengthening.
 
         Args:
             state: state of `initial` or of the sample before.
@@ -88,7 +88,7 @@ class MotionEstimate(Module):
 
 
 class PressureControl(Module):
-    """Pressure of a muscle by the electro-valve: feedforward and an integral trim, bounded by the valve; gauge pressures.
+    """Pressure control by the valve: feedforward and an integral trim, bounded by the valve; gauge pressures.
 
         u = r + I,   dI/dt = ki (r - p),   |I| <= trim limit
 
@@ -104,13 +104,13 @@ class PressureControl(Module):
     high: Scalar = quantity("Pa", (1.0, 1e8), "largest pressure asked of the valve", default=1e6)
 
     def initial(self) -> TrimState:
-        """Without a trim."""
+        """State without trim."""
         return first_trim()
 
     def step(
         self, state: TrimState, set_point: Any, pressure: Any, dt: Any, active: Any = 1.0
     ) -> tuple[TrimState, Scalar]:
-        """One sample: the new state and the pressure asked of the valve [Pa].
+        """Compute one sample: the new state and the commanded pressure of the valve [Pa].
 
         Args:
             state: state of `initial` or of the sample before.
@@ -126,7 +126,7 @@ class PressureControl(Module):
 
 
 class PositionControl(Module):
-    """Span by the motor: the muscle's pull and the inertia are fed forward, the rest is fed back; bounded by its force.
+    """Span control by the motor: the muscle's pull and the inertia are fed forward, the rest is fed back.
 
         f = s T + m a + kp (x - X) + kd (v - V) + I,   dI/dt = ki (x - X),   |f| <= limit
 
@@ -162,7 +162,7 @@ class PositionControl(Module):
         dt: Any,
         active: Any = 1.0,
     ) -> tuple[TrimState, Scalar]:
-        """One sample: the new state and the force asked of the motor [N], positive lengthening.
+        """Compute one sample: the new state and the commanded force of the motor [N], positive lengthening.
 
         Args:
             state: state of `initial` or of the sample before.
@@ -186,7 +186,7 @@ class PositionControl(Module):
 
 
 class ForceControl(Module):
-    """Tension by the motor: PI on the measured tension with a damping of the velocity, bounded by the motor's force.
+    """Tension control by the motor: PI on the measured tension with damping, bounded by the motor's force.
 
         f = r + kp (r - T) + I - kd V,   dI/dt = ki (r - T),   |I| <= trim limit,   |f| <= force limit
 
@@ -205,13 +205,13 @@ class ForceControl(Module):
     force_limit: Scalar = quantity("N", (1e-3, 1e6), "largest force asked of the motor", default=264.0)
 
     def initial(self) -> TrimState:
-        """Without a trim."""
+        """State without trim."""
         return first_trim()
 
     def step(
         self, state: TrimState, set_point: Any, tension: Any, velocity: Any, dt: Any, active: Any = 1.0
     ) -> tuple[TrimState, Scalar]:
-        """One sample: the new state and the force asked of the motor [N], positive lengthening.
+        """Compute one sample: the new state and the commanded force of the motor [N], positive lengthening.
 
         Args:
             state: state of `initial` or of the sample before.

@@ -24,23 +24,23 @@ class EmergencyStop:
     """
 
     def __init__(self) -> None:
-        """Not pressed."""
+        """Create the button, not pressed."""
         self._pressed = threading.Event()
         self.reason, self.ordinary = "", False
 
     def press(self, reason: str = "the button was pressed", *, ordinary: bool = False) -> None:
-        """Stop. The first reason stays; what is an emergency later is one."""
+        """Press the button. The first reason stays; an ordinary stop can become an emergency."""
         if not self._pressed.is_set() or (self.ordinary and not ordinary):
             self.reason, self.ordinary = reason, ordinary
             self._pressed.set()
 
     def __call__(self) -> bool:
-        """Whether it is pressed."""
+        """Return whether the button is pressed."""
         return self._pressed.is_set()
 
     @contextmanager
     def on_signals(self) -> Iterator[None]:
-        """While this lasts, Ctrl-C and the system's wish to end the program press it; a second one ends the program.
+        """Press the button on Ctrl-C and on termination, within the context; a second signal ends the program.
 
         In a thread that is not the main one nothing is changed.
         """

@@ -28,7 +28,7 @@ _DONE = "stopped and vented"
 
 
 class Trip(IntEnum):
-    """Codes of what stopped the machine; at the same sample the lowest counts."""
+    """Codes of stops; at the same sample the lowest counts."""
 
     NOTHING = 0
     OVER_PRESSURE = 1
@@ -44,7 +44,7 @@ class Trip(IntEnum):
 
 
 class InterlockState(NamedTuple):
-    """The code that stays, for how long sensors have been doubtful [s], and the span of the sample before [m]."""
+    """The code of the stop, durations of sensor doubts [s], and the span of the previous sample [m]."""
 
     code: Any
     pressure_lost: Scalar
@@ -88,7 +88,7 @@ class Interlocks(Module):
         self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], velocity: Any, dt: Any,
         pressed: Any = 0.0,
     ) -> tuple[InterlockState, Any]:  # fmt: skip
-        """One sample: the new state and the code of `Trip` that stays, int32.
+        """Compute one sample: the new state and the code of `Trip`, which stays, int32.
 
         Args:
             state: state of `initial` or of the sample before.
@@ -236,7 +236,7 @@ def _at(x: Any, rail: Any) -> Any:
 
 
 def _lasting(true: Any, held: Any, dt: Any, limit: Any) -> tuple[Any, Any]:
-    """For how long something has been true [s], and whether that is for `limit` [s] or more."""
+    """Duration of a condition [s], and whether it is `limit` [s] or longer."""
     held = jnp.where(true, held + dt, 0.0)
     return held, true & (held > limit - 0.5 * dt)
 

@@ -1,4 +1,4 @@
-"""Angle and stiffness of a joint by the pressures of two muscles: what the laws say, and feedback of the angle.
+"""Control of angle and stiffness of a joint by the pressures of two muscles: feedforward by laws, feedback of the angle.
 
     p = c +- d,   c = c(q*, K*),   d = d(q*, K*) + m/a(q*, K*)
     m = J q*'' + kp (q* - q) + kd (q*' - q') + I,   dI/dt = ki (q* - q),   |I| <= trim limit
@@ -26,14 +26,14 @@ from .controllers import MotionEstimate, MotionState, PressureControl, TrimState
 
 
 class Approach(NamedTuple):
-    """A set-point on its way: value, and its rate [per s]."""
+    """A set-point in transition: value, and its rate [per s]."""
 
     value: Scalar
     rate: Scalar
 
 
 class JointControlState(NamedTuple):
-    """Set-points on their way, motion of the joint [rad], integral of the angle [N m], trims of the pressures [Pa]."""
+    """Set-points in transition, motion of the joint [rad], integral of the angle [N m], trims of the pressures [Pa]."""
 
     angle: Approach
     stiffness: Approach
@@ -44,7 +44,7 @@ class JointControlState(NamedTuple):
 
 
 class JointCommands(NamedTuple):
-    """Pressures asked of the valves [Pa], pressures they shall become, set-points in force [rad], [N m/rad]."""
+    """Commanded pressures of the valves [Pa], their targets, set-points in force [rad], [N m/rad]."""
 
     flexor: Scalar
     extensor: Scalar
@@ -55,7 +55,7 @@ class JointCommands(NamedTuple):
 
 
 class JointControl(Module):
-    """Feedforward by the map of the pair, PID on the angle, a trim of each pressure; bounded by the valves' range."""
+    """Control of a joint: feedforward by the map of the pair, PID on the angle, a trim of each pressure."""
 
     pair: PairMap
     motion: MotionEstimate
@@ -84,7 +84,7 @@ class JointControl(Module):
         dt: Any,
         active: Any = 1.0,
     ) -> tuple[JointControlState, JointCommands]:
-        """One sample: the new state and what is asked of the valves.
+        """Compute one sample: the new state and the commands of the valves.
 
         Args:
             state: state of `initial` or of the sample before.
@@ -131,7 +131,7 @@ class JointControl(Module):
 
 
 def _approached(state: Approach, target: Any, lag: Any, dt: Any) -> tuple[Approach, Scalar]:
-    """A set-point a sample later, and its second rate [per s^2]; exact for a target that is held."""
+    """Set-point at the next sample, and its second rate [per s^2]; exact for a constant target."""
     away = state.value - target
     slope = state.rate + away / lag
     left = jnp.exp(-dt / lag)
@@ -141,7 +141,10 @@ def _approached(state: Approach, target: Any, lag: Any, dt: Any) -> tuple[Approa
 
 
 class JointSoftware(Software):
-    """One controller; a row of a sample has ``angle``, ``stiffness``, ``moment`` from outside, and ``active``, 1 or 0."""
+    """Software with one controller.
+
+    The row of a sample has ``angle``, ``stiffness``, ``moment``, and ``active``, 1 or 0.
+    """
 
     control: JointControl
     start_angle: Any = 0.0
@@ -154,7 +157,10 @@ class JointSoftware(Software):
     def step(
         self, state: Any, measured: Mapping[str, Any], row: Any, dt: Any
     ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
-        """One sample: commands ``flexor`` and ``extensor`` [Pa] and the row's ``moment``; shown are all set-points."""
+        """Compute one sample: commands ``flexor`` and ``extensor`` [Pa] and the row's ``moment``.
+
+        All set-points are reported.
+        """
         after, asked = self.control.step(
             state,
             row["angle"],

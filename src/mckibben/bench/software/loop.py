@@ -1,4 +1,4 @@
-"""The sampled loop: once per sample it reads the channels, generates set-points, closes the feedback loops, and watches.
+"""Software of the sample loop: reading of channels, set-points, feedback, and interlocks.
 
 It is a pure step, so a simulation scans it and a loop by the wall clock calls it. When an interlock trips, or a test did
 not come true in its time, the valve vents and the motor only brakes; that stays so.
@@ -55,7 +55,7 @@ class BenchSoftware(Software):
     def step(
         self, state: Any, measured: Mapping[str, Any], row: Any, dt: Any
     ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
-        """One sample: commands ``valve`` [Pa], ``motor`` [N] and ``open``; shown are set-points, place and code.
+        """Compute one sample: commands ``valve`` [Pa], ``motor`` [N], ``open``; set-points, place and code are reported.
 
         A row may have ``stop``, 1 while the emergency stop is pressed, and has what `manual.ROW` names in manual mode.
         """

@@ -1,4 +1,4 @@
-"""Manual mode: set-points come with the samples, from a slider or a typed word, and are approached no faster than is good.
+"""Manual mode: set-points come with the samples, and are approached at limited rates.
 
     pressure and tension     x' = x + clip(to - x, -r dt, r dt)
     span                     v' = v + clip(w - v, -a dt, a dt),   x' = x + v' dt,   w = sign(to - x) min(u, V(|to - x|))
@@ -86,7 +86,7 @@ class Manual(Module):
 
     @classmethod
     def of(cls, limits: Limits, *, hold: float = 5.0) -> Manual:
-        """The rates for a rig.
+        """Rates for a rig.
 
         Args:
             limits: limits of the rig.
@@ -104,14 +104,14 @@ class Manual(Module):
         )
 
     def initial(self, pressure: Any, motor: Any) -> ManualPlace:
-        """Set-points at a pressure [Pa] and a span [m], at rest, and nothing asked but to stay."""
+        """Set-points at a pressure [Pa] and a span [m], at rest, with nothing requested."""
         zero, pressure, span = jnp.zeros(()), jnp.asarray(pressure, float), jnp.asarray(motor, float)
         mode = jnp.zeros((), int)
         stays = ManualRow(pressure, zero + 1.0, mode, zero + jnp.nan, zero)
         return ManualPlace(mode, jnp.asarray(False), pressure, zero + 1.0, mode, span, zero, zero, zero, zero, stays)
 
     def heard(self, place: ManualPlace, row: Mapping[str, Any]) -> ManualPlace:
-        """The place with what a sample asks for; see `ROW`."""
+        """Place with the requests of a sample; see `ROW`."""
         mode = jnp.asarray(row["mode"]).astype(int)
         return place._replace(asked=ManualRow(row["pressure"], row["open"], mode, row["motor"], row["alone"]))
 
@@ -136,7 +136,7 @@ class Manual(Module):
     def advance(
         self, place: ManualPlace, _: SampleSetpoints, measured: Mapping[str, Any], motor_at: Sequence[Any], dt: Any
     ) -> ManualPlace:
-        """The place of the next sample.
+        """Advance to the next sample.
 
         Args:
             place: place of this sample.

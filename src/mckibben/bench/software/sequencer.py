@@ -1,4 +1,4 @@
-"""The protocol on the sample clock: which step is under way, its set-points, and the tests that end it early.
+"""Protocol on the sample clock: the present step, its set-points, and the tests that end it early.
 
 A plan becomes tables that a pure step reads, so that the same program runs in a simulation and by the wall clock. The
 sample at which a test comes true is the last of its step. Set-points that nobody knows in advance begin where the machine
@@ -77,7 +77,7 @@ class SampleSetpoints(NamedTuple):
 
 
 class Tests(NamedTuple):
-    """The test that may end a step, of every step (steps,); without one the channel is -1."""
+    """Test of every step that may end it early (steps,); without one the channel is -1."""
 
     channel: Any
     kind: Any
@@ -111,7 +111,7 @@ class Sequencer(Module):
 
     @classmethod
     def of(cls, steps: Sequence[PlannedStep], *, rest_length: float, period: float) -> Sequencer:
-        """The program of some steps that follow each other.
+        """Build the program of consecutive steps.
 
         Args:
             steps: steps of a plan.
@@ -155,7 +155,7 @@ class Sequencer(Module):
         )  # fmt: skip
 
     def initial(self, pressure: Any, motor: Any) -> SequencePlace:
-        """Before the first sample, where the set-points are [Pa; unit of the first step's mode]."""
+        """State before the first sample, at given set-points [Pa; unit of the first step's mode]."""
         zero = jnp.zeros((), int)
         return SequencePlace(
             zero, zero, _fresh(), jnp.asarray(pressure, float), jnp.asarray(motor, float),
@@ -195,7 +195,7 @@ class Sequencer(Module):
         motor_at: Sequence[Any],
         period: Any,
     ) -> SequencePlace:
-        """The place of the next sample.
+        """Advance to the next sample.
 
         Args:
             place: place of this sample.
@@ -226,7 +226,7 @@ class Sequencer(Module):
 
 
 def _fresh() -> tuple[Any, Any]:
-    """The state of a test before its first sample."""
+    """State of a test before its first sample."""
     place, held = until.START
     return jnp.asarray(place), jnp.asarray(held)
 
@@ -251,7 +251,7 @@ def _lines(commands: Sequence[Any], size: int) -> StepLines:
 
 
 def _motion(step: PlannedStep, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity and acceleration of a tabled span; a jump at its beginning has none."""
+    """Velocity and acceleration of a tabulated span; a jump at its start has none."""
     assert isinstance(step.motor, np.ndarray)
     x = step.motor
     if len(x) < 3:

@@ -1,4 +1,4 @@
-"""Protocols from files, with waveforms that lie in other files: their points are taken into the protocol.
+"""Protocol files with waveforms in other files, whose points are included in the protocol.
 
     pressure = { kind = "table", file = "walk.csv", time = "t [s]", column = "p [bar]" }
 
@@ -53,7 +53,7 @@ def _steps(steps: list[Any], path: str, where: str) -> list[Any]:
 
 
 def _taken_in(value: Any, unit: str, field: str, where: str) -> Any:
-    """A waveform whose tables hold their points."""
+    """Include the points of the files that a waveform's tables name."""
     if isinstance(value, list):
         return [_taken_in(v, unit, field, where) for v in value]
     if not isinstance(value, Mapping):

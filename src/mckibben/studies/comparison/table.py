@@ -72,7 +72,7 @@ class ComparedMuscle:
 
     @property
     def full_tension(self) -> float:
-        """F0 [N]."""
+        """Full tension F0 [N]."""
         return float(self.law.tension(self.rest_length, self.full))
 
     def tension(self, relative_length: Any, drive: Any = 1.0) -> np.ndarray:
@@ -89,7 +89,7 @@ class ComparedMuscle:
 def subject(
     what: str | os.PathLike[str] | Specimen | Muscle, *, pressure: float = FULL_PRESSURE, law: str | None = None
 ) -> ComparedMuscle:
-    """A muscle from its specimen.
+    """Load a muscle from its specimen for comparison.
 
     Args:
         what: a specimen, its id or file, or a muscle of a specimen.
@@ -133,7 +133,7 @@ def subject(
 
 
 def _section(spec: Specimen, unit: MuscleUnit, pressure: float, free: float) -> tuple[float | None, str]:
-    """Cross section at maximal shortening [m^2], and what tells it."""
+    """Cross section at maximal shortening [m^2], and its source."""
     if "section_area" in spec.properties:
         return spec.property_si("section_area", "m^2"), "stated"
     if "diameter_shortened" in spec.properties:
@@ -145,7 +145,7 @@ def _section(spec: Specimen, unit: MuscleUnit, pressure: float, free: float) -> 
 
 
 class Property(NamedTuple):
-    """A line of the table: its name, how it reads, and its units.
+    """A property of the table: its name, label and units.
 
     `unit` is what a person reads, with the rest length L0 as a unit; `si` and `plain` are the same without L0, SI and shown.
     """
@@ -157,7 +157,7 @@ class Property(NamedTuple):
     plain: str
 
     def shown(self, value: float) -> float:
-        """An SI value in the unit that is read."""
+        """Convert an SI value to the displayed unit."""
         return from_si(value, self.si, self.plain)
 
 
@@ -281,7 +281,7 @@ def compare(
     recordings: Sequence[str | os.PathLike[str] | Recording] = (),
     pressure: float | str = FULL_PRESSURE,
 ) -> MuscleTable:
-    """Compare muscles by their laws, and recordings, as Table 1 of Chou and Hannaford does.
+    """Compute Table 1 for muscles by their laws, and for recordings.
 
     Args:
         muscles: specimens by id or file, muscles, or a list of them.
@@ -307,7 +307,7 @@ def compare(
 
 
 def law_column(muscle: ComparedMuscle) -> MuscleColumn:
-    """Table 1 of one muscle from its law [SI]."""
+    """Compute Table 1 of one muscle from its law [SI]."""
     values, notes = (_biological if muscle.fibre is not None else _braided)(muscle)
     return MuscleColumn(muscle.id, muscle.spec.title, "law", values, notes)
 
@@ -396,7 +396,7 @@ GRID = 401
 
 
 class _Piece(NamedTuple):
-    """Cycles: the part of a recording, mean drive (0 where none is recorded), its movement, and the peak velocity [m/s]."""
+    """Cycles of a recording: the part, mean drive (0 if none is recorded), movement, and peak velocity [m/s]."""
 
     record: Recording
     drive: float

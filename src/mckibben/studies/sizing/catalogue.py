@@ -141,7 +141,7 @@ def _cut(part: CataloguePart, length: float, wish: Requirements) -> Candidate:
 
 
 def _resized(law: Any, bore: float, length: float) -> tuple[TensionLaw, float]:
-    """Scale a law to another rest length and bore; return the scaled parameters and factors."""
+    """Scale a law to another rest length and bore; return it with the scale of the bore."""
     scale = bore / float(law.rest_diameter)
     changed = {"rest_length": length, "upper_length": length}
     changed |= {n: scale * float(getattr(law, n)) for n in BORES}

@@ -217,6 +217,8 @@ def speeds_of(muscle: Judged, wish: Requirements, lines: Sequence[LineResult]) -
     """Speed up to which each line keeps the required force at the end of the stroke [m/s].
 
     At most eight times the required.
+
+    At most eight times the required.
     """
     assert wish.speed is not None
     known = {p.id: p for p in parts("tube")}

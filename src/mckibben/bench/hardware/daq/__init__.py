@@ -1,4 +1,4 @@
-"""Data acquisition cards of National Instruments, as a machine as `interface.Hardware`; they need the extra ``daq``.
+"""Data acquisition cards of National Instruments as `interface.Hardware`; they need the extra ``daq``.
 
 Importing this loads nothing of NI: `nidaqmx` is loaded when a card is opened.
 """

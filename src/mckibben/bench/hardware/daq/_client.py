@@ -34,7 +34,7 @@ MISNAMED = (
 
 
 class OverrunError(LineLostError):
-    """Samples were overwritten on the card, or on their way from it, before they were read."""
+    """Samples were overwritten on the card, or in transfer, before they were read."""
 
 
 def library(module: str = "nidaqmx") -> Any:
@@ -136,7 +136,7 @@ class Tasks:
             raise
 
     def _connect(self) -> tuple[Any, Any]:
-        """Options of a device server and its channel; none for the driver on this computer."""
+        """Options and channel of a device server; none for the driver on this computer."""
         where = self.wiring.connection
         if where == LOCAL:
             return None, None
@@ -263,7 +263,7 @@ class Tasks:
                 task.start()
 
     def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """The next block: levels (channels, block) [V] and ticks (block,), in arrays that the next call overwrites.
+        """Read the next block: levels (channels, block) [V] and ticks (block,), in arrays reused by the next call.
 
         Raises:
             OverrunError: samples were lost.
@@ -301,7 +301,7 @@ class Tasks:
                 self._volts_out.write_one_sample(np.array(volts), timeout=self.patience)
 
     def close(self) -> None:
-        """Stop and clear all tasks, as far as the card answers."""
+        """Stop and clear all tasks, as far as the card responds."""
         self._complaints.closed = True
         answers = True
         for task in reversed(self._open):
@@ -319,13 +319,13 @@ class Tasks:
 
 
 def _deadlines(grpc: Any, deadline: list[float]) -> Any:
-    """The client sets no deadline of its own, and would wait for ever for a server that hangs."""
+    """Set deadlines for calls, since the client would wait for ever for a hanging server."""
 
     class Deadlines(grpc.UnaryUnaryClientInterceptor):
-        """Gives every call the deadline that holds when it is made."""
+        """Interceptor that gives every call the present deadline."""
 
         def intercept_unary_unary(self, call: Any, details: Any, request: Any) -> Any:
-            """The call, with it."""
+            """Call with the present deadline."""
             return call(details._replace(timeout=deadline[0]), request)
 
     return Deadlines()

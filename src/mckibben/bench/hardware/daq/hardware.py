@@ -1,4 +1,4 @@
-"""A machine behind a data acquisition card as `interface.Hardware`: counts there, levels at its terminals.
+"""A machine behind a data acquisition card as `interface.Hardware`: counts and terminal voltages.
 
     wait(k)   the card's own clock samples all inputs and the encoder; the read waits for sample k
     send()    the outputs take their levels at once, not with the clock: what was written acts during the period
@@ -44,7 +44,7 @@ class DaqStatistics(NamedTuple):
 
 
 class DaqHardware(Hardware):
-    """`interface.Hardware` of a card. Opening it changes no output; `start` puts them to rest, and a `vent` outlasts it.
+    """`interface.Hardware` of a card. Opening changes no output; `start` sets them to rest, and a `vent` persists.
 
     `vented` says whether the card was told to vent by what was written last.
 
@@ -94,11 +94,11 @@ class DaqHardware(Hardware):
 
     @property
     def statistics(self) -> DaqStatistics:
-        """Since the start."""
+        """Statistics since the start."""
         return DaqStatistics(self._next, self._late, self._overruns)
 
     def start(self, period: float) -> None:
-        """Vent, let the motor rest, zero the encoder and begin to sample.
+        """Vent, set the motor to rest, zero the encoder and begin to sample.
 
         Raises:
             InputError: the card has no such rate.
@@ -204,7 +204,7 @@ class DaqHardware(Hardware):
                 return
 
     def _rest(self) -> None:
-        """Count 0, an open shut-off, and a motor that does not pull."""
+        """Write count 0, an open shut-off, and a motor without force."""
         drive = self.wiring.motor
         self.motor = UNWRITTEN
         self._tasks.write(self._levels(0, None if drive is None else drive.rest), True)

@@ -1,4 +1,4 @@
-"""A card without hardware: a device server on this computer, whose card has a machine in counts around it.
+"""A simulated card: a device server on this computer, whose card samples a simulated machine.
 
     with SimulatedDevice(machine, wiring) as device:
         hardware = DaqHardware(device.wiring)
@@ -37,7 +37,7 @@ class CardError(Exception):
 
 
 class Card:
-    """Samples of a machine.
+    """Sampling of a machine by a card.
 
     Args:
         machine: the sampled machine.
@@ -73,7 +73,7 @@ class Card:
             self._clock.start()
 
     def ready(self, reader: str) -> None:
-        """A task that gets every sample from now on."""
+        """Register a task, which receives every sample from now on."""
         with self._changed:
             self._places[reader] = self._taken
 
@@ -107,7 +107,7 @@ class Card:
                     self._go(self._advance)
 
     def read(self, reader: str, count: int, timeout: float) -> list[tuple[Sequence[int], int]]:
-        """The next samples of a reader.
+        """Return the next samples of a reader.
 
         Raises:
             CardError: they did not come in time, or were overwritten.
@@ -220,7 +220,7 @@ def answers(call: Callable[[Calls, Any], dict[str, Any]]) -> Any:
 
 
 class Calls:
-    """The calls of the service, each from its request to the fields of its answer; the others are not implemented."""
+    """Implemented calls of the service, each from its request to the fields of its answer."""
 
     def __init__(self, card: Card, wiring: CardWiring) -> None:
         missing = sorted(set(wiring.inputs) - set(card.machine.names))
@@ -252,7 +252,7 @@ class Calls:
         return task
 
     def add(self, request: Any, kind: str, channel: str, known: Iterable[str]) -> dict[str, Any]:
-        """A terminal to a task."""
+        """Add a terminal to a task."""
         device, _, rest = channel.partition("/")
         if device.lower() not in {t.split("/")[0].lower() for t in self.wiring.terminals().values()}:
             raise CardError(NO_DEVICE, f"Device Specified: {device}")
@@ -265,12 +265,12 @@ class Calls:
 
     @answers
     def GetSystemInfoAttributeUInt32(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Version of the driver."""
+        """Return the version of the driver."""
         return {"value": VERSION.get(request.attribute_raw, 0)}
 
     @answers
     def GetErrorString(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Text of a code."""
+        """Return the text of an error code."""
         return {"error_string": TEXTS.get(request.error_code, "")}
 
     @answers
@@ -284,7 +284,7 @@ class Calls:
 
     @answers
     def ClearTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Stop it, and let go of its terminals."""
+        """Stop a task, and release its terminals."""
         task = self.task(request)
         self.halt(task)
         self.card.forget(task.name)
@@ -300,23 +300,23 @@ class Calls:
 
     @answers
     def CreateAIVoltageChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """An analogue input."""
+        """Add an analogue input."""
         return self.add(request, "ai", request.physical_channel, self.inputs)
 
     @answers
     def CreateAOVoltageChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """An analogue output."""
+        """Add an analogue output."""
         return self.add(request, "ao", request.physical_channel, self.outputs)
 
     @answers
     def CreateDOChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """A digital output."""
+        """Add a digital output."""
         shut_off = self.wiring.shut_off
         return self.add(request, "do", request.lines, [] if shut_off is None else [shut_off.line])
 
     @answers
     def CreateCIAngEncoderChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """A counter, in ticks."""
+        """Add a counter, in ticks."""
         if request.units_raw != TICKS:
             raise CardError(BAD_VALUE, "Property: DAQmx_CI_AngEncoder_Units")
         encoder = self.wiring.encoder
@@ -324,13 +324,13 @@ class Calls:
 
     @answers
     def SetChanAttributeString(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Terminals of the encoder's signals, which are where they are."""
+        """Accept the terminals of the encoder's signals, which are fixed."""
         self.task(request)
         return {}
 
     @answers
     def CfgSampClkTiming(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Rate, and where the clock comes from: the inputs have their own, and the counter has that of the inputs."""
+        """Set rate and clock source: the inputs have their own clock, and the counter uses it."""
         task = self.task(request)
         clock = "" if task.kind == "ai" else self.wiring.sample_clock
         if request.source.lower() != clock.lower():
@@ -342,13 +342,13 @@ class Calls:
 
     @answers
     def SetBufferAttributeUInt32(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Samples that may wait to be read."""
+        """Set the number of samples that may wait to be read."""
         self.task(request).size = request.value
         return {}
 
     @answers
     def GetTimingAttributeDouble(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """The rate that the card makes."""
+        """Return the actual sample rate."""
         if request.attribute_raw != SAMPLE_RATE:
             raise CardError(BAD_VALUE)
         return {"value": self.task(request).rate}
@@ -363,7 +363,7 @@ class Calls:
 
     @answers
     def TaskControl(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Reserve it."""
+        """Reserve a task."""
         if request.action_raw != RESERVE:
             raise CardError(BAD_VALUE)
         self.reserve(self.task(request))
@@ -371,7 +371,7 @@ class Calls:
 
     @answers
     def StartTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Begin; with the task of the inputs their clock begins."""
+        """Start a task; with the task of the inputs the clock starts."""
         task = self.task(request)
         self.reserve(task)
         task.running = True
@@ -383,7 +383,7 @@ class Calls:
 
     @answers
     def StopTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """End it."""
+        """Stop a task."""
         self.halt(self.task(request))
         return {}
 
@@ -407,20 +407,20 @@ class Calls:
 
     @answers
     def ReadAnalogF64(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Levels, channel by channel."""
+        """Return levels, channel by channel."""
         task, samples, status = self.samples(request)
         levels = [self.scales[c].volts(counts[self.inputs[c]]) for c in task.channels for counts, _ in samples]
         return {"status": status, "read_array": levels, "samps_per_chan_read": len(samples)}
 
     @answers
     def ReadCounterF64Ex(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Ticks."""
+        """Return ticks."""
         _, samples, status = self.samples(request)
         return {"status": status, "read_array": [float(n) for _, n in samples], "samps_per_chan_read": len(samples)}
 
     @answers
     def WriteAnalogF64(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """Levels of the outputs, which take effect together."""
+        """Set the levels of the outputs, which take effect together."""
         levels: dict[str, int] = {}
         for channel, level in zip(self.running(request).channels, request.write_array, strict=True):
             name, scale = self.outputs[channel]
@@ -430,7 +430,7 @@ class Calls:
 
     @answers
     def WriteDigitalLines(self, request: Any) -> dict[str, Any]:  # noqa: N802
-        """The level of the shut-off."""
+        """Set the level of the shut-off."""
         self.running(request)
         assert self.wiring.shut_off is not None
         self.card.write(None, None, bool(request.write_array[0]) == self.wiring.shut_off.level(True))
@@ -438,7 +438,7 @@ class Calls:
 
 
 class SimulatedDevice:
-    """A device server in this process, from entering to leaving its context.
+    """A device server in this process, for the duration of its context.
 
     Args:
         machine: the machine that the card operates.

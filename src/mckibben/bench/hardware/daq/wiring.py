@@ -82,7 +82,7 @@ class Analog:
     terminal: str = "default"
 
     def __post_init__(self) -> None:
-        """Refuse what no converter has."""
+        """Refuse invalid values of a converter."""
         if type(self.bits) is not int or not BITS[0] <= self.bits <= BITS[1]:
             raise InputError("bits", str(self.bits), f"must be a whole number from {BITS[0]} to {BITS[1]}")
         for key, level in (("low", self.low), ("high", self.high), *(("range", r) for r in self.range or ())):

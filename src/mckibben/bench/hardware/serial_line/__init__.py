@@ -1,4 +1,4 @@
-"""A machine behind a microcontroller on a serial line, and one that is simulated there.
+"""Machines behind a microcontroller on a serial line, real and simulated.
 
 `messages` documents the protocol, ``firmware/`` is the device's side of it in C.
 """

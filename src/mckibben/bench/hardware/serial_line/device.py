@@ -1,4 +1,4 @@
-"""The state machine of a device on the serial line, and the board around it on which a machine is simulated.
+"""State machine of a device on the serial line, and the board with a simulated machine.
 
 `Device` says byte for byte what `firmware/bench.c` says, which a test compares; `CompiledDevice` is the latter.
 The protocol is that of `messages`. Nothing here knows time but by the clock it is given, nor the machine's physics.
@@ -67,7 +67,7 @@ class About(NamedTuple):
 
 
 class Board:
-    """A machine with outputs that are held, as a device's hardware sees it.
+    """A machine with held outputs, as a device's hardware sees it.
 
     Attributes:
         outputs: that are held: counts of valve and motor, and whether the shut-off is open.
@@ -98,21 +98,21 @@ class Board:
         self._begun = False
 
     def start(self, period: int, clocked: bool) -> None:
-        """A run with a period [ns]; its first sample comes without an advance."""
+        """Start a run with a period [ns]; its first sample comes without an advance."""
         self.machine.period = period / 1e9
         self.period, self.clocked, self._begun = period, clocked, False
         self.starts += 1
 
     def stop(self) -> None:
-        """The timer does not run any more."""
+        """Stop the timer."""
         self.clocked = False
 
     def write(self, valve: int, motor: int, opened: bool) -> None:
-        """Outputs from now on."""
+        """Set the outputs."""
         self.outputs, self.told = (valve, motor, opened), True
 
     def read(self) -> tuple[list[int], int] | None:
-        """The counts of the next sample, or None if the machine failed."""
+        """Return the counts of the next sample, or None if the machine failed."""
         try:
             if self._begun:
                 self.machine.advance(*self.outputs)
@@ -145,7 +145,7 @@ class Device:
         self._valve, self._motor, self._open = board.outputs
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the host."""
+        """Process bytes from the host."""
         for frame in self._frames.feed(data):
             message = messages.message_of(frame)
             match message:
@@ -166,7 +166,7 @@ class Device:
                     self._dropped += 1
 
     def tick(self) -> None:
-        """The next sample: called by the timer, or in lock-step where it is `due`."""
+        """Process the next sample: called by the timer, or in lock-step when it is `due`."""
         if not self.running or (self._mode == LOCK_STEP and not self.due):
             return
         number, flags = self._next, 0
@@ -309,11 +309,11 @@ class CompiledDevice:
         return bool(self._library.bench_due())
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the host."""
+        """Process bytes from the host."""
         self._library.bench_receive(data, len(data))
 
     def tick(self) -> None:
-        """The next sample."""
+        """Process the next sample."""
         self._library.bench_tick()
 
     def _read(self, counts: ctypes._Pointer[ctypes.c_uint32], encoder: ctypes._Pointer[ctypes.c_int32]) -> int:

@@ -28,7 +28,7 @@ _SLOW_READ = 0.01  # [s], of a port without a file descriptor
 
 
 def open_port(port: str, baud: int) -> Any:
-    """A serial port for us alone.
+    """Open a serial port for exclusive use.
 
     Raises:
         InputError: if there is none, or pyserial is not installed.
@@ -47,7 +47,7 @@ def open_port(port: str, baud: int) -> Any:
 
 
 class Wire:
-    """A port, of which all that is needed are `read`, `write` and `close`, and `fileno` where it has one."""
+    """A port with `read`, `write`, `close`, and `fileno` if available."""
 
     def __init__(self, port: Any) -> None:
         self._port = port
@@ -83,7 +83,7 @@ class Wire:
         return data
 
     def write(self, data: bytes, seconds: float) -> None:
-        """Give bytes away.
+        """Write bytes.
 
         Raises:
             OSError: if that is not possible within a time.
@@ -158,7 +158,7 @@ class SerialLine:
         return [message for message in arrived if message is not None]
 
     def write(self, message: Message, *, before: bytes = b"") -> None:
-        """A message; `before` is a zero where it shall be read whatever was cut off earlier.
+        """Write a message; with `before`, a zero first, so that it is read after a truncated one.
 
         Raises:
             OSError: if nobody takes it.
@@ -195,7 +195,7 @@ def greet(line: SerialLine, seconds: float) -> Welcome:
 
 
 def fit(welcome: Welcome, where: str, *, bits: Mapping[str, int], encoder: bool, motor: bool) -> None:
-    """Refuse a device whose converters or outputs are not those that are needed.
+    """Refuse a device whose converters or outputs differ from the required ones.
 
     Raises:
         InputError: if so.
@@ -223,7 +223,7 @@ def places(welcome: Welcome, names: Sequence[str], where: str) -> tuple[int, ...
 
 
 def reason(error: BaseException) -> str:
-    """An error of the system in one line."""
+    """Describe an error of the system in one line."""
     return " ".join(str(error).split())
 
 
@@ -253,7 +253,7 @@ class Taken(NamedTuple):
 
 
 class Arrivals:
-    """The samples of one run, in their order.
+    """Samples of one run, in order.
 
     Args:
         period: period of the samples [s].
@@ -285,7 +285,7 @@ class Arrivals:
         self._damaged = at
 
     def take(self, sample: int) -> Taken | None:
-        """A sample, or None if it can still come.
+        """Take a sample, or None if it can still arrive.
 
         Raises:
             EndedError: if it cannot.

@@ -51,7 +51,7 @@ class SerialStatistics(NamedTuple):
 
 
 class SerialHardware(Hardware):
-    """A machine behind a serial line; its device has been greeted, and fits.
+    """A machine behind a serial line, whose device was identified and suits.
 
     Args:
         port: name of a serial port, or an object with `read`, `write`, `close` and `fileno`.
@@ -179,7 +179,7 @@ class SerialHardware(Hardware):
         self._write(CommandMessage(self._sample, count, self.motor, opened))
 
     def close(self) -> None:
-        """Vent, and let go of the machine; may be called twice."""
+        """Vent, and release the machine; may be called twice."""
         if not self._closed:
             self.vent()
             with contextlib.suppress(OSError):
@@ -231,14 +231,14 @@ class SerialHardware(Hardware):
             raise LineLostError(self._lost_by or f"{self.name}: it was closed")
 
     def _lose(self, what: str) -> LineLostError:
-        """The line is lost, and the machine vented if that can be."""
+        """Vent if possible, and return the error of the lost connection."""
         if self._lost_by is None:
             action = "it was told to vent" if self._vent_now() else "it could not be told to vent, and must by itself"
             self._lost_by = f"{self.name}: {what}; {action}"
         return LineLostError(self._lost_by)
 
     def _vent_now(self) -> bool:
-        """Tell the machine to vent, if it hears that."""
+        """Tell the machine to vent, if it can be reached."""
         with contextlib.suppress(OSError):
             if not self._closed:
                 self._line.write(Vent(), before=b"\0")

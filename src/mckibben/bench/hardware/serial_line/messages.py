@@ -1,4 +1,4 @@
-"""The protocol of the serial line: how bytes become messages with a checksum, and what each message holds.
+"""Protocol of the serial line: framing with checksums, and the content of each message.
 
 Protocol version 1. Every number is little endian; `u16` is an unsigned and `i32` a signed number of so many bits; a text is
 its length in bytes (u8) and that many bytes of UTF-8.
@@ -71,7 +71,7 @@ class SerialFrame(NamedTuple):
 
 
 def frame(kind: int, sequence: int, payload: bytes = b"") -> bytes:
-    """The bytes on the line, with the zero at the end.
+    """Encode a message body as bytes on the line, with the final zero.
 
     Raises:
         ValueError: if it is longer than a frame may be.
@@ -83,7 +83,7 @@ def frame(kind: int, sequence: int, payload: bytes = b"") -> bytes:
 
 
 def coded(data: bytes) -> bytes:
-    """COBS: the same without zeros."""
+    """Encode bytes by COBS, without zeros."""
     parts: list[bytes] = []
     for run in data.split(b"\0"):
         whole = len(run) // 254 * 254
@@ -109,7 +109,7 @@ def decoded(data: bytes) -> bytes | None:
 
 
 class Frames:
-    """The sound frames of a stream that may hold anything; never holds more than one frame's bytes, and never raises.
+    """Decoder of a stream of arbitrary bytes to intact frames; it holds at most one frame, and never raises.
 
     Attributes:
         bad_checksum: frames whose checksum is another.
@@ -128,7 +128,7 @@ class Frames:
         return self.bad_checksum + self.oversized + self.undecodable
 
     def feed(self, data: bytes) -> list[SerialFrame]:
-        """The frames that these bytes complete."""
+        """Return the frames that some bytes complete."""
         *ended, rest = data.split(b"\0")
         frames = []
         for part in ended:
@@ -196,7 +196,7 @@ class Start(NamedTuple):
 
 
 class CommandMessage(NamedTuple):
-    """Counts of the outputs in answer to a sample, and whether the shut-off is open."""
+    """Counts of the outputs in reply to a sample, and whether the shut-off is open."""
 
     sequence: int
     valve: int
@@ -205,13 +205,13 @@ class CommandMessage(NamedTuple):
 
 
 class Vent(NamedTuple):
-    """Valve to zero and shut-off open, at once."""
+    """Command to close the valve and open the shut-off at once."""
 
     sequence: int = 0
 
 
 class Stop(NamedTuple):
-    """Outputs to rest, and no more samples."""
+    """Command to set the outputs to rest and end sampling."""
 
     sequence: int = 0
 
@@ -242,7 +242,7 @@ class SampleMessage(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """The device has stopped, and why."""
+    """The device has stopped, and the reason."""
 
     sequence: int
     code: int
@@ -253,7 +253,7 @@ Message = Hello | Start | CommandMessage | Vent | Stop | Welcome | SampleMessage
 
 
 def encode(message: Message) -> bytes:
-    """The frame of a message.
+    """Encode a message as a frame.
 
     Raises:
         ValueError, struct.error: if it does not fit into one.
@@ -279,7 +279,7 @@ def encode(message: Message) -> bytes:
 
 
 def message_of(frame: SerialFrame) -> Message | None:
-    """The message of a frame, or None of an unknown kind or another length than its kind has."""
+    """Decode the message of a frame; None for an unknown kind or a wrong length."""
     kind, sequence, payload = frame
     size = len(payload)
     if kind == 0x82:

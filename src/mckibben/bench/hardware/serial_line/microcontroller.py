@@ -1,4 +1,4 @@
-"""A simulated microcontroller: the device's end of a serial line, which hosts any `device.DeviceMachine`.
+"""A simulated microcontroller: the device's side of a serial line, which hosts any `device.DeviceMachine`.
 
 Its state machine is `device.Device`, or the reference firmware compiled for a host. It samples by its own timer, or in
 lock-step as fast as commands come. A system keeps a process from its ticks now and then; they are made up for as fast as the
@@ -152,7 +152,7 @@ class Microcontroller:
             self._hear(data)
 
     def _hear(self, data: bytes) -> None:
-        """Bytes to the device, frame by frame: in lock-step each command has its sample before the next frame is read."""
+        """Process bytes frame by frame; in lock-step each command gets its sample before the next frame is read."""
         *ended, rest = data.split(b"\0")
         for part in ended:
             self.device.receive(part + b"\0")
@@ -161,7 +161,7 @@ class Microcontroller:
         self.device.receive(rest)
 
     def _send(self, data: bytes) -> None:
-        """A frame from the device, if nothing happens to it."""
+        """Send a frame, unless a simulated fault affects it."""
         faults, count = self._faults, 1
         if faults.at or faults.version != messages.VERSION:
             frame = messages.Frames().feed(data)[0]
@@ -199,7 +199,7 @@ class Microcontroller:
 
 
 def _spoiled(data: bytes) -> bytes:
-    """A frame with another checksum."""
+    """Return a frame with a wrong checksum."""
     body = bytearray(messages.decoded(data[:-1]) or b"")
     body[-1] ^= 1
     return messages.coded(bytes(body)) + b"\0"
@@ -210,7 +210,7 @@ BEGINNING = 60.0  # time in which a process must have begun, imports included [s
 
 
 class Attached(NamedTuple):
-    """A simulated microcontroller in a thread: the port to open, and itself."""
+    """A simulated microcontroller in a thread, and the port to open."""
 
     port: str
     microcontroller: Microcontroller
@@ -243,7 +243,7 @@ def in_thread(machine: DeviceMachine, **options: Any) -> Iterator[Attached]:
 
 
 class Hosted:
-    """A simulated microcontroller in a process of its own: the port to open; afterwards, its report."""
+    """A simulated microcontroller in a separate process: the port to open; afterwards, its report."""
 
     def __init__(self, port: str) -> None:
         self.port = port
@@ -252,7 +252,7 @@ class Hosted:
 
 @contextlib.contextmanager
 def in_process(factory: Callable[..., DeviceMachine], *arguments: Any, **options: Any) -> Iterator[Hosted]:
-    """A machine behind a pseudo-terminal, in a process of its own.
+    """Host a machine behind a pseudo-terminal, in a separate process.
 
     Args:
         factory: makes the machine there.
@@ -281,7 +281,7 @@ def in_process(factory: Callable[..., DeviceMachine], *arguments: Any, **options
 
 
 def _begun(line: Connection) -> str:
-    """The port of a process that has begun."""
+    """Return the port of a started process."""
     with contextlib.suppress(OSError, EOFError):
         if line.poll(BEGINNING):
             said: str | LineLostError = line.recv()
@@ -323,7 +323,7 @@ def _serve(
 
 
 def _pair() -> tuple[int, int, str]:
-    """A pseudo-terminal that changes no byte: the device's end, the other, and the name under which a host opens that."""
+    """Open a raw pseudo-terminal: the device's end, the other, and the path for the host."""
     import tty
 
     line, other = os.openpty()
