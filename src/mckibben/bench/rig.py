@@ -16,6 +16,7 @@ from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
 from ..components.flow import GasState
+from ..engine.native import call_compiled
 from ..errors import InputError, suggest
 from ..experiments.dry_run import Limits
 from ..experiments.protocol import Protocol
@@ -33,6 +34,10 @@ from .software.interlocks import Interlocks
 
 CHOICES = frozenset(("accumulators", "shut-off"))  # parts by which a way to join them is chosen
 MUSCLE_VOLUME = 1.5e-5  # of gas in a muscle and half its tube, for the rate that a valve can follow [m^3]
+
+
+def _flow(orifice: Any, a: GasState, b: GasState) -> Any:
+    return orifice.mass_flow(a, b)
 
 
 @dataclass(frozen=True)
@@ -146,7 +151,7 @@ class Rig:
         """Largest rate of a set-point that the gas can follow [Pa/s]: by the open valve into the volumes."""
         room = self.environment
         supply = GasState(plumbing.supply_pressure + room.pressure_abs, room.temperature)
-        flow = plumbing.valve.fill.mass_flow(supply, GasState(room.pressure_abs, room.temperature))
+        flow = call_compiled(_flow, plumbing.valve.fill, supply, GasState(room.pressure_abs, room.temperature))
         volume = plumbing.port_volume + plumbing.valve_accumulator + plumbing.muscle_accumulator + MUSCLE_VOLUME
         return float(flow / AIR.mass(1.0, volume, room.temperature))
 

@@ -19,6 +19,7 @@ from typing import Any
 
 from ..._jax import jax, jnp
 from ...components import Module, Scalar, field
+from ...components.evaluation import evaluated
 from ...errors import InputError
 from ...quantities import quantity
 
@@ -57,12 +58,14 @@ class Scale(Module):
         """Highest value of the scale [unit of the channel]."""
         return self.value(self.counts - 1.0)
 
+    @evaluated
     def code(self, value: Any) -> Scalar:
         """Nearest count to a value, a whole number as a float, limited to the range. NaN stays NaN."""
         count = jnp.floor((value - self.low) / self.resolution + 0.5)
         last = self.counts - 1.0
         return jnp.where(count < 0.0, 0.0, jnp.where(count > last, last, count))
 
+    @evaluated
     def value(self, code: Any) -> Scalar:
         """Convert a count to the value of the channel [unit of the channel]."""
         return self.low + code * self.resolution
@@ -81,6 +84,7 @@ class Converter(Scale):
 class AnalogOut(Scale):
     """Digital-to-analogue converter, which holds its value until the next one."""
 
+    @evaluated
     def count(self, command: Any) -> Scalar:
         """Count for a command [unit of the channel]; for NaN the count nearest to zero."""
         return self.code(jnp.where(jnp.isfinite(command), command, 0.0))
