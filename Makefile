@@ -62,6 +62,7 @@ lint: $(VENV)/.test ## Style, types and the import order
 
 bench: $(VENV)/.test ## Measure speeds against C and other programs, a quarter of an hour on an idle machine
 	$(BIN)/python benchmarks/suite.py
+	$(BIN)/python benchmarks/felt.py --runs 3
 
 docs: $(VENV)/.docs ## Build the documentation; its examples are executed
 	$(BIN)/python docs/build.py

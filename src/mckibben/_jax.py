@@ -125,7 +125,7 @@ class _Watcher:
 
 @contextlib.contextmanager
 def _no_search_for_rocm() -> Iterator[None]:
-    """Spare JAX, a fifth of its loading, the metadata of all installed packages, where no plugin of ROCm can be among them."""
+    """Spare JAX a fifth of its loading: without a plugin of ROCm it reads the metadata of all packages for nothing."""
     if any(next(Path(folder or ".").glob("jax_rocm*"), None) for folder in sys.path):
         yield
         return
