@@ -8,6 +8,8 @@ import sys
 import types
 from typing import Any
 
+_OWN_NAMES: Any = types.ModuleType.__dict__["__dict__"].__get__  # of a module that stands for another one
+
 
 class LazyModule(types.ModuleType):
     """A module by its full name, imported at the first look-up of one of its attributes."""
@@ -23,10 +25,16 @@ class LazyModule(types.ModuleType):
     def __delattr__(self, name: str) -> None:
         delattr(self._loaded(), name)
 
+    @property
+    def __dict__(self) -> dict[str, Any]:  # type: ignore[override]
+        """The names of the module itself, in which `vars` and `dir` look."""
+        return vars(self._loaded())
+
     def _loaded(self) -> types.ModuleType:
-        module: types.ModuleType | None = self.__dict__.get("_module")
+        own = _OWN_NAMES(self)
+        module: types.ModuleType | None = own.get("_module")
         if module is None:
-            module = self.__dict__["_module"] = importlib.import_module(self.__name__)
+            module = own["_module"] = importlib.import_module(self.__name__)
         return module
 
 
