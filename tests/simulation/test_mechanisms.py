@@ -42,6 +42,15 @@ def test_words_and_numbers_mean_the_same():
     assert float(loads[0].start) == pytest.approx(float(loads[1].start), rel=1e-12)
 
 
+def test_a_muscle_is_the_same_by_its_id_and_as_a_value():
+    ends = []
+    for muscle in ("nylon", mk.muscle("nylon")):
+        sim = mk.Simulation(mk.Joint(muscle, arm="2 cm"), AIR)
+        sim.reset(pressure="2 bar")
+        ends.append(sim.step(flexor=0.2))
+    assert ends[0] == ends[1]
+
+
 @pytest.mark.parametrize(
     ("make", "word"),
     [

@@ -1,7 +1,7 @@
 """What the muscles of a simulation move: a weight, a spring, a plate, a joint with two muscles, a chain of joints.
 
 Lengths, masses and the like are numbers in SI units, or words such as ``"2 cm"``. A muscle is the id of a specimen, the path
-of its file, or a muscle of `assembly`. A mechanism is a value: it holds what it is made of, and `load` builds what moves.
+of its file, or a `Muscle`. A mechanism is a value: it holds what it is made of, and `load` builds what moves.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly.build import INFERRED, unit_from_specimen
+from ..assembly.build import unit_from_muscle, unit_from_specimen
 from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, MomentArm, PlateLoad
 from ..assembly.muscle_unit import MuscleUnit
 from ..errors import InputError
-from ..muscles.elements import Tendon
+from ..muscles import Muscle
 from ..quantities import declared, parse
 from ..specimens import Specimen, specimen
 from .stepping import Drive
@@ -26,7 +26,7 @@ Amount = float | str
 """A number in the SI unit, or words with a unit."""
 
 AnyMuscle = Any
-"""Id or file of a specimen, a `Specimen`, a muscle with its law and friction, or a `MuscleUnit`."""
+"""Id or file of a specimen, a `Specimen`, a `Muscle`, or a `MuscleUnit`."""
 
 GRAVITY = 9.80665  # [m/s^2]
 WORKING_SHARE = 0.9  # of its rest length: where a muscle stands at angle zero unless stated otherwise
@@ -59,24 +59,23 @@ def muscle_unit(muscle: AnyMuscle, field: str = "muscle") -> MuscleUnit:
         return muscle
     if isinstance(muscle, str | Specimen):
         return unit_from_specimen(muscle)
-    if hasattr(muscle, "law") and hasattr(muscle, "friction"):
-        usual: dict[str, Any] = {name: INFERRED[name].value for name in ("end_mass", "viscosity", "stop_damping")}
-        cord = Tendon(
-            stiffness=INFERRED["tendon_stiffness"].value,
-            toe_length=INFERRED["tendon_toe"].value,
-            loss=INFERRED["tendon_loss"].value,
-        )
-        creep = getattr(muscle, "creep", None)
-        return MuscleUnit(law=muscle.law, tendon=cord, friction=muscle.friction, creep=creep, **usual)
+    if isinstance(muscle, Muscle):
+        return unit_from_muscle(muscle)
     raise InputError(field, type(muscle).__name__, "must be the id of a specimen, its file, or a muscle")
+
+
+def published(muscle: AnyMuscle) -> Specimen | None:
+    """The specimen behind a muscle; None where there is none."""
+    if isinstance(muscle, str):
+        return specimen(muscle)
+    return muscle.specimen if isinstance(muscle, Muscle) else muscle if isinstance(muscle, Specimen) else None
 
 
 def rest_length(muscle: AnyMuscle, unit: MuscleUnit) -> float:
     """Length of a muscle at rest [m]: what its specimen or its law states, else the longest length of the law."""
-    if isinstance(muscle, str):
-        muscle = specimen(muscle)
-    if isinstance(muscle, Specimen) and "rest_length" in muscle.properties:
-        return float(muscle.property_si("rest_length", "m"))
+    stated_by = published(muscle)
+    if stated_by is not None and "rest_length" in stated_by.properties:
+        return float(stated_by.property_si("rest_length", "m"))
     stated = getattr(unit.law, "rest_length", None)
     return float(unit.law.length_range()[1] if stated is None else stated)
 

@@ -14,8 +14,8 @@ from ..engine import sampled
 from ..engine.native import call_compiled
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
-from ..specimens import Specimen, specimen
 from .kernel import RecordingKernel
+from .mechanisms import published
 
 if TYPE_CHECKING:
     from .simulation import Simulation, SimulationState
@@ -114,15 +114,15 @@ def _described(output: str) -> tuple[str, str, str]:
 
 def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationState) -> dict[str, Any]:
     machine, room = simulation.machine, simulation.machine.environment
-    stated = [specimen(m) if isinstance(m, str) else m for m in simulation.system.muscles.values()]
-    published = [s for s in stated if isinstance(s, Specimen)]
+    stated = [published(muscle) for muscle in simulation.system.muscles.values()]
+    specimens = [spec for spec in stated if spec is not None]
     cites = [key for unit in machine.units.values() for key in unit.law.cites]
-    cites += [key for spec in published for key in spec.sources]
+    cites += [key for spec in specimens for key in spec.sources]
     return {
         "title": simulation.title,
         "system": repr(simulation.system),
         "air": simulation.air.document,
-        "specimen": ", ".join(dict.fromkeys(s.id for s in published)) or None,
+        "specimen": ", ".join(dict.fromkeys(s.id for s in specimens)) or None,
         "parameters": resolved(machine),
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
         "balance": {name: float(getattr(closed, name)) for name in CLOSED} if closed else {},
@@ -132,7 +132,7 @@ def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationStat
         "first_sample": start.sample,
         "result": "done",
         "message": "The run reached its end.",
-        "inferred": sorted({key for s in published for key in s.inferred()}),
+        "inferred": sorted({key for s in specimens for key in s.inferred()}),
         "versions": versions(),
         "citations": list(dict.fromkeys(cites)),
         "created": created(),
