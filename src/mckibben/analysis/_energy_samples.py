@@ -103,7 +103,7 @@ class Flows:
         return np.asarray(mass * self.dead.gas.gas_constant * at.temperature / at.pressure_abs)
 
     def _passed(self) -> dict[str, np.ndarray]:
-        """Mass along every path in every interval (n - 1,) [kg]."""
+        """Mass through every path in every interval (n - 1,) [kg]."""
         sampled = {
             n: 0.5 * np.diff(self.time) * (flow[1:] + flow[:-1])
             for n in self.paths

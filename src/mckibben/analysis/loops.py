@@ -361,7 +361,7 @@ def static_points(
 
 
 class LinearTensionFit(NamedTuple):
-    """The four numbers of eq. 13 with 95 % intervals unless asked otherwise [SI]."""
+    """The four numbers of eq. 13, with 95 % intervals by default [SI]."""
 
     stiffness_per_pressure: Interval  # Kg [m]
     offset_pressure: Interval  # Pa [Pa]
@@ -376,11 +376,11 @@ class LinearTensionFit(NamedTuple):
         return active * (np.asarray(length, float) - self.shortest_length.value) + self.offset_tension.value
 
     def passive_stiffness(self, rest_length: float) -> float:
-        """Kp for a rest length [m] [N/m]."""
+        """Passive stiffness Kp [N/m] for a rest length [m]."""
         return self.offset_tension.value / (self.shortest_length.value - positive("rest_length", rest_length, "m"))
 
     def threshold_pressure(self, rest_length: float) -> float:
-        """Pth for a rest length [m] [Pa]."""
+        """Threshold pressure Pth [Pa] for a rest length [m]."""
         return self.offset_pressure.value + self.passive_stiffness(rest_length) / self.stiffness_per_pressure.value
 
 

@@ -184,7 +184,7 @@ def force_velocity_point(
 
 
 class HillFit(NamedTuple):
-    """Hill's three numbers and what follows from them, with 95 % intervals unless asked otherwise [SI]."""
+    """Hill's three numbers and derived ones, with 95 % intervals by default [SI]."""
 
     isometric_tension: Interval  # F0 [N]
     a: Interval  # [N]

@@ -65,7 +65,7 @@ class StepResponse(NamedTuple):
 
     @property
     def step(self) -> float:
-        """After less before [unit of the channel]."""
+        """Change of the channel [unit of the channel]."""
         return self.after - self.before
 
     @property

@@ -217,7 +217,7 @@ def settle(
     longest: float = 1e3,
     tolerance: float = 1e-6,
 ) -> Settled:
-    """The point of rest that a machine comes to at constant inputs, with its memory held.
+    """Find the point of rest of a machine at constant inputs, with its memory held.
 
     The motion is integrated with a brake on every velocity, which moves no point of rest, then polished by implicit Euler
     steps that grow: where nothing fixes a temperature it stays what it came to.

@@ -137,7 +137,7 @@ class Machine(System):
         return state, memory
 
     def names_by_part(self) -> dict[str, dict[str, str]]:
-        """For each muscle the names in its part and in the whole, where all muscles are independent and many; else empty.
+        """Names in the part and in the whole, for each muscle, if the muscles are independent and many; else empty.
 
         Muscles are independent where no chamber is joined to that of another but through a reservoir, and where the load
         gives their spans.
@@ -294,7 +294,7 @@ class Machine(System):
         return out | powers | outer
 
     def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
-        """Friction and creep along the piece of path, and the memory of valves."""
+        """Advance friction and creep along the path, and the memory of valves."""
         gas = self.joined.advance_memory(
             memory["circuit"],
             Moment(start.state["circuit"], self.with_lengths(start.state, start.inputs)),

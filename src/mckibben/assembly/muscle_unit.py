@@ -110,7 +110,7 @@ class MuscleUnit(Module):
     def advance_memory(
         self, memory: dict[str, MuscleLedger], path: MusclePath, duration: Any
     ) -> dict[str, MuscleLedger]:
-        """The memory after a piece of the motion that takes a time [s]."""
+        """Advance the memory along a part of the motion that lasts a time [s]."""
         done: dict[str, Advanced] = {
             name: part.advance(
                 memory[name].state,

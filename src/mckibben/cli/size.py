@@ -196,7 +196,7 @@ def _print(found: Sizing, top: int) -> None:
         "mass, g",
         "air, mg",
     ]
-    table(f"Muscles for {words} (margins with the error of the law carried)", columns, rows, right=range(2, 14))
+    table(f"Muscles for {words} (margins beyond the error of the law)", columns, rows, right=range(2, 14))
     braid = next((m for m in found.muscles[:top] if m.muscle.kind == "braid"), None)
     if braid is not None:
         typer.echo(_braid_words(braid))

@@ -65,7 +65,7 @@ class MemoryElement(Module):
     def advance(
         self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any
     ) -> Advanced:
-        """Move along a straight piece of path.
+        """Advance along a straight part of the path.
 
         Args:
             state: where the element stands, shape (..., parts).

@@ -1,4 +1,4 @@
-"""The type that everything with declared parameters derives from: an immutable value that JAX takes apart as a tree.
+"""Base of all types with declared parameters: immutable values that are JAX pytrees.
 
     class Spring(Module):
         stiffness: Scalar = quantity("N/m", (0.0, 1e6), "slope", symbol="k")
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 else:
 
     class AbstractVar:
-        """Says in an abstract type that its kinds have such a field."""
+        """Declares a field that concrete types must have."""
 
         def __class_getitem__(cls, _: Any) -> Any:
             return cls

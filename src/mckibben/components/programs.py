@@ -55,7 +55,7 @@ cache.use_cache("mckibben", "MCKIBBEN_KERNELS")
 
 
 class UnnamedError(Exception):
-    """Something has no sure name, so that there is no key."""
+    """An object has no unambiguous name, so that there is no key."""
 
 
 def program_key(function: Callable[..., Any], examples: Sequence[Any]) -> str | None:
@@ -118,7 +118,7 @@ def sources(folder: str) -> list[str]:
 
 
 class _Name:
-    """A hash in the making, and the modules that what was named comes from."""
+    """A hash under construction, and the modules on which it depends."""
 
     def __init__(self) -> None:
         self.digest = hashlib.sha256(base() + repr(_counting()).encode())
@@ -211,7 +211,7 @@ class _Name:
         self.home(home)
 
     def home(self, name: str) -> None:
-        """A module that something comes from."""
+        """Add a module on which the hash depends."""
         if self.known(name):
             self.modules.add(name)
 
@@ -248,7 +248,7 @@ class _Name:
         self.known(name)
 
     def constants(self) -> None:
-        """Plain values that now stand in the modules, and in those whose functions and types they use."""
+        """Add constants of the modules, and of those whose functions and types they use."""
         todo, visited = sorted(self.modules), set(self.modules)
         while todo:
             module = sys.modules[todo.pop()]

@@ -11,7 +11,7 @@ from .system import System
 
 
 class Plant(System):
-    """A system behind converters: software sees its measured channels only, and sets its inputs once per sample."""
+    """A system with converters: software sees its measured channels only, and sets its inputs once per sample."""
 
     @abc.abstractmethod
     def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:

@@ -1,4 +1,4 @@
-"""A prediction and its derivatives by a vector of values, as a fit asks for them again and again."""
+"""Predictions and their derivatives by a vector of values, for fits."""
 
 from __future__ import annotations
 

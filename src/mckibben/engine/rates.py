@@ -18,7 +18,7 @@ RK4_LIMIT = 2.78
 
 
 def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float:
-    """Largest eigenvalue magnitude over several states, and what the system itself knows of steeper zones [1/s].
+    """Largest eigenvalue magnitude over several states, and the system's own bound for steeper zones [1/s].
 
     Args:
         system: whose state equation is examined.

@@ -1,4 +1,4 @@
-"""A machine and its software on one clock: the software acts once per sample, the physics takes whole steps between.
+"""Simulation of a machine and its software on one clock: the software acts once per sample.
 
 `sample` is one sample as a pure function. A simulation scans it, a loop by the wall clock calls it. Commands are held; they
 act `latency` after the sample that computed them, and parts with dead time see them later still: a short history of each
@@ -162,7 +162,7 @@ def sample(
 def march(
     plant: Plant, software: Software, carry: Carry, rows: Any, period: Any, inner: Any, latency: Any, stiff: bool
 ) -> tuple[Carry, SampleResult]:
-    """Many samples, one per row: the carry afterwards, and what was seen at every sample."""
+    """Compute many samples, one per row: the carry afterwards, and the result of every sample."""
 
     def one(carry: Carry, row: Any) -> tuple[Carry, SampleResult]:
         return sample(plant, software, carry, row, period=period, inner=inner, latency=latency, stiff=stiff)

@@ -23,7 +23,7 @@ DELAY = Quantity("s", (0.0, 1.0), "delay of the signal", "", (1e-4, 2e-2))
 
 @dataclass(frozen=True)
 class CircuitProblem:
-    """The least squares in scaled parameters: the logarithm where a parameter is positive by nature, else its share."""
+    """Least squares in scaled parameters: the logarithm of naturally positive ones, else their share."""
 
     trials: Sequence[Trial]
     paths: dict[str, tuple[str, ...]]

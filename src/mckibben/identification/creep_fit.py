@@ -50,7 +50,7 @@ class CreepFit(PartialFit):
 
     @property
     def aicc(self) -> float:
-        """Akaike's criterion of the seen samples with the correction for small samples."""
+        """Akaike's criterion of the training samples with the correction for small samples."""
         return akaike(self.error[self.train], (1 if self.law == "logarithmic" else len(self.amplitudes)) + 2)
 
     def predict(self, time: Any, pressure_change: Any = 0.0) -> np.ndarray:

@@ -270,7 +270,7 @@ def fit_all(
 
 
 def rank(fits: Iterable[Fit]) -> list[Fit]:
-    """Best first: by AICc, degenerate parameters counted out; a fit that did not converge comes last.
+    """Sort fits, best first: by AICc without degenerate parameters; a fit that did not converge comes last.
 
     A fit with degenerate parameters comes behind any other whose AICc is larger by `INDIFFERENT` or less, and of two that
     are equal the one with fewer parameters comes first. Where points are too few for the criterion, the error of points

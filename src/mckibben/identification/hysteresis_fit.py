@@ -109,7 +109,7 @@ class LoopFit(PartialFit):
 
     @property
     def aicc(self) -> float:
-        """Akaike's criterion of the seen samples with the correction for small samples."""
+        """Akaike's criterion of the training samples with the correction for small samples."""
         return akaike(self.error[self.train], len(self.parameters) + len(self.curve) + 1)
 
     def width(self, pressure: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -345,7 +345,7 @@ def _starts(free: Mapping[str, Free], rough: LoopFit | None) -> list[np.ndarray]
 
 
 def _runs(error: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
-    """The errors of the seen samples, cut where samples are left out."""
+    """Errors of the training samples, divided where samples are left out."""
     number = np.flatnonzero(seen)
     return np.split(error, np.flatnonzero(np.diff(number) > 1) + 1)
 

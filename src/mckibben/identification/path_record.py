@@ -78,7 +78,7 @@ class PathRecord:
         return way
 
     def width(self, pressure: Any) -> np.ndarray:
-        """Stroke while falling less stroke while rising at gauge pressures [Pa], of the largest branches [m].
+        """Stroke while falling minus stroke while rising, at gauge pressures [Pa], of the largest branches [m].
 
         NaN if a branch does not reach; each branch is read by straight lines between samples in order of pressure.
         """

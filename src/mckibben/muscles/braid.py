@@ -66,7 +66,7 @@ def volume(length: Any, *, thread_length: Any, turns: Any) -> Scalar:
 def through(
     *, rest_length: float, rest_volume: float, shortest_length: float, diameter_shortened: float
 ) -> BraidShape | None:
-    """The braid that has a volume at rest and a diameter when shortened; None: there is none.
+    """Braid with a given volume at rest and diameter when shortened; None if there is none.
 
     Lengths [m], volume [m^3]; eqs. 6 and 7 solved for their two parameters.
     """

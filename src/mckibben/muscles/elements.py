@@ -108,7 +108,7 @@ class SeriesState(NamedTuple):
 
 
 class Series(Module):
-    """Elements one behind the other, with a small mass at every node between two.
+    """Elements in series, with a small mass at every node between two.
 
     The masses make it a state equation: no force balance has to be solved inside a step, and an element may go slack.
     The fastest rate is about sqrt((k1 + k2)/m) and bounds the integrator's step.
@@ -169,12 +169,12 @@ class Delay(Module):
         return cls(samples)
 
     def initial(self, value: Any = 0.0) -> Scalar:
-        """A buffer that has seen nothing but a value."""
+        """Buffer filled with one value."""
         value = jnp.asarray(value, float)
         return jnp.broadcast_to(value, (self.samples, *value.shape))
 
     def step(self, buffer: Scalar, value: Any) -> tuple[Scalar, Scalar]:
-        """The buffer after one sample, and the value that comes out."""
+        """Advance by one sample; return the buffer and the delayed value."""
         line = jnp.concatenate([buffer, jnp.asarray(value, float)[None]])
         return line[1:], line[0]
 

@@ -74,7 +74,7 @@ class TensionLaw(Module):
         """Shortest and longest braid length in which equilibrium is sought; beyond the longest it is overstretched."""
 
     def has_volume(self) -> bool:
-        """Whether the law knows the volume itself and not only its change."""
+        """Whether the law determines the volume itself and not only its change."""
         return True
 
     # ---- the braid: signed forces at its own length

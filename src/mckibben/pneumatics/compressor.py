@@ -73,7 +73,7 @@ class Compressor(FlowElement):
         return (1.0 + 1.0 / self.clearance) ** self.exponent
 
     def running(self, memory: Any, command: Any) -> Scalar:
-        """1 while it runs, else 0."""
+        """State of the switch: 1 while it runs, else 0."""
         if isinstance(memory, tuple):
             raise InputError("memory", "not given", "pass the circuit's initial_memory(state): a compressor has some")
         return memory * jnp.where(jnp.asarray(command) > 0.5, 1.0, 0.0)

@@ -99,7 +99,7 @@ def canonical(key: str, prefixes: Iterable[str] = ()) -> str:
 
 
 def with_aliases(known: Mapping[str, Quantity], prefixes: Iterable[str] = ()) -> dict[str, Quantity]:
-    """Known keys, and behind them what else they may be called."""
+    """Known keys, followed by their aliases."""
     keys = dict(known)
     for key, quantity in known.items():
         prefix = _prefix(key, prefixes)

@@ -180,7 +180,7 @@ class Topic(NamedTuple):
 
 
 class MessageSchema(NamedTuple):
-    """What a schema record says: its number, name, encoding and content."""
+    """Content of a schema record: its number, name, encoding and content."""
 
     number: int
     name: str

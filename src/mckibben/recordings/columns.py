@@ -209,7 +209,7 @@ def without_blank_rows(table: ForeignTable, used: Mapping[int, np.ndarray], wher
 def choose_columns(
     header: list[str] | None, width: int, columns: dict[str, str | int], timed: bool, where: str
 ) -> dict[str, ColumnSource]:
-    """Choose the columns by channel name, the time among them if there is one.
+    """Choose the columns by channel name, including the time if there is one.
 
     Args:
         header: cells such as ``Tank.Pressure [kPa]``, or none.

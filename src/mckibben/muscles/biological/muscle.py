@@ -170,7 +170,7 @@ class BiologicalMuscle(Module):
         return jnp.asarray(span, float) > self.length_range()[1]
 
     def has_volume(self) -> bool:
-        """False: there is no gas."""
+        """Return False, since there is no gas."""
         return False
 
     def volume(self, span: Any, activation: Any) -> NoReturn:

@@ -79,7 +79,7 @@ class SeatedBraid(TensionLaw):
         )
 
     def _take_up(self, braid: HyperelasticBraid, length: Any, pressure: Any) -> Scalar:
-        """The take-up u of the seats [m]; all but the last step see held values, so only that one is differentiated."""
+        """Take-up u of the seats [m]; only the last step of the iteration is differentiated."""
         held_braid, held_q, held_length, held_pressure = jax.lax.stop_gradient(
             (braid, self.seat_compliance, length, pressure)
         )

@@ -34,7 +34,7 @@ class End(Module):
 
     @abc.abstractmethod
     def outside(self, gas: Gas, state: EndState, time: Any) -> Primitive:
-        """The gas behind the end, at rest."""
+        """State of the gas behind the end, at rest."""
 
     @abc.abstractmethod
     def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> TubeFace:
@@ -49,7 +49,7 @@ class End(Module):
         return jnp.inf
 
     def heat_is_remainder(self) -> bool:
-        """Whether the heat behind this end is what a prescribed temperature or exponent asks for."""
+        """Whether the heat behind this end follows from a prescribed temperature or exponent."""
         return False
 
 
@@ -97,7 +97,7 @@ class ReservoirEnd(End):
         return EndState(jnp.zeros(()), jnp.zeros(()), jnp.zeros(()))
 
     def outside(self, gas: Gas, state: EndState, time: Any) -> Primitive:
-        """The given values."""
+        """Prescribed pressure and temperature."""
         return Primitive(self._at(self.pressure_abs, time), jnp.zeros(()), self._at(self.temperature, time))
 
     def _at(self, values: Scalar, time: Any) -> Scalar:
@@ -115,7 +115,7 @@ class ReservoirEnd(End):
 
 
 class VesselEnd(End):
-    """A rigid vessel; what flows into it comes to rest there."""
+    """A rigid vessel, in which inflowing gas comes to rest."""
 
     volume: Scalar = quantity("m^3", (1e-12, 1e3), "volume", symbol="V", typical=(1e-6, 1e-2))
     pressure_abs: Scalar = quantity("Pa", (1.0, 1e8), "absolute pressure at the start", symbol="P0", default=101325.0)

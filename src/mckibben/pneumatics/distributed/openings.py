@@ -50,7 +50,7 @@ class Opening(Module):
 
 
 class OpenBore(Opening):
-    """An open end. A sharp entry has a loss of 0.5, a flush exit none beyond the speed that it loses anyway."""
+    """An open end. A sharp entry has a loss of 0.5; a flush exit only that of its velocity."""
 
     entry_loss: Scalar = quantity("1", (0.0, 100.0), "pressure lost on entry over rho u^2/2", symbol="K", default=0.0)
     exit_loss: Scalar = quantity(

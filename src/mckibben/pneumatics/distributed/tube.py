@@ -1,4 +1,4 @@
-"""The distributed tube: its parameters, and the rates of all that changes in it and behind its ends."""
+"""The distributed tube: its parameters, and the rates of change within it and behind its ends."""
 
 from __future__ import annotations
 
