@@ -104,7 +104,7 @@ def test_repair_says_what_is_lost_or_that_nothing_is(run, tmp_path):
     assert code == 0
     assert "Note: the log was not closed: what came after 0." in out
     whole = broken_log(tmp_path / "whole.mcap", 1.0)
-    assert "The log was whole." in run("repair", whole)[1]
+    assert "The log was complete." in run("repair", whole)[1]
     assert read_recording(tmp_path / "whole.nc") == RECORD
 
 

@@ -350,7 +350,7 @@ def repair(
         return
     _print_written(target, recording.recording)
     typer.echo(
-        "The log was whole." if recording.whole else "\n".join(f"Note: {remark}" for remark in recording.remarks)
+        "The log was complete." if recording.whole else "\n".join(f"Note: {remark}" for remark in recording.remarks)
     )
 
 

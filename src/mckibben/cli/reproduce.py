@@ -136,7 +136,7 @@ def _write(places: list[Path], outcomes: list[RowOutcome], drawn: list[Drawn], r
     if not places:
         return []
 
-    left = "" if recordings else "What is computed of recordings of the simulated test machine was left out."
+    left = "" if recordings else "Rows that need recordings of the simulated test machine were left out."
     document = papers.reproduction_report(outcomes, drawn, left_out=left)
     return [document.write(place) for place in places]
 

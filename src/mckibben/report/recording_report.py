@@ -595,7 +595,7 @@ def _parameters(meta: Mapping[str, Any]) -> list[Block]:
         kept = tuple((name, minus(text)) for name, text in further[:MOST_FURTHER])
         rest = len(further) - len(kept)
         more = (Paragraph(f"And {rest} more, in the recording.", "quiet"),) if rest else ()
-        blocks.append(Fold("Further, as the recording says it", (KeyValues(kept), *more)))
+        blocks.append(Fold("Further metadata", (KeyValues(kept), *more)))
     return blocks
 
 

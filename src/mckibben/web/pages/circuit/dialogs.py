@@ -29,7 +29,7 @@ def load(face: CircuitPage) -> None:
         dialog.close()
 
     with dialog:
-        text("h3", "To begin with")
+        text("h3", "Examples")
         for title, document in starts().items():
             button(title, lambda d=document: take(d), quiet=True)
         saved = face.shelf.names()

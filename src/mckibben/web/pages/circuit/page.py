@@ -62,7 +62,7 @@ class CircuitPage:
                 with box("div", "circuit-middle"):
                     self._diagram()
                     self._response()
-                self.inspector = box("section", "panel ins").set(aria_label="What is selected")
+                self.inspector = box("section", "panel ins").set(aria_label="Selection")
             self._listen(host)
         page_document().on_close(self.desk.leave)
         if said:
@@ -203,7 +203,7 @@ class CircuitPage:
                     lambda kind: self.change_whole(lambda d: response.with_model(d, desk.plan, tube, kind)),
                 )
             with box("div", "hd line"), box("h2"):
-                text("span", "What it does here")
+                text("span", "Effect in this circuit")
             self.numbers = box("div", "bd")
             self.swept = box("div", "bd line")
         if moved:

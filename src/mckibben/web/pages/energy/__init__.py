@@ -20,7 +20,7 @@ def build(lab: Laboratory, request: Any) -> None:
     words = asked(request, *LINKED)
     with page_frame(
         "energy",
-        sub="What goes in as compressed air, what comes out as work",
+        sub="Compressed air in, work out",
         sheets=("energy.css",),
         scripts=("js/energy.js",),
     ) as bar:

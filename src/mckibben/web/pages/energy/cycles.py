@@ -34,7 +34,7 @@ from .state import EnergyChoice, conditions, resolved
 
 ML, BAR, CM = (from_si(1.0, a, b) for a, b in (("m^3", "cm^3"), ("Pa", "bar"), ("m", "cm")))
 LOSSES = {
-    "friction": "Friction", "throttling": "Throttled in the valve", "exhaust": "Lost when exhaling",
+    "friction": "Friction", "throttling": "Throttled in the valve", "exhaust": "Lost in the exhaust",
     "emptying": "Work on that air", "slackening": "Slack braid", "unaccounted": "Unaccounted",
 }  # fmt: skip
 POINTS, CURVE_POINTS = 65, 120

@@ -79,7 +79,7 @@ class EnergyPage:
                     with box("details", "values"):
                         text("summary", "Where the input goes")
                         self.losses = box("div", "e-losses scroll")
-                with panel("Where the air\u2019s energy went", "exergy against the surroundings") as head:
+                with panel("Energy flow of the air", "exergy against the surroundings") as head:
                     self.recorded = RecordedFlow(self, head)
                 with panel("Efficiency over supply pressure"):
                     self.curve = box("div", "e-curve e-draw")
@@ -118,7 +118,7 @@ class EnergyPage:
             if choice == self.choice:
                 self.choice = self.good
                 self.controls.rebuild()
-                self.controls.refuse(f"{error}. What was chosen before stays in use.")
+                self.controls.refuse(f"{error}. The previous choice stays in use.")
             return
         self.good, muscle = choice, choice.muscle != self.good.muscle or choice.law != self.good.law
         for place, part in (

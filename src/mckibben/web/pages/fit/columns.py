@@ -219,7 +219,7 @@ def given(asked: Callable[[], FitRequest], change: Change, branches: list[str]) 
     with box("div", "given"):
         words_field("rest", "Rest length L\u2080", "m", rest, si("rest length", "m", "rest"), mark="L")
     with box("details"):
-        text("summary", "More that is known")
+        text("summary", "Other known values")
         _more(asked, change, branches, si, told)
 
 
@@ -247,7 +247,7 @@ def _more(asked: Callable[[], FitRequest], change: Change, branches: list[str], 
 
 def maps(take: Change) -> None:
     """Build the list of available tables: those of specimens that ship with one."""
-    text("p", "Or take a map that was measured by others:", "small dim")
+    text("p", "Or use a published map:", "small dim")
     with box("div", "row wrap"):
         for spec in specimens():
             if spec.map:

@@ -329,7 +329,7 @@ class FitProgress:
             self._said = None
             if work.failed:
                 with self._place:
-                    note(f"A fit came to an end before its time: {work.failed}", "stop")
+                    note(f"A fit ended unexpectedly: {work.failed}", "stop")
             return
         if self._said is None:
             self._place.clear()

@@ -193,7 +193,7 @@ class WorkerProcess:
         except (EOFError, OSError):
             with self._lock:
                 self._end()
-            hear("refused", STOPPED if self._stopped else "the process that worked at it ended; ask for it again")
+            hear("refused", STOPPED if self._stopped else "the worker process ended; request it again")
 
     def _begin(self) -> None:
         with self._lock:
@@ -238,7 +238,7 @@ class RecordingCache(Folder):
         file, claim = self.place / f"{name}.nc", self.place / f"{name}.claim"
         while not file.exists():
             if not self._mine(claim):
-                self.tell("waiting for the recording that the rows are computed of")
+                self.tell("waiting for the recording from which the rows are computed")
                 time.sleep(PAUSE)
                 continue
             try:

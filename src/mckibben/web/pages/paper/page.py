@@ -140,7 +140,7 @@ class PaperPage:
             messages[0] = words
 
         data = await run_in_thread(
-            place, "Writing the report: its figures are drawn anew", self.all.report, ending, tell_on
+            place, "Writing the report: its figures are drawn again", self.all.report, ending, tell_on
         )
         self.writing.remove((line, messages))
         line.delete()

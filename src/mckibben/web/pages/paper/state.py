@@ -19,7 +19,7 @@ from .jobs import STOPPED, WorkerProcess
 
 HEAVY = 25.0  # a row of recordings takes about so many times as long as another
 TOLD_FROM = 0.08  # share of the work from which on the time left is told
-LEFT_OUT = "What is computed of recordings of the simulated test machine was left out."
+LEFT_OUT = "Rows that need recordings of the simulated test machine were left out."
 
 
 class PaperPicture(NamedTuple):

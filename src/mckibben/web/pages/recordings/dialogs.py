@@ -12,7 +12,7 @@ from ...transfers import IncomingFile, UploadPlace
 from ...widgets import Dialog, TypedField, box, button, text
 from . import jobs
 
-HELP = "Of a file of others, where its header does not say it."
+HELP = "For files of other programs whose header does not state them."
 
 
 class ImportDialog:

@@ -116,7 +116,7 @@ def repaired(lab: Laboratory, name: str) -> tuple[str, list[str]]:
         raise MckibbenError(said_of(error, path, name)) from None
     target = lab.recordings.folder / lab.recordings.free(f"{path.stem}.nc")
     recording.recording.save(target)
-    return target.name, ["The log was whole."] if recording.whole else recording.remarks
+    return target.name, ["The log was complete."] if recording.whole else recording.remarks
 
 
 def rewritten(path: Path, record: object) -> None:

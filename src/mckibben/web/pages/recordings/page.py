@@ -134,7 +134,7 @@ class RecordingsPage:
                 words = "No recordings yet. Start a run on the bench, or drop a file here."
                 empty(words, "Import file", self.actions.importing.dialog.open)
             else:
-                empty("No recording has all of this.", "Show all", self._all)
+                empty("No recording matches.", "Show all", self._all)
 
     def _tell(self) -> None:
         count, size = len(self.entries), sum(e.size for e in self.entries)

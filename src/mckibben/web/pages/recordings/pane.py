@@ -141,7 +141,7 @@ class OverlayPane:
         with self._charts:
             empty(words)
         with self._table:
-            text("p", "Width, height and area of loops, and what was reached.", "small dim")
+            text("p", "Width, height and area of loops, and peak values.", "small dim")
 
     async def _draw(self) -> None:
         parts, kind = self._parts, self._kind

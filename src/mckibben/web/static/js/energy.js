@@ -88,7 +88,7 @@ function numbers (place, d) {
   const printed = d.rows.some(r => r.paper !== '')
   place.innerHTML = `<dl class="kpi">${printed ? '<div class="head"><dt></dt><dd></dd><dd class="pp">paper, 5' + TS + 'bar</dd></div>' : ''}${rows}</dl><p class="say">${d.say.map(s => escape(say(s))).join(' ')}</p>`
 }
-const HEADS = { input: 'In', output: 'Out', friction: 'Friction', throttling: 'Throttled in the valve', exhaust: 'Lost when exhaling', emptying: 'Work on that air', slackening: 'Slack braid', unaccounted: 'Unaccounted' }
+const HEADS = { input: 'In', output: 'Out', friction: 'Friction', throttling: 'Throttled in the valve', exhaust: 'Lost in the exhaust', emptying: 'Work on that air', slackening: 'Slack braid', unaccounted: 'Unaccounted' }
 const VOLUMES = { paper: 'eq. 38b', potential: 'of the law' }
 function losses (place, d) {
   place.innerHTML = `<table><thead><tr><th>J</th>${d.volumes.map(v => `<th class="num">${VOLUMES[v.volume]}</th>`).join('')}</tr></thead><tbody>${Object.entries(HEADS).map(([k, words]) => `<tr><td>${words}</td>${d.volumes.map(v => `<td class="num" data-part="${v.volume}.${k}" data-value="${v[k]}">${fmt(v[k] ?? NaN, 3)}</td>`).join('')}</tr>`).join('')}<tr><td>Efficiency</td>${d.volumes.map(v => `<td class="num" data-part="${v.volume}.efficiency" data-value="${v.efficiency}">${fmt(v.efficiency ?? NaN, 4)}</td>`).join('')}</tr></tbody></table><p class="say">${d.more.map(s => escape(say(s))).join(' ')}</p>`
